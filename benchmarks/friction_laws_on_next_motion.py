@@ -1,6 +1,6 @@
 """Does the friction law that `pivident laws` chooses fit the next motion?
 
-    python benchmarks/friction_laws_on_next_motion.py [plain] [rich] [kr300] [--arms 10]
+    python benchmarks/friction_laws_on_next_motion.py [plain] [rich] [kr300] [--first 10]
 
 Random arms of three to six axes (`tests.friction_laws.friction_arms`: Pinocchio's inverse dynamics,
 exact signs, encoders of 14 bits, three levels of torque noise). Laws are chosen from two motions
@@ -8,6 +8,8 @@ of 30 s, or from the first alone, and judged on a third with other speeds, postu
 error of the torque without noise below 20 Hz, over that of the present laws (viscous, Coulomb,
 offset). *Plain*: nothing else is there, and a term that is added is wrong. *Rich*: Stribeck
 friction, friction that grows with the load, and viscous friction that falls with the temperature.
+
+The rules were written with the arms 0 to 9; by default those from 10 on are judged.
 
 KR300, axes 1 to 3, public record: chosen from motion A, judged on B, and the reverse, below 4 Hz.
 """
@@ -68,12 +70,12 @@ def adds_a_term(choice: LawChoice) -> bool:
     )
 
 
-def arms(count: int, rich: bool, motions: int) -> None:
+def arms(first: int, count: int, rich: bool, motions: int) -> None:
     """One line for each arm, then how many fulfil what is asked."""
     kind = "rich" if rich else "plain"
     print(f"{kind} friction, laws chosen from {motions} motion{'s' * (motions > 1)}")
     added, ratios = 0, []
-    for seed in range(count):
+    for seed in range(first, first + count):
         start = time.perf_counter()
         choice, pair = arm(seed, rich, motions)
         total = np.sqrt(np.mean(pair**2, axis=1))
@@ -116,6 +118,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("parts", nargs="*", default=["plain", "rich", "kr300"])
     parser.add_argument("--arms", type=int, default=10)
+    parser.add_argument("--first", type=int, default=10)
     parser.add_argument("--motions", type=int, nargs="*", default=[2, 1])
     options = parser.parse_args()
     for part in options.parts:
@@ -123,7 +126,7 @@ def main() -> None:
             kr300()
             continue
         for motions in options.motions:
-            arms(options.arms, part == "rich", motions)
+            arms(options.first, options.arms, part == "rich", motions)
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 """Laws that fit the next motion. Long: benchmarks/friction_laws_on_next_motion.py."""
 
+from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,10 +10,12 @@ from pivident.estimation.identify import identify
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import LeastSquares, RandomWalk
 from pivident.friction_laws.all_joints import settled_together
+from pivident.friction_laws.held_out_cells import Cells
 from pivident.friction_laws.law_choice import choose_laws
 from pivident.friction_laws.law_scores import LawScore
 from pivident.robot.friction import FrictionLaw, coulomb, offset, stribeck, viscous
 from pivident.signals.bandpass import butterworth
+from pivident.validation.held_out.segment_sums import Segments
 from tests.friction_laws.friction_arms import RATE, friction_arm, programmes
 from tests.friction_laws.friction_axis import Axis, Noise
 from tests.friction_laws.friction_cases import CASES
@@ -155,3 +158,21 @@ def test_kr300_laws_of_one_motion_are_not_worse_on_the_other(public_data, fitted
     )
     assert (after <= present * (1.0 + 1e-9)).all()
     assert not any(j.chosen.impossible for j in choice.joints)
+
+
+def test_whole_recordings_are_held_out_of_joints_that_move_in_several():
+    cells = Cells(Segments((), 8), np.repeat([0, 1], 4), ("A", "B"), 4, 0.1)
+    divisions = cells.divisions(np.ones(8), np.arange(8.0))
+    assert [d.name for d in divisions] == ["A", "B"]
+    assert [d.held_out.tolist() for d in divisions] == [
+        [True] * 4 + [False] * 4,
+        [False] * 4 + [True] * 4,
+    ]
+    speed = np.array([1.0, 4.0, 2.0, 3.0, 0.0, 0.0, 0.0, 0.0])
+    parts = cells.divisions(speed, np.arange(8.0))  # it stands in B
+    assert [d.name for d in parts[:4]] == ["blocks in turn"] * 4
+    assert np.sum([d.held_out for d in parts[:4]], axis=0).tolist() == [1] * 8
+    by_name = {d.name: np.flatnonzero(d.held_out).tolist() for d in parts[4:]}
+    assert by_name["fastest part"] == [1, 2, 3]
+    assert by_name["most loaded part"] == by_name["last part"] == [5, 6, 7]
+    assert by_name["least loaded part"] == by_name["first part"] == [0, 1, 2]

@@ -34,8 +34,6 @@ class JointLawChoice:
     unit: str  # of the error
     scores: tuple[LawScore, ...]  # the joint's original law first, then in the order tried
     chosen: LawScore
-    rows: float  # number of rows on which laws were judged
-    effective_rows: float  # effective number of independent ones
     tried: TriedRange  # how far beyond the fitted motion
 
     @property

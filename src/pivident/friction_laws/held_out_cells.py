@@ -17,6 +17,7 @@ import numpy as np
 from pivident.errors import IdentificationError
 from pivident.estimation.problem import Problem
 from pivident.friction_laws.filtered_rows import LastPass
+from pivident.text.lists import listed
 from pivident.validation.held_out.folds import moving_part
 from pivident.validation.held_out.segment_sums import Segments
 
@@ -28,6 +29,9 @@ SHORTEST = 5.0
 
 #: Share of the cells that is held out at either end of speed, load and time.
 ENDS = 1.0 / 3.0
+
+#: A joint moves in a recording if its mean speed there is above this share of the largest one.
+MOVES = 0.1
 
 #: Fewest contiguous blocks that are held out in turn.
 MIN_FOLDS = 3
@@ -64,46 +68,33 @@ class Cells:
             )
         records = last.equations.records
         moving = [moving_part(problem, r.kinematics) for r in records]
-        seconds = np.array(
-            [
-                (stop - start) / r.kinematics.recording.rate
-                for r, (start, stop) in zip(records, moving, strict=True)
-            ]
-        )
+        recordings = [r.kinematics.recording for r in records]
+        seconds = np.ptp(moving, axis=1) / [r.rate for r in recordings]
         counts = _counts(seconds, folds, gap)
         labels, first = [], 0
         for record, (start, stop), count in zip(records, moving, counts, strict=True):
             half = 0.5 * gap * record.kinematics.recording.rate
             labels.append(_labels(record.sample_numbers, start, stop, count, half, first))
             first += count
-        cells = cls(
-            Segments(tuple(labels), first),
-            np.repeat(np.arange(len(records)), counts),
-            tuple(r.kinematics.recording.name for r in records),
-            folds,
-            gap,
-        )
-        filled = {int(x) for own in labels for x in np.unique(own)}
-        if not all(2 * cell in filled for cell in range(first)):
+        if not np.isin(2 * np.arange(first), np.concatenate(labels)).all():
             raise IdentificationError(
                 f"{folds} blocks with gaps of {gap:.2g} s leave no samples in some blocks; use "
                 "fewer"
             )
-        return cells
+        names = tuple(f"recording {k + 1}, {r.name}" for k, r in enumerate(recordings))
+        record = np.repeat(np.arange(len(records)), counts)
+        return cls(Segments(tuple(labels), first), record, names, folds, gap)
 
-    @property
-    def several(self) -> bool:
-        """Whether whole recordings are held out."""
-        return len(self.names) > 1
-
-    def in_words(self) -> str:
-        """What is held out."""
-        if self.several:
-            return f"each of {len(self.names)} recordings in turn"
-        return (
+    def in_words(self, alone: Sequence[str]) -> str:
+        """What is held out; ``alone``: joints that move in one recording only."""
+        parts = (
             f"{self.folds} blocks of the motion in turn, then the thirds in which a joint is "
             "slowest, fastest, least and most loaded, the first and the last"
         )
+        if len(self.names) == 1:
+            return parts
+        whole = f"each of {len(self.names)} recordings in turn"
+        return f"{whole}; of {listed(alone)}, which move in one only, {parts}" if alone else whole
 
     def divisions(self, speed: np.ndarray, load: np.ndarray) -> list[Division]:
         """What is held out for one joint.
@@ -112,8 +103,10 @@ class Cells:
             speed: mean size of the joint's speed in each cell, shape (cells,).
             load: likewise of the torque that it carries.
         """
-        if self.several:
-            return [Division(name, self.record == number) for number, name in enumerate(self.names)]
+        own = [self.record == number for number in range(len(self.names))]
+        mean = np.array([speed[cells].mean() for cells in own])
+        if np.sum(mean > MOVES * mean.max()) > 1:
+            return [Division(name, cells) for name, cells in zip(self.names, own, strict=True)]
         order = np.arange(self.record.size)
         block = order * self.folds // order.size
         made = [Division("blocks in turn", block == k) for k in range(self.folds)]

@@ -15,7 +15,7 @@ there, or no better, goes one change back.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -123,25 +123,22 @@ def choose_laws(
         grown.append(_grown(judges[-1], name, own, depth, tests, say))
     say("fitting the chosen laws of all joints together")
     settled, dropped = settled_together(AllJoints(judges, by_joint), [path for _, path in grown])
-    made, laws = [], {}
+    made, laws = [], dict[str, FrictionLaw]()
     for judge, (scores, path), chosen in zip(judges, grown, settled, strict=True):
         name = robot.joint_names[judge.joint]
         reasons = {s.name: f"{chosen.name} is better" for s in path} | {chosen.name: ""}
         reasons |= {s.name: s.verdict for number, s in dropped if number == judge.joint}
         final = [replace(s, verdict=reasons.get(s.name, s.verdict)) for s in scores]
-        made.append(
-            JointLawChoice(
-                name,
-                found.joints[judge.joint].noise_unit,
-                tuple(final),
-                next(s for s in final if s.name == chosen.name),
-                *judge.effective(chosen),
-                TriedRange.of(judge, robot.joints[judge.joint].kind),
-            )
-        )
-        laws[name] = chosen.law
-    chosen_problem = with_laws(problem, laws)
-    return LawChoice(chosen_problem, tuple(made), found.method, cells.in_words(), gap, band)
+        taken = next(s for s in final if s.name == chosen.name)
+        unit = found.joints[judge.joint].noise_unit
+        tried = TriedRange.of(judge, robot.joints[judge.joint].kind)
+        made.append(JointLawChoice(name, unit, tuple(final), taken, tried))
+        if made[-1].is_changed:
+            laws[name] = chosen.law
+    chosen_problem = with_laws(problem, laws) if laws else problem
+    alone = [j.joint for j, judge in zip(made, judges, strict=True) if judge.is_alone]
+    held_out = cells.in_words(alone)
+    return LawChoice(chosen_problem, tuple(made), found.method, held_out, gap, band)
 
 
 def with_laws(problem: Problem, laws: Mapping[str, FrictionLaw]) -> Problem:
@@ -194,29 +191,18 @@ def _grown(
     # it is first; the next change may be one of either law
     signs = {change: own for change, own in changes.items() if change == SHARP_SIGN}
     for number in range(depth + 1):
-        current, allowed = path[-1], changes if number else signs
-        new = []
-        for start in dict.fromkeys([current, base if number == 1 else current]):
-            own = allowed
-            if GAMMA in start.free:
-                own = {k: v for k, v in allowed.items() if k not in FREE_STEEPNESS}
-            for change, law in changed(start.law, own, known).items():
-                title = change if start.name == base.name else f"{start.name} + {change}"
-                say(f"{name}: {title}")
-                steep = GAMMA in start.free and change not in STEEPNESS and bool(law.slopes)
-                kept = (GAMMA,) if steep else ()
-                new.append(judge.score(title, law, free_constants(change, law), kept))
+        starts = dict.fromkeys([path[-1], path[0] if number == 1 else path[-1]])
+        new = _tried(judge, name, starts, changes if number else signs, known, say)
         if not new:
             continue
         scores = _compared(judge, [*scores, *new])
-        base, current = scores[0], next(s for s in scores if s.name == current.name)
+        current = next(s for s in scores if s.name == path[-1].name)
         new = judged(scores[-len(new) :], current, judge.divisions, tests)
         better = [s for s in new if not s.verdict]
         if better:
             path.append(simplest(better))
-            others = {s.name for s in better} - {path[-1].name}
             said = f"{path[-1].name} is simpler or better"
-            new = [replace(s, verdict=said) if s.name in others else s for s in new]
+            new = [s if s.verdict or s is path[-1] else replace(s, verdict=said) for s in new]
         scores[-len(new) :] = new
         if not better and number:
             break
@@ -225,6 +211,29 @@ def _grown(
         scores = [refused if s.name == refused.name else s for s in scores]
         path.pop()
     return scores, path
+
+
+def _tried(
+    judge: JointJudge,
+    name: str,
+    starts: Iterable[LawScore],
+    changes: Mapping[str, Change],
+    known: set[frozenset[str]],
+    say: Callable[[str], None],
+) -> list[LawScore]:
+    """Scores of all laws one change away from some laws that were not tried yet."""
+    new = []
+    for start in starts:
+        own = changes
+        if GAMMA in start.free:
+            own = {k: v for k, v in changes.items() if k not in FREE_STEEPNESS}
+        for change, law in changed(start.law, own, known).items():
+            title = change if start.name == "present law" else f"{start.name} + {change}"
+            say(f"{name}: {title}")
+            steep = GAMMA in start.free and change not in STEEPNESS and bool(law.slopes)
+            kept = (GAMMA,) if steep else ()
+            new.append(judge.score(title, law, free_constants(change, law), kept))
+    return new
 
 
 def _compared(judge: JointJudge, scores: Sequence[LawScore]) -> list[LawScore]:

@@ -194,6 +194,11 @@ class JointJudge:
         rows = max(float(sums.rows[::2].mean()), 1.0)
         return sums.squares(theta)[::2] / rows
 
+    @property
+    def is_alone(self) -> bool:
+        """Whether parts of the motion are held out in place of whole recordings."""
+        return len(self.divisions) != len(self.cells.names)
+
     def own_theta(self, theta: np.ndarray) -> np.ndarray:
         """The part of an estimate that acts on the joint, in the order of its columns."""
         return np.r_[theta[self.columns], theta[self.rest.size :]]

@@ -60,10 +60,7 @@ def _descend(
 
     u = np.array([c.coordinate(v) for c, v in zip(constants, start, strict=True)])
     steps = np.array([0.5 * c.span / (len(c.grid()) - 1) for c in constants])
-    inward = np.array(
-        [-1.0 if x > c.coordinate(c.at(x)) - 1e-9 and c.at(x) >= c.high else 1.0
-         for c, x in zip(constants, u, strict=True)]
-    )  # fmt: skip
+    inward = np.where(u + steps > [c.coordinate(c.high) for c in constants], -1.0, 1.0)
     simplex = np.vstack([u, u + np.diag(inward * steps)])
     minimize(
         lambda x: criterion([c.at(float(v)) for c, v in zip(constants, x, strict=True)]),
