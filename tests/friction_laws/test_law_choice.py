@@ -12,7 +12,7 @@ from pivident.estimation.identify import identify
 from pivident.estimation.methods import LeastSquares, RandomWalk
 from pivident.friction_laws.held_out_cells import Division
 from pivident.friction_laws.impossible_signs import impossible_signs
-from pivident.friction_laws.law_candidates import adding, key_of
+from pivident.friction_laws.law_candidates import Reach, adding, default_changes, key_of
 from pivident.friction_laws.law_choice import choose_laws, with_laws
 from pivident.friction_laws.law_rules import judged, simplest
 from pivident.friction_laws.law_scores import LawScore
@@ -53,6 +53,15 @@ def test_finds_the_law_that_was_there(name, change):
     choice = choose_laws(problem(name)).joint("axis")
     assert choice.chosen.name == change
     assert name == "Coulomb" or choice.rejected(choice.base)
+
+
+@pytest.mark.parametrize("method", ["ls", "piv"])
+def test_rows_of_other_estimators(method):
+    """Decimated rows, and prefiltered ones with instruments; the share of the load is 0.15."""
+    load = default_changes(Reach(travel=1.9, fastest=2.1))["load"]
+    choice = choose_laws(problem("load"), method, changes={"load": load}).joint("axis")
+    assert choice.chosen.name == "load"
+    assert choice.chosen.theta[-1] == pytest.approx(0.15, rel=0.02)
 
 
 def test_memory_is_told_from_smooth_friction():
