@@ -82,8 +82,8 @@ class Cells:
                 "fewer"
             )
         names = tuple(f"recording {k + 1}, {r.name}" for k, r in enumerate(recordings))
-        record = np.repeat(np.arange(len(records)), counts)
-        return cls(Segments(tuple(labels), first), record, names, folds, gap)
+        owner = np.repeat(np.arange(len(records)), counts)
+        return cls(Segments(tuple(labels), first), owner, names, folds, gap)
 
     def in_words(self, alone: Sequence[str]) -> str:
         """What is held out; ``alone``: joints that move in one recording only."""
