@@ -27,15 +27,15 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from tests.friction.laws.friction_axis import Axis, Noise
-from tests.friction.laws.friction_cases import CASES
+from tests.friction_laws.friction_axis import Axis, Noise
+from tests.friction_laws.friction_cases import CASES
 
 from pivident.errors import PividentError
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS, LeastSquares, Method, RandomWalk
-from pivident.friction.laws.law_candidates import adding, in_place_of_coulomb, key_of
-from pivident.friction.laws.law_choice import choose_laws
-from pivident.friction.laws.shapes import identify_shapes
+from pivident.friction_laws.law_candidates import adding, in_place_of_coulomb, key_of
+from pivident.friction_laws.law_choice import choose_laws
+from pivident.friction_laws.shapes import identify_shapes
 from pivident.robot.friction import FrictionColumn, FrictionLaw, coulomb, offset, viscous
 
 NOISE = Noise(encoder=2e-7, torque=0.3)

@@ -10,7 +10,8 @@ best laws once more with drives that answer late; the delay is chosen on the est
 TX40: five contiguous folds, 20 Hz, joint by joint, with the 28 essential parameters and offsets;
 terms one at a time, then one after the other.
 
-KR300, axes 1 to 3: held-out blocks of both motions below 4 Hz, as in kuka_kr300_blocks.py.
+KR300, axes 1 to 3: held-out blocks of both motions below 4 Hz, as in kuka_kr300_blocks.py, and each
+motion predicted by the fit to the other one.
 """
 
 from __future__ import annotations
@@ -21,16 +22,19 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from kuka_kr300_blocks import EXAMPLE, held_out, without_vague_inertias
+from kuka_kr300_blocks import EXAMPLE, START, STOP, held_out, squares, without_vague_inertias
 
 from pivident.errors import PividentError
 from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import METHODS
+from pivident.estimation.kinematics import estimate_kinematics
+from pivident.estimation.methods import Bandpass, LeastSquares, RandomWalk
 from pivident.estimation.problem import Problem
 from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL
-from pivident.friction.laws.shapes import identify_shapes
+from pivident.friction_laws.impossible_signs import has_definite_sign
+from pivident.friction_laws.law_choice import with_laws
+from pivident.friction_laws.shapes import identify_shapes
 from pivident.recording.public_records import (
     load_emps,
     load_emps_pulses,
@@ -320,48 +324,50 @@ def _row(label: str, values: np.ndarray, base: np.ndarray | None) -> np.ndarray:
 
 
 def kr300() -> None:
-    """Terms on axes 1 to 3, least squares; mean and axes."""
+    """Laws of axes 1 to 3, least squares: blocks of both motions, and each motion by the other."""
     robot = load_robot(EXAMPLE / "kuka_kr300_axes_1_3.toml")
+    method = LeastSquares(signals=Bandpass(cutoff=50.0, bandwidth=20.0))
     runs = tuple(load_kuka_kr300(motion, robot=robot) for motion in ("A", "B"))
+    motions = [estimate_kinematics(run, RandomWalk()) for run in runs]
     fewer = without_vague_inertias(robot, runs)
+    plain = Problem(robot, tuple(run.slice(START, STOP) for run in runs), None, fewer)
     one, two, three = robot.joint_names
-    curved = (power_viscous(2.0, free=False),)
-    tried: dict[str, Added] = {
+    dry, load = (coulomb(gamma=200.0), offset()), load_dependent(gamma=200.0)
+    root = {one: _law(power_viscous(0.655), dry)}
+    slopes = {two: _law(asymmetric_viscous(), dry)}
+    heavy = {three: _law(viscous(), dry, load)}
+    tried: dict[str, dict[str, FrictionLaw]] = {
         "viscous, Coulomb, offset": {},
-        "load on 1 to 3": dict.fromkeys((one, two, three), (load_dependent(),)),
-        "dq|dq| on 1 to 3": dict.fromkeys((one, two, three), curved),
-        "strut on 2 (0.4, 120 degrees)": {two: counterbalance(0.4, 2.09)[:1]},
-        "load on 3": {three: (load_dependent(),)},
-        "spring and dq|dq| on 1": {one: (spring(), *curved)},
-        "spring and dq|dq| on 1, load on 3": {one: (spring(), *curved), three: (load_dependent(),)},
-        "spring and dq|dq| on 1, Stribeck on 2, load on 3": {
-            one: (spring(), *curved),
-            two: (stribeck(0.05),),
-            three: (load_dependent(),),
+        "power 0.655 for viscous on 1": root,
+        "two viscous slopes on 2": slopes,
+        "load on 3": heavy,
+        "power on 1, slopes on 2": root | slopes,
+        "power on 1, slopes on 2, load on 3": root | slopes | heavy,
+        "spring, dq|dq| on 1, Stribeck, slopes on 2, load on 3": heavy
+        | {
+            one: _law(viscous(), dry, spring(), power_viscous(2.0, free=False)),
+            two: _law(asymmetric_viscous(), dry, stribeck(0.05, gamma=200.0)),
         },
+        "counterbalance on 2": {two: _law(viscous(), dry, counterbalance(0.4, 2.09)[:1])},
     }
-    print("KR300: held-out torque error below 4 Hz [%], mean and axes 1 to 3, least squares")
-    base = None
-    for asymmetric in (False, True):
-        for label, added in tried.items():
-            start = robot
-            gone: tuple[str, ...] = ()
-            if asymmetric:
-                own = robot.joints[1].friction.terms
-                law = (*asymmetric_viscous(), *(t for t in own if t.stem != "fv"))
-                start, gone = robot.with_friction({two: FrictionLaw(law)}), ("fv2",)
-            shaped, fresh = _with_terms(start, added)
-            names = (*(n for n in fewer if n not in gone), *fresh)
-            names = (*names, "fvp2", "fvn2") if asymmetric else names
-            text = f"{label}, asymmetric viscous on 2" if asymmetric else label
-            try:
-                errors = held_out(
-                    shaped, runs, None, METHODS["ls"], lambda robot, fitted, n=names: n
-                )
-            except PividentError as error:
-                print(f"  {text:44s} {str(error)[:120]}")
-                continue
-            base = _row(text, np.r_[errors.mean(), errors], base)
+    print("KR300: torque error of axes 1 to 3 below 4 Hz [%], least squares")
+    print("  held-out blocks of both motions; A, judged on B; B, judged on A; impossible signs")
+    for label, laws in tried.items():
+        problem = with_laws(plain, laws) if laws else plain
+        blocks = held_out(problem.robot, runs, None, method, lambda r, f, p=problem: p.parameters)
+        rows = [blocks]
+        for number, run in enumerate(problem.recordings):
+            found = identify(replace(problem, recordings=(run,)), method)
+            error, torque = squares(found, motions[1 - number], START, STOP)
+            rows.append(100 * np.sqrt(error / torque))
+        listed = "   ".join(" ".join(f"{x:5.2f}" for x in own) for own in rows)
+        whole = identify(problem, method)
+        wrong = [
+            f"{p.name} {value:.0f} ± {2 * std:.0f}"
+            for p, value, std in zip(whole.parameters, whole.theta, whole.robust_std, strict=True)
+            if p.friction and has_definite_sign(p.friction) and value < 0.0
+        ]
+        print(f"  {label:54s} {blocks.mean():.2f}  {listed}  {', '.join(wrong)}", flush=True)
 
 
 def main() -> None:

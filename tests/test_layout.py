@@ -16,7 +16,8 @@ SOURCE = REPOSITORY / "src"
 ORDER = (
     "version", "text", "errors", "extras", "files", "scratch", "threads", "compiled",
     "robot", "dynamics", "signals", "logs", "recording", "simulation", "motion", "instruments",
-    "estimation", "control_law", "drives", "validation", "consistency", "friction", "models",
+    "estimation", "control_law", "drives", "validation", "consistency",
+    "friction_laws", "friction", "models",
     "diagnostics", "experiment", "audit", "check", "init",
     "report", "comparison", "prediction", "figures", "tables", "notebook",
     "linear", "symbolic", "export", "payload", "flexibility", "many",
@@ -28,7 +29,7 @@ DOORS = ("linear", "symbolic", "export", "payload", "flexibility", "many")
 
 MAX_LINES_OF_PACKAGE = 6000
 MAX_LINES = 91_000
-#: 90, and nine for instruments from the record itself.
+#: 90, nine for instruments from the record itself, and the speeds of standstill.
 MAX_MODULES_OF_IDENTIFY = 100
 
 

@@ -37,7 +37,6 @@ RISE = 0.15
 LITTLE = 0.5
 
 QUANTITIES = ("posture", "speed", "acceleration")
-LIMITS = ("range", "rated speed", "usual acceleration")
 
 
 @dataclass(frozen=True, eq=False)

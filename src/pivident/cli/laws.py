@@ -15,7 +15,7 @@ from pivident.text.lists import separated
 if TYPE_CHECKING:
     from pivident.estimation.methods import Method
     from pivident.estimation.problem import Problem
-    from pivident.friction.laws.chosen_laws import LawChoice
+    from pivident.friction_laws.chosen_laws import LawChoice
 
 
 def laws(
@@ -25,13 +25,17 @@ def laws(
     method: str | None = None,
     joint: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)] = (),
     blocks: int = 10,
+    band: float | None = None,
     depth: int = 3,
 ) -> int:
-    """Try friction laws on each joint of a record and report which one predicts best.
+    """Try friction laws on each joint and report which one fits the next motion.
 
     The experiment's own laws come first; each other one is a change of the best so far. Laws are
-    judged on blocks of the motion to which they were not fitted. The chosen ones are printed as
-    lines for the experiment file, after a check of the whole robot with and without them.
+    judged on motion to which they were not fitted: each recording in turn, or, of a single one,
+    blocks and the parts in which a joint is fastest, slowest, most and least loaded, first and
+    last. How far these go beyond the fitted range of speed, load and position is reported. The
+    chosen laws are printed as lines for the experiment file, after a check of the whole robot with
+    and without them.
 
     Parameters
     ----------
@@ -43,12 +47,15 @@ def laws(
     joint
         Names of the joints; several separated by commas or repeated. Default: all.
     blocks
-        Blocks of the motion that are held out in turn.
+        Blocks that are held out in turn, if there is one recording.
+    band
+        Highest frequency of the motion, below which errors are compared [Hz]. Default: 20 Hz, or
+        an eighth of a low rate.
     depth
         Largest number of terms by which a law may be changed.
     """
     from pivident.experiment.experiment import load_experiment
-    from pivident.friction.laws.law_choice import choose_laws
+    from pivident.friction_laws.law_choice import choose_laws
 
     if depth < 1:
         raise ExperimentError(f"--depth {depth} leaves no law to try; give 1 or more")
@@ -62,6 +69,7 @@ def laws(
             chosen,
             joints=names or None,
             folds=blocks,
+            band=band,
             depth=depth,
             progress=progress.say,
         )
@@ -69,8 +77,8 @@ def laws(
         checked = _checked(problem, choice, chosen, given.unseen_recordings())
     print(choice)
     print(f"\n{checked}")
-    if all(j.chosen is j.base for j in choice.joints):
-        note("no law predicts better than the present ones")
+    if not any(j.is_changed for j in choice.joints):
+        note("no law predicts significantly better than the present ones")
     else:
         note(
             f"[robot.joint_friction] belongs in {experiment.name}; where that says "

@@ -32,7 +32,7 @@ from pivident.estimation.summary_tables import comparison_table, identification_
 from pivident.extras import is_installed
 from pivident.files import atomic_folder, check_output
 from pivident.friction.bearing_friction import bearing_friction
-from pivident.friction.laws.shapes import identify_shapes
+from pivident.friction_laws.shapes import identify_shapes
 from pivident.validation.essential_parameters import EssentialParameters, essential_parameters
 
 #: What the demonstration compares, and on how many held-out blocks.

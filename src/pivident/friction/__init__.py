@@ -1,4 +1,4 @@
-"""Friction: maps against its states, laws and their choice, ripple."""
+"""Friction: maps against its states, bearings, ripple."""
 
 import lazy_loader
 

@@ -1,11 +1,6 @@
 from .bearing_friction import bearing_friction as bearing_friction
 from .friction_study import FrictionStudy as FrictionStudy
 from .friction_study import study_friction as study_friction
-from .laws.chosen_laws import LawChoice as LawChoice
-from .laws.law_candidates import adding as adding
-from .laws.law_choice import choose_laws as choose_laws
-from .laws.shapes import ShapedIdentification as ShapedIdentification
-from .laws.shapes import identify_shapes as identify_shapes
 from .ripple.ripple_lines import remove_ripple as remove_ripple
 from .ripple.ripple_orders import NamedOrder as NamedOrder
 from .ripple.ripple_search import find_ripple as find_ripple

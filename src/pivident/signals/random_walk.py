@@ -74,11 +74,6 @@ class SmoothedSignal:
         return max(EDGE, math.ceil(self.rate / (2 * math.pi * float(np.min(self.f50)))))
 
     @property
-    def dq_noise(self) -> np.ndarray:
-        """Standard deviation of the noise left in dq, shape () or (channels,) [rad/s or m/s]."""
-        return self._derivative_noise()[..., 0]
-
-    @property
     def ddq_noise(self) -> np.ndarray:
         """Standard deviation of the noise left in ddq, shape () or (channels,) [rad/s²]."""
         return self._derivative_noise()[..., 1]

@@ -90,12 +90,6 @@ class RippleLine:
         return math.atan2(self.sine, self.cosine)
 
     @property
-    def phase_std(self) -> float:
-        """Standard error of ψ, order known [rad]."""
-        slope = np.array([-self.sine, self.cosine]) / max(self.amplitude, 1e-300) ** 2
-        return float(np.sqrt(slope @ self.covariance @ slope))
-
-    @property
     def distinct_from_time(self) -> bool:
         """Whether the record distinguishes it from a line of constant frequency."""
         return self.beside_time > 2.0 * DISTINGUISHABLE

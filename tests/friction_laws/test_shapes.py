@@ -8,13 +8,13 @@ import pytest
 from pivident.errors import ExperimentError, IdentificationError
 from pivident.estimation.identify import build_regression, identify
 from pivident.estimation.methods import METHODS, LeastSquares, RandomWalk
-from pivident.friction.laws.filtered_rows import LastPass
-from pivident.friction.laws.shape_constants import shape_constants
-from pivident.friction.laws.shaped_rows import ShapedRows
-from pivident.friction.laws.shapes import identify_shapes
+from pivident.friction_laws.filtered_rows import LastPass
+from pivident.friction_laws.shape_constants import shape_constants
+from pivident.friction_laws.shaped_rows import ShapedRows
+from pivident.friction_laws.shapes import identify_shapes
 from pivident.robot.friction import FrictionLaw, coulomb, offset, stribeck, viscous
-from tests.friction.laws.friction_axis import GAMMA, Axis, Noise, Truth
-from tests.friction.laws.friction_cases import CASES
+from tests.friction_laws.friction_axis import GAMMA, Axis, Noise, Truth
+from tests.friction_laws.friction_cases import CASES
 
 LS = LeastSquares(signals=RandomWalk())
 NOISE = Noise(encoder=2e-7, torque=0.3)

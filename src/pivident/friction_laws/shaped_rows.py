@@ -22,8 +22,8 @@ from pivident.dynamics.regressor import Regressor
 from pivident.errors import ExperimentError
 from pivident.estimation.covariance.windows import windows_of
 from pivident.estimation.normal_equations import JointSums
-from pivident.friction.laws.filtered_rows import LastPass
-from pivident.friction.laws.shape_constants import GAMMA, ShapeConstant, with_shapes
+from pivident.friction_laws.filtered_rows import LastPass
+from pivident.friction_laws.shape_constants import GAMMA, ShapeConstant, with_shapes
 from pivident.robot.description import Robot
 
 #: Half the step of the differences ∂φ/∂u: of ln s, or of the bounds' distance.

@@ -67,6 +67,12 @@ class ShapeConstant:
         """Distance of the bounds in the coordinate u."""
         return self.coordinate(self.high) - self.coordinate(self.low)
 
+    def is_bound(self, value: float) -> bool:
+        """Whether a value is at one of the bounds, to 1 % of a positive constant."""
+        u, near = self.coordinate(value), 0.01 if self.logarithmic else 0.001 * self.span
+        ends = (self.coordinate(self.low), self.coordinate(self.high))
+        return min(abs(u - end) for end in ends) <= near
+
     def grid(self) -> np.ndarray:
         """Values from which the search may start, shape (points,)."""
         if self.logarithmic:
@@ -113,12 +119,23 @@ def chosen_names(
 
 
 def shape_constants(
-    robot: Robot, joint: int, names: Iterable[str], motions: Sequence[Kinematics]
+    robot: Robot,
+    joint: int,
+    names: Iterable[str],
+    motions: Sequence[Kinematics],
+    used: Sequence[np.ndarray] | None = None,
 ) -> list[ShapeConstant]:
-    """The constants of one joint with the bounds that its motion allows."""
+    """The constants of one joint with the bounds that its motion allows.
+
+    ``used``: samples of each motion that are fitted; None: all. Between them a joint reverses
+    unseen, and a shorter presliding distance than it travels there has no effect.
+    """
     law, kind = robot.joints[joint].friction, robot.joints[joint].kind
     q = [k.q[joint, k.start : k.stop] for k in motions]
-    dq = np.abs(np.concatenate([k.dq[joint, k.start : k.stop] for k in motions]))
+    unseen = 0.0 if used is None else _unseen_path(joint, motions, used)
+    if used is None:
+        used = [np.arange(k.start, k.stop) for k in motions]
+    dq = np.abs(np.concatenate([k.dq[joint, own] for k, own in zip(motions, used, strict=True)]))
     travel = max(float(np.ptp(x)) for x in q)
     step = float(np.median(np.abs(np.concatenate([np.diff(x) for x in q])))) or 1e-12
     fastest = float(dq.max())
@@ -131,7 +148,7 @@ def shape_constants(
         else:
             shape = next(s for s in law.shapes if s.name == name)
             value, unit = shape.value, _unit(shape.unit, kind)
-            bounds = _bounds_from_motion(shape, travel, step, slowest, fastest)
+            bounds = _bounds_from_motion(shape, travel, max(0.05 * step, unseen), slowest, fastest)
             log = shape.low > 0.0 and shape.unit not in ("angle", "1/position")
         low, high = min(bounds), max(bounds)
         made.append(
@@ -163,12 +180,12 @@ def _known(law: FrictionLaw) -> list[str]:
 
 
 def _bounds_from_motion(
-    shape: Shape, travel: float, step: float, slowest: float, fastest: float
+    shape: Shape, travel: float, shortest: float, slowest: float, fastest: float
 ) -> tuple[float, float]:
     """Bounds of a constant: those of its law, narrowed to the range of the motion."""
     low, high = {
         "speed": (slowest, 2.0 * fastest),
-        "position": (0.05 * step, travel),
+        "position": (min(shortest, 0.5 * travel), travel),
         "1/speed": (1.0 / fastest, 10.0 / slowest),
         # adjacent orders differ by one period over the whole travel
         "1/position": (shape.value - 4.0 * np.pi / travel, shape.value + 4.0 * np.pi / travel),
@@ -176,6 +193,16 @@ def _bounds_from_motion(
         "1": (shape.low, shape.high),
     }[shape.unit]
     return max(low, shape.low), min(high, shape.high)
+
+
+def _unseen_path(joint: int, motions: Sequence[Kinematics], used: Sequence[np.ndarray]) -> float:
+    """Median path of a joint between fitted samples that do not follow each other [rad or m]."""
+    paths: list[float] = []
+    for k, own in zip(motions, used, strict=True):
+        path = np.cumsum(np.abs(np.diff(k.q[joint], prepend=k.q[joint, 0])))
+        apart = np.diff(own) > 1.5 * np.median(np.diff(own))
+        paths += np.diff(path[own])[apart].tolist()
+    return float(np.median(paths)) if paths else 0.0
 
 
 def _unit(unit: str, kind: str) -> str:

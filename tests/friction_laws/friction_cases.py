@@ -17,7 +17,7 @@ from pivident.robot.friction import (
     stribeck,
     viscous,
 )
-from tests.friction.laws.friction_axis import INERTIA, Truth
+from tests.friction_laws.friction_axis import INERTIA, Truth
 
 
 @dataclass(frozen=True)

@@ -8,14 +8,16 @@ laws.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pivident.friction_laws.shape_constants import GAMMA
 from pivident.robot.friction import (
     FrictionColumn,
     FrictionLaw,
     FrictionTerm,
+    Smoothing,
     asymmetric_coulomb,
     asymmetric_viscous,
     dahl,
@@ -25,6 +27,15 @@ from pivident.robot.friction import (
     power_viscous,
     stribeck,
 )
+
+#: The change to the sign itself.
+SHARP_SIGN = "sharp sign"
+
+#: Changes after which the slope of the smoothed signs is one of the unknowns.
+FREE_STEEPNESS = ("free steepness", "other smoothing, free steepness")
+
+#: Changes that add no term.
+STEEPNESS = (SHARP_SIGN, *FREE_STEEPNESS)
 
 #: A change of a law; None where the law does not allow it.
 Change = Callable[[FrictionLaw], FrictionLaw | None]
@@ -81,6 +92,9 @@ def default_changes(reach: Reach) -> dict[str, Change]:
         return _replaced(law, (), (load_dependent(smoothing, gamma),))
 
     return {
+        SHARP_SIGN: sharp_sign,
+        FREE_STEEPNESS[0]: free_steepness,
+        FREE_STEEPNESS[1]: other_smoothing,
         "asymmetric Coulomb": asymmetric,
         "Stribeck": with_stribeck,
         "power": with_power,
@@ -91,6 +105,30 @@ def default_changes(reach: Reach) -> dict[str, Change]:
         "LuGre": in_place_of_coulomb(lugre(distance, 0.3, speed)),
         "Maxwell slip": in_place_of_coulomb(maxwell_slip(slips)),
     }
+
+
+def sharp_sign(law: FrictionLaw) -> FrictionLaw | None:
+    """The law with the sign itself in place of smoothed ones; no unknown is added."""
+    return _smoothed(law, "sign")
+
+
+def free_steepness(law: FrictionLaw) -> FrictionLaw | None:
+    """The law with its smoothing of the sign, or the arctangent, whose slope is to be found."""
+    smoothing = _smoothing(law)
+    if smoothing is None:
+        return None
+    return _smoothed(law, "atan") if smoothing == "sign" else law
+
+
+def other_smoothing(law: FrictionLaw) -> FrictionLaw | None:
+    """The law with the other smoothing of the sign, whose slope is to be found."""
+    return _smoothed(law, "atan" if _smoothing(law) == "tanh" else "tanh")
+
+
+def free_constants(name: str, law: FrictionLaw) -> tuple[str, ...]:
+    """Constants that are to be found after a change of that name."""
+    own = tuple(s.name for s in law.shapes if s.free)
+    return (*own, GAMMA) if name in FREE_STEEPNESS else own
 
 
 def adding(terms: tuple[FrictionTerm, ...]) -> Change:
@@ -133,7 +171,10 @@ def changed(
             new = change(law)
         except ValueError:  # terms that exclude each other
             continue
-        if new is None or (key := key_of(new)) in known:
+        if new is None:
+            continue
+        key = key_of(new) | ({GAMMA} if name in FREE_STEEPNESS else set())
+        if key in known:
             continue
         known.add(key)
         found[name] = new
@@ -141,8 +182,31 @@ def changed(
 
 
 def key_of(law: FrictionLaw) -> frozenset[str]:
-    """Identity of a law: its terms, and whether presliding has a Stribeck curve."""
-    return frozenset(f"{t.stem}{t.column.name}{len(t.shapes)}" for t in law.terms)
+    """Identity of a law: its terms, their signs, and whether presliding has a Stribeck curve."""
+    # whether a power of the speed has a sign depends on the exponent, which is to be found
+    signs = [t.has_sign and t.column is not FrictionColumn.POWER for t in law.terms]
+    return frozenset(
+        f"{t.stem}{t.column.name}{len(t.shapes)}{t.smoothing * sign}"
+        for t, sign in zip(law.terms, signs, strict=True)
+    )
+
+
+def _smoothing(law: FrictionLaw) -> Smoothing | None:
+    """How the first sign of the law is smoothed; None without one."""
+    return next((t.smoothing for t in law.terms if t.has_sign), None)
+
+
+def _smoothed(law: FrictionLaw, smoothing: Smoothing) -> FrictionLaw | None:
+    """The law with other signs; None where it has none, or these already."""
+    if all(t.smoothing == smoothing for t in law.terms if t.has_sign):
+        return None
+    signed = [t.has_sign or t.column is FrictionColumn.POWER for t in law.terms]
+    return FrictionLaw(
+        tuple(
+            replace(t, smoothing=smoothing) if own else t
+            for t, own in zip(law.terms, signed, strict=True)
+        )
+    )
 
 
 def _term(law: FrictionLaw, column: FrictionColumn) -> FrictionTerm | None:

@@ -21,15 +21,15 @@ from pivident.estimation.identify import identify
 from pivident.estimation.methods import LeastSquares, Method, PrefilteredIV, method_named
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
-from pivident.friction.laws.filtered_rows import LastPass
-from pivident.friction.laws.shape_constants import (
+from pivident.friction_laws.filtered_rows import LastPass
+from pivident.friction_laws.shape_constants import (
     ShapeConstant,
     chosen_names,
     shape_constants,
     with_shapes,
 )
-from pivident.friction.laws.shaped_rows import ShapedRows
-from pivident.friction.laws.variable_projection import (
+from pivident.friction_laws.shaped_rows import ShapedRows
+from pivident.friction_laws.variable_projection import (
     CHI2,
     STILL,
     Profile,

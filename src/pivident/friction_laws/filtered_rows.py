@@ -83,7 +83,7 @@ class LastPass:
         """Columns on all samples of a record through the joint's filter or decimation."""
         if self.signals is None:
             stream = self.equations.filters[joint].stream(len(columns), threads=1)
-            return stream.process(columns)
+            return stream.process(columns, seen=self.equations.records[number].seen[joint])
         k = self.equations.records[number].kinematics
         factor = self.signals.factor(k.recording.rate)
         part = columns[:, k.start : k.stop].T
@@ -100,3 +100,8 @@ class LastPass:
 def _whole(regressor: Regressor, motion: Motion) -> np.ndarray:
     """Packed columns of a whole record."""
     return regressor.packed(motion.q, motion.dq, motion.ddq)
+
+
+def row_samples(record: EquationRecord) -> np.ndarray:
+    """Nearest sample of the recording to each row, shape (rows,)."""
+    return np.rint(record.sample_numbers).astype(int)

@@ -1,0 +1,133 @@
+"""Does the friction law that `pivident laws` chooses fit the next motion?
+
+    python benchmarks/friction_laws_on_next_motion.py [plain] [rich] [kr300] [--first 10]
+
+Random arms of three to six axes (`tests.friction_laws.friction_arms`: Pinocchio's inverse dynamics,
+exact signs, encoders of 14 bits, three levels of torque noise). Laws are chosen from two motions
+of 30 s, or from the first alone, and judged on a third with other speeds, postures and temperature:
+error of the torque without noise below 20 Hz, over that of the present laws (viscous, Coulomb,
+offset). *Plain*: nothing else is there, and a term that is added is wrong. *Rich*: Stribeck
+friction, friction that grows with the load, and viscous friction that falls with the temperature.
+
+The rules were written with the arms 0 to 9; by default those from 10 on are judged.
+
+KR300, axes 1 to 3, public record: chosen from motion A, judged on B, and the reverse, below 4 Hz.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from kuka_kr300_blocks import EXAMPLE, START, STOP, squares
+from tests.friction_laws.friction_arms import RATE, FrictionArm, friction_arm, programmes
+
+from pivident.estimation.identify import identify
+from pivident.estimation.kinematics import estimate_kinematics
+from pivident.estimation.methods import LeastSquares, RandomWalk
+from pivident.estimation.problem import Problem
+from pivident.friction_laws.chosen_laws import LawChoice
+from pivident.friction_laws.law_choice import choose_laws
+from pivident.recording.public_records import load_kuka_kr300
+from pivident.robot.gallery import load_robot
+from pivident.signals.bandpass import butterworth
+
+METHOD = LeastSquares(signals=RandomWalk())
+
+#: Band in which torques are judged [Hz].
+BAND = 20.0
+
+
+def errors(made: FrictionArm, problem: Problem, truth: tuple[np.ndarray, ...]) -> np.ndarray:
+    """Error of the torque on another motion, each joint over its own torque, shape (joints,)."""
+    predicted = identify(problem, METHOD).predict(*truth[:3])
+    left, size = (butterworth(x, RATE, BAND) for x in (truth[3] - predicted, truth[3]))
+    return np.sqrt(np.mean(left**2, axis=0) / np.mean(size**2, axis=0))
+
+
+def arm(seed: int, rich: bool, motions: int) -> tuple[LawChoice, np.ndarray]:
+    """What was chosen, and errors with present and chosen laws [%], (2, joints)."""
+    made = friction_arm(seed, rich, 3 + seed % 4)
+    plan = programmes(seed)
+    problem = made.problem({k: plan[k] for k in range(1, motions + 1)})
+    choice = choose_laws(problem)
+    truth = made.motion(3, plan[3])
+    pair = np.array([errors(made, p, truth) for p in (problem, choice.problem)])
+    return choice, 100 * pair
+
+
+def adds_a_term(choice: LawChoice) -> bool:
+    """Whether a chosen law has other terms than the present one; another sign is none."""
+    return any(
+        [t.column for t in j.chosen.law.terms] != [t.column for t in j.base.law.terms]
+        for j in choice.joints
+    )
+
+
+def arms(first: int, count: int, rich: bool, motions: int) -> None:
+    """One line for each arm, then how many fulfil what is asked."""
+    kind = "rich" if rich else "plain"
+    print(f"{kind} friction, laws chosen from {motions} motion{'s' * (motions > 1)}")
+    added, ratios = 0, []
+    for seed in range(first, first + count):
+        start = time.perf_counter()
+        choice, pair = arm(seed, rich, motions)
+        total = np.sqrt(np.mean(pair**2, axis=1))
+        worst = float((pair[1] / pair[0]).max())
+        ratios.append(total[1] / total[0])
+        added += adds_a_term(choice)
+        changed = [f"{j.joint}: {j.chosen.name}" for j in choice.joints if j.is_changed]
+        print(
+            f"  {seed:3d}  error {total[0]:.3f} -> {total[1]:.3f} % ({ratios[-1]:.3f}), "
+            f"worst joint {worst:.3f}, {time.perf_counter() - start:.0f} s; "
+            f"{', '.join(changed) or 'no change'}",
+            flush=True,
+        )
+    fine = sum(r <= 1.0 + 1e-9 for r in ratios)
+    print(
+        f"  {added} of {count} arms with a further term; not worse on the third motion: {fine}; "
+        f"worst {100 * (max(ratios) - 1):+.1f} %, geometric mean "
+        f"{100 * (np.exp(np.mean(np.log(ratios))) - 1):+.1f} %",
+        flush=True,
+    )
+
+
+def kr300() -> None:
+    """One motion chooses, the other one judges; and both choose."""
+    robot = load_robot(EXAMPLE / "kuka_kr300_axes_1_3.toml")
+    runs = tuple(load_kuka_kr300(motion, robot=robot) for motion in ("A", "B"))
+    print("KR300: error of axes 1, 2, 3 on the other motion below 4 Hz [%]")
+    for k, name in enumerate(("A, judged on B", "B, judged on A")):
+        problem = Problem(robot, (runs[k].slice(START, STOP),))
+        choice = choose_laws(problem)
+        motion = estimate_kinematics(runs[1 - k], RandomWalk())
+        for label, own in (("present", problem), ("chosen", choice.problem)):
+            error, torque = squares(identify(own, METHOD), motion, START, STOP)
+            listed = "  ".join(f"{x:6.2f}" for x in 100 * np.sqrt(error / torque))
+            print(f"  {name}, {label:8s} {listed}", flush=True)
+        print("   ", ", ".join(f"{j.joint}: {j.chosen.name}" for j in choice.joints), flush=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("parts", nargs="*", default=["plain", "rich", "kr300"])
+    parser.add_argument("--arms", type=int, default=10)
+    parser.add_argument("--first", type=int, default=10)
+    parser.add_argument("--motions", type=int, nargs="*", default=[2, 1])
+    options = parser.parse_args()
+    for part in options.parts:
+        if part == "kr300":
+            kr300()
+            continue
+        for motions in options.motions:
+            arms(options.first, options.arms, part == "rich", motions)
+
+
+if __name__ == "__main__":
+    main()

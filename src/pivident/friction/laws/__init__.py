@@ -1,1 +1,0 @@
-"""Friction laws: their shapes, and which one a joint has."""

@@ -1,0 +1,141 @@
+"""Friction laws that were tried on the joints, and which were chosen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pivident.estimation.problem import Problem
+from pivident.friction_laws.law_rules import difference
+from pivident.friction_laws.law_scores import LawScore
+from pivident.friction_laws.shape_constants import GAMMA
+from pivident.friction_laws.tried_range import TriedRange
+from pivident.robot.friction_toml import law_toml
+from pivident.robot.naming import find_joint
+from pivident.text.numbers import format_significant
+from pivident.text.plain_table import plain_table
+
+
+@dataclass(frozen=True)
+class Gain:
+    """Gain of a law over the joint's original law, on held-out motion."""
+
+    percent: float  # reduction of the mean square error, in percent of the original law's [%]
+    std: float  # its standard error over the cells of the motion [%]
+
+    def __str__(self) -> str:
+        return f"{self.percent:+.1f} ± {2.0 * self.std:.1f}"
+
+
+@dataclass(frozen=True, eq=False)
+class JointLawChoice:
+    """Laws that were tried on one joint."""
+
+    joint: str  # name of the joint
+    unit: str  # of the error
+    scores: tuple[LawScore, ...]  # the joint's original law first, then in the order tried
+    chosen: LawScore
+    tried: TriedRange  # how far beyond the fitted motion
+
+    @property
+    def base(self) -> LawScore:
+        """The joint's original law."""
+        return self.scores[0]
+
+    @property
+    def is_changed(self) -> bool:
+        """Whether another law than the original one was chosen."""
+        return self.chosen is not self.base
+
+    def gain(self, score: LawScore) -> Gain:
+        """Gain of a law over the joint's original one."""
+        size, d = max(float(self.base.errors.mean()), 1e-300), difference(score, self.base)
+        return Gain(-100.0 * d.mean / size, 100.0 * d.std / size)
+
+    def rejected(self, score: LawScore) -> bool:
+        """Whether a law's held-out error exceeds the chosen one's by more than a standard error."""
+        d = difference(score, self.chosen)
+        return d.mean > d.std
+
+    def table(self) -> str:
+        """All laws, smallest held-out error first; the chosen one is marked."""
+        rows = sorted(self.scores, key=lambda s: s.rms)
+        return plain_table(
+            [
+                ("", "<", ["→" if s is self.chosen else "" for s in rows]),
+                (f"law of {self.joint}", "<", [s.name for s in rows]),
+                ("unknowns", ">", [str(s.unknowns) for s in rows]),
+                (f"held-out rms [{self.unit}]", ".", [format_significant(s.rms) for s in rows]),
+                ("gain % ± 2σ", ">", [str(self.gain(s)) for s in rows]),
+                ("ΔBIC", ".", [f"{s.bic - self.base.bic:.1f}" for s in rows]),
+                ("constants", "<", [_constants(s, self.unit) for s in rows]),
+                ("not chosen because", "<", [s.verdict for s in rows]),
+            ]
+        )
+
+    def sentence(self) -> str:
+        """What was chosen, and how far the motion reaches."""
+        text = f"{self.joint}: {self.tried}. "
+        if self.is_changed:
+            return text + f"{self.chosen.name}, gain {self.gain(self.chosen)} %."
+        kept = "It keeps its law; no other one predicts held-out motion significantly better."
+        if self.base.impossible:
+            kept += f" Its own law has an impossible sign, {', '.join(self.base.impossible)}."
+        return text + kept
+
+
+@dataclass(frozen=True, eq=False)
+class LawChoice:
+    """Friction laws chosen for the joints of a robot.
+
+    Attributes:
+        problem: the problem with the chosen laws.
+        joints: the laws tried on each joint.
+        method: name of the estimator.
+        held_out: what was held out, in words.
+        gap: gap between held-out cells and the fitted data [s].
+        band: laws are judged on torques below this frequency [Hz].
+    """
+
+    problem: Problem
+    joints: tuple[JointLawChoice, ...]
+    method: str
+    held_out: str
+    gap: float
+    band: float
+
+    def joint(self, name: str) -> JointLawChoice:
+        """What was tried on the joint ``name``."""
+        return self.joints[find_joint([j.joint for j in self.joints], name)]
+
+    def toml(self) -> str:
+        """Lines for an experiment file with the laws that changed; empty where none did."""
+        changed = [j for j in self.joints if j.is_changed]
+        lines = [f'"{j.joint}" = {law_toml(j.chosen.law)}' for j in changed]
+        return "\n".join(["[robot.joint_friction]", *lines]) if lines else ""
+
+    def headline(self) -> str:
+        """The method, and what came out for each joint."""
+        parts = [
+            f"{self.method}. Held out: {self.held_out}, with gaps of {self.gap:.2g} s. Errors are "
+            f"those of the torque below {self.band:g} Hz, gain is the reduction of the mean "
+            "square error on held-out motion. Beyond the ranges below a law is extrapolated."
+        ]
+        return "\n".join([*parts, *(j.sentence() for j in self.joints)])
+
+    def __str__(self) -> str:
+        parts = [self.headline(), *(j.table() for j in self.joints), self.toml()]
+        return "\n\n".join(part for part in parts if part)
+
+
+def _constants(score: LawScore, torque_unit: str) -> str:
+    """The free constants with their units."""
+    length = "rad" if torque_unit == "N m" else "m"
+    units = {"speed": f" {length}/s", "position": f" {length}", "angle": " rad"}
+    parts = [
+        f"{s.name.replace('_', ' ')} {format_significant(s.value)}{units.get(s.unit, '')}"
+        for s in score.law.shapes
+        if s.free
+    ]
+    if GAMMA in score.free:
+        parts.append(f"γ {format_significant(score.law.slopes[0])} s/{length}")
+    return ", ".join(parts)
