@@ -236,11 +236,7 @@ def _joint_fits(
     f50 = np.mean([r.kinematics.f50 for r in records], axis=0)
     encoder_std = np.mean([r.kinematics.encoder_std for r in records], axis=0)
     units = torque_units(problem)
-    inverted = prefilters.inverts_controller or (False,) * len(units)
-    noise_units = [
-        position if inverts else torque
-        for position, torque, inverts in zip(position_units(problem), units, inverted, strict=True)
-    ]
+    noise_units = position_units(problem) if prefilters.inverts_controller else units
     return tuple(
         JointFit(
             name=joint.name,

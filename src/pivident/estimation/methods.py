@@ -274,8 +274,8 @@ class PrefilteredIV:
         noise: the noise model.
         prefilter: ``controller``: inverse of the law's proportional and derivative part, then
             the AR whitener; ``direct``: the AR whitener on the torque residual; ``auto``: the
-            former where a loop is simulated, the latter where it is not, and the one that predicts
-            each joint's residual better where the law was identified from the record.
+            former where a loop is simulated, the latter where it is not, and the more precise of
+            both where the law was identified from the record.
         covariance: what the standard errors come from: ``stationary``, the autocovariance of the
             residual; ``sandwich``, windows of time, which also holds where the residual comes in
             bursts; ``auto``: stationary on simulated records, where the residual is noise,

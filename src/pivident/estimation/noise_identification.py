@@ -1,12 +1,10 @@
 """Prefilters of IDIM-PIV: noise models from the residual, and the samples they can be used on.
 
-An AR model of the residual behind the inverse controller whitens it, (P-25), (P-29). A law that was
-found from the record may be a poor description of where the noise comes from: then a model behind
-its inverse and one of the torque residual itself are both fitted, joint by joint, and Schwarz's
-criterion of their prediction errors decides. On simulated records a joint's standstill is excluded
-where it is much noisier than the motion; on measured ones the mask has done that. A prefilter that
-inverts a controller has seen it, and remembers it for long: samples filtered with standstill in
-memory are excluded where they cost more than they are worth (`standstill.remembers_standstill`).
+An AR model of the residual behind the inverse controller whitens it, (P-25), (P-29). On simulated
+records a joint's standstill is excluded where it is much noisier than the motion; on measured ones
+the mask has done that. A prefilter that inverts a controller has seen it, and remembers it for
+long: samples filtered with standstill in memory are excluded where they cost more than they are
+worth (`standstill.remembers_standstill`).
 """
 
 from __future__ import annotations
@@ -21,7 +19,6 @@ from pivident.estimation.equation_record import EquationRecord
 from pivident.estimation.methods import Arma, PrefilteredIV, Repetition
 from pivident.estimation.problem import Problem
 from pivident.estimation.standstill import (
-    MIN_ROWS,
     decided_by_residual,
     noisy_standstill,
     remembers_standstill,
@@ -59,19 +56,6 @@ class NoiseModel:
 
 
 @dataclass(frozen=True, eq=False)
-class Inverse:
-    """What a joint's torque residual passes before its noise model: C_j⁻¹, or nothing."""
-
-    filter: Prefilter = field(default_factory=Prefilter)
-    of_law: bool = False  # whether what comes out has the unit of the positions
-
-    def behind(self, model: NoiseModel) -> Prefilter:
-        """L_j = A_j C_j⁻¹."""
-        numerator, denominator = self.filter.numerator, self.filter.denominator
-        return Prefilter(numerator, np.convolve(denominator, model.ma), model.ar)
-
-
-@dataclass(frozen=True, eq=False)
 class Prefilters:
     """L_j = A_j C_j⁻¹ of all joints, and the noise models that they come from."""
 
@@ -82,19 +66,14 @@ class Prefilters:
     without_standstill: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
     #: Joints of which samples filtered with standstill in memory are excluded, likewise.
     without_memory: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
-    inverses: tuple[Inverse, ...] = ()  # C_j⁻¹ of each joint; none with decimated equations
+    inverts_controller: bool = False  # whether what comes out has the unit of the positions
 
     @classmethod
     def none(cls, problem: Problem) -> Prefilters:
         """L_j = 1."""
         n = problem.robot.size
         nowhere = np.zeros(n, bool)
-        return cls((Prefilter(),) * n, (), (), nowhere, nowhere, (Inverse(),) * n)
-
-    @property
-    def inverts_controller(self) -> tuple[bool, ...]:
-        """Joint by joint, whether what comes out of the filter has the unit of the positions."""
-        return tuple(inverse.of_law for inverse in self.inverses)
+        return cls((Prefilter(),) * n, (), (), nowhere, nowhere)
 
     @property
     def orders(self) -> tuple[int, ...]:
@@ -123,8 +102,9 @@ class Whitening:
 
     problem: Problem  # what is given
     method: PrefilteredIV  # options of IDIM-PIV
-    #: Candidates of each joint; the iteration starts with the first, the residual decides.
-    inverses: tuple[tuple[Inverse, ...], ...]
+    numerator: np.ndarray  # of each joint's inverse controller, shape (joints, coefficients)
+    denominator: np.ndarray  # likewise
+    inverts_controller: bool  # whether they are those of the loop's law
 
     @classmethod
     def of(
@@ -139,32 +119,32 @@ class Whitening:
         ``simulated``: whether the loop is simulated for the instruments.
         """
         n = problem.robot.size
+        numerator = denominator = np.ones((n, 1))
         inverts = simulated if method.prefilter == "auto" else method.prefilter == "controller"
-        if not inverts:
-            return cls(problem, method, ((Inverse(),),) * n)
-        if problem.loop is None:
-            raise ExperimentError(
-                "the prefilter is to invert the controller, but there is no control loop: "
-                'give it ([controller] in an experiment file), or set prefilter = "direct"'
-            )
-        rate = kinematics[0].recording.rate
-        numerator, denominator = inverse_controller(problem.loop.controller, rate, n)
-        gain = np.broadcast_to(np.asarray(problem.loop.drive_gain, float), (n,))
-        laws = [Inverse(Prefilter(numerator[j] / gain[j], denominator[j]), True) for j in range(n)]
-        if method.prefilter == "auto" and problem.loop.identified is not None:
-            return cls(problem, method, tuple((law, Inverse()) for law in laws))
-        made = cls(problem, method, tuple((law,) for law in laws))
+        if inverts:
+            if problem.loop is None:
+                raise ExperimentError(
+                    "the prefilter is to invert the controller, but there is no control loop: "
+                    'give it ([controller] in an experiment file), or set prefilter = "direct"'
+                )
+            rate = kinematics[0].recording.rate
+            numerator, denominator = inverse_controller(problem.loop.controller, rate, n)
+            gain = np.broadcast_to(np.asarray(problem.loop.drive_gain, float), (n,))
+            numerator = numerator / gain[:, None]
+        made = cls(problem, method, numerator, denominator, inverts)
         made._refuse_slow_filters(kinematics)
         return made
+
+    def inverse(self, j: int) -> Prefilter:
+        """C_j⁻¹ of a joint."""
+        return Prefilter(self.numerator[j], self.denominator[j])
 
     def initial(self) -> Prefilters:
         """Prefilters before there is a residual: L_j = C_j⁻¹, no noise model."""
         n = self.problem.robot.size
-        first = tuple(candidates[0] for candidates in self.inverses)
-        nowhere = np.zeros(n, bool)
-        return Prefilters(
-            tuple(inverse.filter for inverse in first), (), (False,) * n, nowhere, nowhere, first
-        )
+        filters = tuple(self.inverse(j) for j in range(n))
+        nowhere, inverts = np.zeros(n, bool), self.inverts_controller
+        return Prefilters(filters, (), (False,) * n, nowhere, nowhere, inverts)
 
     def fitted(
         self,
@@ -182,15 +162,18 @@ class Whitening:
             motion = repeated_motion([k.recording for k in own], self.method.noise.period)
             residuals = motion.split(residuals, [usable_samples(k) for k in own])[1]
         n = self.problem.robot.size
-        found: list[tuple[Inverse, NoiseModel]] = [(Inverse(), NoiseModel(*np.ones((2, 1))))] * n
+        models: list[NoiseModel | None] = [None] * n
 
         def fit(j: int) -> None:
-            found[j] = self._fitted_joint(j, before, number, residuals, records)
+            order = len(before.models[j].ar) - 1 if number > DECIDES_ORDERS else None
+            models[j] = self._model_of_joint(j, residuals, records, order)
 
         run_in_threads(fit, range(n))
-        inverses = tuple(inverse for inverse, _ in found)
-        fitted = tuple(model for _, model in found)
-        filters = tuple(inverse.behind(model) for inverse, model in found)
+        fitted = tuple(m for m in models if m is not None)
+        filters = tuple(
+            Prefilter(self.numerator[j], np.convolve(self.denominator[j], m.ma), m.ar)
+            for j, m in enumerate(fitted)
+        )
         standstill, memory = before.without_standstill, before.without_memory
         if not self.method.as_printed:
             if decided_by_residual(self.problem):
@@ -199,7 +182,14 @@ class Whitening:
         at_bound = before.at_bound  # a later fit is given its order and does not know
         if number == DECIDES_ORDERS:
             at_bound = tuple(m.at_bound for m in fitted)
-        return Prefilters(filters, fitted, at_bound, standstill, memory, inverses)
+        return replace(
+            before,
+            filters=filters,
+            models=fitted,
+            at_bound=at_bound,
+            without_standstill=standstill,
+            without_memory=memory,
+        )
 
     def warnings(self, prefilters: Prefilters) -> list[Finding]:
         """Noise models that did not come out as they were asked for."""
@@ -230,8 +220,8 @@ class Whitening:
         """Refuse filters that forget their start no faster than half a record."""
         longest = max(k.stop - k.start for k in kinematics)
         rate = kinematics[0].recording.rate
-        for name, (inverse, *_) in zip(self.problem.robot.joint_names, self.inverses, strict=True):
-            transient = inverse.filter.transient()
+        for j, name in enumerate(self.problem.robot.joint_names):
+            transient = self.inverse(j).transient()
             if transient > 0.5 * longest:
                 raise IdentificationError(
                     f"the prefilter of joint {name!r}, the inverse of its control law, takes "
@@ -240,47 +230,20 @@ class Whitening:
                     'prefilter = "direct", or check the gains'
                 )
 
-    def _fitted_joint(
-        self,
-        j: int,
-        before: Prefilters,
-        number: int,
-        residuals: Sequence[np.ndarray],
-        records: Sequence[EquationRecord],
-    ) -> tuple[Inverse, NoiseModel]:
-        """The candidate that predicts a joint's residual best, with its noise model."""
-        if number > DECIDES_ORDERS:
-            inverse, order = before.inverses[j], len(before.models[j].ar) - 1
-            return inverse, self._model_of_joint(j, inverse, residuals, records, order)
-        fits = [
-            (inverse, self._model_of_joint(j, inverse, residuals, records, None))
-            for inverse in self._quick_enough(j, records)
-        ]
-        if len(fits) == 1:
-            return fits[0]
-        scores = _schwarz(j, fits, residuals, records)
-        return fits[int(np.argmin(scores))]
-
-    def _quick_enough(self, j: int, records: Sequence[EquationRecord]) -> list[Inverse]:
-        """Candidates of a joint that forget their start in half of the longest record."""
-        longest = max(r.kinematics.stop - r.kinematics.start for r in records)
-        quick = [i for i in self.inverses[j] if i.filter.transient() <= 0.5 * longest]
-        return quick or [self.inverses[j][-1]]
-
     def _model_of_joint(
         self,
         j: int,
-        inverse: Inverse,
         residuals: Sequence[np.ndarray],
         records: Sequence[EquationRecord],
         order: int | None,
     ) -> NoiseModel:
         """Model of one joint's residual behind the inverse controller, (P-29), all recordings."""
         noise, pieces, left_out = self.method.noise, [], []
-        skip = inverse.filter.transient()
+        inverse = self.inverse(j)
+        skip = inverse.transient()
         for record, residual in zip(records, residuals, strict=True):
             usable = slice(record.kinematics.start, record.kinematics.stop)
-            pieces.append(inverse.filter.stream(1).process(residual[j : j + 1, usable])[0])
+            pieces.append(inverse.stream(1).process(residual[j : j + 1, usable])[0])
             out = ~record.used[j, usable] & noise.on_unmasked
             out[:skip] = True
             left_out.append(out)
@@ -293,36 +256,6 @@ class Whitening:
         recording = records[0].kinematics.recording
         changed = continued_into_band(model, recording.rate, noise.band(recording))
         return NoiseModel(changed.coefficients, np.ones(1), model.at_bound)
-
-
-def _schwarz(
-    j: int,
-    fits: Sequence[tuple[Inverse, NoiseModel]],
-    residuals: Sequence[np.ndarray],
-    records: Sequence[EquationRecord],
-) -> list[float]:
-    """Schwarz's criterion n ln σ² + p ln n of each model's error in predicting the torque residual.
-
-    L_j/L_j(∞) is monic, so what comes out of it is that error; all models are judged on the same
-    samples, which none of them sees with standstill in memory where there are enough.
-    """
-    filters = [inverse.behind(model) for inverse, model in fits]
-    memory = max(f.transient() for f in filters)
-    settled = [without_recent(r.used[j], memory) for r in records]
-    if sum(int(s.sum()) for s in settled) < MIN_ROWS:
-        settled = [r.used[j] for r in records]
-    scores = []
-    for (_, model), prefilter in zip(fits, filters, strict=True):
-        leading = prefilter.numerator[0] / prefilter.denominator[0]
-        squares, rows = 0.0, 0
-        for residual, used, seen in zip(residuals, settled, (r.seen for r in records), strict=True):
-            error = (
-                prefilter.stream(1).process(residual[j : j + 1], seen=seen[j])[0][used] / leading
-            )
-            squares, rows = squares + float(error @ error), rows + error.size
-        rows = max(rows, 1)
-        scores.append(rows * np.log(max(squares / rows, 1e-300)) + model.order * np.log(rows))
-    return scores
 
 
 def _arma_model(residual: np.ndarray, mask: np.ndarray, noise: Arma) -> NoiseModel:

@@ -14,12 +14,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
 
-from pivident.errors import MassMatrixNotPositiveDefinite, SimulationDiverged
+from pivident.errors import (
+    IdentificationError,
+    MassMatrixNotPositiveDefinite,
+    SimulationDiverged,
+)
 from pivident.estimation.answer import answer, loop_warnings
 from pivident.estimation.equation_record import accumulate
 from pivident.estimation.full_rate import (
@@ -86,21 +90,47 @@ def piv(steps: Steps, say: Say) -> tuple[Estimate, Run]:
 
 
 def identify_piv(problem: Problem, method: PrefilteredIV, say: Say) -> Identification:
-    """Iterate instruments, estimate and noise models."""
+    """Iterate instruments, estimate and noise models.
+
+    A law that was found from the record may describe poorly where the noise comes from, and its
+    inverse remembers standstill for long. Then the iteration is done with its inverse and without,
+    and the more precise estimate is taken.
+    """
     say(f"{method.label}: smoothing the records")
     signals = Signals.of(problem, method)
+    loop = problem.loop
+    if method.prefilter != "auto" or loop is None or loop.identified is None:
+        return _identified(signals, method, say)
+    direct = _identified(signals, replace(method, prefilter="direct"), say)
+    if direct.loop is None:  # other instruments: no law is inverted
+        return direct
+    say("once more with the inverse of the law")
+    try:
+        inverse = _identified(signals, replace(method, prefilter="controller"), say)
+    except IdentificationError:  # the inverse forgets too slowly
+        return direct
+    return min(direct, inverse, key=lambda found: (not found.converged, _log_deviation(found)))
+
+
+def _identified(signals: Signals, method: PrefilteredIV, say: Say) -> Identification:
+    """The iteration with the prefilter that the method names."""
 
     def steps(chosen: Chosen) -> PrefilteredSteps:
         whitening = Whitening.of(
-            problem, method, chosen.kinematics, simulated=chosen.used.kind == "loop"
+            signals.problem, method, chosen.kinematics, simulated=chosen.used.kind == "loop"
         )
         own = signals.with_kinematics(chosen.kinematics)
         return PrefilteredSteps(own, method, chosen.source, whitening)
 
     made, estimate, run, used = with_instruments(signals, method, steps, say)
-    warnings = loop_warnings(problem, estimate, used)
+    warnings = loop_warnings(signals.problem, estimate, used)
     warnings += made.whitening.warnings(estimate.prefilters)
-    return answer(problem, method, estimate, run, warnings, used)
+    return answer(signals.problem, method, estimate, run, warnings, used)
+
+
+def _log_deviation(found: Identification) -> float:
+    """Mean of ln σ over the parameters."""
+    return float(np.mean(np.log(found.std)))
 
 
 AnySteps = TypeVar("AnySteps", bound=Steps)
