@@ -72,7 +72,7 @@ class TorqueSideEvidence:
         if len(self.with_rotor) > without:
             return "motor"
         share, error = self.pooled
-        no_rotors = share + 2.0 * error < NO_ROTORS and share - 3.0 * error < NOTHING
+        no_rotors = share + 2.0 * error < NO_ROTORS and share - 2.0 * error < NOTHING
         no_rotors = no_rotors and without >= FEWEST
         if no_rotors and not self.with_rotor and np.nanmedian(self.friction) < MAX_FRICTION:
             return "link"
