@@ -212,14 +212,14 @@ def every(log, count):
 
 
 def test_a_loop_that_is_faster_than_the_log_is_told_from_the_time_that_it_holds_a_torque():
-    whole = clean_log("planar_2r", 1, 10.0)  # a loop of 1 kHz
-    slow = audit_log(every(whole, 4))
-    rate = faster_loop(every(whole, 4), slow.model.rate, slow.delay.common)
+    whole = clean_log("planar_2r", 2, 10.0)  # a loop of 1 kHz
+    slow = audit_log(every(whole, 2))
+    rate = faster_loop(every(whole, 2), slow.model.rate, slow.delay.common)
     assert rate == pytest.approx(1000.0, rel=1e-3)
-    assert undeclared_timing(every(whole, 4), slow.model.rate, slow.delay.common) is None
+    assert undeclared_timing(every(whole, 2), slow.model.rate, slow.delay.common) is None
     same = audit_log(whole)
     assert faster_loop(whole, same.model.rate, same.delay.common) is None
-    declared = replace(every(whole, 4), control_rate=1000.0)
+    declared = replace(every(whole, 2), control_rate=1000.0)
     assert faster_loop(declared, slow.model.rate, slow.delay.common) is None
 
 
