@@ -1,5 +1,7 @@
 """First files for records of arms that another program made: what their motion does not show."""
 
+import re
+
 from pivident.experiment.experiment import load_experiment
 from pivident.init.draft import draft_experiment
 from tests.other_arms import Setting, make_log
@@ -14,3 +16,16 @@ def test_one_factor_that_nearly_nothing_shows_is_no_other_unit(tmp_path):
     out.write_text(draft_experiment([log], str(robot), out=out).text, encoding="utf-8")
     (entry,) = load_experiment(out).content.recording
     assert entry.units.tau == "N m"
+
+
+def test_one_link_that_the_description_has_wrong_is_no_other_unit_of_torque(tmp_path):
+    log = make_log(14, Setting(clock="regular", rate=200.0, seconds=30.0, torque_noise=0.002))
+    table, robot = log.write(tmp_path)
+    urdf = robot.read_text()
+    head, last = urdf.split('<link name="link_6">')
+    number = r'(mass value|ixx|iyy|izz)="([^"]*)"'
+    last = re.sub(number, lambda m: f'{m[1]}="{4.0 * float(m[2])}"', last)
+    robot.write_text(f'{head}<link name="link_6">{last}')
+    draft = draft_experiment([table], str(robot), out=tmp_path / "experiment.toml")
+    units = next(a for a in draft.assumptions if (a.table, a.key) == ("recording.units", "tau"))
+    assert units.value == "N m"

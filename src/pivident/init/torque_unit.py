@@ -185,7 +185,7 @@ def torque_unit(
         return TorqueUnit("N m", "likely", seen, 'Set side = "joint" if they are not.', True)
     if named in TORQUE:
         return _newton_metres(robot, found, str(named), "certain", f"the names say {named}")
-    if known.any() and _may_be_one(factors[known], found.standard_errors[known]):
+    if known.any() and _most_may_be_one(factors[known], found.standard_errors[known]):
         return _newton_metres(robot, found, "N m", "likely", "no unit in the names")
     if not known.any():
         seen = "no unit in the names, and nothing in the robot's description gives the scale"
@@ -200,10 +200,14 @@ def torque_unit(
     )
 
 
-def _may_be_one(factors: np.ndarray, standard_errors: np.ndarray) -> bool:
-    """Whether every factor is near one, or may be by its two standard errors."""
+def _most_may_be_one(factors: np.ndarray, standard_errors: np.ndarray) -> bool:
+    """Whether most factors are near one, or may be by their two standard errors.
+
+    Another unit shows on all joints; a link that the description has wrong, on its own.
+    """
     off = np.abs(np.log(np.abs(factors)))
-    return bool(np.all(off < np.log(NEAR_ONE) + 2.0 * standard_errors / np.abs(factors)))
+    near = off < np.log(NEAR_ONE) + 2.0 * standard_errors / np.abs(factors)
+    return bool(near.mean() > 0.5)
 
 
 def _newton_metres(
