@@ -109,6 +109,8 @@ def identify_piv(problem: Problem, method: PrefilteredIV, say: Say) -> Identific
         inverse = _identified(signals, replace(method, prefilter="controller"), say)
     except IdentificationError:  # the inverse forgets too slowly
         return direct
+    if inverse.loop is None:
+        return direct
     return min(direct, inverse, key=lambda found: (not found.converged, _log_deviation(found)))
 
 

@@ -49,19 +49,15 @@ def noisy_standstill(
     ``residuals``: τ - Φθ of each recording, shape (joints, samples). Result: true where the
     variances differ by more than ``NOISY_STANDSTILL``, shape (joints,).
     """
-    from scipy.signal import butter, sosfiltfilt
-
     sums = np.zeros((2, 2, len(filters)))  # standstill or motion; rows, squares
     for record, residual in zip(records, residuals, strict=True):
-        kin, rate = record.kinematics, record.kinematics.recording.rate
-        low_pass = butter(2, min(MOTION_BAND, rate / 8.0), fs=rate, output="sos")
-        slow = slow_samples(problem, record)
+        kin, slow = record.kinematics, slow_samples(problem, record)
 
-        def add(j: int, kin=kin, residual=residual, slow=slow, low_pass=low_pass) -> None:
+        def add(j: int, kin=kin, residual=residual, slow=slow) -> None:
             usable = slice(kin.start, kin.stop)
             whitened = filters[j].stream(1).process(residual[j : j + 1, usable])[0]
             settled = slice(filters[j].transient(), None)
-            squares = sosfiltfilt(low_pass, whitened)[settled] ** 2
+            squares = _squares_in_band(whitened, kin.recording.rate)[settled]
             still = slow[j, usable][settled]
             moving = without_recent(~still, filters[j].transient())
             for i, group in enumerate((still, moving)):
@@ -87,17 +83,13 @@ def remembers_standstill(
 
     ``residuals``: τ - Φθ of each recording, shape (joints, samples). Result: shape (joints,).
     """
-    from scipy.signal import butter, sosfiltfilt
-
     sums = np.zeros((2, 2, len(filters)))  # settled or not; rows, squares
     for record, residual in zip(records, residuals, strict=True):
-        rate = record.kinematics.recording.rate
-        low_pass = butter(2, min(MOTION_BAND, rate / 8.0), fs=rate, output="sos")
 
-        def add(j: int, record=record, residual=residual, low_pass=low_pass) -> None:
-            used = record.used[j]
+        def add(j: int, record=record, residual=residual) -> None:
+            used, rate = record.used[j], record.kinematics.recording.rate
             whitened = filters[j].stream(1).process(residual[j : j + 1])[0]
-            squares = sosfiltfilt(low_pass, np.where(used, whitened, 0.0)) ** 2
+            squares = _squares_in_band(np.where(used, whitened, 0.0), rate)
             settled = without_recent(used, filters[j].transient())
             for i, group in enumerate((used & settled, used & ~settled)):
                 sums[i, :, j] += group.sum(), squares[group].sum()
@@ -130,3 +122,11 @@ def without_recent(used: np.ndarray, length: int) -> np.ndarray:
     index = np.arange(used.size)
     latest = np.maximum.accumulate(np.where(used, -1, index))
     return index - latest > length
+
+
+def _squares_in_band(signal: np.ndarray, rate: float) -> np.ndarray:
+    """Squares of a signal within the motion's band, shape (samples,)."""
+    from scipy.signal import butter, sosfiltfilt
+
+    low_pass = butter(2, min(MOTION_BAND, rate / 8.0), fs=rate, output="sos")
+    return np.asarray(sosfiltfilt(low_pass, signal) ** 2)

@@ -21,6 +21,7 @@ import numpy as np
 from pivident.errors import IdentificationError
 from pivident.motion.kinematics import Kinematics
 from pivident.motion.motion import SimulatedMotion
+from pivident.text.numbers import percent
 
 #: Kinds of instruments; ``loop``: of the simulated loop.
 Kind = Literal["loop", "response", "repetition", "sensor", "virtual", "halves"]
@@ -171,6 +172,16 @@ def agreement(kinematics: Sequence[Kinematics], motions: Sequence[SimulatedMotio
 def with_valid(motion: SimulatedMotion, valid: np.ndarray) -> SimulatedMotion:
     """The motion with the samples at which it may be used, shape (samples,)."""
     return replace(motion, valid=None if valid.all() else valid)
+
+
+def correlated(said: str, names: Sequence[str], shares: np.ndarray, bound: float) -> str:
+    """A sentence with the joints whose noise is correlated beyond a bound; empty if none is."""
+    own = [
+        f"{name!r} ({percent(100 * share)})"
+        for name, share in zip(names, shares, strict=True)
+        if share > bound
+    ]
+    return f"{said}: {', '.join(own)}" if own else ""
 
 
 def not_there(kind: Kind, reason: str) -> NoReturn:

@@ -13,12 +13,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from pivident.instruments.given_motion import GivenMotions, agreement, not_there
+from pivident.instruments.given_motion import GivenMotions, agreement, correlated, not_there
 from pivident.instruments.virtual_loop import virtual_motion
 from pivident.motion.kinematics import MIN_RUN, Kinematics
 from pivident.signals.instants import differences_at_instants
 from pivident.signals.random_walk import smooth_channels
-from pivident.text.numbers import percent
 
 #: Correlation of neighbouring samples' noise from which on it is not white.
 COLOURED = 0.2
@@ -42,14 +41,8 @@ def interleaved_instruments(kinematics: Sequence[Kinematics]) -> GivenMotions:
         motions.append(virtual_motion(replace(kin, q=odd)))
         coloured = np.maximum(coloured, np.abs(_neighbours(kin)))
     names = kinematics[0].recording.joint_names
-    noisy = [
-        f"{name!r} ({percent(100 * r)})"
-        for name, r in zip(names, coloured, strict=True)
-        if r > COLOURED
-    ]
-    shares = ""
-    if noisy:
-        shares = f"the noise of neighbouring positions is correlated: {', '.join(noisy)}"
+    said = "the noise of neighbouring positions is correlated"
+    shares = correlated(said, names, coloured, COLOURED)
     return GivenMotions("halves", motions, (), agreement(regressors, motions), shares, regressors)
 
 

@@ -1,8 +1,8 @@
-"""Instruments from a second sensor: positions of a second encoder, or measured speeds.
+"""Instruments from a second sensor: positions of a second encoder.
 
 The noise of two sensors is independent, so that of the first does not correlate with instruments
-from the second. A speed that the drive computes from the same encoder is no second sensor: its
-noise is that of the positions, and shows in them.
+from the second. Positions that are computed from the first encoder are no second sensor: their
+noise is that of the first, and shows in them.
 """
 
 from __future__ import annotations
@@ -11,11 +11,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pivident.instruments.given_motion import GivenMotions, agreement, not_there
+from pivident.instruments.given_motion import GivenMotions, agreement, correlated, not_there
 from pivident.motion.kinematics import Kinematics
 from pivident.motion.motion import SimulatedMotion
 from pivident.signals.random_walk import smooth
-from pivident.text.numbers import percent
 
 #: Correlation of the noise of both sensors from which on they are one.
 SAME_SENSOR = 0.3
@@ -36,14 +35,7 @@ def sensor_instruments(kinematics: Sequence[Kinematics]) -> GivenMotions:
         motions.append(SimulatedMotion(q, recording.rate))
         same = np.maximum(same, np.abs(_common_noise(kin, recording.q_link.T - q)))
     names = kinematics[0].recording.joint_names
-    shared = [
-        f"{name!r} ({percent(100 * r)})"
-        for name, r in zip(names, same, strict=True)
-        if r > SAME_SENSOR
-    ]
-    shares = ""
-    if shared:
-        shares = f"the noise of both encoders is correlated: {', '.join(shared)}"
+    shares = correlated("the noise of both encoders is correlated", names, same, SAME_SENSOR)
     return GivenMotions("sensor", motions, (), agreement(kinematics, motions), shares)
 
 
