@@ -71,3 +71,26 @@ def test_a_short_stop_is_no_repeated_sample(seed):
     k = int(np.argmax(np.abs(made.motion[1]).min(axis=1)))  # all joints move
     twice = np.insert(made.q, k, made.q[k], axis=0)
     assert unsteady_steps(twice).tolist() == [[k, -1]]
+
+
+def test_a_drive_s_speed_of_a_single_count_is_no_outlier():
+    """14 bits, 91 Hz and a slow start: one count stands alone in a speed that is nearly zero."""
+    slow = Setting("alternating", 1000 / 11, 20.0, 2.0, 0.002, "drive", 0.5)
+    made = make_log(556, slow)
+    dq = np.column_stack([made.columns[f"dq_{name}"] for name in made.arm.joint_names])
+    assert np.abs(dq[1485, 5]) > 100 * np.abs(dq[[1484, 1486], 5]).max()
+    assert not spikes(log_of(made, channels={"dq": dq}))
+    dq[1485, 5] += 1.0
+    assert spikes(log_of(made, channels={"dq": dq})) == {"dq of axis_6"}
+
+
+def spikes(log: Log) -> set[str]:
+    return {f.subject for f in audit_log(log).of("channels") if f.kind == "spike"}
+
+
+def test_weak_is_what_matters_in_full_motion_not_in_a_slow_one():
+    """Slow motion with stops: 4 % of zz1r is 20 % of its torque, and 3 % of that of full motion."""
+    made = make_log(594, Setting("regular", 250.0, 20.0, 2.0, 0.002, "none", 0.5))
+    found = audit_log(log_of(made)).excitation
+    k = found.names.index("zz1r")
+    assert found.used[k] < 0.1 and found.open_torque[k] < 0.1

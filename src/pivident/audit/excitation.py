@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pivident.audit.inverse_model import OVERSAMPLING, InverseModel
-from pivident.dynamics.parameters import Parameter
+from pivident.dynamics.parameters import Parameter, nominal_values
 from pivident.dynamics.regressor import Regressor
 from pivident.text.finding import Finding, Quantity, Severity
 
@@ -57,10 +57,10 @@ def check_excitation(models: Sequence[InverseModel]) -> Excitation:
     """Judge the motion of one log, or of several that are identified together."""
     base = models[0].base
     size = len(base)
-    gram, rows = np.zeros((size, size)), 0
-    torque, noise = np.full(size, 1e-12), np.full(size, np.inf)
+    gram, right, rows = np.zeros((size, size)), np.zeros(size), 0
+    torque, noise = np.full(models[0].robot.size, 1e-12), np.full(size, np.inf)
     for model in models:
-        rows += _add_equations(model, gram, torque, noise)
+        rows += _add_equations(model, gram, right, torque, noise)
     length = np.sqrt(np.diag(gram))
     scale = 1.0 / np.where(length > 0, length, 1.0)
     values, vectors = np.linalg.eigh(gram * np.outer(scale, scale))
@@ -72,7 +72,9 @@ def check_excitation(models: Sequence[InverseModel]) -> Excitation:
     # Rows follow each other faster than the band has new values.
     standard_error = np.sqrt(inverse.sum(axis=1) * OVERSAMPLING / 2.0) * scale
     standard_error[length == 0] = np.inf
-    full, parts = _full_motion(models)
+    theta = scale * (vectors[:, seen] @ ((vectors[:, seen].T @ (scale * right)) / values[seen]))
+    full, parts, needed = _full_motion(models, theta)
+    torque = _most_of(models[0], np.maximum(torque, needed))
     found = Excitation(
         (),
         base.names,
@@ -105,24 +107,42 @@ def _noise(model: InverseModel) -> np.ndarray:
     return np.maximum(size * np.maximum(errors, 1e-6), 1e-12)
 
 
+def _most_of(model: InverseModel, torque: np.ndarray) -> np.ndarray:
+    """The largest torque of the joints that each parameter acts on, shape (parameters,)."""
+    most = np.zeros(len(model.base))
+    for own, joint in zip(model.own, torque, strict=True):
+        most[own] = np.maximum(most[own], joint)
+    return most
+
+
 def _add_equations(
-    model: InverseModel, gram: np.ndarray, torque: np.ndarray, noise: np.ndarray
+    model: InverseModel,
+    gram: np.ndarray,
+    right: np.ndarray,
+    torque: np.ndarray,
+    noise: np.ndarray,
 ) -> int:
-    """Add the weighted equations of one log to WᵀW; gram (parameters, parameters)."""
-    residual, rows = _noise(model), 0
-    tau = np.sqrt(np.mean(model.tau() ** 2, axis=0))
+    """Add the weighted equations of one log to WᵀW and Wᵀτ; torque (joints,) is the largest rms."""
+    residual, rows, tau = _noise(model), 0, model.tau()
+    np.maximum(torque, np.sqrt(np.mean(tau**2, axis=0)), out=torque)
     for j, columns in enumerate(model.columns):
         moving = columns[model.moving[:, j]] / residual[j]
         own = model.own[j]
         gram[np.ix_(own, own)] += moving.T @ moving
-        torque[own] = np.maximum(torque[own], tau[j])
+        right[own] += moving.T @ (tau[model.moving[:, j], j] / residual[j])
         noise[own] = np.minimum(noise[own], residual[j])
         rows = max(rows, len(moving))
     return rows
 
 
-def _full_motion(models: Sequence[InverseModel]) -> tuple[np.ndarray, np.ndarray]:
-    """Rms of each column in motions within all limits, and of its three parts."""
+def _full_motion(
+    models: Sequence[InverseModel], theta: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rms in motions within all limits: of each column, of its three parts, and of each torque.
+
+    The torque is the smaller of what the fit and the description promise, shape (joints,): neither
+    can be trusted where the motion is poor.
+    """
     robot, positions = models[0].robot, np.concatenate([model.q for model in models])
     rng = np.random.default_rng(1988)
     low, high = np.array(
@@ -152,7 +172,11 @@ def _full_motion(models: Sequence[InverseModel]) -> tuple[np.ndarray, np.ndarray
             rms(regressor.matrix(q, still, ddq, inner=none) - rest),
         ]
     )
-    return rms(regressor.matrix(q, dq, ddq, inner=level)), parts
+    full = regressor.matrix(q, dq, ddq, inner=level)
+    base = models[0].base
+    described = base.values(nominal_values(robot, base.standard))
+    torques = full @ np.column_stack([theta, described])
+    return rms(full), parts, np.sqrt(np.mean(torques**2, axis=0)).min(axis=1)
 
 
 def _top_speed(models: Sequence[InverseModel]) -> np.ndarray:

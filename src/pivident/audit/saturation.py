@@ -19,6 +19,9 @@ NEIGHBOURS = 15
 #: Share of the usual range below which a logged speed has no spike: a single count makes one.
 LEAST_SPEED = 0.2
 
+#: Steps of a position up to so many times the smallest are one count of its encoder.
+ONE_STEP = 1.5
+
 #: Step of a position below which its joint stands, as share of its fastest ones.
 SLOW = 0.02
 
@@ -40,8 +43,9 @@ def check_channels(log: Log) -> tuple[Finding, ...]:
             continue
         kind, _, joint = name.partition(" of ")
         q = None
-        if kind == "tau" and "q" in log.logged and joint in log.joint_names:
+        if kind in ("tau", "dq") and "q" in log.logged and joint in log.joint_names:
             q = log.logged["q"][finite, log.joint_names.index(joint)]
+        if kind == "tau" and q is not None:
             findings += _clipped(log, name, x, q, finite) or _one_value(name, x, q)
         elif kind == "q":
             findings += _wrapped(log, name, x, finite)
@@ -82,7 +86,7 @@ def _spikes(
 
     Where the joint of a torque, at ``q``, turns round or stops for a moment, dry friction changes
     from one sample to the next, by the whole range where friction is all of it; only more is a
-    spike there.
+    spike there. Where an encoder has moved by one count, the speed of a drive shows that count.
     """
     if x.size < 4 * NEIGHBOURS:
         return []
@@ -98,11 +102,14 @@ def _spikes(
         usual, 0.3 * float(np.std(second[np.abs(second) <= np.quantile(abs(second), 0.99)]))
     )
     spikes = []
-    turning = np.zeros(x.size, bool) if q is None else _turning(q)
-    least = LEAST_SPEED if name.startswith("dq of ") else 0.0
+    speed = name.startswith("dq of ")
+    least = LEAST_SPEED if speed else 0.0
+    excused = np.zeros(x.size, bool)
+    if q is not None and np.isfinite(q).all():
+        excused = _one_count(q) if speed else _turning(q)
     usual_range = float(np.ptp(np.quantile(x, [0.005, 0.995])))
     for k in np.flatnonzero((height > SPIKE * usual) & (sides < 0.2 * height)):
-        if (turning[k + 2] and height[k] < usual_range) or height[k] < least * usual_range:
+        if (excused[k + 2] and height[k] < usual_range) or height[k] < least * usual_range:
             continue
         around = np.r_[second[max(0, k - NEIGHBOURS) : k], second[k + 3 : k + 3 + NEIGHBOURS]]
         if height[k] > SPIKE * np.std(around):
@@ -125,13 +132,18 @@ def _spikes(
 
 def _turning(q: np.ndarray) -> np.ndarray:
     """Samples beside which a joint turns round or stands, shape (samples,)."""
-    if not np.isfinite(q).all():
-        return np.zeros(q.size, bool)
     step = np.diff(q)
     still = np.abs(step) <= SLOW * np.quantile(np.abs(step), 0.995)
     still[1:] |= step[1:] * step[:-1] <= 0
     beside = np.r_[False, still, False]
     return np.convolve(beside, np.ones(5), "same")[:-1] > 0
+
+
+def _one_count(q: np.ndarray) -> np.ndarray:
+    """Samples at which a position has moved by its smallest step, shape (samples,)."""
+    step = np.abs(np.diff(q, prepend=q[:1]))
+    moved = step[step > 0]
+    return (step > 0) & (step < ONE_STEP * moved.min()) if moved.size else np.zeros(q.size, bool)
 
 
 def _clipped(
