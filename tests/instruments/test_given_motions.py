@@ -194,3 +194,69 @@ def test_a_second_encoder_needs_noise_of_its_own():
     assert "correlated" in sensor_instruments(kinematics(same)).shares_noise
     with pytest.raises(IdentificationError, match="second encoder"):
         sensor_instruments(kinematics(run))
+
+
+def integrated_record(seed=21, **noise):
+    """A record with speeds of a sensor of their own, offset and drifting a little."""
+    true = sines(T)
+    rng = np.random.default_rng(seed)
+    dq = np.gradient(true, axis=0) * RATE + 5e-3 * rng.standard_normal(true.shape) + 2e-3
+    return record(true, dq=dq), true
+
+
+def test_measured_speeds_are_the_motion_without_the_noise_of_the_positions():
+    run, true = integrated_record()
+    (kin,) = kinematics(run)
+    made = sensor_instruments([kin])
+    (motion,) = made.motions
+    assert not made.shares_noise and (made.agreement > 0.9).all()
+    assert "measured speeds (dq)" in made.found[0]
+    part = slice(100, 5900)
+    assert np.abs(motion.q - true.T)[:, part].max() < 5e-3  # the offset has drifted 60 mrad
+    own = (kin.ddq - accelerations(true))[:, part]
+    noise = (motion.ddq - accelerations(true))[:, part]
+    for j in range(2):
+        assert abs(np.corrcoef(own[j], noise[j])[0, 1]) < 0.15
+
+
+def ema(x, share):
+    out = np.array(x)
+    for k in range(1, len(x)):
+        out[k] = out[k - 1] + share * (x[k] - out[k - 1])
+    return out
+
+
+@pytest.mark.parametrize("counts", [0.0, 2 * np.pi / 2**14])
+@pytest.mark.parametrize("share", [1.0, 0.3, 0.05])
+@pytest.mark.parametrize("digits", [12, 2])
+def test_speeds_that_are_differences_of_the_positions_are_no_second_sensor(counts, share, digits):
+    run = record(sines(T))
+    q = np.round(run.q / counts) * counts if counts else run.q
+    dq = np.round(ema(np.diff(q, axis=0, prepend=q[:1]) * RATE, share), digits)
+    made = sensor_instruments(kinematics(replace(run, q=q, dq=dq)))
+    assert "is correlated with that of the positions" in made.shares_noise
+
+
+@pytest.mark.parametrize("counts", [0.0, 2 * np.pi / 2**14])
+@pytest.mark.parametrize("digits", [12, 2])
+def test_neither_counts_nor_rounding_make_two_sensors_one(counts, digits):
+    run, _ = integrated_record()
+    q = np.round(run.q / counts) * counts if counts else run.q
+    assert not sensor_instruments(
+        kinematics(replace(run, q=q, dq=np.round(run.dq, digits)))
+    ).shares_noise
+
+
+def test_a_second_encoder_is_taken_before_speeds_unless_it_is_the_first():
+    run, true = integrated_record()
+    other = true + NOISE * np.random.default_rng(2).standard_normal(true.shape)
+    both = sensor_instruments(kinematics(replace(run, q_link=other)))
+    assert "second encoders" in both.found[0]
+    copied = sensor_instruments(kinematics(replace(run, q_link=run.q)))
+    assert "measured speeds" in copied.found[0] and not copied.shares_noise
+
+
+def test_speeds_in_another_unit_are_refused():
+    run, _ = integrated_record()
+    with pytest.raises(IdentificationError, match="dq of joint 'a' is 57.3 times .* its unit"):
+        sensor_instruments(kinematics(replace(run, dq=np.rad2deg(run.dq))))

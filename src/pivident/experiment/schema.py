@@ -90,6 +90,7 @@ class UnitsEntry(Entry):
     dq_ref: Any = None
     ddq_ref: Any = None
     q_link: Any = None  # flexible joints
+    dq: Any = None
     t: Any = None
     inputs: dict[str, Any] = Field(default_factory=dict)
 

@@ -64,12 +64,12 @@ def column_lines(
     kept: KeptJoints,
     clock: LogClock,
     others: Mapping[str, OwnClock],
-    references: Mapping[str, Any],
+    besides: Mapping[str, Any],
     keys: Mapping[str, int],
 ) -> list[Assumption]:
-    """Where every channel is."""
+    """Where every channel is; ``besides``: unit and reason of those that are not needed."""
     numbers = {number: key for key, number in keys.items()}
-    read = ["q", "tau", *(name for name in ("q_ref", "dq_ref") if name in references)]
+    read = ["q", "tau", *besides]
     lines = []
     if clock.column is not None:
         place: Any = clock_place(clock.column, others, read)
@@ -82,8 +82,8 @@ def column_lines(
         if len(keys) > 1 and numbers[channel.file] != name:
             value = {"file": numbers[channel.file], "columns": value}
         seen = f"by their names; {joints.seen}"
-        if name in references:
-            seen = f"by their names; {references[name][1]}"
+        if name in besides:
+            seen = f"by their names; {besides[name][1]}"
         if name in others:
             seen += f"; it comes at {others[name].rate:.5g} Hz by a clock of its own"
         if channel.others:
@@ -91,12 +91,12 @@ def column_lines(
         sure = joints.sure if name == "q" or joints.sure == "assumed" else "likely"
         lines.append(Assumption("recording.columns", name, value, sure, seen))
     speed = joints.channels.get("dq")
-    if not references:
+    if not {"q_ref", "dq_ref"} & besides.keys():
         seen = "no column follows the positions as their reference; name one if there is"
         lines.append(
             Assumption("recording.columns", "q_ref", None, "likely", seen, example='["r1", "r2"]')
         )
-    if speed is not None:
+    if speed is not None and "dq" not in besides:
         first = next(iter(speed.columns.values()), "dq")
         lines[0] = _with_note(
             lines[0], f"Logged speeds ({first} …) are not needed: they follow from the positions"
@@ -114,7 +114,7 @@ def unit_lines(
     unit: AssumedUnits,
     own: Sequence[int],
     torque: TorqueUnit,
-    references: Mapping[str, tuple[Any, str]],
+    besides: Mapping[str, tuple[Any, str]],
 ) -> list[Assumption]:
     """Unit of every channel."""
     lines = []
@@ -134,6 +134,6 @@ def unit_lines(
             torque.question,
         )
     )  # fmt: skip
-    for name, (value, seen) in references.items():
+    for name, (value, seen) in besides.items():
         lines.append(Assumption("recording.units", name, value, "likely", seen))
     return lines

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +19,7 @@ from pivident.init.column_lines import (
     window_line,
 )
 from pivident.init.kept_joints import KeptJoints, kept_joints
+from pivident.init.measured_speeds import measured_speeds
 from pivident.init.motion_window import motion_window
 from pivident.init.robot_file import RobotFile
 from pivident.init.torque_unit import Comparison, compare, torque_unit
@@ -99,16 +100,20 @@ def recording_lines(
         found = compare(robot, si[rows][:, own], tau[rows], clock.seconds[rows])
     channel = joints.channels["tau"]
     torque = torque_unit(robot, found, named, channel.is_current, answers.get("unit of tau"))
-    keys = _file_keys(run, joints)
     references = _references(run, joints, kept, si[:, own], clock, unit, own)
-    used = ("tau", *references)
+    speeds = measured_speeds(
+        run, joints, kept, si[:, own], clock.seconds, rows, [unit.units[j] for j in own]
+    )
+    besides = references | speeds
+    keys = _file_keys(run, joints, ("q", "tau", "q_ref", "dq_ref", *speeds))
+    used = ("tau", *besides)
     others = {n: c for n in used if (c := joints.channels[n].own_clock(run)) is not None}
     lines = [
         *clock_lines(clock, others),
         *window_line(clock, window, still, (first, last)),
         *side_lines(torque, found),
-        *column_lines(joints, kept, clock, others, references, keys),
-        *unit_lines(clock, unit, own, torque, references),
+        *column_lines(joints, kept, clock, others, besides, keys),
+        *unit_lines(clock, unit, own, torque, besides),
     ]
     return RecordingLines(
         robot,
@@ -226,10 +231,10 @@ def _joint_lines(
     return lines
 
 
-def _file_keys(run: Run, joints: JointMap) -> dict[str, int]:
+def _file_keys(run: Run, joints: JointMap, channels: Sequence[str]) -> dict[str, int]:
     """A key for each file that is used: the first channel that it holds."""
     keys: dict[str, int] = {}
-    for name in ("q", "tau", "q_ref", "dq_ref"):
+    for name in channels:
         channel = joints.channels.get(name)
         if channel is not None and channel.file not in keys.values():
             keys[name] = channel.file

@@ -81,7 +81,7 @@ def bare_log(path: str | Path, robot: Robot | None = None, column_names: Sequenc
 
 def _units(channel: ChannelColumns, joints: Sequence[str]) -> list[str | None]:
     """Unit of each joint's column, None where its name says none; a current is in amperes."""
-    known = UNITS_OF["dq_ref" if channel.name == "dq" else channel.name]
+    known = UNITS_OF[channel.name]
     other = "A" if channel.is_current else None
     units = [channel.units.get(joint, other) for joint in joints]
     return [unit if unit in known else other for unit in units]

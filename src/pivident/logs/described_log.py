@@ -36,7 +36,7 @@ def described_log(
     delay: float | None = None,
     **description: Any,
 ) -> Log:
-    """A log whose columns are described as for `load_recording`, plus ``dq`` for logged speeds.
+    """A log whose columns are described as for `load_recording`.
 
     It is judged as it was logged also where `resample` is given: interpolation would blur limits
     and steps of encoders.
@@ -112,14 +112,12 @@ def in_si(log: Log) -> tuple[dict[str, np.ndarray], tuple[int, ...]]:
     channels = {}
     for channel, values in log.logged.items():
         joints = values.shape[1]
-        spec = said.units.get(channel, said.units.get("dq_ref") if channel == "dq" else None)
+        spec = said.units.get(channel)
         listed = list(spec) if isinstance(spec, (list, tuple)) else [spec] * joints
         with concerning("units", channel):
             if len(listed) < joints:
                 raise RecordingError(f"{channel} has {len(listed)} units for {joints} joint(s)")
-            factors, commands = factors_of(
-                "dq_ref" if channel == "dq" else channel, listed[:joints]
-            )
+            factors, commands = factors_of(channel, listed[:joints])
         values = values * factors
         if channel == "tau" and commands.any():
             gains, without = gains_of(commands, said.transmission)

@@ -36,6 +36,7 @@ UNITS_OF = {
     "q": POSITION,
     "q_ref": POSITION,
     "q_link": POSITION,  # flexible joints
+    "dq": SPEED,
     "dq_ref": SPEED,
     "ddq_ref": ACCELERATION,
     "tau": TORQUE | COMMAND,

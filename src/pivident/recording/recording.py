@@ -26,7 +26,7 @@ from pivident.text import display
 from pivident.text.printable import is_printable
 
 #: Fields that hold samples, besides the inputs.
-CHANNELS = ("q", "tau", "q_ref", "dq_ref", "ddq_ref", "q_link")  # q_link: flexible joints
+CHANNELS = ("q", "tau", "q_ref", "dq_ref", "ddq_ref", "q_link", "dq")
 
 #: Longest drive_delay that is believed [s]; more is a delay in milliseconds without its 1e-3.
 MAX_DRIVE_DELAY = 0.1
@@ -62,6 +62,8 @@ class Recording:
             (samples, joints) in the unit of that output (V, A or N m).
         q_link: positions of second encoders behind the gear, shape (samples, joints) [rad or m],
             or None; q is then the motor encoder over the gear ratio. See `pivident.flexibility`.
+        dq: measured speeds, shape (samples, joints) [rad/s or m/s], or None; of use where they
+            come from another sensor than q, see `pivident.instruments.second_sensor`.
         control_rate: rate of the control loop [Hz]; zero stands for the sampling rate.
         torque_timing: ``held``: applied from its instant until the next control instant;
             ``averaged``: mean over the period before its instant; ``sampled``: value at its
@@ -104,6 +106,7 @@ class Recording:
     ddq_ref: np.ndarray | None = None
     inputs: dict[str, np.ndarray] = field(default_factory=dict)
     q_link: np.ndarray | None = field(default=None, kw_only=True)  # flexible joints
+    dq: np.ndarray | None = field(default=None, kw_only=True)
     control_rate: float = 0.0
     torque_timing: TorqueTiming = "held"
     delay: float = 0.0

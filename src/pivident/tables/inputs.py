@@ -36,6 +36,7 @@ def recording_signals(recording: Recording) -> Table:
         "dq_ref": "reference speed [rad/s or m/s]",
         "ddq_ref": "reference acceleration [rad/s² or m/s²]",
         "q_link": "position behind the gear [rad or m]",
+        "dq": "measured speed [rad/s or m/s]",
     }
     return Table("signals", columns, {k: v for k, v in meanings.items() if k in columns})
 

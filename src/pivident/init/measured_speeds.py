@@ -1,0 +1,81 @@
+"""Logged speeds that come from a sensor of their own: columns for instruments of kind ``sensor``.
+
+Most speeds of a log are differences of its positions. They add nothing, and are left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from pivident.init.kept_joints import KeptJoints
+from pivident.instruments.second_sensor import SAME_SENSOR
+from pivident.logs.recognition.joint_columns import JointMap
+from pivident.logs.recognition.log_file import Run
+from pivident.logs.recognition.position_units import following_unit
+from pivident.logs.units import SPEED
+from pivident.signals.shared_noise import explained_noise
+from pivident.text.numbers import percent
+
+#: Samples that are compared: enough to tell 0.05 from 0.1.
+COMPARED = 5000
+
+
+def measured_speeds(
+    run: Run,
+    joints: JointMap,
+    kept: KeptJoints,
+    q: np.ndarray,
+    seconds: np.ndarray,
+    rows: np.ndarray,
+    units: Sequence[str],
+) -> dict[str, tuple[Any, str]]:
+    """Unit of ``dq`` and what was seen, where its noise is not that of the positions; else nothing.
+
+    ``q``: positions of the joints that are kept, shape (samples, joints) [rad or m];
+    ``seconds``: their stamps; ``rows``: samples that are used; ``units``: of each joint's
+    positions in the log.
+    """
+    channel = joints.channels.get("dq")
+    if channel is None or not set(kept.names) <= set(channel.columns) or channel.own_clock(run):
+        return {}
+    values = channel.values(run, kept.names)
+    if len(values) != len(q) or not np.isfinite(values[rows]).all():
+        return {}  # a channel with gaps would be refused
+    first = max(0, (int(rows.sum()) - COMPARED) // 2)
+    t, x, y = (a[rows][first : first + COMPARED] for a in (seconds, q, values))
+    found = [_unit(q, dq, t, own) for q, dq, own in zip(x.T, y.T, units, strict=True)]
+    if None in found:
+        return {}
+    x, y, rate = _at_equal_intervals(t, x, y)
+    share = float(explained_noise(x, y, rate).max())
+    if share > SAME_SENSOR:
+        return {}
+    seen = (
+        f"measured by a sensor of its own: the noise of the positions explains at most "
+        f"{percent(100 * max(share, 0.0))} of its noise"
+    )
+    return {"dq": (found[0] if len(set(found)) == 1 else found, seen)}
+
+
+def _unit(q: np.ndarray, dq: np.ndarray, t: np.ndarray, unit: str) -> str | None:
+    """Unit in which a logged speed follows the derivative of the position, or nothing."""
+    tried = ("m/s", "mm/s") if unit in ("m", "mm") else ("rad/s", "deg/s", "rev/s", "rpm")
+    slope = np.gradient(q, t)[:, np.newaxis]
+    match = following_unit(dq[:, np.newaxis], slope, tried, SPEED)
+    return None if match is None else match[0]
+
+
+def _at_equal_intervals(
+    t: np.ndarray, x: np.ndarray, y: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Both channels on a uniform clock of the same number of samples, and its rate [Hz]."""
+    from scipy.interpolate import CubicSpline
+
+    even = np.linspace(t[0], t[-1], len(t))
+    rate = (len(t) - 1) / (t[-1] - t[0])
+    if np.abs(even - t).max() < 0.01 / rate:
+        return x, y, rate
+    return CubicSpline(t, x)(even), CubicSpline(t, y)(even), rate
