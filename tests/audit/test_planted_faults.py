@@ -8,6 +8,7 @@ import pytest
 
 from pivident.audit.audit import audit_log
 from pivident.audit.delay import faster_loop, undeclared_timing
+from pivident.init.torque_unit import compare, torque_unit
 from tests.audit.logs import (
     clean_log,
     delayed,
@@ -92,6 +93,29 @@ def test_gain_of_one_torque(factor, severity):
     assert audit.scale.factors[1] == pytest.approx(factor, rel=0.01)
     gains = {(f.severity, f.subject) for f in audit.of("scale") if f.severity != "ok"}
     assert gains == (set() if severity is None else {(severity, "joint_2")})
+
+
+def test_a_body_described_the_wrong_way_round_is_no_reversed_sign():
+    log = planar()
+    elbow = log.robot.links[1]
+    turned = replace(elbow, inertia=elbow.inertia * np.r_[np.ones(6), -np.ones(3), 1.0])
+    wrong = replace(log, robot=replace(log.robot, links=(log.robot.links[0], turned)))
+    audit = audit_log(wrong)
+    assert audit.scale.factors[1] < 0 and audit.power.right == (0, 1)
+    assert serious(audit) == {("warning", "gain", "elbow")}
+    (finding,) = [f for f in audit.of("scale") if f.severity != "ok"]
+    assert finding.next_step.startswith("Friction shows that its sign is right")
+    found = compare(wrong.robot, log.channels["q"], log.channels["tau"], log.clock)
+    assert torque_unit(wrong.robot, found, "N m", False, None).value == "N m"
+
+
+def test_a_wrong_body_has_another_shape_than_a_wrong_gain():
+    log = planar()
+    elbow = log.robot.links[1]
+    heavy = replace(elbow, inertia=elbow.inertia * np.r_[np.ones(6), 0.1, 1.0, 1.0, 1.0])
+    robot = replace(log.robot, links=(log.robot.links[0], heavy))
+    assert abs(audit_log(replace(log, robot=robot)).scale.likeness[1]) < 0.95
+    assert audit_log(with_torque(log, 1, lambda x: 5.0 * x)).scale.likeness[1] > 0.99
 
 
 def test_motor_torque_taken_for_joint_torque():

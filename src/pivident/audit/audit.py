@@ -198,7 +198,7 @@ def _with_model(
         model = model.delayed(delay.common[0])
     say("looking at signs, gains and excitation")
     power = check_power(log, model)
-    scale = check_scale(log, model)
+    scale = check_scale(log, model, power.right)
     excitation = check_excitation([model])
     findings += [*order.findings, *delay.findings, *power.findings, *scale.findings]
     findings += [*_unexplained(model), *excitation.findings]

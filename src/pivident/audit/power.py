@@ -47,7 +47,8 @@ class Power:
     findings: tuple[Finding, ...]
     friction: np.ndarray  # power that friction takes from each joint [W], NaN where it is not known
     standard_errors: np.ndarray  # of that power [W]
-    reversed: tuple[int, ...]  # joints whose sign is reversed
+    reversed: tuple[int, ...]  # joints whose sign is reversed: friction would clearly give energy
+    right: tuple[int, ...]  # joints whose sign is right: friction clearly takes energy
     static: np.ndarray  # friction level of each joint [N m or N], NaN where it is not known
 
 
@@ -69,7 +70,8 @@ def check_power(log: Log, model: InverseModel) -> Power:
                 _power_finding(model, j, power[j], standard_errors[j], negative, clear[j])
             )
     findings += _gravity_at_rest(log, model, tau, static)
-    return Power(tuple(findings), power, standard_errors, tuple(negative), static)
+    positive = tuple(j for j in range(joints) if clear[j] and power[j] > 0)
+    return Power(tuple(findings), power, standard_errors, tuple(negative), positive, static)
 
 
 def mechanical_power(log: Log) -> list[Finding]:

@@ -10,6 +10,7 @@ inertia share is a gain: a torque constant, a gear ratio, a sign.
 
 from __future__ import annotations
 
+from collections.abc import Container
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -35,6 +36,10 @@ BLUNT = 0.2
 #: Share of a joint's described torque that friction and a rotor of its own must leave open.
 OWN = 1e-2
 
+#: Correlation of a torque with that of the description, both without friction, from which on they
+#: have one shape: a gain changes the scale of a torque, a wrong body its shape.
+ALIKE = 0.95
+
 #: A gain is within this factor of a gear ratio if it comes from it.
 NEAR = 1.4
 
@@ -52,6 +57,7 @@ class Scale:
     findings: tuple[Finding, ...]
     factors: np.ndarray  # torque of the log per torque of the description, or NaN
     standard_errors: np.ndarray  # of the factors
+    likeness: np.ndarray  # correlation of both torques, without friction, or NaN
 
 
 def check_assumed(log: Log) -> list[Finding]:
@@ -74,24 +80,28 @@ def check_positions(
     return [*findings, finding], other
 
 
-def check_scale(log: Log, model: InverseModel) -> Scale:
-    """Compare the torques of a log with those of the robot's description."""
+def check_scale(log: Log, model: InverseModel, signs_right: Container[int] = ()) -> Scale:
+    """Compare the torques of a log with those of the robot's description.
+
+    ``signs_right``: joints whose friction shows that their sign is right.
+    """
     joints = model.robot.size
-    factors, standard_errors = np.full(joints, np.nan), np.full(joints, np.nan)
+    factors, standard_errors, likeness = np.full((3, joints), np.nan)
     tau = model.tau()
     described = any(np.any(link.inertia) for link in model.robot.links)
     for j in range(joints):
         if described and model.usable(j):
-            factors[j], standard_errors[j] = _gain(model, j, tau[:, j])
+            factors[j], standard_errors[j], likeness[j] = _gain(model, j, tau[:, j])
     blunt = ~(standard_errors < BLUNT * np.abs(factors))
     factors[blunt] = np.nan
-    findings = _gain_findings(log, model, factors, standard_errors)
+    found = Scale((), factors, standard_errors, likeness)
+    findings = _gain_findings(log, model, found, signs_right)
     if any(f.severity != "ok" for f in findings):
         load = flange_load(model, factors)
         if load is not None and _gains_agree(load, [j for j in range(joints) if j in log.commands]):
             fine = [f for f in findings if f.severity == "ok"]
             findings = [*fine, _load_finding(model.robot, load)]
-    return Scale(tuple(findings), factors, standard_errors)
+    return replace(found, findings=tuple(findings))
 
 
 def _gains_agree(load: FlangeLoad, commands: list[int]) -> bool:
@@ -221,8 +231,8 @@ def _total_error(model: InverseModel) -> float:
     return float(np.exp(np.mean(np.log(np.maximum(errors, 1e-6))))) if usable else 1.0
 
 
-def _gain(model: InverseModel, j: int, tau: np.ndarray) -> tuple[float, float]:
-    """One factor for gravity and inertia together, and how far the two disagree.
+def _gain(model: InverseModel, j: int, tau: np.ndarray) -> tuple[float, float, float]:
+    """One factor for gravity and inertia together, how far the two disagree, and the likeness.
 
     A rotor that the description lacks takes its part of the inertia. The standard error is that of
     the fit, or half the distance between gravity's factor and inertia's where both are known: a
@@ -237,7 +247,7 @@ def _gain(model: InverseModel, j: int, tau: np.ndarray) -> tuple[float, float]:
     both = np.column_stack([model.gravity[rows, j], model.inertial[rows, j]])
     size = np.linalg.norm(both, axis=0)
     if not size.max():
-        return np.nan, np.nan
+        return np.nan, np.nan, np.nan
     own = model.columns[j][rows][:, friction]
     if model.robot.rotor_inertia[j] == 0.0 and model.robot.size > 1:
         # Not described, it would pass for the link's inertia; of a single axis the two are one.
@@ -246,7 +256,7 @@ def _gain(model: InverseModel, j: int, tau: np.ndarray) -> tuple[float, float]:
     block, y = model.block[rows], tau[rows]
     together = both.sum(axis=1)
     if _apart(together, rest) < OWN:
-        return np.nan, np.nan
+        return np.nan, np.nan, np.nan
     fit = blocked_fit(np.column_stack([together / np.linalg.norm(together), rest]), y, block)
     factor = float(fit.estimate[0] / np.linalg.norm(together))
     standard_error = float(jackknife(fit.replicates[:, :1])[0] / np.linalg.norm(together))
@@ -256,22 +266,32 @@ def _gain(model: InverseModel, j: int, tau: np.ndarray) -> tuple[float, float]:
         spread = jackknife(split.replicates[:, :2]) / size
         if np.all(spread < BLUNT * np.abs(apart)):
             standard_error = max(standard_error, float(abs(apart[0] - apart[1])) / 4.0)
-    return factor, standard_error
+    described, measured = (_without(column, rest) for column in (together, y))
+    sizes = float(np.linalg.norm(described) * np.linalg.norm(measured))
+    return factor, standard_error, float(described @ measured) / max(sizes, 1e-300)
+
+
+def _without(column: np.ndarray, rest: np.ndarray) -> np.ndarray:
+    """What orthonormal others do not make up of a column."""
+    return column - rest @ (rest.T @ column)
 
 
 def _apart(column: np.ndarray, rest: np.ndarray) -> float:
     """Share of a column that orthonormal others do not make up."""
-    left = column - rest @ (rest.T @ column)
+    left = _without(column, rest)
     return float(np.linalg.norm(left) / max(float(np.linalg.norm(column)), 1e-300))
 
 
 def _gain_findings(
-    log: Log, model: InverseModel, factors: np.ndarray, standard_errors: np.ndarray
+    log: Log,
+    model: InverseModel,
+    found: Scale,
+    signs_right: Container[int],
 ) -> list[Finding]:
     findings = []
     reduction = np.abs(np.diag(model.robot.transmission.reduction))
     for j, joint in enumerate(model.robot.joints):
-        a, standard_error = float(factors[j]), float(standard_errors[j])
+        a, standard_error = float(found.factors[j]), float(found.standard_errors[j])
         if not np.isfinite(a):
             continue
         interval = (a - 2 * standard_error, a + 2 * standard_error)
@@ -280,6 +300,9 @@ def _gain_findings(
             "description."
         )
         severity, step = _judged_gain(a, standard_error, float(reduction[j]))
+        if severity == "error" and (abs(found.likeness[j]) < ALIKE or (a < 0 and j in signs_right)):
+            # A wrong body leaves the estimate as it is, which needs right torques only.
+            severity, step = "warning", _wrong_body(joint.name, a < 0 and j in signs_right)
         if j in log.commands:
             unit = "N m" if joint.kind == "revolute" else "N"
             severity = "warning"
@@ -296,6 +319,17 @@ def _gain_findings(
         }
         findings.append(Finding(severity, "scale", "gain", text, joint.name, step, evidence))
     return findings
+
+
+def _wrong_body(joint: str, sign_is_right: bool) -> str:
+    """What to do where friction, or the shape of the torque, speaks against the masses."""
+    why = "Friction shows that its sign is right"
+    if not sign_is_right:
+        why = "It has another shape, so that this is no gain alone"
+    return (
+        f"{why}: the mass or the centre of mass of the link of {joint}, or of what it carries, "
+        "seems to be wrong in the description; check also the gain and the gear ratio."
+    )
 
 
 def _judged_gain(a: float, standard_error: float, ratio: float) -> tuple[Severity, str]:

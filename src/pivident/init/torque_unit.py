@@ -10,6 +10,7 @@ links need to be accelerated; it is estimated beside the factor where the descri
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,7 +20,7 @@ from pivident.audit.blocked_fit import blocked_fit, jackknife, orthonormal
 from pivident.audit.flange_load import FlangeLoad, flange_load
 from pivident.audit.inverse_model import InverseModel, build_inverse_model
 from pivident.audit.power import check_power
-from pivident.audit.scale import check_positions, check_scale
+from pivident.audit.scale import ALIKE, check_positions, check_scale
 from pivident.audit.timing import check_timing
 from pivident.check.torque_side import TorqueSideEvidence, torque_side_evidence
 from pivident.errors import PividentError
@@ -100,7 +101,7 @@ def compare(robot: Robot, q: np.ndarray, tau: np.ndarray, seconds: np.ndarray) -
             return Comparison(nothing, nothing, angle_unit=True)
         model = better or model
         power = check_power(log, model)
-        factors, standard_errors = description_factors(log, model)
+        factors, standard_errors = description_factors(log, model, power.right)
         side = torque_side_evidence(log, timing, model)
         load = flange_load(model, factors)
         if load is not None:
@@ -119,8 +120,14 @@ def compare(robot: Robot, q: np.ndarray, tau: np.ndarray, seconds: np.ndarray) -
     )
 
 
-def description_factors(log: Log, model: InverseModel) -> tuple[np.ndarray, np.ndarray]:
-    """Logged torque per torque of the description, and its standard error, by joint."""
+def description_factors(
+    log: Log, model: InverseModel, signs_right: Sequence[int] = ()
+) -> tuple[np.ndarray, np.ndarray]:
+    """Logged torque per torque of the description, and its standard error, by joint.
+
+    ``signs_right``: joints whose friction shows that their sign is right. Where the description
+    says otherwise, or its torque has another shape, its body is wrong: no sign follows from it.
+    """
     robot = model.robot
     scale = check_scale(log, model)
     factors, standard_errors = scale.factors.copy(), scale.standard_errors.copy()
@@ -129,6 +136,9 @@ def description_factors(log: Log, model: InverseModel) -> tuple[np.ndarray, np.n
             factors[j], standard_errors[j] = _beside_a_rotor(model, int(j))
     factors[~(standard_errors < BLUNT * np.abs(factors))] = np.nan
     factors[(factors < 0) & ~(standard_errors * CLEAR < np.abs(factors))] = np.nan
+    unlike = ~(np.abs(scale.likeness) >= ALIKE)
+    unlike[list(signs_right)] = True
+    factors[(factors < 0) & unlike] = np.nan
     if np.isfinite(factors).any():
         for kind in ("revolute", "prismatic"):  # a factor far from all others is a wrong one
             own = np.array([joint.kind == kind for joint in robot.joints])
