@@ -98,6 +98,32 @@ def test_instruments_without_a_law_remove_the_bias(runs, least_squares, kind):
     assert (np.abs(mean)[clear] < np.abs(biased)[clear] / 3.0 + 2.5 * spread[clear]).all()
 
 
+def test_a_second_sensor_removes_the_noise_of_the_first(runs):
+    """Noise on the log alone: smoothed accelerations shrink what least squares makes of them."""
+    robot, theta, records = runs
+    base = base_parameters(robot)
+    made = {"ls": [], "sensor": []}
+    reference = records[0].q_ref
+    for seed in range(RUNS):
+        rng = np.random.default_rng(300 + seed)
+        q, tau = planar_record(base, theta, reference, RATE, rng, encoder_noise=0.0)
+        tau = tau + 0.05 * rng.standard_normal(tau.shape)
+        dq = np.gradient(q, axis=0) * RATE + 2e-3 * rng.standard_normal(q.shape)
+        noisy = q + 2e-5 * rng.standard_normal(q.shape)
+        own = Recording("run", ("shoulder", "elbow"), noisy, tau, RATE, dq=dq)
+        for name, method in {
+            "ls": LeastSquares(signals=WIDE),
+            "sensor": InstrumentalVariables(signals=WIDE, instruments="sensor"),
+        }.items():
+            found = identify(Problem(robot, (own,)), method)
+            made[name].append(found.theta - theta)
+    biased, left = (np.mean(made[name], axis=0) for name in ("ls", "sensor"))
+    spread = {name: np.std(e, axis=0, ddof=1) / np.sqrt(RUNS) for name, e in made.items()}
+    clear = np.abs(biased) > 6.0 * spread["ls"]
+    assert clear.sum() >= 3
+    assert (np.abs(left)[clear] < np.abs(biased)[clear] / 3.0 + 2.5 * spread["sensor"][clear]).all()
+
+
 @pytest.fixture(scope="module")
 def least_squares(runs):
     """Mean error of least squares over the runs, and its standard error."""

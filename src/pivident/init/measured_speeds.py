@@ -1,6 +1,7 @@
-"""Logged speeds that come from a sensor of their own: columns for instruments of kind ``sensor``.
+"""Logged speeds with noise of their own: columns for instruments of kind ``sensor``.
 
-Most speeds of a log are differences of its positions. They add nothing, and are left out.
+Most speeds of a log are differences of its positions. They add nothing, and are left out. Those of
+another sensor do, and those that a drive makes of fine counts between the samples of the log.
 """
 
 from __future__ import annotations
@@ -54,8 +55,8 @@ def measured_speeds(
     if share > SAME_SENSOR:
         return {}
     seen = (
-        f"measured by a sensor of its own: the noise of the positions explains at most "
-        f"{percent(100 * max(share, 0.0))} of its noise"
+        "its noise is not that of the positions, which explains at most "
+        f"{percent(100 * max(share, 0.0))} of it: instruments may come from it"
     )
     return {"dq": (found[0] if len(set(found)) == 1 else found, seen)}
 

@@ -67,8 +67,8 @@ def load_recording(
             channel (``{"q": "positions.csv", "tau": "currents.csv"}``).
             A ROS 2 bag is a folder, or a file like a ROS 1 bag.
         columns: columns of ``q`` and ``tau``, and of ``q_ref``, ``dq_ref``, ``ddq_ref``, ``t``,
-            ``q_link`` (encoders behind the gear), ``dq`` (measured speeds, of use where they come
-            from a sensor of their own) where they were logged, in the notation of
+            ``q_link`` (encoders behind the gear), ``dq`` (measured speeds, of use where their noise
+            is not that of the positions) where they were logged, in the notation of
             `pivident.logs.channel_places`; known inputs by name under ``inputs``. ``t`` is one
             column for all channels, or a table with one for each channel that has a clock of its
             own; channels from a bag have the stamps of their messages without it.

@@ -62,8 +62,8 @@ class Recording:
             (samples, joints) in the unit of that output (V, A or N m).
         q_link: positions of second encoders behind the gear, shape (samples, joints) [rad or m],
             or None; q is then the motor encoder over the gear ratio. See `pivident.flexibility`.
-        dq: measured speeds, shape (samples, joints) [rad/s or m/s], or None; of use where they
-            come from another sensor than q, see `pivident.instruments.second_sensor`.
+        dq: measured speeds, shape (samples, joints) [rad/s or m/s], or None; of use where their
+            noise is not that of q, see `pivident.instruments.second_sensor`.
         control_rate: rate of the control loop [Hz]; zero stands for the sampling rate.
         torque_timing: ``held``: applied from its instant until the next control instant;
             ``averaged``: mean over the period before its instant; ``sampled``: value at its
