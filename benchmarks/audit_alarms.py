@@ -9,8 +9,8 @@ of the second kind (`tests.other_arms`) have rates of 50 to 250 Hz, 10 and 12 ms
 single lost samples, stops, encoders of 14 bits and speeds as drives log them; what is audited is
 the bare file, what is checked the experiment file that `pivident init` writes for it. An alarm is
 an error or a warning that is not true of the record: that an irregular clock is irregular is true,
-so is that a parameter is poorly excited if least squares misses it by as much as a fifth of its
-value, and then so is a large condition.
+so is that a parameter is poorly excited if least squares misses it by a fifth of its value, or
+would in another record of the same motion, and then so is a large condition.
 """
 
 from __future__ import annotations
@@ -112,7 +112,7 @@ def setting(seed: int) -> Setting:
 
 
 def is_missed(log: ArmLog, path: Path, name: str) -> bool:
-    """Whether least squares on an experiment misses a base parameter by `WEAK` of its value."""
+    """Whether error or standard error of a base parameter is more than `WEAK` of its value."""
     experiment = load_experiment(path)
     robot = experiment.robot
     base = base_parameters(robot)
@@ -123,8 +123,8 @@ def is_missed(log: ArmLog, path: Path, name: str) -> bool:
             standard[k] = log.arm.rotor_inertia[joint]
     k = base.names.index(name)
     truth = base.values(standard)[k]
-    found = identify(Problem(robot, experiment.recordings()), LeastSquares()).theta[k]
-    return bool(abs(found - truth) > WEAK * abs(truth))
+    found = identify(Problem(robot, experiment.recordings()), LeastSquares())
+    return bool(max(abs(found.theta[k] - truth), found.std[k]) > WEAK * abs(truth))
 
 
 def findings_of(log: ArmLog, clock: str) -> tuple[list[Finding], list[Finding]]:

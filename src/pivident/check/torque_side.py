@@ -35,17 +35,18 @@ from pivident.text.numbers import plus_minus
 #: Share of rotors, over all joints, that says that there are none …
 NO_ROTORS = 0.1
 
-#: … and that is not certainly more than what errors of the accelerations leave of none, …
+#: … and that is more than what errors of the accelerations leave of none neither over all joints
+#: by two standard errors nor in one by three, …
 NOTHING = 0.01
 
-#: … if in so many joints at least it is below this by two standard errors,
+#: … if in so many joints at least it is below this by two standard errors, …
 FEWEST, MAX_SHARE = 2, 0.25
-
-#: in none above this by three, …
-MIN_SHARE = 0.1
 
 #: … and friction is less than this share of the rms torque in most joints, as no drive's is.
 MAX_FRICTION = 0.6
+
+#: Share of a joint's rotor that, by three standard errors, is there for certain.
+MIN_SHARE = 0.1
 
 #: Postures at which inertias are taken.
 POSTURES = 50
@@ -73,8 +74,8 @@ class TorqueSideEvidence:
             return "motor"
         share, error = self.pooled
         no_rotors = share + 2.0 * error < NO_ROTORS and share - 2.0 * error < NOTHING
-        no_rotors = no_rotors and without >= FEWEST
-        if no_rotors and not self.with_rotor and np.nanmedian(self.friction) < MAX_FRICTION:
+        no_rotors = no_rotors and not (self.rotor - 3.0 * self.rotor_errors > NOTHING).any()
+        if no_rotors and without >= FEWEST and np.nanmedian(self.friction) < MAX_FRICTION:
             return "link"
         return "unknown"
 
