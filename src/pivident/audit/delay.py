@@ -75,8 +75,9 @@ def check_delay(log: Log, model: InverseModel) -> Delay:
     """Estimate how much later the torque was logged than the positions.
 
     Static friction of a standstill reaches into the motion beside it and can look like a delay. One
-    that is not there without those rows is none. What the law of dry friction lacks where a joint
-    turns back differs by joint, and is no delay either if the motion between contradicts it.
+    that is not there without those rows is none, and that of a joint has to be visible there. What
+    the law of dry friction lacks where a joint turns back differs by joint, and is no delay either
+    if the motion between contradicts it.
     """
     found = _estimated(log, model)
     if all(finding.severity == "ok" for finding in found.findings):
@@ -92,7 +93,7 @@ def check_delay(log: Log, model: InverseModel) -> Delay:
         j = names.get(finding.subject)
         none = finding.severity != "ok" and not _agree(found, apart, j)
         if finding.severity != "ok" and j is not None and fast is not None:
-            none |= _contradicts(found, fast, j)
+            none |= _contradicts(found, fast, j) or apart.gains[j] < GAIN_WARNING
         findings.append(replace(finding, severity="ok", next_step="") if none else finding)
     return replace(found, findings=tuple(findings))
 
@@ -212,7 +213,8 @@ def _findings(log: Log, model: InverseModel, found: Delay) -> list[Finding]:
         if abs(abs(mean) / period - 0.5) < 0.15 and log.torque_timing == "held" and mean > 0:
             step += ' torque_timing = "sampled" would also explain half a sample.'
     kind, evidence = "late" if mean > 0 else "early", _evidence(mean, standard_error, period)
-    timing = undeclared_timing(log, model.rate, found.common) if severity != "ok" else None
+    clear = abs(mean) > CLEAR * standard_error  # which instant a torque belongs to needs no more
+    timing = undeclared_timing(log, model.rate, found.common) if clear else None
     if timing is not None:
         severity, kind = "note", "timing"
         text = (
@@ -220,7 +222,7 @@ def _findings(log: Log, model: InverseModel, found: Delay) -> list[Finding]:
             "one that is held from its instant on."
         )
         step = f'Set torque_timing = "{timing}" under [recording].'
-    faster = faster_loop(log, model.rate, found.common) if severity != "ok" else None
+    faster = faster_loop(log, model.rate, found.common) if clear else None
     if faster is not None:
         severity, kind = "note", "loop rate"
         held = _with_interval(period - 2 * mean, 4 * standard_error)
@@ -271,10 +273,11 @@ def undeclared_timing(
     )
     found, standard_error = (rate * value for value in common)
     allowed = CLEAR * standard_error + OFF_TIMING
-    apart = [abs(found - (held - shift)) for shift in others]
-    if abs(found) <= min(apart) or min(apart) > allowed:
+    sampled, averaged = (abs(found - (held - shift)) for shift in others)
+    if abs(found) <= min(sampled, averaged) or min(sampled, averaged) > allowed:
         return None
-    return "sampled" if apart[0] < apart[1] else "averaged"
+    # Logs of values at their instants are the more usual: where both may be, they are.
+    return "sampled" if sampled <= max(averaged, allowed) else "averaged"
 
 
 def faster_loop(log: Log, rate: float, common: tuple[float, float]) -> float | None:
