@@ -191,13 +191,17 @@ def test_without_friction_parameters_nothing_is_said_of_their_law(quiet):
     assert list(friction_law(diagnosed, "piv")) == []
 
 
-def with_joints(error, wrist: float = 3.0, noise: float = 0.01):
-    """Errors of two joints below 20 Hz, that of the second in per cent and with its noise."""
+def with_joints(error, wrist: float = 3.0, noise: float = 0.01, moving: float | None = None):
+    """Errors of two joints below 20 Hz, that of the second in per cent and with its noise.
+
+    ``moving``: its error without standstill [%]; None: the same.
+    """
     error.joint_names, error.units = ("shoulder", "wrist"), ("N m", "N m")
     error.torque_in_band = np.array([50.0, 0.8])
     error.relative_in_band = np.array([1.9, wrist])
     error.rms_in_band = error.torque_in_band * error.relative_in_band / 100.0
     error.noise_in_band = np.array([0.01, noise])
+    error.moving_in_band = np.array([1.9, wrist if moving is None else moving])
     return error
 
 
@@ -279,6 +283,9 @@ def test_a_joint_that_a_small_error_of_all_joints_hides_is_named():
     assert "Noise" not in missed.message
     with_joints(judged.prediction, wrist=52.0, noise=0.4)
     assert "Noise of the logged torque may" in list(prediction(diagnosed, "piv"))[1].message
+    with_joints(judged.prediction, wrist=52.0, moving=1.2)  # it stands, held by friction
+    (said,) = prediction(diagnosed, "piv")
+    assert "is 52 %, wrist (1.2 % without standstill, where dry friction" in said.message
 
 
 def test_a_validation_recording_is_called_by_its_name(simulated, tmp_path):

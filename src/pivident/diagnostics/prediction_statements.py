@@ -10,6 +10,7 @@ from pivident.diagnostics.diagnostics import Diagnostics
 from pivident.text.finding import Finding, Quantity, Severity
 from pivident.text.numbers import format_significant, percent
 from pivident.validation.held_out.cross_validation import CrossValidation
+from pivident.validation.held_out.prediction import at_rest
 
 #: A simulated loop whose torque misses more than this of the measured one explains less than three
 #: quarters of its power (1 - 0.5²) and is a reservation [%].
@@ -64,6 +65,7 @@ def prediction(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     if len(error.joint_names) > 1:
         largest = float(error.relative_in_band[worst])
         text += f"; the largest of a joint is {percent(largest)}, {error.joint_names[worst]}"
+        text += at_rest(error, worst)
         evidence["largest of a joint"] = Quantity(largest, "%")
     yield Finding(severity, "prediction", kind, f"{text}.", "", step, evidence, basis)
     yield from _missed_joints(judged)
@@ -72,11 +74,11 @@ def prediction(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
 def _missed_joints(judged: CrossValidation) -> Iterator[Finding]:
     """Joints whose torque is hardly predicted, which a small error of all joints can hide."""
     e = judged.prediction
-    for name, share, noise, rms, torque, unit in zip(
-        e.joint_names, e.relative_in_band, e.noise_in_band, e.rms_in_band, e.torque_in_band,
-        e.units, strict=True,
+    for name, share, moving, noise, rms, torque, unit in zip(
+        e.joint_names, e.relative_in_band, e.moving_in_band, e.noise_in_band, e.rms_in_band,
+        e.torque_in_band, e.units, strict=True,
     ):  # fmt: skip
-        if share <= JOINT_MISSES:
+        if share <= JOINT_MISSES or moving <= JOINT_MISSES:
             continue
         text = (
             f"The torque of {name} is hardly predicted: its error on {judged.motion} is "

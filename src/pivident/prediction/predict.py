@@ -26,7 +26,7 @@ from pivident.text.numbers import format_significant, percent
 from pivident.validation.held_out.cross_validation import CrossValidation
 from pivident.validation.held_out.folds import moving_part
 from pivident.validation.held_out.held_out_errors import HeldOutErrors
-from pivident.validation.held_out.prediction import Judge
+from pivident.validation.held_out.prediction import Judge, at_rest
 
 #: From this error on the model predicts less than nothing [%].
 WITHOUT_USE = 100.0
@@ -143,6 +143,7 @@ def _error_findings(error: ErrorOnLog, held_out: HeldOutErrors | None) -> list[F
     )
     if len(e.joint_names) > 1:
         text += f"; the largest of a joint is {percent(e.relative_in_band[j])}, {e.joint_names[j]}"
+        text += at_rest(e, j)
     ends = float(error.total_interval[0]), float(error.total_interval[1])
     evidence = {"torque error": Quantity(e.total_in_band, "%", interval=ends)}
     findings = [Finding("note", "prediction", "error", f"{text}.", evidence=evidence)]

@@ -14,8 +14,11 @@ from pivident.estimation.methods import (
     PrefilteredIV,
     RandomWalk,
 )
+from pivident.estimation.problem import Problem
 from pivident.recording.public_records import load_emps, load_emps_pulses
+from pivident.recording.recording import Recording
 from pivident.robot.gallery import load_robot
+from pivident.robot.urdf import parse_urdf
 from pivident.signals.bandpass import butterworth
 from pivident.simulation.controllers import Cascade
 from pivident.validation.held_out import cross_validation
@@ -28,8 +31,16 @@ from pivident.validation.held_out.out_of_sample import (
     error_ratio,
     is_worse,
 )
-from pivident.validation.held_out.prediction import Judge, level_beyond, motion_band, total_error
+from pivident.validation.held_out.prediction import (
+    Judge,
+    at_rest,
+    level_beyond,
+    motion_band,
+    pooled,
+    total_error,
+)
 from pivident.validation.held_out.replay import Replay, as_logged
+from tests.other_arms import Setting, make_log
 from tests.validation import one_axis as axis
 
 FULL_RATE = LeastSquares(signals=RandomWalk())
@@ -351,3 +362,18 @@ def test_emps_piv_with_a_noise_model_of_the_model_error_is_found_out(public_data
         identifications={"iv-full-rate": compared.results["iv"].identification},
     )  # fmt: skip
     assert good.recommended == "piv" and not good.piv_is_worse
+
+
+def test_what_an_arm_held_by_friction_adds_to_the_error_is_told_apart():
+    """Records with stops: friction holds a resting joint with up to 0.8 of its level."""
+    made = make_log(21, Setting("regular", 200.0, 30.0, 2.0, 0.002, "none", 0.6))
+    robot = parse_urdf(made.arm.urdf)
+    record = Recording(
+        "run", made.arm.joint_names, made.q, made.tau, 200.0, torque_timing="sampled"
+    )
+    found = identify(Problem(robot, (record,)), "ls")
+    (error,) = Judge(record).score(found, [slice(0, record.samples)])
+    assert error.relative_in_band[0] > 10.0 and error.moving_in_band[0] < 2.0
+    assert "without standstill" in at_rest(error, 0)
+    whole = pooled([error, error])
+    np.testing.assert_allclose(whole.moving_in_band, error.moving_in_band)

@@ -16,10 +16,13 @@ import numpy as np
 
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import RandomWalk
+from pivident.estimation.problem import LOW_SPEED
 from pivident.motion.kinematics import MOTION_BAND
+from pivident.motion.speed_limits import SpeedLimits
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.signals.bandpass import butterworth
+from pivident.text.numbers import percent
 
 #: Order of the low-pass, run forwards and backwards.
 ORDER = 4
@@ -52,6 +55,9 @@ class PredictionError:
     #: The part of ``rms_in_band`` that the noise level just beyond the band would give, continued
     #: to zero frequency [unit]; an upper bound where model error reaches beyond the band.
     noise_in_band: np.ndarray
+    #: The part of ``rms_in_band`` of samples at which the joint stands [unit]: dry friction then
+    #: holds it with any torque up to its own, which no law predicts.
+    rest_in_band: np.ndarray
     band: float  # highest frequency of the motion [Hz]
     samples: int  # number of samples
 
@@ -64,6 +70,12 @@ class PredictionError:
     def relative_in_band(self) -> np.ndarray:
         """100 rms/torque of each joint, below ``band`` [%]."""
         return 100.0 * self.rms_in_band / np.maximum(self.torque_in_band, 1e-300)
+
+    @property
+    def moving_in_band(self) -> np.ndarray:
+        """The same without what standstill adds to the error [%]."""
+        moving = np.sqrt(np.maximum(self.rms_in_band**2 - self.rest_in_band**2, 0.0))
+        return 100.0 * moving / np.maximum(self.torque_in_band, 1e-300)
 
     @property
     def total(self) -> float:
@@ -86,6 +98,14 @@ def total_error(rms: np.ndarray, size: np.ndarray, units: Sequence[str]) -> floa
     return 100.0 * float(np.sqrt(np.mean((rms / np.maximum(size, 1e-300)) ** 2)))
 
 
+def at_rest(error: PredictionError, joint: int) -> str:
+    """Clause on an error that is half as large without standstill or less; else empty."""
+    moving = float(error.moving_in_band[joint])
+    if moving > 0.5 * error.relative_in_band[joint]:
+        return ""
+    return f" ({percent(moving)} without standstill, where dry friction holds it with any torque)"
+
+
 def pooled(errors: Sequence[PredictionError]) -> PredictionError:
     """One score of several stretches: squares are averaged over all samples."""
     first, weights = errors[0], [e.samples for e in errors]
@@ -96,7 +116,8 @@ def pooled(errors: Sequence[PredictionError]) -> PredictionError:
 
     return PredictionError(
         first.joint_names, first.units, mean("rms"), mean("torque"), mean("rms_in_band"),
-        mean("torque_in_band"), mean("noise_in_band"), first.band, sum(weights),
+        mean("torque_in_band"), mean("noise_in_band"), mean("rest_in_band"), first.band,
+        sum(weights),
     )  # fmt: skip
 
 
@@ -154,9 +175,24 @@ class Judge:
             rms_in_band=_rms(low[span]),
             torque_in_band=_rms(self.torque_in_band[span]),
             noise_in_band=np.sqrt(level * _width(self.band)),
+            rest_in_band=_rms(np.where(self._resting(robot), low, 0.0)[span]),
             band=self.band,
             samples=span.stop - span.start,
         )
+
+    def _resting(self, robot: Robot) -> np.ndarray:
+        """Samples at which each joint stands, and what the low-pass mixes them with.
+
+        Shape (samples, joints). Speeds below a hundredth of the rated ones count as standstill, as
+        for the estimate.
+        """
+        from scipy.ndimage import maximum_filter1d
+
+        dq, rated = self.kinematics.dq, robot.rated_speeds
+        rated = np.where(np.isfinite(rated), rated, np.abs(dq).max(axis=1))
+        still = ~SpeedLimits(LOW_SPEED * rated, robot.couplings).moving(dq)
+        beside = 2 * round(0.5 * self.recording.rate / self.band) + 1
+        return maximum_filter1d(still.T, beside, axis=0)
 
 
 def level_beyond(x: np.ndarray, rate: float, band: float) -> np.ndarray:
