@@ -13,6 +13,7 @@ from pivident.check.remark import Place, Remark
 from pivident.logs.clocks.timestamps import LOWEST_RATE
 from pivident.logs.log import Log
 from pivident.robot.description import Robot
+from pivident.signals.random_walk import half_power_frequencies
 from pivident.text.finding import Quantity
 
 #: Shortest record that has room for a few motions [s], and fewest samples for each parameter.
@@ -115,12 +116,18 @@ def _correlation(x: np.ndarray, y: np.ndarray) -> float:
 
 
 def _slow_rate(q: np.ndarray, rate: float, table: Place) -> Iterator[Remark]:
-    """A motion that is too fast for the rate at which it was logged."""
-    speed = np.diff(q[:, np.ptp(q, axis=0) > STILL], axis=0)
+    """A motion that is too fast for the rate at which it was logged.
+
+    Above twice the half-power frequency of a joint's smoother is noise, such as that of rounding.
+    """
+    q = q[:, np.ptp(q, axis=0) > STILL]
+    speed = np.diff(q, axis=0)
     if not speed.size:
         return
     speed = speed - speed.mean(axis=0)
     power = np.abs(np.fft.rfft(speed * np.hanning(len(speed))[:, None], axis=0)) ** 2
+    frequencies = np.arange(len(power)) * rate / len(speed)
+    power[frequencies[:, None] > 2.0 * half_power_frequencies(q, rate)] = 0.0
     total = power.sum(axis=0)
     share = np.median(np.cumsum(power, axis=0) / np.where(total > 0, total, 1.0), axis=1)
     band = float(np.searchsorted(share, 0.99)) * rate / len(speed)
