@@ -23,7 +23,7 @@ from pivident.dynamics.parameters import nominal_values
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import PrefilteredIV, RandomWalk
 from pivident.estimation.problem import Problem
-from pivident.estimation.torque_residual import torque_of
+from pivident.motion.kinematics import torque_of
 from pivident.recording.recording import Recording
 from pivident.robot.gallery import load_robot
 from pivident.signals.noise_models import fit_ar, lagged_sums, whiten

@@ -17,8 +17,7 @@ from pivident.dynamics.regressor import Regressor
 from pivident.estimation.covariance.windows import Windows
 from pivident.estimation.equation_record import FittedRecording, JointColumns
 from pivident.estimation.normal_equations import JointSums
-from pivident.estimation.torque_residual import residual_of
-from pivident.motion.kinematics import Kinematics
+from pivident.motion.kinematics import Kinematics, residual_of
 from pivident.motion.motion import Motion, SimulatedMotion, packed_stretch
 from pivident.motion.speed_limits import SpeedLimits
 from pivident.scratch import working_array

@@ -26,7 +26,7 @@ from pivident.estimation.noise_identification import Prefilters
 from pivident.estimation.prefiltered_iv import with_instruments
 from pivident.estimation.problem import Problem
 from pivident.estimation.standstill import decided_by_residual, noisy_standstill
-from pivident.estimation.torque_residual import torque_of
+from pivident.motion.kinematics import torque_of
 
 
 def identify_iv(problem: Problem, method: InstrumentalVariables, say: Say) -> Identification:

@@ -25,8 +25,7 @@ from pivident.estimation.standstill import (
     slow_samples,
     without_recent,
 )
-from pivident.estimation.torque_residual import residual_of
-from pivident.motion.kinematics import Kinematics, usable_samples
+from pivident.motion.kinematics import Kinematics, residual_of, usable_samples
 from pivident.recording.repeated_motion import repeated_motion
 from pivident.signals.noise_models import continued_into_band, fit_ar, unmasked_stretches
 from pivident.signals.prefilter import Prefilter

@@ -1,4 +1,7 @@
-"""The measured motion of a recording as the equations need it."""
+"""The measured motion of a recording as the equations need it, and the residual they leave.
+
+The residual τ - Φθ is v of (P-4), (P-24), and (P-30) in the iteration.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pivident.dynamics.regressor import Regressor
 from pivident.recording.recording import Recording
 from pivident.signals.spectral_lines import SpectralLine
 
@@ -48,3 +52,17 @@ def usable_samples(kinematics: Kinematics) -> np.ndarray:
     usable = np.zeros(kinematics.q.shape, bool)
     usable[:, kinematics.start : kinematics.stop] = True
     return usable
+
+
+def torque_of(regressor: Regressor, motion: Kinematics, theta: np.ndarray) -> np.ndarray:
+    """Φθ on a recording, time last, shape (joints, samples).
+
+    Friction that grows with the load takes the one that is with the motion, or else that of θ.
+    """
+    return regressor.torque(motion.q.T, motion.dq.T, motion.ddq.T, theta, motion.inner).T
+
+
+def residual_of(regressor: Regressor, kinematics: Kinematics, theta: np.ndarray) -> np.ndarray:
+    """τ - Φθ on a recording, time last, shape (joints, samples)."""
+    model = torque_of(regressor, kinematics, theta)
+    return np.subtract(kinematics.tau, model, out=model)

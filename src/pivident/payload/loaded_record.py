@@ -31,7 +31,7 @@ from pivident.estimation.noise_identification import Prefilters, Whitening
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
 from pivident.estimation.standstill import decided_by_residual, noisy_standstill
-from pivident.estimation.torque_residual import torque_of
+from pivident.motion.kinematics import torque_of
 from pivident.motion.motion import with_inner
 from pivident.signals.prefilter import Prefilter
 

@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 import pivident as pv
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import PrefilteredIV, RandomWalk
-from pivident.estimation.torque_residual import torque_of
+from pivident.motion.kinematics import torque_of
 from pivident.robot.gallery import load_robot
 from pivident.simulation.controllers import PD
 from pivident.validation.residuals.cross_correlation import Stretches, cross_correlation_test

@@ -32,8 +32,7 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import RandomWalk
 from pivident.estimation.problem import Problem, torque_units
-from pivident.estimation.torque_residual import torque_of
-from pivident.motion.kinematics import usable_samples
+from pivident.motion.kinematics import torque_of, usable_samples
 from pivident.recording.repeated_motion import RepeatedMotion, repeated_motion
 from pivident.signals.bandpass import butterworth
 from pivident.text.lists import listed
