@@ -13,6 +13,7 @@ import numpy as np
 
 from pivident.init.kept_joints import KeptJoints
 from pivident.instruments.second_sensor import SAME_SENSOR
+from pivident.logs.clocks.timestamps import resample_smooth
 from pivident.logs.recognition.joint_columns import JointMap
 from pivident.logs.recognition.log_file import Run
 from pivident.logs.recognition.position_units import following_unit
@@ -22,6 +23,9 @@ from pivident.text.numbers import percent
 
 #: Samples that are compared: enough to tell 0.05 from 0.1.
 COMPARED = 5000
+
+#: Stamps that are off a uniform clock by less than this share of an interval are uniform.
+EVEN = 0.01
 
 
 def measured_speeds(
@@ -47,6 +51,8 @@ def measured_speeds(
         return {}  # a channel with gaps would be refused
     first = max(0, (int(rows.sum()) - COMPARED) // 2)
     t, x, y = (a[rows][first : first + COMPARED] for a in (seconds, q, values))
+    if len(t) < 2 or (np.diff(t) <= 0.0).any():
+        return {}
     found = [_unit(q, dq, t, own) for q, dq, own in zip(x.T, y.T, units, strict=True)]
     if None in found:
         return {}
@@ -73,10 +79,8 @@ def _at_equal_intervals(
     t: np.ndarray, x: np.ndarray, y: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Both channels on a uniform clock of the same number of samples, and its rate [Hz]."""
-    from scipy.interpolate import CubicSpline
-
     even = np.linspace(t[0], t[-1], len(t))
     rate = (len(t) - 1) / (t[-1] - t[0])
-    if np.abs(even - t).max() < 0.01 / rate:
-        return x, y, rate
-    return CubicSpline(t, x)(even), CubicSpline(t, y)(even), rate
+    if np.abs(even - t).max() > EVEN / rate:
+        x, y = resample_smooth(t, x, even), resample_smooth(t, y, even)
+    return x, y, rate
