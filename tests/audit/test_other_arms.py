@@ -94,3 +94,19 @@ def test_weak_is_what_matters_in_full_motion_not_in_a_slow_one():
     found = audit_log(log_of(made)).excitation
     k = found.names.index("zz1r")
     assert found.used[k] < 0.1 and found.open_torque[k] < 0.1
+
+
+def test_stamps_that_tremble_make_no_outliers():
+    """Smooth positions; one stamp in a hundred, 7 and 9 ms from its neighbours, is no jump of q."""
+    made = make_log(3, Setting("regular", 1000.0, 30.0, 0.0, speed="none"))
+    rows = 8 * np.arange(1, len(made.t) // 8 - 1)
+    rows[50::100] += 1
+    q, tau = made.motion[0][rows], made.tau[rows]
+    log = replace(log_of(made), channels={"q": q, "tau": tau}, logged={"q": q, "tau": tau})
+    log = replace(log, clocks={"t": made.t[rows]})
+    assert not spikes(log)
+    q = q.copy()
+    q[1234, 1] += 0.01
+    assert spikes(replace(log, channels={"q": q, "tau": tau}, logged={"q": q, "tau": tau})) == {
+        "q of axis_2"
+    }

@@ -170,7 +170,7 @@ def test_what_cannot_be_is_refused_in_one_line(result, tmp_path, capsys):
         ((result, "--to", "json", "--robot", "a.urdf", "--out", tmp_path / "a"), 1, "--robot is"),
         ((result, "--to", "word", "--out", tmp_path / "a"), 2, "word"),
         ((result, "--to", "json", "--out", tmp_path), 1, "is a folder; name a file"),
-        ((tmp_path, "--to", "json", "--out", tmp_path / "a"), 1, "cannot be read"),
+        ((tmp_path, "--to", "json", "--out", tmp_path / "a"), 1, "holds no identification.json"),
         ((result / "verdict.json", "--to", "json", "--out", tmp_path / "a"), 1, "not an identific"),
         ((result, "--to", "json", "--out", result / "verdict.json" / "a"), 1, "is a file; choose"),
     ]

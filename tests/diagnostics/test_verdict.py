@@ -202,6 +202,7 @@ def with_joints(error, wrist: float = 3.0, noise: float = 0.01, moving: float | 
     error.rms_in_band = error.torque_in_band * error.relative_in_band / 100.0
     error.noise_in_band = np.array([0.01, noise])
     error.moving_in_band = np.array([1.9, wrist if moving is None else moving])
+    error.total_moving_in_band = error.total_in_band
     return error
 
 
@@ -286,6 +287,10 @@ def test_a_joint_that_a_small_error_of_all_joints_hides_is_named():
     with_joints(judged.prediction, wrist=52.0, moving=1.2)  # it stands, held by friction
     (said,) = prediction(diagnosed, "piv")
     assert "is 52 %, wrist (1.2 % without standstill, where dry friction" in said.message
+    judged.prediction.total_moving_in_band = 0.4
+    (said,) = prediction(diagnosed, "piv")
+    assert "is 2.0 % (0.40 % without standstill" in said.message
+    assert said.message.count("standstill") == 1
 
 
 def test_a_validation_recording_is_called_by_its_name(simulated, tmp_path):

@@ -192,3 +192,39 @@ def test_bags_with_and_without_efforts(tmp_path, monkeypatch, capsys):
     assert "It has no torque (no effort): nothing is compared." in capsys.readouterr().out
     assert run("predict", "planar_2r", "run2") == 0  # by the types of the messages
     assert "Columns were recognised by the types of the messages" in capsys.readouterr().out
+
+
+def test_stamps_since_1970_keep_their_microseconds(folder, tmp_path):
+    lines = (folder / "new.csv").read_text().splitlines()
+    start, rows = 1763884800.25, [line.split(",") for line in lines[1:]]
+    moved = [",".join([f"{start + float(row[0]):.6f}", *row[1:]]) for row in rows]
+    (tmp_path / "epoch.csv").write_text("\n".join([lines[0], *moved]))
+    out = tmp_path / "out.csv"
+    assert run("predict", folder / "out", tmp_path / "epoch.csv", "--csv", out) == 0
+    t = np.loadtxt(out, delimiter=",", skiprows=1, usecols=0)
+    np.testing.assert_allclose(np.diff(t), 1.0 / RATE, atol=2e-6)
+    assert t[0] > start
+
+
+def test_the_folder_of_results_stands_for_what_its_verdict_recommends(folder, tmp_path, capsys):
+    best = stored_result(folder / "out").file.parent
+    for result, out in ((folder / "out", tmp_path / "a"), (best, tmp_path / "b")):
+        assert run("consistent", result, "--out", out) == 0
+        assert run("export", result, "--to", "json", "--out", out / "model.json") == 0
+    for file in ("consistent.json", "model.json"):
+        one, other = (json.loads((tmp_path / k / file).read_text("utf-8")) for k in "ab")
+        assert {key for key in one if one[key] != other[key]} <= {"seconds"}, file
+    (tmp_path / "none").mkdir()
+    assert run("consistent", tmp_path / "none") == 1
+    assert "holds no identification.json" in capsys.readouterr().err
+
+
+def test_a_robot_without_rotors_and_friction_is_said_to_have_none(folder, tmp_path, capsys):
+    urdf = tmp_path / "arm.urdf"
+    assert run("export", folder / "out" / "piv", "--to", "urdf", "--out", urdf) == 0
+    words = ["predict", urdf, folder / "new.csv", "--experiment", folder / "experiment.toml"]
+    capsys.readouterr()
+    assert run(*words) == 0
+    assert "The model has no rotor inertias: the torque of the drives" in capsys.readouterr().out
+    assert run("predict", "planar_2r", *words[2:]) == 0
+    assert "no rotor inertias" not in capsys.readouterr().out

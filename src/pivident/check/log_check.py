@@ -190,7 +190,7 @@ def _motion(
 
 def _looked_at(log: Log, audit: Audit, entry: RecordingEntry) -> str:
     """What was checked of one log, in words."""
-    name = log.name if entry.part is None else f"{log.name} ({entry.part[0]:g} s on)"
+    name = log.name if entry.part is None else f"{log.name} ({entry.part[0]:.13g} s on)"
     rate = f" at {audit.timing.rate:.6g} Hz" if audit.timing.rate else ""
     judged = "" if audit.model is None else ", signs, gains, delay, excitation"
     return f"{name}: {log.samples} samples{rate}; clock, gaps, units, columns, limits{judged}"

@@ -34,7 +34,8 @@ def consistent(
     Parameters
     ----------
     identification
-        The file identification.json of a result, or its folder.
+        The file identification.json of a result, its folder, or the folder of results: of these
+        the one that the verdict recommends.
     prior
         Which of the equally near sets of bodies is taken: entropic or euclidean distance from the
         nominal bodies, or none: the one farthest from all limits. Default: entropic.
@@ -53,11 +54,11 @@ def consistent(
     from pivident.cli.workflow import check_output
     from pivident.consistency.consistent_estimate import consistent_estimate
     from pivident.consistency.consistent_files import write_consistent
+    from pivident.diagnostics.verdict_file import result_of
     from pivident.estimation.stored_identification import load_identification
     from pivident.files import atomic_folder
 
-    if identification.is_dir():
-        identification = identification / "identification.json"
+    identification = result_of(identification)
     folder = identification.parent if out is None else out
     with Progress() as progress:
         progress.say(f"reading {identification}")

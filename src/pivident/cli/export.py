@@ -44,6 +44,7 @@ def export(
         Load the file back where a program for it is installed, and compare torques.
     """
     from pivident.cli.workflow import check_output
+    from pivident.diagnostics.verdict_file import result_of
     from pivident.errors import ExportError
     from pivident.export.formats import FORMATS, export_model, verify_export
     from pivident.export.original_urdf import original_urdf
@@ -53,12 +54,12 @@ def export(
         raise ExportError(f"--robot is for --to urdf; {to} holds the whole robot, leave it out")
     check_output(out.absolute().parent)
     with Progress() as progress:
+        result = result_of(result)
         progress.say(f"reading {result}")
         model, files = stored_model(result, free=free, intervals=to in ("json", "latex"))
         original, frozen = None, None
         if to == "urdf":
-            folder = result if result.is_dir() else result.parent
-            original = original_urdf(model.robot, robot, folder)
+            original = original_urdf(model.robot, robot, result.parent)
             frozen = model.robot.urdf.frozen if model.robot.urdf else None
         inputs = (*files, *((original.path,) if original else ()))
         progress.say(f"writing {FORMATS[to].title}")

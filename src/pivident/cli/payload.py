@@ -61,7 +61,8 @@ def payload(
 
 def _arm(file: Path, robot: str | None):
     """The arm without load, from its file."""
+    from pivident.diagnostics.verdict_file import result_of
     from pivident.estimation.stored_identification import load_identification
     from pivident.robot.gallery import load_robot
 
-    return load_identification(file, None if robot is None else load_robot(robot))
+    return load_identification(result_of(file), None if robot is None else load_robot(robot))

@@ -52,6 +52,8 @@ def prediction(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     if judged.replay is not None and judged.replay.total <= LOOP_MISSES:
         basis += f"; simulated loop {percent(judged.replay.total)}"
     text = f"The torque error on {judged.motion} is {percent(error.total_in_band)}"
+    standing = at_rest(error)
+    text += standing
     severity: Severity = "ok"
     kind, step = "predicts", ""
     if grows > WORSE:
@@ -65,7 +67,7 @@ def prediction(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     if len(error.joint_names) > 1:
         largest = float(error.relative_in_band[worst])
         text += f"; the largest of a joint is {percent(largest)}, {error.joint_names[worst]}"
-        text += at_rest(error, worst)
+        text += "" if standing else at_rest(error, worst)
         evidence["largest of a joint"] = Quantity(largest, "%")
     yield Finding(severity, "prediction", kind, f"{text}.", "", step, evidence, basis)
     yield from _missed_joints(judged)

@@ -7,13 +7,16 @@ from pathlib import Path
 from typing import Any
 
 from pivident.diagnostics.verdict import Verdict
-from pivident.errors import PividentError
+from pivident.errors import IdentificationFileError, PividentError
 from pivident.estimation.stored_identification import json_of_file
 from pivident.text.plain_values import plain
 from pivident.validation.held_out.held_out_errors import HeldOutErrors
 
 #: Its name in a folder of results, and the number of its layout.
 VERDICT_FILE, SCHEMA = "verdict.json", 2
+
+#: The file of a result.
+RESULT = "identification.json"
 
 
 def save_verdict(found: Verdict, path: Path) -> None:
@@ -34,6 +37,24 @@ def recommended_method(folder: Path) -> str:
     """Short name of the method that the verdict of a folder recommends; empty without one."""
     name = _content(folder).get("name")
     return name if isinstance(name, str) and name == Path(name).name else ""
+
+
+def result_of(path: Path) -> Path:
+    """A file of a result; of a folder its identification, or the one that its verdict recommends.
+
+    Raises:
+        IdentificationFileError: the folder has neither.
+    """
+    if not path.is_dir() or (path / RESULT).is_file():
+        return path / RESULT if path.is_dir() else path
+    name = recommended_method(path)
+    if name and (path / name / RESULT).is_file():
+        return path / name / RESULT
+    there = sorted(p.parent.name for p in path.glob(f"*/{RESULT}"))
+    advice = f"name one of {', '.join(there)}" if there else "name the folder of a result"
+    raise IdentificationFileError(
+        str(path), f"holds no {RESULT} and no {VERDICT_FILE} that recommends one; {advice}"
+    )
 
 
 def held_out_errors(folder: Path, method: str) -> HeldOutErrors | None:

@@ -25,10 +25,13 @@ def window_line(
     """The part of the log that is kept; window [s], motion [s]."""
     start, end = float(clock.seconds[0]), float(clock.seconds[-1])
     if window != (start, end):
+        zero = start if abs(start) > end - start else 0.0  # stamps of another epoch say nothing
+        runs = f"from {start:.6g} to {end:.6g} s" if zero == 0.0 else f"for {end - start:.6g} s"
+        after = "" if zero == 0.0 else " after its first stamp"
         seen = (
-            f"the log runs from {start:.6g} to {end:.6g} s, joints move from {motion[0]:.6g} to "
-            f"{motion[1]:.6g} s ({100 * still:.0f} % standstill in between); {MARGIN:g} s are left "
-            "on both sides"
+            f"the log runs {runs}, joints move from {motion[0] - zero:.6g} to "
+            f"{motion[1] - zero:.6g} s{after} ({100 * still:.0f} % standstill in between); "
+            f"{MARGIN:g} s are left on both sides"
         )
         value = [round(window[0], 3), round(window[1], 3)]
         return [Assumption("recording", "part", value, "likely", seen, "Times on the log's clock.")]

@@ -26,13 +26,16 @@ from pivident.experiment.explained import validated
 from pivident.experiment.recording_tables import log_of
 from pivident.friction.complete_sign import complete_sign
 from pivident.init.assumption import Assumption
-from pivident.recording.recording import Recording
+from pivident.recording.recording import TIMING_WORDS, Recording
 from pivident.robot.friction_toml import law_toml
 from pivident.text.toml import parse_toml
 from pivident.validation.held_out.folds import possible_folds
 
 #: Longest record on which methods are tried [samples times joints]; longer ones are tried in part.
 MAX_TRIAL = 150_000
+
+#: Standard error of a delay [samples] from which on it does not tell what a torque is nearest to.
+KNOWN = 0.15
 
 
 @dataclass(frozen=True)
@@ -152,12 +155,18 @@ def _timing(experiment: Experiment, known: Findings) -> Assumption | None:
         seen = said.message[:1].lower() + said.message[1:]
         return Assumption("recording", "control_rate", faster, "likely", seen)
     timing = undeclared_timing(log, audit.model.rate, audit.delay.common)
-    if said is None or timing is None:
+    if timing is None or audit.delay.common[1] * audit.model.rate > KNOWN:
         return None
+    clear = said is not None
+    seen = said.message if said is not None else audit.delay.findings[0].message
+    seen = seen[:1].lower() + seen[1:].rstrip(".")
+    if not clear:
+        seen += f": nearer to torques that are {TIMING_WORDS[timing]} than to torques that are "
+        seen += f"{TIMING_WORDS['held']}, which the motion does not decide"
     return Assumption(
-        "recording", "torque_timing", timing, "likely", said.message[:1].lower() + said.message[1:],
+        "recording", "torque_timing", timing, "likely" if clear else "assumed", seen,
         "Or held from its instant until the next (held), the mean over the period before it "
-        "(averaged).",
+        "(averaged); a control loop that is faster than the log holds it for 1/control_rate.",
     )  # fmt: skip
 
 

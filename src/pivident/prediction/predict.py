@@ -26,7 +26,7 @@ from pivident.text.numbers import format_significant, percent
 from pivident.validation.held_out.cross_validation import CrossValidation
 from pivident.validation.held_out.folds import moving_part
 from pivident.validation.held_out.held_out_errors import HeldOutErrors
-from pivident.validation.held_out.prediction import Judge, at_rest
+from pivident.validation.held_out.prediction import Judge
 
 #: From this error on the model predicts less than nothing [%].
 WITHOUT_USE = 100.0
@@ -81,6 +81,8 @@ def predict(
     if compare:
         still = np.abs(k.dq.T[start:stop]) < problem.low_speeds(recording)
         findings += _at_rest(robot, still, residual[start:stop])
+    if isinstance(result, RunnableModel):
+        findings += _without_drives(result)
     if known is not None:
         findings += exit_findings(robot, known, exits, residual[start:stop] if compare else None)
     whole = slice(k.start, k.stop)
@@ -143,7 +145,6 @@ def _error_findings(error: ErrorOnLog, held_out: HeldOutErrors | None) -> list[F
     )
     if len(e.joint_names) > 1:
         text += f"; the largest of a joint is {percent(e.relative_in_band[j])}, {e.joint_names[j]}"
-        text += at_rest(e, j)
     ends = float(error.total_interval[0]), float(error.total_interval[1])
     evidence = {"torque error": Quantity(e.total_in_band, "%", interval=ends)}
     findings = [Finding("note", "prediction", "error", f"{text}.", evidence=evidence)]
@@ -189,6 +190,26 @@ def _beside_held_out(error: ErrorOnLog, held_out: HeldOutErrors) -> Finding:
         "outside the fit."
     )
     return Finding("warning", "prediction", "worse", text, "", step, evidence)
+
+
+def _without_drives(model: RunnableModel) -> list[Finding]:
+    """What a model lacks of the drives, whose torques it then leaves out."""
+    if model.robot.torque_side == "link":
+        return []
+    of_rotors = [p.stem == "ia" for p in model.parameters]
+    of_friction = [p.friction is not None for p in model.parameters]
+    lacking = [
+        words
+        for words, own in (("rotor inertias", of_rotors), ("friction", of_friction))
+        if not model.values[own].any()
+    ]
+    if not lacking:
+        return []
+    text = f"The model has no {' and no '.join(lacking)}: the torque of the drives is left out."
+    if lacking[0] == "rotor inertias":
+        text += " A URDF cannot hold rotor inertias."
+    step = "Predict with the folder of results, or with an export to JSON or TOML."
+    return [Finding("warning", "prediction", "without drives", text, next_step=step)]
 
 
 def _at_rest(robot: Robot, still: np.ndarray, residual: np.ndarray) -> list[Finding]:

@@ -11,6 +11,9 @@ from pivident.files import atomic_folder
 from pivident.prediction.prediction import Prediction
 from pivident.text.plain_values import csv_table
 
+#: Digits of a number.
+DIGITS = 10
+
 
 def write_csv(prediction: Prediction, path: str | PathLike[str]) -> Path:
     """Write time, positions, measured and predicted torques as CSV, one line per sample.
@@ -29,7 +32,8 @@ def write_csv(prediction: Prediction, path: str | PathLike[str]) -> Path:
         PividentError: it cannot be written.
     """
     path = Path(path)
-    columns, values = ["t [s]"], [prediction.t]
+    columns: list[str] = ["t [s]"]
+    values: list[np.ndarray] = []
     for j, (joint, torque) in enumerate(
         zip(prediction.robot.joints, prediction.units, strict=True)
     ):
@@ -42,5 +46,8 @@ def write_csv(prediction: Prediction, path: str | PathLike[str]) -> Path:
         values.append(prediction.tau_model[:, j])
     with atomic_folder(path.parent) as build, (build / path.name).open("w") as file:
         file.write(csv_table(columns, []))
-        np.savetxt(file, np.column_stack(values), fmt="%.10g", delimiter=",")
+        # stamps since 1970 have ten digits before the point, and microseconds behind it
+        whole = len(str(int(np.abs(prediction.t).max(initial=0.0))))
+        formats = [f"%.{max(DIGITS, whole + 6)}g"] + [f"%.{DIGITS}g"] * (len(columns) - 1)
+        np.savetxt(file, np.column_stack([prediction.t, *values]), fmt=formats, delimiter=",")
     return path

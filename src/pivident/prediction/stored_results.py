@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pivident.diagnostics.verdict_file import VERDICT_FILE, held_out_errors, recommended_method
-from pivident.errors import ExperimentError, IdentificationFileError
+from pivident.diagnostics.verdict_file import RESULT, held_out_errors, result_of
+from pivident.errors import ExperimentError
 from pivident.estimation.equation_record import MotionRange
 from pivident.estimation.identification import Identification
 from pivident.estimation.stored_identification import json_of_file, load_identification
@@ -21,9 +21,6 @@ from pivident.prediction.prediction import Prediction
 from pivident.recording.recording import Recording
 from pivident.robot.gallery import load_robot
 from pivident.validation.held_out.held_out_errors import HeldOutErrors
-
-#: The file of a result.
-RESULT = "identification.json"
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,28 +71,13 @@ def stored_result(path: str | Path) -> StoredResult:
     file = Path(path)
     if file.suffix != ".json" and not file.is_dir():
         return StoredResult(runnable_model(load_robot(path)), file)
-    if file.is_dir():
-        file = _in_folder(file)
+    file = result_of(file)
     content = json_of_file(file)
     if content.get("format") == FORMAT:
         return StoredResult(read_model(file), file)
     if "standard" in content and "covariance" not in content:
         return _of_consistent(file, content)
     return _of_identification(load_identification(file), file)
-
-
-def _in_folder(folder: Path) -> Path:
-    """The identification in a folder, or that of the method that its verdict recommends."""
-    if (folder / RESULT).is_file():
-        return folder / RESULT
-    name = recommended_method(folder)
-    if name and (folder / name / RESULT).is_file():
-        return folder / name / RESULT
-    there = sorted(p.parent.name for p in folder.glob(f"*/{RESULT}"))
-    advice = f"name one of {', '.join(there)}" if there else "name the folder of a result"
-    raise IdentificationFileError(
-        str(folder), f"holds no {RESULT} and no {VERDICT_FILE} that recommends one; {advice}"
-    )
 
 
 def _of_identification(found: Identification, file: Path) -> StoredResult:

@@ -78,6 +78,13 @@ class PredictionError:
         return 100.0 * moving / np.maximum(self.torque_in_band, 1e-300)
 
     @property
+    def total_moving_in_band(self) -> float:
+        """Error over all joints, below ``band``, without what standstill adds to it [%]."""
+        return total_error(
+            self.moving_in_band * self.torque_in_band / 100.0, self.torque_in_band, self.units
+        )
+
+    @property
     def total(self) -> float:
         """Error over all joints, all frequencies, see :func:`total_error` [%]."""
         return total_error(self.rms, self.torque, self.units)
@@ -98,12 +105,20 @@ def total_error(rms: np.ndarray, size: np.ndarray, units: Sequence[str]) -> floa
     return 100.0 * float(np.sqrt(np.mean((rms / np.maximum(size, 1e-300)) ** 2)))
 
 
-def at_rest(error: PredictionError, joint: int) -> str:
-    """Clause on an error that is half as large without standstill or less; else empty."""
-    moving = float(error.moving_in_band[joint])
-    if moving > 0.5 * error.relative_in_band[joint]:
+def at_rest(error: PredictionError, joint: int | None = None) -> str:
+    """Clause on an error that is half as large without standstill or less; else empty.
+
+    ``joint``: which; None: all together.
+    """
+    whole, moving = error.total_in_band, error.total_moving_in_band
+    if joint is not None:
+        whole, moving = error.relative_in_band[joint], error.moving_in_band[joint]
+    if moving > 0.5 * whole:
         return ""
-    return f" ({percent(moving)} without standstill, where dry friction holds it with any torque)"
+    held = "a joint" if joint is None else "it"
+    return (
+        f" ({percent(moving)} without standstill, where dry friction holds {held} with any torque)"
+    )
 
 
 def pooled(errors: Sequence[PredictionError]) -> PredictionError:
