@@ -56,7 +56,8 @@ def sensor_instruments(kinematics: Sequence[Kinematics]) -> GivenMotions:
         )
         not_there(
             "sensor",
-            f"recording {name!r} has no second encoder (q_link) and no measured speeds (dq)",
+            f"recording {name!r} names neither a second encoder (q_link) nor speeds with noise of "
+            "their own (dq)",
         )
     return next((each for each in made if not each.shares_noise), made[0])
 
