@@ -40,6 +40,9 @@ SHORT, LONG = 0.3, 1.0
 #: How far in sampling periods a delay may be from that of another timing, besides its error.
 OFF_TIMING = 0.1
 
+#: Share of a sampling period for which a torque is held at least, half way from a fifth to a sixth.
+SHORTEST_HOLD = 11.0 / 60.0
+
 #: Share of a sampling period below which one joint's torque is not late: it comes with the others.
 ONE_JOINT = 0.7
 
@@ -284,7 +287,8 @@ def faster_loop(log: Log, rate: float, common: tuple[float, float]) -> float | N
     """Rate of a control loop that holds a torque for a part of the sampling period only [Hz].
 
     Held for T_c < h a torque seems (h - T_c)/2 later than one that is held for h. T_c is told where
-    it is clearly neither nothing nor all of h, and the loop's rate is a multiple of the log's.
+    it is clearly not all of h, and the loop's rate is two to five times the log's: a torque that is
+    held for a shorter time is that of its instant.
 
     Args:
         log: the log, of which nobody has said how the torque is held.
@@ -295,7 +299,7 @@ def faster_loop(log: Log, rate: float, common: tuple[float, float]) -> float | N
         return None
     held, standard_error = 1.0 - 2.0 * rate * common[0], 2.0 * rate * common[1]
     clear = CLEAR * standard_error
-    if not clear < held < 1.0 - clear:
+    if not SHORTEST_HOLD < held < 1.0 - clear:
         return None
     multiple = round(1.0 / held)
     return multiple * rate if multiple > 1 and abs(1.0 / multiple - held) <= clear else None
