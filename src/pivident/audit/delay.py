@@ -78,9 +78,9 @@ def check_delay(log: Log, model: InverseModel) -> Delay:
     """Estimate how much later the torque was logged than the positions.
 
     Static friction of a standstill reaches into the motion beside it and can look like a delay. One
-    that is not there without those rows is none, and that of a joint has to be visible there. What
-    the law of dry friction lacks where a joint turns back differs by joint, and is no delay either
-    if the motion between contradicts it.
+    that is not there without those rows is none. What the law of dry friction lacks where a joint
+    turns back differs by joint: its delay has to be visible without rest, and between the reversals
+    as well.
     """
     found = _estimated(log, model)
     if all(finding.severity == "ok" for finding in found.findings):
@@ -96,7 +96,8 @@ def check_delay(log: Log, model: InverseModel) -> Delay:
         j = names.get(finding.subject)
         none = finding.severity != "ok" and not _agree(found, apart, j)
         if finding.severity != "ok" and j is not None and fast is not None:
-            none |= _contradicts(found, fast, j) or apart.gains[j] < GAIN_WARNING
+            seen = min(apart.gains[j], fast.gains[j]) > GAIN_WARNING
+            none |= _contradicts(found, fast, j) or not seen
         findings.append(replace(finding, severity="ok", next_step="") if none else finding)
     return replace(found, findings=tuple(findings))
 
