@@ -47,7 +47,7 @@ def measured_speeds(
     if channel is None or not set(kept.names) <= set(channel.columns) or channel.own_clock(run):
         return {}
     values = channel.values(run, kept.names)
-    if len(values) != len(q) or not np.isfinite(values[rows]).all():
+    if len(values) != len(q) or not np.isfinite(values).all():
         return {}  # a channel with gaps would be refused
     first = max(0, (int(rows.sum()) - COMPARED) // 2)
     t, x, y = (a[rows][first : first + COMPARED] for a in (seconds, q, values))

@@ -166,7 +166,7 @@ def _timing(experiment: Experiment, known: Findings) -> Assumption | None:
     return Assumption(
         "recording", "torque_timing", timing, "likely" if clear else "assumed", seen,
         "Or held from its instant until the next (held), the mean over the period before it "
-        "(averaged); a control loop that is faster than the log holds it for 1/control_rate.",
+        "(averaged). Where you know the rate of the control loop, write control_rate in its place.",
     )  # fmt: skip
 
 
