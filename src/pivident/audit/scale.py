@@ -40,6 +40,9 @@ OWN = 1e-2
 #: have one shape: a gain changes the scale of a torque, a wrong body its shape.
 ALIKE = 0.95
 
+#: Correlation below which their factor says nothing.
+UNLIKE = 0.8
+
 #: A gain is within this factor of a gear ratio if it comes from it.
 NEAR = 1.4
 
@@ -303,6 +306,8 @@ def _gain_findings(
         if severity == "error" and (abs(found.likeness[j]) < ALIKE or (a < 0 and j in signs_right)):
             # A wrong body leaves the estimate as it is, which needs right torques only.
             severity, step = "warning", _wrong_body(joint.name, a < 0 and j in signs_right)
+        elif severity == "warning" and abs(found.likeness[j]) < UNLIKE:
+            severity, step = "ok", ""
         if j in log.commands:
             unit = "N m" if joint.kind == "revolute" else "N"
             severity = "warning"
