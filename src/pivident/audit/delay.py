@@ -46,8 +46,8 @@ SHORTEST_HOLD = 11.0 / 60.0
 #: Share of a sampling period below which one joint's torque is not late: it comes with the others.
 ONE_JOINT = 0.7
 
-#: Above this standard error [s] a joint's delay is not used.
-BLUNT = 5e-3
+#: Above this standard error [s] a joint's delay is not used; so many times it beside a single one.
+BLUNT, ALONE = 5e-3, 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +133,10 @@ def _estimated(log: Log, model: InverseModel, blunt: float = BLUNT) -> Delay:
     standard_errors = np.array(
         [jackknife(x[np.isfinite(x)]) if np.isfinite(x).sum() > 2 else np.nan for x in replicates.T]
     )
-    sharp = np.isfinite(estimates) & (standard_errors > 0) & (standard_errors < blunt)
+    found_all = np.isfinite(estimates) & (standard_errors > 0)
+    sharp = found_all & (standard_errors < blunt)
+    if sharp.sum() == 1:  # one joint does not speak for all: the others are heard as well
+        sharp = found_all & (standard_errors < ALONE * blunt)
     estimates[~sharp] = np.nan
     effects = model.relative_errors * np.sqrt(np.clip(gains, 0.0, 1.0))
     common = _common(estimates, standard_errors, replicates)
