@@ -200,8 +200,10 @@ def _findings(log: Log, model: InverseModel, found: Delay) -> list[Finding]:
         step = "Log a motion with reversals and accelerations."
         return [Finding("ok", "delay", "unknown", text, next_step=step)]
     sharp = np.isfinite(estimates)
-    most = int(np.argmax(np.where(sharp, effects, 0.0)))
-    severity = _severity(mean, standard_error, float(gains[most]), float(effects[most]), period)
+    # What makes it visible has to be late as well: a gain of another sign is another fault.
+    alike = np.where(sharp & (estimates * mean > 0.0), effects, 0.0)
+    most = int(np.argmax(alike))
+    severity = _severity(mean, standard_error, float(gains[most]), float(alike[most]), period)
     total = log.delay + mean
     text = (
         f"The torque is {_with_interval(abs(mean), 2 * standard_error)} "
