@@ -34,6 +34,9 @@ GAIN_WARNING, GAIN_ERROR = 0.2, 0.5
 #: … and if that is so much of the torque.
 EFFECT_WARNING, EFFECT_ERROR = 0.001, 0.003
 
+#: One joint's delay counts if so much of its torque goes away with it.
+EFFECT_OF_ONE = 0.005
+
 #: Delays below these shares of a sampling period are not reported, or only as a warning.
 SHORT, LONG = 0.3, 1.0
 
@@ -246,7 +249,7 @@ def _findings(log: Log, model: InverseModel, found: Delay) -> list[Finding]:
             continue
         apart, uncertain = found.beside(int(j))
         own = _severity(apart, uncertain, float(gains[j]), float(effects[j]), period)
-        if own == "ok" or abs(apart) < ONE_JOINT * period:
+        if own == "ok" or abs(apart) < ONE_JOINT * period or effects[j] < EFFECT_OF_ONE:
             continue
         name = model.robot.joints[j].name
         kind, side = ("joint late", "later") if apart > 0 else ("joint early", "earlier")
