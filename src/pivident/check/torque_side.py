@@ -33,7 +33,7 @@ from pivident.text.finding import Quantity
 from pivident.text.numbers import plus_minus
 
 #: Share of rotors, over all joints, that says that there are none …
-NO_ROTORS = 0.1
+NO_ROTORS = 0.05
 
 #: … and that is more than what errors of the accelerations leave of none neither over all joints
 #: by two standard errors nor in one by three, …
