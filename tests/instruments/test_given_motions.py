@@ -257,6 +257,9 @@ def test_a_second_encoder_is_taken_before_speeds_unless_it_is_the_first():
 
 
 def test_speeds_in_another_unit_are_refused():
-    run, _ = integrated_record()
+    run, true = integrated_record()
+    other = true + NOISE * np.random.default_rng(2).standard_normal(true.shape)
+    good = replace(run, q_link=other, dq=np.rad2deg(run.dq))
+    assert "second encoders" in sensor_instruments(kinematics(good)).found[0]
     with pytest.raises(IdentificationError, match=r"dq of joint 'a' is 57\.3 times"):
         sensor_instruments(kinematics(replace(run, dq=np.rad2deg(run.dq))))

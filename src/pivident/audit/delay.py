@@ -136,10 +136,10 @@ def _estimated(log: Log, model: InverseModel, blunt: float = BLUNT) -> Delay:
     standard_errors = np.array(
         [jackknife(x[np.isfinite(x)]) if np.isfinite(x).sum() > 2 else np.nan for x in replicates.T]
     )
-    found_all = np.isfinite(estimates) & (standard_errors > 0)
-    sharp = found_all & (standard_errors < blunt)
+    known = np.isfinite(estimates) & (standard_errors > 0)
+    sharp = known & (standard_errors < blunt)
     if sharp.sum() == 1:  # one joint does not speak for all: the others are heard as well
-        sharp = found_all & (standard_errors < ALONE * blunt)
+        sharp = known & (standard_errors < ALONE * blunt)
     estimates[~sharp] = np.nan
     effects = model.relative_errors * np.sqrt(np.clip(gains, 0.0, 1.0))
     common = _common(estimates, standard_errors, replicates)
@@ -289,7 +289,7 @@ def undeclared_timing(
     if abs(found) <= min(sampled, averaged) or min(sampled, averaged) > allowed:
         return None
     # Logs of values at their instants are the more usual: where both may be, they are.
-    return "sampled" if sampled <= max(averaged, allowed) else "averaged"
+    return "sampled" if sampled <= averaged + 2.0 * standard_error else "averaged"
 
 
 def faster_loop(log: Log, rate: float, common: tuple[float, float]) -> float | None:

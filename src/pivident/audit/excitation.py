@@ -58,7 +58,7 @@ def check_excitation(models: Sequence[InverseModel]) -> Excitation:
     base = models[0].base
     size = len(base)
     gram, right, rows = np.zeros((size, size)), np.zeros(size), 0
-    torque, noise = np.full(models[0].robot.size, 1e-12), np.full(size, np.inf)
+    torque, noise = np.full(size, 1e-12), np.full(size, np.inf)
     for model in models:
         rows += _add_equations(model, gram, right, torque, noise)
     length = np.sqrt(np.diag(gram))
@@ -74,7 +74,8 @@ def check_excitation(models: Sequence[InverseModel]) -> Excitation:
     standard_error[length == 0] = np.inf
     theta = scale * (vectors[:, seen] @ ((vectors[:, seen].T @ (scale * right)) / values[seen]))
     full, parts, needed = _full_motion(models, theta)
-    torque = _most_of(models[0], np.maximum(torque, needed))
+    for own, most in zip(models[0].own, needed, strict=True):
+        torque[own] = np.maximum(torque[own], most)
     found = Excitation(
         (),
         base.names,
@@ -107,28 +108,17 @@ def _noise(model: InverseModel) -> np.ndarray:
     return np.maximum(size * np.maximum(errors, 1e-6), 1e-12)
 
 
-def _most_of(model: InverseModel, torque: np.ndarray) -> np.ndarray:
-    """The largest torque of the joints that each parameter acts on, shape (parameters,)."""
-    most = np.zeros(len(model.base))
-    for own, joint in zip(model.own, torque, strict=True):
-        most[own] = np.maximum(most[own], joint)
-    return most
-
-
 def _add_equations(
-    model: InverseModel,
-    gram: np.ndarray,
-    right: np.ndarray,
-    torque: np.ndarray,
-    noise: np.ndarray,
+    model: InverseModel, gram: np.ndarray, right: np.ndarray, torque: np.ndarray, noise: np.ndarray
 ) -> int:
-    """Add the weighted equations of one log to WᵀW and Wᵀτ; torque (joints,) is the largest rms."""
+    """Add the weighted equations of one log to WᵀW and Wᵀτ; gram (parameters, parameters)."""
     residual, rows, tau = _noise(model), 0, model.tau()
-    np.maximum(torque, np.sqrt(np.mean(tau**2, axis=0)), out=torque)
+    size = np.sqrt(np.mean(tau**2, axis=0))
     for j, columns in enumerate(model.columns):
         moving = columns[model.moving[:, j]] / residual[j]
         own = model.own[j]
         gram[np.ix_(own, own)] += moving.T @ moving
+        torque[own] = np.maximum(torque[own], size[j])
         right[own] += moving.T @ (tau[model.moving[:, j], j] / residual[j])
         noise[own] = np.minimum(noise[own], residual[j])
         rows = max(rows, len(moving))

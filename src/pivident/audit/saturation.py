@@ -49,7 +49,7 @@ def check_channels(log: Log) -> tuple[Finding, ...]:
             findings += _clipped(log, name, x, q, finite) or _one_value(name, x, q)
         elif kind == "q":
             findings += _wrapped(log, name, x, finite)
-        findings += _spikes(log, name, x, finite, q, _weights(log.clock, finite, len(values)))
+        findings += _spikes(log, name, x, finite, q)
     return tuple(findings)
 
 
@@ -79,13 +79,13 @@ def _constant(name: str, value: float) -> Finding:
     )
 
 
-def _weights(t: np.ndarray | None, place: np.ndarray, samples: int) -> np.ndarray:
+def _weights(log: Log, place: np.ndarray) -> np.ndarray:
     """Share of the sample before in the value between two neighbours, by the stamps of all three.
 
     One half on a regular clock, and where the stamps say nothing.
     """
-    half = np.full(max(place.size - 2, 0), 0.5)
-    if t is None or len(t) != samples:
+    t, half = log.clock, np.full(place.size - 2, 0.5)
+    if t is None or len(t) != log.samples:
         return half
     before, after = np.diff(t[place])[:-1], np.diff(t[place])[1:]
     known = np.isfinite(before + after) & (before > 0.0) & (after > 0.0)
@@ -93,16 +93,9 @@ def _weights(t: np.ndarray | None, place: np.ndarray, samples: int) -> np.ndarra
 
 
 def _spikes(
-    log: Log,
-    name: str,
-    x: np.ndarray,
-    place: np.ndarray,
-    q: np.ndarray | None,
-    before: np.ndarray,
+    log: Log, name: str, x: np.ndarray, place: np.ndarray, q: np.ndarray | None
 ) -> list[Finding]:
     """Single samples of height A with second difference (-A/2, A, -A/2), unlike a step.
-
-    ``before``: share of the sample before in the value between two neighbours.
 
     Where the joint of a torque, at ``q``, turns round or stops for a moment, dry friction changes
     from one sample to the next, by the whole range where friction is all of it; only more is a
@@ -110,6 +103,7 @@ def _spikes(
     """
     if x.size < 4 * NEIGHBOURS:
         return []
+    before = _weights(log, place)
     second = x[1:-1] - (before * x[:-2] + (1.0 - before) * x[2:])
     height = np.abs(second[1:-1])
     sides = np.maximum(

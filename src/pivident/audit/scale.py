@@ -286,10 +286,7 @@ def _apart(column: np.ndarray, rest: np.ndarray) -> float:
 
 
 def _gain_findings(
-    log: Log,
-    model: InverseModel,
-    found: Scale,
-    signs_right: Container[int],
+    log: Log, model: InverseModel, found: Scale, signs_right: Container[int]
 ) -> list[Finding]:
     findings = []
     reduction = np.abs(np.diag(model.robot.transmission.reduction))
@@ -303,10 +300,11 @@ def _gain_findings(
             "description."
         )
         severity, step = _judged_gain(a, standard_error, float(reduction[j]))
-        if severity == "error" and (abs(found.likeness[j]) < ALIKE or (a < 0 and j in signs_right)):
+        alike, sign_is_right = abs(found.likeness[j]), a < 0 and j in signs_right
+        if severity == "error" and (alike < ALIKE or sign_is_right):
             # A wrong body leaves the estimate as it is, which needs right torques only.
-            severity, step = "warning", _wrong_body(joint.name, a < 0 and j in signs_right)
-        elif severity == "warning" and abs(found.likeness[j]) < UNLIKE:
+            severity, step = "warning", _wrong_body(joint.name, sign_is_right)
+        elif severity == "warning" and alike < UNLIKE:
             severity, step = "ok", ""
         if j in log.commands:
             unit = "N m" if joint.kind == "revolute" else "N"

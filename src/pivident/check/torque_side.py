@@ -75,9 +75,8 @@ class TorqueSideEvidence:
         share, error = self.pooled
         no_rotors = share + 2.0 * error < NO_ROTORS and share - 2.0 * error < NOTHING
         no_rotors = no_rotors and not (self.rotor - 3.0 * self.rotor_errors > NOTHING).any()
-        if no_rotors and without >= FEWEST and np.nanmedian(self.friction) < MAX_FRICTION:
-            return "link"
-        return "unknown"
+        little = np.nanmedian(self.friction) < MAX_FRICTION
+        return "link" if no_rotors and without >= FEWEST and little else "unknown"
 
     @property
     def with_rotor(self) -> tuple[str, ...]:

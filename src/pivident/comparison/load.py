@@ -16,14 +16,12 @@ import numpy as np
 from pivident.comparison.comparison_errors import ComparisonError
 from pivident.comparison.entry import Entry, Source, at_two_sigma, entry_of
 from pivident.comparison.groups import base_of
+from pivident.diagnostics.verdict_file import RESULT
 from pivident.errors import IdentificationFileError
 from pivident.estimation.stored_identification import json_of_file, load_identification
 from pivident.models.model_json import FORMAT, read_model
 from pivident.models.runnable_model import RunnableModel
 from pivident.models.stored_model import stored_model
-
-#: The file of a result.
-RESULT = "identification.json"
 
 
 def load_entries(paths: Iterable[str | PathLike[str]]) -> list[Entry]:

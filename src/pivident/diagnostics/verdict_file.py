@@ -45,10 +45,10 @@ def result_of(path: Path) -> Path:
     Raises:
         IdentificationFileError: the folder has neither.
     """
-    if not path.is_dir() or (path / RESULT).is_file():
-        return path / RESULT if path.is_dir() else path
-    name = recommended_method(path)
-    if name and (path / name / RESULT).is_file():
+    if not path.is_dir():
+        return path
+    name = "" if (path / RESULT).is_file() else recommended_method(path)
+    if (path / name / RESULT).is_file():
         return path / name / RESULT
     there = sorted(p.parent.name for p in path.glob(f"*/{RESULT}"))
     advice = f"name one of {', '.join(there)}" if there else "name the folder of a result"

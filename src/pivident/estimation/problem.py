@@ -32,6 +32,14 @@ from pivident.text.finding import Finding
 LOW_SPEED = 0.01
 
 
+def rated_speeds(robot: Robot, recording: Recording) -> np.ndarray:
+    """Rated speeds; where one is not known, the fastest motion of the record, shape (joints,)."""
+    rated = robot.rated_speeds
+    for j in np.flatnonzero(~np.isfinite(rated)):
+        rated[j] = np.abs(np.diff(recording.q[:, j])).max() * recording.rate
+    return rated
+
+
 @dataclass(frozen=True, eq=False)
 class Problem:
     """Robot, recordings and loop: everything but the method.
@@ -141,20 +149,12 @@ class Problem:
         share = self.mask
         if share == "auto":
             share = 0.0 if recording.simulated else LOW_SPEED
-        joints = float(share or 0.0) * self._rated_speeds(recording)
+        joints = float(share or 0.0) * rated_speeds(self.robot, recording)
         return SpeedLimits(joints, self.robot.couplings)
 
     def low_speeds(self, recording: Recording) -> np.ndarray:
         """Speed in a recording that counts as standstill [rad/s or m/s], shape (joints,)."""
-        return LOW_SPEED * self._rated_speeds(recording)
-
-    def _rated_speeds(self, recording: Recording) -> np.ndarray:
-        """Rated speeds; where one is not known, the fastest motion of the record."""
-        rated = self.robot.rated_speeds
-        unknown = np.flatnonzero(~np.isfinite(rated))
-        for j in unknown:
-            rated[j] = np.abs(np.diff(recording.q[:, j])).max() * recording.rate
-        return rated
+        return LOW_SPEED * rated_speeds(self.robot, recording)
 
     def initial_values(self) -> np.ndarray:
         """Start of the iteration: nominal inertias, zero friction, then ``initial`` by name.

@@ -25,9 +25,9 @@ def window_line(
     """The part of the log that is kept; window [s], motion [s]."""
     start, end = float(clock.seconds[0]), float(clock.seconds[-1])
     if window != (start, end):
-        zero = start if abs(start) > end - start else 0.0  # stamps of another epoch say nothing
-        runs = f"from {start:.6g} to {end:.6g} s" if zero == 0.0 else f"for {end - start:.6g} s"
-        after = "" if zero == 0.0 else " after its first stamp"
+        zero, runs, after = 0.0, f"from {start:.6g} to {end:.6g} s", ""
+        if abs(start) > end - start:  # stamps since 1970 say nothing
+            zero, runs, after = start, f"for {end - start:.6g} s", " after its first stamp"
         seen = (
             f"the log runs {runs}, joints move from {motion[0] - zero:.6g} to "
             f"{motion[1] - zero:.6g} s{after} ({100 * still:.0f} % standstill in between); "

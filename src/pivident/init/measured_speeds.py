@@ -24,9 +24,6 @@ from pivident.text.numbers import percent
 #: Samples that are compared: enough to tell 0.05 from 0.1.
 COMPARED = 5000
 
-#: Stamps that are off a uniform clock by less than this share of an interval are uniform.
-EVEN = 0.01
-
 
 def measured_speeds(
     run: Run,
@@ -47,17 +44,17 @@ def measured_speeds(
     if channel is None or not set(kept.names) <= set(channel.columns) or channel.own_clock(run):
         return {}
     values = channel.values(run, kept.names)
-    if len(values) != len(q) or not np.isfinite(values).all():
-        return {}  # a channel with gaps would be refused
+    one_clock = len(values) == len(q) and (np.diff(seconds[rows]) > 0.0).all()
+    if not one_clock or not np.isfinite(values).all():  # a channel with gaps would be refused
+        return {}
     first = max(0, (int(rows.sum()) - COMPARED) // 2)
     t, x, y = (a[rows][first : first + COMPARED] for a in (seconds, q, values))
-    if len(t) < 2 or (np.diff(t) <= 0.0).any():
-        return {}
     found = [_unit(q, dq, t, own) for q, dq, own in zip(x.T, y.T, units, strict=True)]
     if None in found:
         return {}
-    x, y, rate = _at_equal_intervals(t, x, y)
-    share = float(explained_noise(x, y, rate).max())
+    even = np.linspace(t[0], t[-1], len(t))
+    x, y = (resample_smooth(t, values, even) for values in (x, y))
+    share = float(explained_noise(x, y, (len(t) - 1) / (t[-1] - t[0])).max())
     if share > SAME_SENSOR:
         return {}
     seen = (
@@ -73,14 +70,3 @@ def _unit(q: np.ndarray, dq: np.ndarray, t: np.ndarray, unit: str) -> str | None
     slope = np.gradient(q, t)[:, np.newaxis]
     match = following_unit(dq[:, np.newaxis], slope, tried, SPEED)
     return None if match is None else match[0]
-
-
-def _at_equal_intervals(
-    t: np.ndarray, x: np.ndarray, y: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Both channels on a uniform clock of the same number of samples, and its rate [Hz]."""
-    even = np.linspace(t[0], t[-1], len(t))
-    rate = (len(t) - 1) / (t[-1] - t[0])
-    if np.abs(even - t).max() > EVEN / rate:
-        x, y = resample_smooth(t, x, even), resample_smooth(t, y, even)
-    return x, y, rate

@@ -149,17 +149,15 @@ def _timing(experiment: Experiment, known: Findings) -> Assumption | None:
         return None
     if audit.delay is None or audit.model is None:
         return None
-    said = next((f for f in audit.delay.findings if f.kind in ("timing", "loop rate")), None)
-    faster = faster_loop(log, audit.model.rate, audit.delay.common)
-    if said is not None and faster is not None:
-        seen = said.message[:1].lower() + said.message[1:]
+    said, common, rate = audit.delay.findings[0], audit.delay.common, audit.model.rate
+    seen = said.message[:1].lower() + said.message[1:].rstrip(".")
+    if said.kind == "loop rate":
+        faster = faster_loop(log, rate, common)
         return Assumption("recording", "control_rate", faster, "likely", seen)
-    timing = undeclared_timing(log, audit.model.rate, audit.delay.common)
-    if timing is None or audit.delay.common[1] * audit.model.rate > KNOWN:
+    timing = undeclared_timing(log, rate, common)
+    if timing is None or common[1] * rate > KNOWN:
         return None
-    clear = said is not None
-    seen = said.message if said is not None else audit.delay.findings[0].message
-    seen = seen[:1].lower() + seen[1:].rstrip(".")
+    clear = said.kind == "timing"
     if not clear:
         seen += f": nearer to torques that are {TIMING_WORDS[timing]} than to torques that are "
         seen += f"{TIMING_WORDS['held']}, which the motion does not decide"

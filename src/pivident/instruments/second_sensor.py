@@ -26,8 +26,7 @@ SAME_SENSOR = 0.1
 #: Factor of a speed against the derivative of the position from which on its unit is another.
 OTHER_UNIT = 1.5
 
-#: Time over which integrated speeds follow the positions [s]: what they drift in it is the
-#: positions'.
+#: Time in which integrated speeds may drift before they follow the positions [s].
 DRIFT = 10.0
 
 #: Channels of a second sensor, the better first, and what they are.
@@ -43,23 +42,20 @@ def sensor_instruments(kinematics: Sequence[Kinematics]) -> GivenMotions:
     Raises:
         IdentificationError: a recording has neither, or its speeds have another unit.
     """
-    made = [
-        _instruments(kinematics, channel)
-        for channel in SENSORS
-        if all(getattr(kin.recording, channel) is not None for kin in kinematics)
-    ]
-    if not made:
-        name = next(
-            kin.recording.name
-            for kin in kinematics
-            if kin.recording.q_link is None or kin.recording.dq is None
-        )
+    first = None
+    for channel in SENSORS:
+        if all(getattr(kin.recording, channel) is not None for kin in kinematics):
+            made = _instruments(kinematics, channel)
+            if not made.shares_noise:
+                return made
+            first = first or made
+    if first is None:
+        listed = ", ".join(repr(kin.recording.name) for kin in kinematics)
         not_there(
             "sensor",
-            f"recording {name!r} names neither a second encoder (q_link) nor speeds with noise of "
-            "their own (dq)",
+            f"{listed}: neither a second encoder (q_link) nor speeds with noise of their own (dq)",
         )
-    return next((each for each in made if not each.shares_noise), made[0])
+    return first
 
 
 def _instruments(

@@ -1,7 +1,4 @@
-"""The measured motion of a recording as the equations need it, and the residual they leave.
-
-The residual τ - Φθ is v of (P-4), (P-24), and (P-30) in the iteration.
-"""
+"""The measured motion of a recording as the equations need it, and the residual they leave."""
 
 from __future__ import annotations
 
@@ -63,6 +60,6 @@ def torque_of(regressor: Regressor, motion: Kinematics, theta: np.ndarray) -> np
 
 
 def residual_of(regressor: Regressor, kinematics: Kinematics, theta: np.ndarray) -> np.ndarray:
-    """τ - Φθ on a recording, time last, shape (joints, samples)."""
+    """τ - Φθ: v of (P-4), (P-24), (P-30); on a recording, time last, shape (joints, samples)."""
     model = torque_of(regressor, kinematics, theta)
     return np.subtract(kinematics.tau, model, out=model)

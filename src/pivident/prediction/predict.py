@@ -196,17 +196,15 @@ def _without_drives(model: RunnableModel) -> list[Finding]:
     """What a model lacks of the drives, whose torques it then leaves out."""
     if model.robot.torque_side == "link":
         return []
-    of_rotors = [p.stem == "ia" for p in model.parameters]
-    of_friction = [p.friction is not None for p in model.parameters]
-    lacking = [
-        words
-        for words, own in (("rotor inertias", of_rotors), ("friction", of_friction))
-        if not model.values[own].any()
-    ]
+    of_drives = {
+        "rotor inertias": [p.stem == "ia" for p in model.parameters],
+        "friction": [p.friction is not None for p in model.parameters],
+    }
+    lacking = [words for words, own in of_drives.items() if not model.values[own].any()]
     if not lacking:
         return []
     text = f"The model has no {' and no '.join(lacking)}: the torque of the drives is left out."
-    if lacking[0] == "rotor inertias":
+    if "rotor inertias" in lacking:
         text += " A URDF cannot hold rotor inertias."
     step = "Predict with the folder of results, or with an export to JSON or TOML."
     return [Finding("warning", "prediction", "without drives", text, next_step=step)]

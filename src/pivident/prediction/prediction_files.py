@@ -11,9 +11,6 @@ from pivident.files import atomic_folder
 from pivident.prediction.prediction import Prediction
 from pivident.text.plain_values import csv_table
 
-#: Digits of a number.
-DIGITS = 10
-
 
 def write_csv(prediction: Prediction, path: str | PathLike[str]) -> Path:
     """Write time, positions, measured and predicted torques as CSV, one line per sample.
@@ -32,8 +29,7 @@ def write_csv(prediction: Prediction, path: str | PathLike[str]) -> Path:
         PividentError: it cannot be written.
     """
     path = Path(path)
-    columns: list[str] = ["t [s]"]
-    values: list[np.ndarray] = []
+    columns, values = ["t [s]"], [prediction.t]
     for j, (joint, torque) in enumerate(
         zip(prediction.robot.joints, prediction.units, strict=True)
     ):
@@ -47,7 +43,7 @@ def write_csv(prediction: Prediction, path: str | PathLike[str]) -> Path:
     with atomic_folder(path.parent) as build, (build / path.name).open("w") as file:
         file.write(csv_table(columns, []))
         # stamps since 1970 have ten digits before the point, and microseconds behind it
-        whole = len(str(int(np.abs(prediction.t).max(initial=0.0))))
-        formats = [f"%.{max(DIGITS, whole + 6)}g"] + [f"%.{DIGITS}g"] * (len(columns) - 1)
-        np.savetxt(file, np.column_stack([prediction.t, *values]), fmt=formats, delimiter=",")
+        digits = max(10, len(str(int(np.abs(prediction.t).max(initial=0.0)))) + 6)
+        formats = [f"%.{digits}g"] + ["%.10g"] * (len(columns) - 1)
+        np.savetxt(file, np.column_stack(values), fmt=formats, delimiter=",")
     return path

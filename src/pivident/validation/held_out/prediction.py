@@ -16,7 +16,7 @@ import numpy as np
 
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import RandomWalk
-from pivident.estimation.problem import LOW_SPEED
+from pivident.estimation.problem import LOW_SPEED, rated_speeds
 from pivident.motion.kinematics import MOTION_BAND
 from pivident.motion.speed_limits import SpeedLimits
 from pivident.recording.recording import Recording
@@ -80,9 +80,8 @@ class PredictionError:
     @property
     def total_moving_in_band(self) -> float:
         """Error over all joints, below ``band``, without what standstill adds to it [%]."""
-        return total_error(
-            self.moving_in_band * self.torque_in_band / 100.0, self.torque_in_band, self.units
-        )
+        moving = self.moving_in_band * self.torque_in_band / 100.0
+        return total_error(moving, self.torque_in_band, self.units)
 
     @property
     def total(self) -> float:
@@ -110,12 +109,11 @@ def at_rest(error: PredictionError, joint: int | None = None) -> str:
 
     ``joint``: which; None: all together.
     """
-    whole, moving = error.total_in_band, error.total_moving_in_band
+    whole, moving, held = error.total_in_band, error.total_moving_in_band, "a joint"
     if joint is not None:
-        whole, moving = error.relative_in_band[joint], error.moving_in_band[joint]
+        whole, moving, held = error.relative_in_band[joint], error.moving_in_band[joint], "it"
     if moving > 0.5 * whole:
         return ""
-    held = "a joint" if joint is None else "it"
     return (
         f" ({percent(moving)} without standstill, where dry friction holds {held} with any torque)"
     )
@@ -190,22 +188,17 @@ class Judge:
             rms_in_band=_rms(low[span]),
             torque_in_band=_rms(self.torque_in_band[span]),
             noise_in_band=np.sqrt(level * _width(self.band)),
-            rest_in_band=_rms(np.where(self._resting(robot), low, 0.0)[span]),
+            rest_in_band=_rms(np.where(self._resting(robot, span), low[span], 0.0)),
             band=self.band,
             samples=span.stop - span.start,
         )
 
-    def _resting(self, robot: Robot) -> np.ndarray:
-        """Samples at which each joint stands, and what the low-pass mixes them with.
-
-        Shape (samples, joints). Speeds below a hundredth of the rated ones count as standstill, as
-        for the estimate.
-        """
+    def _resting(self, robot: Robot, span: slice) -> np.ndarray:
+        """Samples slower than the estimate's, and what the low-pass mixes them with, likewise."""
         from scipy.ndimage import maximum_filter1d
 
-        dq, rated = self.kinematics.dq, robot.rated_speeds
-        rated = np.where(np.isfinite(rated), rated, np.abs(dq).max(axis=1))
-        still = ~SpeedLimits(LOW_SPEED * rated, robot.couplings).moving(dq)
+        slow = LOW_SPEED * rated_speeds(robot, self.recording)
+        still = ~SpeedLimits(slow, robot.couplings).moving(self.kinematics.dq[:, span])
         beside = 2 * round(0.5 * self.recording.rate / self.band) + 1
         return maximum_filter1d(still.T, beside, axis=0)
 

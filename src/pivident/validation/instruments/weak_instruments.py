@@ -28,9 +28,6 @@ WEAK = 10.0
 #: Share of a column that instruments leave unexplained, below which they hold the column itself.
 OWN_INSTRUMENT = 1e-11
 
-#: Partial R² below which the variance of a parameter grows by more than a quarter.
-PRACTICAL_R2 = 0.8
-
 
 @dataclass(frozen=True, eq=False)
 class RelevanceTest:
