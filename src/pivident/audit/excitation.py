@@ -125,14 +125,8 @@ def _add_equations(
     return rows
 
 
-def _full_motion(
-    models: Sequence[InverseModel], theta: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rms in motions within all limits: of each column, of its three parts, and of each torque.
-
-    The torque is the smaller of what the fit and the description promise, shape (joints,): neither
-    can be trusted where the motion is poor.
-    """
+def _full_motion(models: Sequence[InverseModel], theta: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Rms in motions within all limits: of each column, of its three parts, and of each torque."""
     robot, positions = models[0].robot, np.concatenate([model.q for model in models])
     rng = np.random.default_rng(1988)
     low, high = np.array(
@@ -162,9 +156,9 @@ def _full_motion(
             rms(regressor.matrix(q, still, ddq, inner=none) - rest),
         ]
     )
-    full = regressor.matrix(q, dq, ddq, inner=level)
-    base = models[0].base
+    full, base = regressor.matrix(q, dq, ddq, inner=level), models[0].base
     described = base.values(nominal_values(robot, base.standard))
+    # Of fit and description the smaller: neither can be trusted where the motion is poor.
     torques = full @ np.column_stack([theta, described])
     return rms(full), parts, np.sqrt(np.mean(torques**2, axis=0)).min(axis=1)
 

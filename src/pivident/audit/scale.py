@@ -326,9 +326,8 @@ def _gain_findings(
 
 def _wrong_body(joint: str, sign_is_right: bool) -> str:
     """What to do where friction, or the shape of the torque, speaks against the masses."""
-    why = "Friction shows that its sign is right"
-    if not sign_is_right:
-        why = "It has another shape, so that this is no gain alone"
+    shape = "It has another shape, so that this is no gain alone"
+    why = "Friction shows that its sign is right" if sign_is_right else shape
     return (
         f"{why}: the mass or the centre of mass of the link of {joint}, or of what it carries, "
         "seems to be wrong in the description; check also the gain and the gear ratio."

@@ -51,9 +51,8 @@ def prediction(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     grows = error.total_in_band / max(fitted.total_in_band, 1e-300)
     if judged.replay is not None and judged.replay.total <= LOOP_MISSES:
         basis += f"; simulated loop {percent(judged.replay.total)}"
-    text = f"The torque error on {judged.motion} is {percent(error.total_in_band)}"
     standing = at_rest(error)
-    text += standing
+    text = f"The torque error on {judged.motion} is {percent(error.total_in_band)}{standing}"
     severity: Severity = "ok"
     kind, step = "predicts", ""
     if grows > WORSE:

@@ -67,6 +67,5 @@ def measured_speeds(
 def _unit(q: np.ndarray, dq: np.ndarray, t: np.ndarray, unit: str) -> str | None:
     """Unit in which a logged speed follows the derivative of the position, or nothing."""
     tried = ("m/s", "mm/s") if unit in ("m", "mm") else ("rad/s", "deg/s", "rev/s", "rpm")
-    slope = np.gradient(q, t)[:, np.newaxis]
-    match = following_unit(dq[:, np.newaxis], slope, tried, SPEED)
+    match = following_unit(dq[:, None], np.gradient(q, t)[:, None], tried, SPEED)
     return None if match is None else match[0]

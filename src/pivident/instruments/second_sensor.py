@@ -8,7 +8,6 @@ their noise is that of the first, and shows in them.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
 
 import numpy as np
 
@@ -30,7 +29,7 @@ OTHER_UNIT = 1.5
 DRIFT = 10.0
 
 #: Channels of a second sensor, the better first, and what they are.
-SENSORS: dict[Literal["q_link", "dq"], str] = {
+SENSORS = {
     "q_link": "positions of the second encoders (q_link)",
     "dq": "measured speeds (dq)",
 }
@@ -58,9 +57,7 @@ def sensor_instruments(kinematics: Sequence[Kinematics]) -> GivenMotions:
     return first
 
 
-def _instruments(
-    kinematics: Sequence[Kinematics], channel: Literal["q_link", "dq"]
-) -> GivenMotions:
+def _instruments(kinematics: Sequence[Kinematics], channel: str) -> GivenMotions:
     """The motion that one channel has seen, and whether its noise is that of the first encoders."""
     motions, same = [], np.zeros(len(kinematics[0].q))
     for kin in kinematics:
