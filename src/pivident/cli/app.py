@@ -97,6 +97,7 @@ def identify(
         tuple[str, ...], Parameter(name=["--method", "-m"], negative=(), show_default=False)
     ] = (),
     folds: Annotated[int | None, Parameter(show_default=False)] = None,
+    free: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)] = (),
     out: Path | None = None,
 ) -> int:
     """Identify the record that an experiment file (TOML) describes.
@@ -112,6 +113,10 @@ def identify(
     folds
         Blocks of the motion that are held out in turn to judge the methods; 0: none. Default: that
         of the file, or else 5.
+    free
+        Causes of model error that are corrected with the estimate, each with an interval: delay,
+        geometry, gear-ratio, torque-gain, zero-position, position-scale, encoder,
+        missing-parameter; several separated by commas. Default: those of the file, or else none.
     out
         Folder for the results. Default: that of the file, or else NAME-results for NAME.toml.
     """
@@ -122,7 +127,7 @@ def identify(
         _check_methods(names)
     if folds is not None and (folds < 0 or folds == 1):
         raise UsageError(f"--folds {folds} leaves nothing to fit; use 2 or more, or 0 for none")
-    return code_of(run_experiment(experiment, names, out, folds))
+    return code_of(run_experiment(experiment, names, out, folds, separated(free)))
 
 
 def code_of(outcome: Outcome) -> int:

@@ -33,6 +33,12 @@ from pivident.extras import is_installed
 from pivident.files import atomic_folder, check_output
 from pivident.friction.bearing_friction import bearing_friction
 from pivident.friction_laws.shapes import identify_shapes
+from pivident.model_errors.corrections import (
+    Corrections,
+    corrections,
+    kinds_of,
+    with_corrections,
+)
 from pivident.validation.essential_parameters import EssentialParameters, essential_parameters
 
 #: What the demonstration compares, and on how many held-out blocks.
@@ -66,12 +72,16 @@ class Results:
 
 
 def run_experiment(
-    path: Path, names: Sequence[str], out: Path | None, folds: int | None = None
+    path: Path,
+    names: Sequence[str],
+    out: Path | None,
+    folds: int | None = None,
+    free: Sequence[str] = (),
 ) -> Outcome:
     """Read an experiment file, identify, judge, print verdict and tables, write the results.
 
     A method that fails does not take the results of the others with it. Without names, the methods
-    are those of the file.
+    are those of the file, and so are the kinds of causes that are corrected with the estimate.
     """
     from pivident.experiment.experiment import load_experiment
 
@@ -96,7 +106,13 @@ def run_experiment(
         if experiment.content.identify.essential:
             essential = essential_parameters(problem, last, progress=progress.say)
             problem = replace(problem, parameters=essential.names)
+        freed = None
+        if kinds := kinds_of(free or experiment.content.identify.free or ()):
+            freed = corrections(problem, last, kinds, progress.say)
+            problem = freed.problem
         outcome = identify_all(problem, methods, progress)
+        if freed is not None:
+            outcome = corrected(outcome, freed)
         diagnostics = diagnose(
             problem,
             outcome.identifications,
@@ -124,7 +140,7 @@ def run_experiment(
             diagnostics = replace(diagnostics, consistent=made)
         progress.say("writing the results")
         report = experiment.content.output.report and can_draw(progress)
-        results = Results(outcome.identifications, diagnostics, essential)
+        results = Results(diagnostics.identifications, diagnostics, essential)
         write_results(results, folder, experiment.title, report=report)
     _print_results(results, folder, report=report)
     if shaped is not None:
@@ -148,11 +164,19 @@ def run_demo(out: Path, seed: int = 0) -> Outcome:
         )
         progress.say("writing the results")
         title = "Simulated Stäubli TX40: estimates against truth"
-        results = Results(outcome.identifications, diagnostics)
+        results = Results(diagnostics.identifications, diagnostics)
         report = can_draw(progress)
         write_results(results, out, title, truth, report=report)
     _print_results(results, out, truth, report=report)
     return outcome
+
+
+def corrected(outcome: Outcome, made: Corrections) -> Outcome:
+    """Results of a corrected problem, with the corrections and what is not known of them."""
+    results = outcome.identifications
+    return replace(
+        outcome, identifications={n: with_corrections(r, made) for n, r in results.items()}
+    )
 
 
 def can_draw(progress: Progress, page: str = "report.html") -> bool:

@@ -10,10 +10,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from pivident.errors import ExperimentError, IdentificationError
+import numpy as np
+
+from pivident.errors import ExperimentError, IdentificationError, PividentError
 from pivident.estimation.identification import Identification
 from pivident.estimation.methods import METHODS, Method
 from pivident.estimation.problem import Problem
+from pivident.model_errors.named_causes import ModelErrors, named_causes
+from pivident.model_errors.wider_intervals import with_model_errors
 from pivident.recording.recording import Recording
 from pivident.validation.held_out.out_of_sample import OutOfSample, compare_out_of_sample
 from pivident.validation.instruments.instrument_tests import InstrumentTests, instrument_tests
@@ -41,6 +45,10 @@ class Diagnostics:
         out_of_sample: errors on held-out motion; None where nothing was held out.
         model_error: noise and model error of the recommended result apart; None where neither
             a motion repeats nor anything was held out.
+        model_errors: causes of model error that its residual shows; None where none were sought.
+            Where some change the estimate, its intervals in ``identifications`` contain them.
+        noise_std: standard errors of the recommended result from the noise alone, shape
+            (parameters,).
         notes: why something could not be found out, whole sentences.
         consistent: estimates that were made physically consistent, by short name of their method,
             or why they could not be.
@@ -51,6 +59,8 @@ class Diagnostics:
     instruments: Mapping[str, InstrumentTests]
     out_of_sample: OutOfSample | None = None
     model_error: ModelError | None = None
+    model_errors: ModelErrors | None = None
+    noise_std: np.ndarray = field(default_factory=lambda: np.zeros(0))
     notes: tuple[str, ...] = field(default=())
     consistent: Mapping[str, ConsistentEstimate | NoConsistentEstimate] = field(
         default_factory=dict
@@ -91,7 +101,8 @@ def diagnose(
         progress: called with one line at each stage.
 
     Returns:
-        The tests of each result and their comparison on held-out motion, for `verdict`.
+        The tests of each result, their comparison on held-out motion and the causes of model error
+        of the recommended one, for `verdict`.
 
     Raises:
         ExperimentError: a result whose method is not known.
@@ -127,12 +138,21 @@ def diagnose(
         split = model_error(problem, identifications[name], validation)
     except IdentificationError as error:
         notes.append(f"Noise and model error could not be separated: {error}.")
+    say("looking for causes of model error")
+    causes, own = None, identifications[name]
+    try:
+        causes = named_causes(problem, own)
+    except PividentError as error:
+        notes.append(f"Causes of model error were not looked for: {error}.")
+    widened = own if causes is None else with_model_errors(own, causes)
     return Diagnostics(
-        identifications,
+        {**identifications, name: widened},
         diagnostics.residuals,
         diagnostics.instruments,
         out_of_sample,
         split,
+        causes,
+        own.std,
         (*diagnostics.notes, *notes),
     )
 

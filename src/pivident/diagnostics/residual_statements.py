@@ -96,7 +96,8 @@ def friction_law(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     A covariance knows the noise. It does not know that another law of friction would give these
     parameters other values, whatever kind of covariance it is. A residual that goes with the motion
     is a sign of that, and a reservation where held-out motion says that model error makes
-    most of it: noise of the speed that enters the bend of a law leaves the same traces.
+    most of it: noise of the speed that enters the bend of a law leaves the same traces. Where
+    causes of model error are named, and friction is none of them, friction is not blamed.
     """
     result, tests = diagnostics.identifications[name], diagnostics.residuals[name]
     own = [
@@ -115,6 +116,10 @@ def friction_law(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     signs = _signs_of_another_law(tests, {joints[j].name for _, j in own})
     split = diagnostics.model_error
     uncertain = bool(signs) and split is not None and split.mostly_model_error
+    causes = diagnostics.model_errors
+    named = () if causes is None else causes.named
+    if named and not any(one.cause.kind == "friction" for one in named):
+        uncertain, signs = False, ""
     if uncertain:
         text += (
             f" It may be wrong: {signs}, and most of the error is model error. Another "

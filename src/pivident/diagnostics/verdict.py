@@ -25,6 +25,7 @@ from pivident.diagnostics.estimate_statements import (
     torque_side,
 )
 from pivident.diagnostics.instrument_statements import feedback_bias, strength
+from pivident.diagnostics.model_error_statements import intervals, model_errors
 from pivident.diagnostics.prediction_statements import prediction, simulated_loop
 from pivident.diagnostics.residual_statements import (
     friction_law,
@@ -117,6 +118,8 @@ def verdict(diagnostics: Diagnostics | Identification) -> Verdict:
         *prediction(diagnostics, name),
         *simulated_loop(diagnostics, name),
         *model_or_noise(diagnostics),
+        *model_errors(diagnostics),
+        *intervals(diagnostics, name),
         *friction_law(diagnostics, name),
         *consistency(diagnostics, name),
         *identified_law(result),

@@ -137,6 +137,7 @@ class IdentifyEntry(SharedOptions):
     parameters: Names | None = None
     essential: Annotated[bool, PlainValidator(_switch)] = False
     shapes: Literal["given", "identify"] = "given"
+    free: Names | None = None
     mask: Mask = "auto"
     initial: dict[str, float] = Field(default_factory=dict)
     ols: MethodEntry = MethodEntry()

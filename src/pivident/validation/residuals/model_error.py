@@ -125,9 +125,9 @@ class ModelError:
                 "estimates are to the truth."
             )
         if self.mostly_model_error:
-            advice = "longer or quieter record would change little; a better model would, of "
+            advice = "longer or quieter record would change little; a better model would."
             together = "Over all joints less than half is noise: a " if unclear else "A "
-            lines.append(f"{together}{advice}friction first.")
+            lines.append(f"{together}{advice}")
         return lines
 
     def _separated(self, joints: Sequence[JointModelError]) -> str:

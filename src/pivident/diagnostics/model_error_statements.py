@@ -1,0 +1,111 @@
+"""What the verdict says about the model: which causes of error the residual shows, how large."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from pivident.diagnostics.diagnostics import Diagnostics
+from pivident.model_errors.named_causes import ModelErrors, NamedCause
+from pivident.text.finding import Finding, Quantity, Severity
+from pivident.text.lists import listed
+from pivident.text.numbers import format_significant, percent
+
+#: What to do about causes that no size corrects.
+STEPS = {
+    "friction": "`pivident laws` compares friction laws on motion that was not fitted.",
+    "elasticity": "`pivident flexibility` identifies the joint; or move more slowly.",
+    "backlash": "Keep the motor pressed to one side, or leave the reversals out.",
+    "warming up": "Warm the robot up before the record, or identify shorter parts of it.",
+    "torque ripple": "`pivident friction` shows the ripple over the position.",
+    "payload": "Identify the recordings apart, or take the load off; see `pivident payload`.",
+    "missing parameter": "Estimate it, too ([identify] parameters).",
+}
+
+
+def model_errors(diagnostics: Diagnostics) -> Iterator[Finding]:
+    """Causes of model error: each kind once, those that change the estimate as reservations."""
+    found = diagnostics.model_errors
+    if found is None:
+        return
+    if not found.named:
+        text = (
+            f"None of {found.tried} causes of model error is seen in the residual: geometry, "
+            "timing, gears, encoders, springs, friction, missing parameters."
+        )
+        yield Finding("ok", "model", "no cause found", text)
+        return
+    for kind in dict.fromkeys(named.cause.kind for named in found.named):
+        yield _of_kind(found, [named for named in found.named if named.cause.kind == kind])
+
+
+def _of_kind(found: ModelErrors, named: Sequence[NamedCause]) -> Finding:
+    """The causes of one kind."""
+    first = named[0]
+    sizes = listed([_size(one) for one in named], 3)
+    text = f"{_capital(first.cause.kind)}: {sizes}"
+    most = max(named, key=lambda one: one.shift)
+    if most.matters:
+        text += (
+            f". Corrected, it changes {most.parameter} by "
+            f"{format_significant(most.shift, 2)} standard errors"
+        )
+    else:
+        text += ". Corrected, it changes no parameter by a standard error"
+    others = [str(other) for one in named for other in one.alternatives]
+    if others:
+        text += f". The record cannot tell it from {listed(others, 2)}"
+    score = first.score
+    evidence = {
+        "size": Quantity(float(score.size[0]), first.cause.unit, interval=_interval(first)),
+        "change": Quantity(most.shift, "σ"),
+        "explained": Quantity(100.0 * score.explained, "%"),
+    }
+    basis = (
+        f"explains {percent(100.0 * score.explained)} of the residual in the motion's band, "
+        f"{percent(100.0 * score.unseen)} where it was not fitted; significance "
+        f"{score.significance * found.tried:.1g} among {found.tried} causes"
+    )
+    step = STEPS.get(first.cause.kind, "")
+    if not step and most.matters:
+        step = (
+            f"`pivident identify --free {first.cause.kind.replace(' ', '-')}` estimates it with "
+            "the parameters; or correct the description or the log."
+        )
+    severity: Severity = "warning" if most.matters else "note"
+    return Finding(
+        severity, "model", first.cause.kind, f"{text}.", first.cause.subject, step, evidence, basis
+    )
+
+
+def _size(one: NamedCause) -> str:
+    """``axis_3, length along x from axis_2 to axis_3: 0.98 ± 0.02 mm``."""
+    subject = f"{one.cause.subject}, " if one.cause.subject else ""
+    return f"{subject}{one.cause.what}: {one.size_text}"
+
+
+def _interval(one: NamedCause) -> tuple[float, float]:
+    value, spread = float(one.score.size[0]), 2.0 * float(one.score.std[0])
+    return value - spread, value + spread
+
+
+def intervals(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
+    """What the intervals hold: noise, and model error as far as it is seen; which is larger."""
+    found = diagnostics.model_errors
+    if found is None or not found.matter:
+        return
+    noise = diagnostics.noise_std
+    own = diagnostics.identifications[name].std
+    ratio = float(np.exp(np.mean(np.log(own / np.maximum(noise, 1e-300)))))
+    text = (
+        f"The intervals contain the model error that was found: on average they are "
+        f"{format_significant(ratio, 2)} times those of the noise alone"
+    )
+    larger = "the model error is the larger part" if ratio > np.sqrt(2.0) else "noise is the larger"
+    evidence = {"ratio": Quantity(ratio)}
+    yield Finding("note", "intervals", "model error", f"{text}; {larger}.", evidence=evidence)
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]

@@ -1,0 +1,54 @@
+"""A cause of model error: what is wrong, the torque that it would add, and its correction.
+
+A cause of size δ changes the torque by D δ, with D its columns evaluated on a motion. They are the
+directions of a score test (Lagrange multipliers): the residual is regressed on them besides Φ.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.estimation.problem import Problem
+from pivident.model_errors.record_motion import RecordMotion
+
+#: Columns of a cause on the motion of a record, shape (columns, joints, samples).
+Columns = Callable[[RecordMotion], np.ndarray]
+
+#: A problem without a cause of some size, shape (columns,).
+Correction = Callable[[Problem, np.ndarray], Problem]
+
+
+@dataclass(frozen=True, eq=False)
+class Cause:
+    """Something that may be wrong with the model, the log or the clock.
+
+    Attributes:
+        kind: what (``geometry``, ``delay``, ``torque gain`` …).
+        subject: joint that it belongs to; empty for the whole.
+        what: what its size is the size of, in words.
+        unit: of the size.
+        columns: torque per unit of size, shape (columns, joints, samples).
+        count: number of columns.
+        correct: the problem with the cause corrected; None: it cannot be corrected by its size.
+    """
+
+    kind: str
+    subject: str
+    what: str
+    unit: str
+    columns: Columns
+    count: int = 1
+    correct: Correction | None = None
+
+    def __str__(self) -> str:
+        return f"{self.kind}{' of ' * bool(self.subject)}{self.subject}: {self.what}"
+
+
+def on_joint(joint: int, signals: list[np.ndarray], motion: RecordMotion) -> np.ndarray:
+    """Torques on one joint alone, shape (columns, joints, samples); each (samples,)."""
+    out = np.zeros((len(signals), *motion.q.shape))
+    out[:, joint] = signals
+    return out

@@ -1,0 +1,109 @@
+"""Sums over rows that suffice for every test of causes and every estimate with some corrected.
+
+With X = (Φ, D) the columns of the model and of all causes, Y the same on the motion that makes the
+instruments, and weights 1/λ_j of each joint,
+
+    Yᵀ X,  Yᵀ τ   by window of time and by place,    Xᵀ X,  Xᵀ τ,  τᵀ τ   by block of the motion
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.estimation.covariance.windows import Share, windows_of
+
+
+@dataclass(frozen=True, eq=False)
+class JointRows:
+    """Rows of one joint in one record, on the columns that act on it; time last."""
+
+    columns: np.ndarray  # indices, shape (k,)
+    x: np.ndarray  # columns of model and causes, shape (k, rows); ``y`` their instruments
+    y: np.ndarray
+    tau: np.ndarray  # shape (rows,)
+    place: np.ndarray  # where the robot is, a number for each row, shape (rows,)
+
+
+@dataclass(frozen=True, eq=False)
+class Products:
+    """Aᵀ X and Aᵀ τ of several parts of the rows."""
+
+    x: np.ndarray  # shape (parts, columns, columns)
+    tau: np.ndarray  # shape (parts, columns)
+
+    @classmethod
+    def empty(cls, parts: int, columns: int) -> Products:
+        """No rows yet."""
+        return cls(np.zeros((parts, columns, columns)), np.zeros((parts, columns)))
+
+    def add(self, part: int, columns: np.ndarray, left: np.ndarray, x: np.ndarray, tau) -> None:
+        """Add rows of one joint to a part; ``left``: A, shape (k, rows), weighted."""
+        self.x[part][np.ix_(columns, columns)] += left @ x.T
+        self.tau[part, columns] += left @ tau
+
+
+@dataclass(frozen=True, eq=False)
+class CauseSums:
+    """The sums; all columns of the model first, then those of the causes in their order."""
+
+    parameters: int  # number of the model's columns
+    windows: Products  # Yᵀ X and Yᵀ τ of each window of time
+    places: Products  # the same of each place
+    blocks: Products  # Xᵀ X and Xᵀ τ of each block of the motion
+    squares: np.ndarray  # τᵀ τ of each block
+    lengths: list[int]  # rows of each record
+
+
+def cause_sums(
+    records: list[list[JointRows]],
+    variance: np.ndarray,
+    parameters: int,
+    columns: int,
+    blocks: int,
+) -> CauseSums:
+    """All sums of the rows of all records and joints.
+
+    ``variance``: λ of each joint, shape (joints,); ``parameters``, ``columns``: number of the
+    model's columns and of all; ``blocks``: blocks of the motion, of equal length.
+    """
+    lengths = [record[0].tau.size for record in records]
+    windows = windows_of(lengths)
+    where = 1 + max(int(record[0].place.max(initial=0)) for record in records)
+    made = CauseSums(
+        parameters,
+        Products.empty(sum(w.count for w in windows), columns),
+        Products.empty(where, columns),
+        Products.empty(blocks, columns),
+        np.zeros(blocks),
+        lengths,
+    )
+    first = 0
+    for record, own, length in zip(records, windows, lengths, strict=True):
+        block = (first + np.arange(length)) * blocks // max(sum(lengths), 1)
+        shares = list(own.shares(slice(0, length)))
+        first += length
+        for rows, lam in zip(record, variance, strict=True):
+            _add_windows(made.windows, rows, lam, shares)
+            for part in range(where):
+                here = rows.place == part
+                left = rows.y[:, here] / lam
+                made.places.add(part, rows.columns, left, rows.x[:, here], rows.tau[here])
+            for part in np.unique(block):
+                here = block == part
+                x, tau = rows.x[:, here], rows.tau[here]
+                made.blocks.add(part, rows.columns, x / lam, x, tau)
+                made.squares[part] += tau @ tau / lam
+    return made
+
+
+def _add_windows(sums: Products, rows: JointRows, variance: float, shares: Iterable[Share]) -> None:
+    """Each row to the window that falls there and to the one that rises."""
+    for share in shares:
+        x, tau = rows.x[:, share.part], rows.tau[share.part]
+        y = rows.y[:, share.part] / variance
+        rising = y * share.rising
+        sums.add(share.window, rows.columns, y - rising, x, tau)
+        sums.add(share.window + 1, rows.columns, rising, x, tau)

@@ -1,0 +1,216 @@
+"""Causes of model error estimated with the parameters: `pivident identify --free geometry,delay`.
+
+The correction s of some causes and the parameters θ are estimated in turn. With the last estimate,
+
+    (θ, δ) = (Yᵀ X)⁻¹ Yᵀ τ,    s ← s + δ
+
+on the rows of `cause_rows`, robot and recordings are corrected by s, and the method is run again,
+until δ is a tenth of its standard error. What is not known of s is not known of θ either. With
+G = -∂θ/∂s, and P the covariance that the method gives for the corrected problem,
+
+    cov θ = P + G cov(s) Gᵀ
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pivident.errors import IdentificationError
+from pivident.estimation.identification import Identification
+from pivident.estimation.identify import identify
+from pivident.estimation.methods import Method, method_named
+from pivident.estimation.problem import Problem
+from pivident.model_errors.cause import Cause
+from pivident.model_errors.named_causes import all_causes, is_found, score_tests
+from pivident.model_errors.score_tests import ScoreTests
+from pivident.robot.naming import nearest
+from pivident.text.finding import Finding, Quantity
+from pivident.text.numbers import plus_minus
+
+#: Change of a correction, in standard errors, below which it has settled.
+SETTLED = 0.1
+
+#: Rounds after which corrections that do not settle are given up.
+MAX_ROUNDS = 8
+
+#: Most causes of the kinds asked for that are corrected together.
+MOST = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Corrections:
+    """Causes that were corrected.
+
+    Attributes:
+        problem: robot and recordings with all of them corrected.
+        causes: what was corrected.
+        size: by how much, each in the unit of its cause, one after the other.
+        covariance: of ``size``.
+    """
+
+    problem: Problem
+    causes: tuple[Cause, ...]
+    size: np.ndarray
+    covariance: np.ndarray
+
+    def of(self, cause: Cause) -> tuple[np.ndarray, np.ndarray]:
+        """Size of one cause and its standard errors, each (columns,)."""
+        first = sum(c.count for c in self.causes[: self.causes.index(cause)])
+        own = slice(first, first + cause.count)
+        return self.size[own], np.sqrt(np.diag(self.covariance))[own]
+
+    def findings(self) -> tuple[Finding, ...]:
+        """One note for each correction, with its interval."""
+        found = []
+        for cause in self.causes:
+            size, std = self.of(cause)
+            values = [
+                f"{plus_minus(float(x), 2.0 * float(s))} {cause.unit}"
+                for x, s in zip(size, std, strict=True)
+            ]
+            subject = f" of {cause.subject}" if cause.subject else ""
+            text = f"Corrected with the estimate: {cause.what}{subject}, {' and '.join(values)}."
+            evidence = {
+                f"size {k + 1}" if size.size > 1 else "size": Quantity(
+                    float(x), cause.unit, interval=(float(x - 2 * s), float(x + 2 * s))
+                )
+                for k, (x, s) in enumerate(zip(size, std, strict=True))
+            }
+            found.append(
+                Finding("note", "correction", cause.kind, text, cause.subject, evidence=evidence)
+            )
+        return tuple(found)
+
+
+def kinds_of(names: Sequence[str]) -> tuple[str, ...]:
+    """Kinds of causes as they are typed, ``gear-ratio`` for ``gear ratio``, in words."""
+    return tuple(name.strip().lower().replace("-", " ").replace("_", " ") for name in names)
+
+
+def corrections(
+    problem: Problem,
+    method: Method | str,
+    kinds: Sequence[str],
+    progress: Callable[[str], None] | None = None,
+) -> Corrections:
+    """Estimate the causes of some kinds that the record shows, together with the parameters.
+
+    A delay of all torques is estimated whenever it is asked for; of the other kinds, those causes
+    that are significant.
+
+    Args:
+        problem: what is given.
+        method: how the parameters are estimated.
+        kinds: ``delay``, ``geometry``, ``gear ratio``, ``torque gain``, ``zero position``,
+            ``position scale``, ``encoder`` or ``missing parameter``.
+        progress: called with one line at each stage.
+
+    Returns:
+        The corrected problem, and the corrections with their covariance.
+
+    Raises:
+        IdentificationError: an unknown kind, one that no size corrects, or corrections that do not
+            settle.
+    """
+    say = progress or (lambda line: None)
+    method = method_named(method)
+    chosen: list[Cause] = []
+    size = np.zeros(0)
+    for round_ in range(MAX_ROUNDS):
+        corrected = _corrected(problem, chosen, size)
+        found = identify(corrected, method)
+        if round_ == 0:
+            _check_kinds(kinds, all_causes(problem, found, np.ones(problem.robot.size)))
+        tests = score_tests(corrected, found, kinds)
+        numbers = [_number(tests, cause) for cause in chosen]
+        added = _further(tests, numbers)
+        numbers += added
+        chosen += [tests.causes[k] for k in added]
+        if not chosen:
+            return Corrections(problem, (), size, np.zeros((0, 0)))
+        columns = tests.columns(numbers)
+        fit = tests.fit(columns)
+        step = fit.theta[tests.sums.parameters :]
+        own = slice(tests.sums.parameters, None)
+        covariance = tests.covariance(columns, fit.theta)[own, own]
+        size = np.concatenate([size, np.zeros(step.size - size.size)]) + step
+        std = np.sqrt(np.diag(covariance))
+        say(f"corrections, round {round_ + 1}: they change by {np.abs(step / std).max():.2g} σ")
+        if not added and np.abs(step / std).max() < SETTLED:
+            return Corrections(_corrected(problem, chosen, size), tuple(chosen), size, covariance)
+    raise IdentificationError(
+        f"the corrections of {', '.join(str(c) for c in chosen)} do not settle in {MAX_ROUNDS} "
+        "rounds; free fewer kinds at a time"
+    )
+
+
+def with_corrections(found: Identification, made: Corrections) -> Identification:
+    """An estimate of the corrected problem, whose intervals know what is not known of them."""
+    if not made.causes:
+        return found
+    tests = score_tests(made.problem, found, [cause.kind for cause in made.causes])
+    numbers = [_number(tests, cause) for cause in made.causes]
+    gain = tests.sensitivity(tests.columns(numbers))
+    more = gain @ made.covariance @ gain.T
+    return replace(
+        found,
+        covariance=found.covariance + more,
+        robust_covariance=found.robust_covariance + more,
+        warnings=(*made.findings(), *found.warnings),
+    )
+
+
+def _corrected(problem: Problem, causes: Sequence[Cause], size: np.ndarray) -> Problem:
+    """The problem with some causes corrected by their sizes."""
+    first = 0
+    for cause in causes:
+        assert cause.correct is not None
+        problem = cause.correct(problem, size[first : first + cause.count])
+        first += cause.count
+    return problem
+
+
+def _number(tests: ScoreTests, cause: Cause) -> int:
+    """Number of a cause among those of another robot or record, where it has the same name."""
+    return next(k for k, other in enumerate(tests.causes) if str(other) == str(cause))
+
+
+def _further(tests: ScoreTests, corrected: Sequence[int]) -> list[int]:
+    """Causes to be corrected besides: the delay of all torques, and those that are significant."""
+    added: list[int] = []
+    for k, cause in enumerate(tests.causes):
+        if cause.kind == "delay" and not cause.subject and k not in corrected:
+            added.append(k)
+    while len(corrected) + len(added) < MOST:
+        _, scores = tests.all_scores([*corrected, *added])
+        able = {
+            k: s
+            for k, s in scores.items()
+            if tests.causes[k].correct is not None and is_found(s, tests.tried)
+        }
+        if not able:
+            break
+        added.append(max(able, key=lambda k: able[k].explained))
+    return added
+
+
+def _check_kinds(kinds: Sequence[str], causes: Sequence[Cause]) -> None:
+    """Refuse kinds that are unknown, and those that no size corrects."""
+    known = dict.fromkeys(cause.kind for cause in causes)
+    able = {cause.kind for cause in causes if cause.correct is not None}
+    for kind in kinds:
+        if kind not in known:
+            raise IdentificationError(f"free: unknown kind {kind!r}; {nearest(kind, known)}")
+        if kind not in able:
+            instead = {
+                "friction": "`pivident laws` finds a law",
+                "elasticity": "`pivident flexibility` identifies the joint",
+            }
+            step = instead.get(kind, "its size alone does not correct it")
+            raise IdentificationError(
+                f"free: {kind} cannot be corrected with the estimate; {step}. These can: "
+                f"{', '.join(sorted(able))}"
+            )

@@ -1,0 +1,106 @@
+"""Geometry that is off: lengths and angles between joints, and the way up.
+
+The frame of a joint in its parent's link has six coordinates, of which a turn about its own axis is
+the zero position, see `motion_errors`. Columns are the derivative of Φθ by each, from torques of
+the robot changed by ± a small step. Parameters whose groups change with the geometry take up what
+lies in the space of Φ; what remains is seen by no other parameter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from pivident.estimation.problem import Problem
+from pivident.model_errors.cause import Cause
+from pivident.model_errors.record_motion import RecordMotion
+from pivident.robot.description import Robot
+
+#: Size of one unit in which geometry is told: millimetres and degrees [m, rad].
+MILLIMETRE, DEGREE = 1e-3, np.pi / 180.0
+
+#: Steps of the differences [mm, °].
+STEPS = {"mm": 1.0, "°": 0.05}
+
+#: Direction of gravity beyond which a turn about an axis leaves it where it is.
+UPRIGHT = 0.99
+
+#: A robot changed by a length [m] or an angle [rad].
+Change = Callable[[Robot, float], Robot]
+
+AXES = "xyz"
+
+
+def geometry_causes(robot: Robot) -> Iterator[Cause]:
+    """Lengths and angles between the joints, and the direction of gravity."""
+    for j, joint in enumerate(robot.joints):
+        base = "the base" if joint.parent < 0 else robot.joints[joint.parent].name
+        way = f"from {base} to {joint.name}"
+        for k, axis in enumerate(AXES):
+            what = f"correction of the length along {axis} {way}"
+            yield _cause(joint.name, what, "mm", _moved(j, k))
+        for k, axis in enumerate(AXES[:2]):
+            what = f"correction of the angle about {axis} {way}"
+            yield _cause(joint.name, what, "°", _turned(j, k))
+    size = float(np.linalg.norm(robot.gravity))
+    for k, axis in enumerate(AXES):
+        if abs(robot.gravity[k]) < UPRIGHT * size:
+            yield _cause("", f"correction of the angle of the base about {axis}", "°", _tilted(k))
+
+
+def rotation(axis: int, angle: float) -> np.ndarray:
+    """Rotation about a coordinate axis by an angle [rad], shape (3, 3)."""
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    turn = np.eye(3)
+    turn[[i, j], [i, j]] = np.cos(angle)
+    turn[i, j], turn[j, i] = -np.sin(angle), np.sin(angle)
+    return turn
+
+
+def _cause(subject: str, what: str, unit: str, change: Change) -> Cause:
+    scale = MILLIMETRE if unit == "mm" else DEGREE
+    step = STEPS[unit]
+
+    def columns(motion: RecordMotion) -> np.ndarray:
+        after, before = (motion.of_robot(change(motion.robot, s * scale)) for s in (step, -step))
+        return ((after - before) / (2.0 * step))[None]
+
+    def correct(problem: Problem, size: np.ndarray) -> Problem:
+        return replace(problem, robot=change(problem.robot, float(size[0]) * scale))
+
+    return Cause("geometry", subject, what, unit, columns, correct=correct)
+
+
+def _moved(joint: int, axis: int) -> Change:
+    """The frame of a joint moved along an axis of its parent's link."""
+
+    def change(robot: Robot, length: float) -> Robot:
+        own = robot.joints[joint]
+        translation = own.translation + length * np.eye(3)[axis]
+        return _with_joint(robot, joint, replace(own, translation=translation))
+
+    return change
+
+
+def _turned(joint: int, axis: int) -> Change:
+    """The frame of a joint turned about one of its own axes."""
+
+    def change(robot: Robot, angle: float) -> Robot:
+        own = robot.joints[joint]
+        turned = own.rotation @ rotation(axis, angle)
+        return _with_joint(robot, joint, replace(own, rotation=turned))
+
+    return change
+
+
+def _tilted(axis: int) -> Change:
+    """Gravity turned about an axis of the base."""
+    return lambda robot, angle: robot.with_gravity(rotation(axis, angle) @ robot.gravity)
+
+
+def _with_joint(robot: Robot, index: int, joint) -> Robot:
+    joints = list(robot.joints)
+    joints[index] = joint
+    return replace(robot, joints=tuple(joints))

@@ -1,0 +1,64 @@
+"""Parameters that are not estimated: left out by choice, or carried in one recording only."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pivident.dynamics.base_parameters import base_parameters
+from pivident.dynamics.parameters import Parameter, standard_parameters
+from pivident.dynamics.regressor import Regressor
+from pivident.estimation.problem import Problem
+from pivident.model_errors.cause import Cause
+from pivident.model_errors.record_motion import RecordMotion
+from pivident.robot.description import Robot
+
+#: A load at the flange: mass and first moments.
+LOAD = ("m", "mx", "my", "mz")
+
+
+def missing_causes(
+    robot: Robot, parameters: Sequence[Parameter], recordings: Sequence[str]
+) -> Iterator[Cause]:
+    """Base parameters that were left out, and loads of single recordings.
+
+    ``parameters``: those that are estimated; ``recordings``: names of the recordings.
+    """
+    known = {p.name for p in parameters}
+    base = base_parameters(robot)
+    for name, parameter in zip(base.names, base.parameters, strict=True):
+        if parameter.name not in known:
+            yield _left_out(robot, name, parameter)
+    last = robot.size - 1
+    own = [p for p in standard_parameters(robot) if p.joint == last and p.stem in LOAD]
+    for number, recording in enumerate(recordings[1:], start=1):
+        yield _carried(robot, own, number, recording)
+
+
+def _left_out(robot: Robot, name: str, parameter: Parameter) -> Cause:
+    def columns(motion: RecordMotion) -> np.ndarray:
+        return _torques(motion.robot, [parameter], motion)
+
+    def correct(problem: Problem, size: np.ndarray) -> Problem:
+        return replace(problem, parameters=(*problem.names, name))
+
+    joint = robot.joint_names[parameter.joint]
+    what = f"{name}, which is not estimated"
+    return Cause("missing parameter", joint, what, parameter.unit, columns, correct=correct)
+
+
+def _carried(robot: Robot, own: Sequence[Parameter], number: int, recording: str) -> Cause:
+    def columns(motion: RecordMotion) -> np.ndarray:
+        found = _torques(motion.robot, own, motion)
+        return found if motion.number == number else np.zeros_like(found)
+
+    what = f"mass and first moments at the flange in {recording} alone"
+    return Cause("payload", robot.joint_names[-1], what, "kg, kg m", columns, len(own))
+
+
+def _torques(robot: Robot, parameters: Sequence[Parameter], motion: RecordMotion) -> np.ndarray:
+    """Columns of parameters, shape (parameters, joints, samples)."""
+    matrix = Regressor.build(robot, parameters).matrix(motion.q.T, motion.dq.T, motion.ddq.T)
+    return np.ascontiguousarray(matrix.transpose(2, 1, 0))

@@ -1,0 +1,202 @@
+"""Causes of model error by name, the gravest first, each with its size.
+
+The residual of an estimate is compared with what each cause would make of it (`score_tests`). A
+cause is named if it is significant among all that were tried and lets motion that was not fitted be
+predicted better. It is a reservation if correcting it would move a parameter by more than
+`MATTERS` standard errors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.errors import IdentificationError
+from pivident.estimation.identification import Identification
+from pivident.estimation.problem import Problem
+from pivident.model_errors.cause import Cause
+from pivident.model_errors.cause_rows import CauseRows, instrument_motions, smoothed
+from pivident.model_errors.friction_errors import friction_causes
+from pivident.model_errors.geometry import geometry_causes
+from pivident.model_errors.missing_parameters import missing_causes
+from pivident.model_errors.motion_errors import motion_causes
+from pivident.model_errors.score_tests import LEVEL, MOST_CAUSES, Score, ScoreTests
+from pivident.model_errors.torque_errors import torque_causes
+from pivident.motion.kinematics import Kinematics
+from pivident.text.numbers import plus_minus
+
+#: Change of a parameter, in standard errors, from which on a cause is a reservation.
+MATTERS = 1.0
+
+#: Share of the best cause's effect from which on another one cannot be told from it.
+ALIKE = 0.9
+
+
+@dataclass(frozen=True, eq=False)
+class NamedCause:
+    """A cause that was found.
+
+    Attributes:
+        score: its test, beside the causes named before it.
+        shift: largest change of a parameter by correcting it, in standard errors.
+        parameter: the one that changes so much.
+        alternatives: other causes that explain nearly as much, and cannot be told from it.
+    """
+
+    score: Score
+    shift: float
+    parameter: str
+    alternatives: tuple[Cause, ...] = ()
+
+    @property
+    def cause(self) -> Cause:
+        """What it is."""
+        return self.score.cause
+
+    @property
+    def matters(self) -> bool:
+        """Whether correcting it would change the estimate."""
+        return self.shift > MATTERS
+
+    @property
+    def size_text(self) -> str:
+        """Its size ± 2σ with the unit; of several columns their length."""
+        size, std = self.score.size, self.score.std
+        if size.size == 1:
+            return f"{plus_minus(float(size[0]), 2.0 * float(std[0]))} {self.cause.unit}"
+        length = float(np.linalg.norm(size))
+        along = size / max(length, 1e-300)
+        spread = float(np.sqrt(along @ self.score.covariance @ along))
+        return f"{plus_minus(length, 2.0 * spread)} {self.cause.unit}"
+
+    def __str__(self) -> str:
+        return f"{self.cause}, {self.size_text}"
+
+
+@dataclass(frozen=True, eq=False)
+class ModelErrors:
+    """What is wrong besides noise, as far as the residual shows it.
+
+    Attributes:
+        named: causes in the order in which they were found.
+        tried: how many were tried.
+        shift: change of each parameter by correcting all of them, shape (parameters,).
+        explained: share of the residual's sum of squares, below the motion's highest frequency,
+            that they explain.
+        unseen: the same on blocks that were not fitted.
+        between: standard errors from one place and motion to the next, shape (parameters,).
+    """
+
+    named: tuple[NamedCause, ...]
+    tried: int
+    shift: np.ndarray
+    explained: float
+    unseen: float
+    between: np.ndarray
+
+    @property
+    def matter(self) -> tuple[NamedCause, ...]:
+        """Those that change the estimate."""
+        return tuple(named for named in self.named if named.matters)
+
+
+def all_causes(problem: Problem, found: Identification, fastest: np.ndarray) -> list[Cause]:
+    """Everything that is tried.
+
+    ``fastest``: largest speed of each joint, shape (joints,).
+    """
+    robot = problem.robot
+    names = [r.name for r in problem.recordings]
+    return [
+        *torque_causes(robot),
+        *geometry_causes(robot),
+        *motion_causes(robot),
+        *missing_causes(robot, found.parameters, names),
+        *friction_causes(robot, fastest),
+    ]
+
+
+def score_tests(
+    problem: Problem, found: Identification, kinds: Sequence[str] | None = None
+) -> ScoreTests:
+    """Tests of an estimate, ready to be asked; ``kinds``: of these causes only.
+
+    Raises:
+        IdentificationError: the estimate comes from a file and has no signals.
+    """
+    if found.equations is None:
+        raise IdentificationError(
+            f"{found.method}: causes of model error are looked for in the signals of an estimate, "
+            "and a file has none; identify again"
+        )
+    kinematics = smoothed(problem, found)
+    motions = instrument_motions(problem, found, kinematics)
+    causes = all_causes(problem, found, _fastest(kinematics))
+    tried = len(causes)
+    if kinds is not None:
+        causes = [cause for cause in causes if cause.kind in kinds]
+    rows = CauseRows(problem, found, causes, kinematics, motions)
+    theta = np.zeros(int(rows.first[-1]))
+    theta[: found.theta.size] = found.theta
+    return ScoreTests(rows.sums(rows.variances(theta)), causes, rows.first, tried)
+
+
+def named_causes(problem: Problem, found: Identification) -> ModelErrors:
+    """Name the causes of model error that an estimate's residual shows.
+
+    Args:
+        problem: what was given.
+        found: the estimate, as ``identify`` returned it.
+
+    Returns:
+        The causes, the gravest first, with sizes and what correcting them would change.
+
+    Raises:
+        IdentificationError: the estimate comes from a file and has no signals.
+    """
+    tests = score_tests(problem, found)
+    start, scores = tests.all_scores([])
+    base = start
+    corrected: list[int] = []
+    named: list[NamedCause] = []
+    while len(corrected) < MOST_CAUSES:
+        candidates = {k: s for k, s in scores.items() if is_found(s, tests.tried)}
+        if not candidates:
+            break
+        best = max(candidates, key=lambda k: candidates[k].explained)
+        named.append(_named(found, candidates[best], candidates))
+        corrected.append(best)
+        base, scores = tests.all_scores(corrected)
+    size = found.theta.size
+    return ModelErrors(
+        tuple(named),
+        tests.tried,
+        base.theta[:size] - start.theta[:size],
+        1.0 - base.residual / max(start.residual, 1e-300),
+        1.0 - base.unseen / max(start.unseen, 1e-300),
+        tests.between(corrected),
+    )
+
+
+def is_found(score: Score, tried: int) -> bool:
+    """Whether a cause is significant among so many, and helps with motion that was not fitted."""
+    return score.significance * tried < LEVEL and score.unseen > 0.0
+
+
+def _named(found: Identification, best: Score, candidates: dict[int, Score]) -> NamedCause:
+    """A cause with those that cannot be told from it."""
+    shifts = np.abs(best.shift) / found.std
+    alike = [
+        s.cause
+        for s in candidates.values()
+        if s is not best and s.explained > ALIKE * best.explained
+    ]
+    k = int(np.argmax(shifts))
+    return NamedCause(best, float(shifts[k]), found.names[k], tuple(alike))
+
+
+def _fastest(kinematics: Sequence[Kinematics]) -> np.ndarray:
+    """Largest speed of each joint, shape (joints,)."""
+    return np.max([np.abs(k.dq[:, k.start : k.stop]).max(axis=1) for k in kinematics], axis=0)

@@ -1,0 +1,198 @@
+"""Score tests of causes: what the residual has of the torque that each would add.
+
+With the columns D of a cause beside Φ and the instruments (Z, D_z),
+
+    (θ, δ) = (Yᵀ X)⁻¹ Yᵀ τ,    Y = (Z, D_z), X = (Φ, D)
+
+δ is the size of the cause and θ the estimate with it corrected. The covariance of both comes from a
+jackknife over windows of time, which allows for any correlation of the residual; Hotelling's T² of
+δ has an F distribution with as many degrees of freedom as the windows leave. Causes are many, so
+the significance is multiplied by their number (Bonferroni). Then the cause that explains most is
+corrected and the others are tested again, until none is left that is significant, that matters to
+the estimate, and that lets other parts of the motion be predicted better.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.estimation.covariance.windows import OVERLAP, degrees_of_freedom
+from pivident.model_errors.cause import Cause
+from pivident.model_errors.cause_sums import CauseSums
+
+#: Share of a cause's columns that Φ must leave for it to be told from the parameters.
+DISTINCT = 1e-7
+
+#: Largest significance, all causes together, at which a cause is named.
+LEVEL = 1e-3
+
+#: Causes that are named one after the other.
+MOST_CAUSES = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Score:
+    """What a cause explains of the residual.
+
+    Attributes:
+        cause: the cause.
+        size: δ in its unit, shape (columns,).
+        covariance: of δ.
+        significance: probability of as large a size by chance, for this cause alone.
+        explained: share of the residual's sum of squares in the band that goes with it.
+        unseen: the same on blocks that were not fitted, each by the others.
+        shift: change of each parameter by correcting it, shape (parameters,).
+    """
+
+    cause: Cause
+    size: np.ndarray
+    covariance: np.ndarray
+    significance: float
+    explained: float
+    unseen: float
+    shift: np.ndarray
+
+    @property
+    def std(self) -> np.ndarray:
+        """Standard errors of δ, shape (columns,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """The estimate with some columns."""
+
+    theta: np.ndarray  # of these columns
+    residual: float  # weighted sum of squares
+    unseen: float  # the same on blocks that were not fitted
+
+
+class ScoreTests:
+    """Score tests of many causes on one set of sums.
+
+    ``first``: each cause's first column; ``tried``: causes among which one is to be significant.
+    """
+
+    def __init__(
+        self, sums: CauseSums, causes: Sequence[Cause], first: np.ndarray, tried: int
+    ) -> None:
+        self.sums, self.causes, self.first, self.tried = sums, causes, first, tried
+        self.yx, self.yt = sums.windows.x.sum(axis=0), sums.windows.tau.sum(axis=0)
+        self.xx, self.xt = sums.blocks.x.sum(axis=0), sums.blocks.tau.sum(axis=0)
+        self.scale = np.sqrt(np.maximum(np.diag(self.xx), 1e-300))
+        self.freedom = degrees_of_freedom(sums.lengths)
+
+    def columns(self, chosen: Sequence[int]) -> np.ndarray:
+        """Indices of the model's columns and of those of some causes."""
+        own = [np.arange(self.first[k], self.first[k + 1]) for k in chosen]
+        return np.concatenate([np.arange(self.sums.parameters), *own])
+
+    def fit(self, columns: np.ndarray) -> Fit:
+        """θ and δ, and the residual on fitted and on unseen blocks."""
+        blocks, squares = self.sums.blocks, self.sums.squares
+        grid = np.ix_(columns, columns)
+        theta = self._solve(self.yx[grid], self.yt[columns], columns)
+        unseen = 0.0
+        for x, tau, square in zip(blocks.x, blocks.tau, squares, strict=True):
+            own = self._solve((self.xx - x)[grid], (self.xt - tau)[columns], columns)
+            unseen += _squares(own, x[grid], tau[columns], square)
+        total = float(squares.sum())
+        return Fit(theta, _squares(theta, self.xx[grid], self.xt[columns], total), unseen)
+
+    def covariance(self, columns: np.ndarray, theta: np.ndarray) -> np.ndarray:
+        """Of all of them, by the jackknife over windows, shape (columns, columns)."""
+        grid = np.ix_(columns, columns)
+        scale = self.scale[columns]
+        windows = self.sums.windows.x[:, grid[0], grid[1]]
+        scores = self.sums.windows.tau[:, columns] - windows @ theta
+        without = (self.yx[grid] - windows) / np.outer(scale, scale)
+        steps = np.linalg.solve(without, (scores / scale)[:, :, None])[:, :, 0] / scale
+        return np.asarray(steps.T @ steps / OVERLAP)
+
+    def sensitivity(self, columns: np.ndarray) -> np.ndarray:
+        """-∂θ/∂δ = (Zᵀ Φ)⁻¹ Zᵀ D, shape (parameters, columns of the causes)."""
+        n = self.sums.parameters
+        own, others = columns[:n], columns[n:]
+        scale = self.scale[own]
+        gram = self.yx[np.ix_(own, own)] / np.outer(scale, scale)
+        cross = self.yx[np.ix_(own, others)] / scale[:, None]
+        return np.asarray(np.linalg.lstsq(gram, cross, rcond=1e-14)[0] / scale[:, None])
+
+    def score(self, number: int, corrected: Sequence[int], base: Fit) -> Score | None:
+        """The test of one cause beside those that are corrected; None: Φ hides it."""
+        from scipy.stats import f
+
+        columns = self.columns([*corrected, number])
+        count = int(self.first[number + 1] - self.first[number])
+        if not self._is_distinct(columns, count):
+            return None
+        fit = self.fit(columns)
+        try:
+            covariance = self.covariance(columns, fit.theta)
+        except np.linalg.LinAlgError:  # all that is known of it lies within one window
+            return None
+        size, own = fit.theta[-count:], covariance[-count:, -count:]
+        statistic = float(size @ np.linalg.solve(own, size)) / count
+        left = self.freedom - count + 1.0
+        significance = float(f.sf(statistic * left / self.freedom, count, left))
+        n = self.sums.parameters
+        return Score(
+            self.causes[number],
+            size,
+            own,
+            significance,
+            1.0 - fit.residual / max(base.residual, 1e-300),
+            1.0 - fit.unseen / max(base.unseen, 1e-300),
+            fit.theta[:n] - base.theta[:n],
+        )
+
+    def all_scores(self, corrected: Sequence[int]) -> tuple[Fit, dict[int, Score]]:
+        """The estimate with some causes corrected, and the tests of the others."""
+        base = self.fit(self.columns(corrected))
+        found = {}
+        for number in range(len(self.causes)):
+            if number not in corrected:
+                score = self.score(number, corrected, base)
+                if score is not None:
+                    found[number] = score
+        return base, found
+
+    def between(self, corrected: Sequence[int]) -> np.ndarray:
+        """Standard errors of θ from places and motions that are left out, shape (parameters,).
+
+        √((K-1)/K Σ_k (θ_k - θ̄)²) over K places of the joints, those of each recording apart.
+        """
+        columns = self.columns(corrected)
+        grid = np.ix_(columns, columns)
+        places = self.sums.places
+        yx, yt = places.x[:, grid[0], grid[1]], places.tau[:, columns]
+        replicates = np.array(
+            [
+                self._solve(self.yx[grid] - a, self.yt[columns] - b, columns)
+                for a, b in zip(yx, yt, strict=True)
+            ]
+        )[:, : self.sums.parameters]
+        count = len(replicates)
+        return np.asarray(np.sqrt((count - 1) * np.var(replicates, axis=0)))
+
+    def _is_distinct(self, columns: np.ndarray, count: int) -> bool:
+        """Whether enough of a cause's columns is left beside the others."""
+        scale = self.scale[columns]
+        gram = self.xx[np.ix_(columns, columns)] / np.outer(scale, scale)
+        others, own = gram[:-count, :-count], gram[-count:, -count:]
+        cross = gram[:-count, -count:]
+        rest = own - cross.T @ np.linalg.lstsq(others, cross, rcond=1e-13)[0]
+        return bool(np.linalg.eigvalsh(rest)[0] > DISTINCT)
+
+    def _solve(self, gram: np.ndarray, right: np.ndarray, columns: np.ndarray) -> np.ndarray:
+        scale = self.scale[columns]
+        solved = np.linalg.lstsq(gram / np.outer(scale, scale), right / scale, rcond=1e-14)[0]
+        return np.asarray(solved / scale)
+
+
+def _squares(theta: np.ndarray, xx: np.ndarray, xt: np.ndarray, tt: float) -> float:
+    """‖τ - Xθ‖² from the sums."""
+    return max(float(tt - 2.0 * theta @ xt + theta @ xx @ theta), 0.0)
