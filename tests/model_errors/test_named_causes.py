@@ -1,0 +1,113 @@
+"""Faults of known size are named first and measured; without one nothing is named."""
+
+import numpy as np
+import pytest
+
+from pivident.errors import IdentificationError
+from pivident.estimation.identify import identify
+from pivident.model_errors.corrections import corrections, kinds_of, with_corrections
+from pivident.model_errors.named_causes import named_causes, score_tests
+from pivident.model_errors.wider_intervals import with_model_errors
+
+from .faulty_tx40 import causes, right_estimate, right_problem, with_fault
+
+FAULTS = {
+    "delay: torques logged later than positions": [0.2],
+    "torque gain of joint_3: excess of the logged torques": [5.0],
+    "gear ratio of joint_3: excess of the assumed ratio": [2.0],
+    "zero position of joint_2: correction of the zero position": [0.1],
+    "geometry of joint_3: correction of the length along x from joint_2 to joint_3": [1.0],
+    "geometry of joint_3: correction of the angle about x from joint_2 to joint_3": [0.1],
+    "encoder of joint_2: correction of the encoder once per turn of the motor": [0.2, 0.1],
+    "position scale of joint_2: correction of the scale of the positions": [0.5],
+}
+
+
+def test_right_model_has_no_cause():
+    found = named_causes(right_problem()[0], right_estimate())
+    assert found.named == ()
+    assert found.tried == len(causes())
+    # places of the joints say about the same as windows of time
+    ratio = np.exp(np.mean(np.log(found.between / right_estimate().std)))
+    assert 0.7 < ratio < 1.5
+    assert with_model_errors(right_estimate(), found) is right_estimate()
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_fault_is_named_first_with_its_size(name):
+    problem = with_fault(causes()[name], FAULTS[name])
+    result = identify(problem, "piv")
+    found = named_causes(problem, result)
+    first = found.named[0]
+    assert str(first.cause) == name
+    assert np.all(np.abs(first.score.size - FAULTS[name]) < 0.1 * np.max(FAULTS[name]))
+    assert first.score.explained > 0 and first.score.unseen > 0
+    wider = with_model_errors(result, found)
+    if first.matters:
+        truth = right_problem()[1]
+        far = np.abs(result.theta - truth) / result.std
+        assert np.all(wider.std >= result.std)
+        assert np.max(np.abs(wider.theta - truth) / wider.std) < max(5.0, 0.5 * far.max())
+    else:
+        assert wider is result
+
+
+def test_what_is_alike_is_said():
+    """Fewer parameters than the robot has: what is left out looks like a wrong zero position."""
+    name = "zero position of joint_5: correction of the zero position"
+    problem = with_fault(causes()[name], [1.0])
+    (first, *_) = named_causes(problem, identify(problem, "piv")).named
+    known = {str(first.cause), *map(str, first.alternatives)}
+    assert name in known
+
+
+@pytest.mark.parametrize("name", ["delay: torques logged later than positions"])
+def test_corrected_with_the_estimate(name):
+    size = FAULTS[name]
+    problem = with_fault(causes()[name], size)
+    made = corrections(problem, "piv", ["delay"])
+    (cause,) = made.causes
+    value, std = made.of(cause)
+    assert str(cause) == name
+    assert np.abs(value - size) < 4.0 * std
+    assert std < 0.01
+    found = with_corrections(identify(made.problem, "piv"), made)
+    truth = right_problem()[1]
+    assert np.mean(np.abs(found.theta - truth) < 2.0 * found.std) > 0.85
+    assert found.warnings[0].topic == "correction"
+    assert "0.2" in found.warnings[0].message and "ms" in found.warnings[0].message
+
+
+def test_nothing_to_correct_leaves_the_problem():
+    problem, _ = right_problem()
+    made = corrections(problem, "piv", ["geometry"])
+    assert made.causes == () and made.problem is problem
+    found = right_estimate()
+    assert with_corrections(found, made) is found
+
+
+def test_kinds_that_cannot_be_corrected():
+    problem, _ = right_problem()
+    with pytest.raises(IdentificationError, match="unknown kind 'geometri'.*geometry"):
+        corrections(problem, "ls", ["geometri"])
+    with pytest.raises(IdentificationError, match="friction cannot be corrected.*pivident laws"):
+        corrections(problem, "ls", ["friction"])
+    assert kinds_of(["gear-ratio", "Torque_Gain"]) == ("gear ratio", "torque gain")
+
+
+def test_an_estimate_from_a_file_has_no_signals(tmp_path):
+    from pivident import load_identification
+
+    right_estimate().save(tmp_path)
+    stored = load_identification(tmp_path / "identification.json")
+    with pytest.raises(IdentificationError, match="identify again"):
+        score_tests(right_problem()[0], stored)
+
+
+@pytest.mark.parametrize("method", ["ls", "iv"])
+def test_decimated_estimates_are_tested_too(method):
+    name = "torque gain of joint_3: excess of the logged torques"
+    problem = with_fault(causes()[name], [5.0])
+    (first, *_) = named_causes(problem, identify(problem, method)).named
+    assert str(first.cause) == name
+    assert abs(first.score.size[0] - 5.0) < 0.5

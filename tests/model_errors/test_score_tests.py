@@ -1,0 +1,112 @@
+"""Sums and tests against direct solutions on stacked rows."""
+
+import numpy as np
+import pytest
+
+from pivident.model_errors.cause import Cause
+from pivident.model_errors.cause_sums import JointRows, cause_sums
+from pivident.model_errors.score_tests import ScoreTests
+
+ROWS, BLOCKS = 600, 5
+
+
+def made(seed=0, size=0.0):
+    """Two joints, three parameters and two causes, one of which has a size."""
+    rng = np.random.default_rng(seed)
+    columns = (np.array([0, 1, 3, 4]), np.array([1, 2, 4]))
+    theta = np.array([1.0, -2.0, 0.5, size, 0.0])
+    records = []
+    for _ in range(2):
+        record = []
+        for own in columns:
+            y = rng.standard_normal((own.size, ROWS))
+            x = y + 0.01 * rng.standard_normal(y.shape)
+            tau = theta[own] @ y + 0.1 * rng.standard_normal(ROWS)
+            record.append(JointRows(own, x, y, tau, np.arange(ROWS) * 6 // ROWS))
+        records.append(record)
+    causes = [Cause("a", "", "one", "", lambda m: m.q), Cause("b", "", "two", "", lambda m: m.q)]
+    variance = np.array([0.01, 0.02])
+    tests = ScoreTests(cause_sums(records, variance, 3, 5, BLOCKS), causes, np.array([3, 4, 5]), 2)
+    return records, variance, tests
+
+
+def stacked(records, variance, rows=slice(None)):
+    """Y, X and τ of all rows, weighted."""
+    y, x, tau = [], [], []
+    for record in records:
+        for r, lam in zip(record, variance, strict=True):
+            for target, part in ((y, r.y), (x, r.x)):
+                full = np.zeros((part[:, rows].shape[1], 5))
+                full[:, r.columns] = part[:, rows].T / np.sqrt(lam)
+                target.append(full)
+            tau.append(r.tau[rows] / np.sqrt(lam))
+    return np.vstack(y), np.vstack(x), np.concatenate(tau)
+
+
+@pytest.mark.parametrize("corrected", [[], [0], [0, 1]])
+def test_fit_is_that_of_the_stacked_rows(corrected):
+    records, variance, tests = made(size=0.3)
+    y, x, tau = stacked(records, variance)
+    own = tests.columns(corrected)
+    expected = np.linalg.solve(y[:, own].T @ x[:, own], y[:, own].T @ tau)
+    fit = tests.fit(own)
+    np.testing.assert_allclose(fit.theta, expected, rtol=1e-9)
+    assert fit.residual == pytest.approx(np.sum((tau - x[:, own] @ expected) ** 2), rel=1e-8)
+
+
+def test_unseen_blocks_are_predicted_by_the_others():
+    records, variance, tests = made(size=0.3)
+    own = tests.columns([])
+    total = 0.0
+    length = 2 * ROWS
+    for block in range(BLOCKS):
+        seen, unseen = [[], []], [[], []]
+        for k, record in enumerate(records):
+            number = (k * ROWS + np.arange(ROWS)) * BLOCKS // length
+            for target, part in ((seen, number != block), (unseen, number == block)):
+                _, x, tau = stacked([record], variance, part)
+                target[0].append(x[:, own])
+                target[1].append(tau)
+        theta = np.linalg.lstsq(np.vstack(seen[0]), np.concatenate(seen[1]), rcond=None)[0]
+        total += np.sum((np.concatenate(unseen[1]) - np.vstack(unseen[0]) @ theta) ** 2)
+    assert tests.fit(own).unseen == pytest.approx(total, rel=1e-8)
+
+
+def test_size_has_its_standard_error():
+    """Rows of white noise: the jackknife agrees with the formula, and so does the sensitivity."""
+    records, variance, tests = made(size=0.3)
+    y, x, _ = stacked(records, variance)
+    base = tests.fit(tests.columns([]))
+    score = tests.score(0, [], base)
+    own = tests.columns([0])
+    inverse = np.linalg.inv(y[:, own].T @ x[:, own])
+    residual = 0.5 * (1.0 + 0.1**2 / 0.02)  # of unit variance on the first joint
+    assert score.size[0] == pytest.approx(0.3, abs=0.02)
+    assert score.std[0] == pytest.approx(np.sqrt(residual * inverse[3, 3]), rel=0.4)
+    assert score.significance < 1e-6
+    gain = tests.sensitivity(own)
+    expected = np.linalg.solve(y[:, :3].T @ x[:, :3], y[:, :3].T @ x[:, 3:4])
+    np.testing.assert_allclose(gain, expected, rtol=1e-8, atol=1e-12)
+    np.testing.assert_allclose(score.shift, -gain[:, 0] * score.size[0], rtol=1e-6, atol=1e-9)
+
+
+def test_chance_is_not_significant():
+    """Of 100 causes without a size about five are significant at 5 %."""
+    found = []
+    for seed in range(50):
+        _, _, tests = made(seed)
+        base = tests.fit(tests.columns([]))
+        found += [tests.score(k, [], base).significance for k in (0, 1)]
+    assert 0.01 <= np.mean(np.array(found) < 0.05) <= 0.12
+
+
+def test_columns_that_the_model_has_are_not_distinct():
+    records, variance, _ = made()
+    for record in records:
+        for r in record:
+            if 3 in r.columns:  # the first cause is the first parameter once more
+                r.x[2], r.y[2] = r.x[0], r.y[0]
+    causes = [Cause("a", "", "one", "", lambda m: m.q), Cause("b", "", "two", "", lambda m: m.q)]
+    tests = ScoreTests(cause_sums(records, variance, 3, 5, BLOCKS), causes, np.array([3, 4, 5]), 2)
+    _, scores = tests.all_scores([])
+    assert set(scores) == {1}
