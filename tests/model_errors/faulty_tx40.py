@@ -11,7 +11,8 @@ from pivident.estimation.identify import identify
 from pivident.estimation.problem import Problem
 from pivident.experiment.simulated_tx40 import tx40_scenario
 from pivident.model_errors.cause import Cause
-from pivident.model_errors.named_causes import all_causes
+from pivident.model_errors.cause_rows import smoothed
+from pivident.model_errors.named_causes import all_causes, reach_of
 
 
 @cache
@@ -31,7 +32,8 @@ def right_estimate() -> Identification:
 def causes() -> dict[str, Cause]:
     """All causes by their words."""
     problem, _ = right_problem()
-    return {str(c): c for c in all_causes(problem, right_estimate(), np.ones(6))}
+    reach = reach_of(smoothed(problem, right_estimate()))
+    return {str(c): c for c in all_causes(problem, right_estimate(), reach)}
 
 
 def with_fault(cause: Cause, size: np.ndarray) -> Problem:

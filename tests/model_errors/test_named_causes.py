@@ -88,9 +88,9 @@ def test_nothing_to_correct_leaves_the_problem():
 
 def test_kinds_that_cannot_be_corrected():
     problem, _ = right_problem()
-    with pytest.raises(IdentificationError, match="unknown kind 'geometri'.*geometry"):
+    with pytest.raises(IdentificationError, match=r"unknown kind 'geometri'.*geometry"):
         corrections(problem, "ls", ["geometri"])
-    with pytest.raises(IdentificationError, match="friction cannot be corrected.*pivident laws"):
+    with pytest.raises(IdentificationError, match=r"friction cannot be corrected.*pivident laws"):
         corrections(problem, "ls", ["friction"])
     assert kinds_of(["gear-ratio", "Torque_Gain"]) == ("gear ratio", "torque gain")
 

@@ -33,6 +33,8 @@ class Cause:
         columns: torque per unit of size, shape (columns, joints, samples).
         count: number of columns.
         correct: the problem with the cause corrected; None: it cannot be corrected by its size.
+        largest: size up to which the torque is about proportional to it; a larger one is no
+            finding, but something else that looks alike.
     """
 
     kind: str
@@ -42,6 +44,7 @@ class Cause:
     columns: Columns
     count: int = 1
     correct: Correction | None = None
+    largest: float = np.inf
 
     def __str__(self) -> str:
         return f"{self.kind}{' of ' * bool(self.subject)}{self.subject}: {self.what}"

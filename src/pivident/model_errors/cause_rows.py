@@ -43,6 +43,9 @@ MIXED = 1.0
 #: Share of the samples in use that has to be left without those that it mixes.
 FEWEST = 0.25
 
+#: Size below which a number is zero; products of such would be denormal, and slow.
+VANISHING = 1e-150
+
 #: Cut-off before samples are left out, over the rate of those that stay.
 PASSED = 0.4
 
@@ -118,7 +121,9 @@ class CauseRows:
                 passed = butterworth(signals.T, working, self.band)
                 if weight is not None:
                     passed = oaconvolve(passed, weight[:, None], mode="same", axes=0)
-                return passed[rows].T * counts
+                thin = np.ascontiguousarray(passed[rows].T * counts)
+                thin[np.abs(thin) < VANISHING] = 0.0
+                return thin
 
             def both(columns: Columns) -> np.ndarray:
                 return low(np.concatenate([columns[0][own], columns[1][alive, j]]))

@@ -24,11 +24,13 @@ from pivident.estimation.identify import identify
 from pivident.estimation.methods import Method, method_named
 from pivident.estimation.problem import Problem
 from pivident.model_errors.cause import Cause
-from pivident.model_errors.named_causes import all_causes, is_found, score_tests
+from pivident.model_errors.cause_rows import smoothed
+from pivident.model_errors.named_causes import all_causes, is_found, reach_of, score_tests
 from pivident.model_errors.score_tests import ScoreTests
 from pivident.robot.naming import nearest
 from pivident.text.finding import Finding, Quantity
 from pivident.text.numbers import plus_minus
+from pivident.threads import linear_algebra_in_one_thread
 
 #: Change of a correction, in standard errors, below which it has settled.
 SETTLED = 0.1
@@ -123,10 +125,11 @@ def corrections(
         corrected = _corrected(problem, chosen, size)
         found = identify(corrected, method)
         if round_ == 0:
-            _check_kinds(kinds, all_causes(problem, found, np.ones(problem.robot.size)))
-        tests = score_tests(corrected, found, kinds)
-        numbers = [_number(tests, cause) for cause in chosen]
-        added = _further(tests, numbers)
+            _check_kinds(kinds, all_causes(problem, found, reach_of(smoothed(problem, found))))
+        with linear_algebra_in_one_thread():
+            tests = score_tests(corrected, found, kinds)
+            numbers = [_number(tests, cause) for cause in chosen]
+            added = _further(tests, numbers)
         numbers += added
         chosen += [tests.causes[k] for k in added]
         if not chosen:

@@ -8,6 +8,7 @@ that warms up.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -29,25 +30,36 @@ MINUTE = 60.0
 Shape = Callable[[RecordMotion, int, np.ndarray], np.ndarray]
 
 
-def friction_causes(robot: Robot, fastest: np.ndarray) -> Iterator[Cause]:
-    """Further shapes of friction of each joint.
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """Travel and largest speeds of the joints in all records, each of shape (joints,)."""
 
-    ``fastest``: largest speed of each joint [rad/s or m/s], shape (joints,).
-    """
+    low: np.ndarray  # least positions [rad or m]
+    high: np.ndarray  # largest positions
+    fastest: np.ndarray  # largest speeds [rad/s or m/s]
+
+
+def friction_causes(robot: Robot, reach: Reach) -> Iterator[Cause]:
+    """Further shapes of friction of each joint."""
     for j, joint in enumerate(robot.joints):
         if not joint.friction.terms:
             continue
         unit = joint.torque_unit
         slope = max(joint.friction.slopes, default=joint.default_gamma)
         kinds = {term.column for term in joint.friction.terms}
-        for what, shapes in _shapes(float(fastest[j]), slope, kinds).items():
+        for what, shapes in _shapes(reach, j, slope, kinds).items():
             yield _cause("friction", joint.name, what, unit, j, slope, shapes)
-        warming, unit = _warming(float(fastest[j])), f"{unit}/min"
+        warming, unit = _warming(float(reach.fastest[j])), f"{unit}/min"
         yield _cause("warming up", joint.name, "friction by time", unit, j, slope, warming)
 
 
-def _shapes(fastest: float, slope: float, kinds: set[FrictionColumn]) -> dict[str, list[Shape]]:
-    """Shapes by name, each relative to the largest speed."""
+def _shapes(
+    reach: Reach, joint: int, slope: float, kinds: set[FrictionColumn]
+) -> dict[str, list[Shape]]:
+    """Shapes by name, each relative to the joint's largest speed and travel."""
+    fastest = float(reach.fastest[joint])
+    middle = 0.5 * float(reach.low[joint] + reach.high[joint])
+    half = max(0.5 * float(reach.high[joint] - reach.low[joint]), 1e-300)
     found: dict[str, list[Shape]] = {}
     for share in STRIBECK_SPEEDS:
         found[f"Stribeck peak below {share:g} of the largest speed"] = [_peak(share * fastest)]
@@ -64,8 +76,8 @@ def _shapes(fastest: float, slope: float, kinds: set[FrictionColumn]) -> dict[st
     if FrictionColumn.OFFSET not in kinds:
         found["constant torque"] = [lambda m, j, s: np.ones_like(s)]
     found["friction by position"] = [
-        lambda m, j, s: s * np.sin(m.q[j]),
-        lambda m, j, s: s * np.cos(m.q[j]),
+        lambda m, j, s: s * (m.q[j] - middle) / half,
+        lambda m, j, s: s * ((m.q[j] - middle) / half) ** 2,
     ]
     return found
 

@@ -24,6 +24,9 @@ MILLIMETRE, DEGREE = 1e-3, np.pi / 180.0
 #: Steps of the differences [mm, °].
 STEPS = {"mm": 1.0, "°": 0.05}
 
+#: Largest sizes that are believed [mm, °].
+LARGEST = {"mm": 50.0, "°": 5.0}
+
 #: Direction of gravity beyond which a turn about an axis leaves it where it is.
 UPRIGHT = 0.99
 
@@ -70,7 +73,8 @@ def _cause(subject: str, what: str, unit: str, change: Change) -> Cause:
     def correct(problem: Problem, size: np.ndarray) -> Problem:
         return replace(problem, robot=change(problem.robot, float(size[0]) * scale))
 
-    return Cause("geometry", subject, what, unit, columns, correct=correct)
+    largest = LARGEST[unit]
+    return Cause("geometry", subject, what, unit, columns, 1, correct, largest)
 
 
 def _moved(joint: int, axis: int) -> Change:

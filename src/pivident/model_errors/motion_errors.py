@@ -23,6 +23,9 @@ from pivident.signals.bandpass import butterworth
 #: Percent, milliradian, and what a radian per newton metre is in the unit of compliances.
 PERCENT, MILLI, MICRO = 1e-2, 1e-3, 1e-6
 
+#: Largest sizes that are believed.
+LARGEST = {"°": 5.0, "mm": 50.0, "%": 20.0, "mrad": 20.0}
+
 #: Share of the largest load at which play has been taken up.
 TAKEN_UP = 0.02
 
@@ -61,7 +64,7 @@ def _shifted(name: str, j: int, scale: float, unit: str) -> Cause:
         return with_positions(problem, j, lambda q: q + scale * size[0])
 
     what = "correction of the zero position"
-    return Cause("zero position", name, what, unit, columns, correct=correct)
+    return Cause("zero position", name, what, unit, columns, 1, correct, LARGEST[unit])
 
 
 def _scaled(name: str, j: int) -> Cause:
@@ -107,7 +110,7 @@ def _sine(name: str, j: int, order: float, words: str) -> Cause:
     what = f"correction of the encoder once per {words}"
     if order == TURNS[1]:
         what = f"correction of the encoder twice per {words}"
-    return Cause("encoder", name, what, "mrad", columns, 2, correct)
+    return Cause("encoder", name, what, "mrad", columns, 2, correct, LARGEST["mrad"])
 
 
 def _behind_motor(
@@ -124,7 +127,7 @@ def _behind_motor(
         largest = max(float(np.abs(delta).max()), 1e-300)
         return scale * motion.along(j, change, 1e-4 / largest, motion.load_at)[None]
 
-    return Cause(kind, name, what, unit, columns)
+    return Cause(kind, name, what, unit, columns, largest=LARGEST.get(unit, np.inf))
 
 
 def _spring(name: str, j: int, turns: bool) -> Cause:

@@ -18,7 +18,7 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.problem import Problem
 from pivident.model_errors.cause import Cause
 from pivident.model_errors.cause_rows import CauseRows, instrument_motions, smoothed
-from pivident.model_errors.friction_errors import friction_causes
+from pivident.model_errors.friction_errors import Reach, friction_causes
 from pivident.model_errors.geometry import geometry_causes
 from pivident.model_errors.missing_parameters import missing_causes
 from pivident.model_errors.motion_errors import motion_causes
@@ -26,6 +26,7 @@ from pivident.model_errors.score_tests import LEVEL, MOST_CAUSES, Score, ScoreTe
 from pivident.model_errors.torque_errors import torque_causes
 from pivident.motion.kinematics import Kinematics
 from pivident.text.numbers import plus_minus
+from pivident.threads import linear_algebra_in_one_thread
 
 #: Change of a parameter, in standard errors, from which on a cause is a reservation.
 MATTERS = 1.0
@@ -102,11 +103,8 @@ class ModelErrors:
         return tuple(named for named in self.named if named.matters)
 
 
-def all_causes(problem: Problem, found: Identification, fastest: np.ndarray) -> list[Cause]:
-    """Everything that is tried.
-
-    ``fastest``: largest speed of each joint, shape (joints,).
-    """
+def all_causes(problem: Problem, found: Identification, reach: Reach) -> list[Cause]:
+    """Everything that is tried."""
     robot = problem.robot
     names = [r.name for r in problem.recordings]
     return [
@@ -114,7 +112,7 @@ def all_causes(problem: Problem, found: Identification, fastest: np.ndarray) -> 
         *geometry_causes(robot),
         *motion_causes(robot),
         *missing_causes(robot, found.parameters, names),
-        *friction_causes(robot, fastest),
+        *friction_causes(robot, reach),
     ]
 
 
@@ -133,7 +131,7 @@ def score_tests(
         )
     kinematics = smoothed(problem, found)
     motions = instrument_motions(problem, found, kinematics)
-    causes = all_causes(problem, found, _fastest(kinematics))
+    causes = all_causes(problem, found, reach_of(kinematics))
     tried = len(causes)
     if kinds is not None:
         causes = [cause for cause in causes if cause.kind in kinds]
@@ -156,7 +154,18 @@ def named_causes(problem: Problem, found: Identification) -> ModelErrors:
     Raises:
         IdentificationError: the estimate comes from a file and has no signals.
     """
-    tests = score_tests(problem, found)
+    with linear_algebra_in_one_thread():
+        return _named_causes(score_tests(problem, found), found)
+
+
+def is_found(score: Score, tried: int) -> bool:
+    """Whether a cause is significant among so many, and helps with motion that was not fitted."""
+    believed = float(np.linalg.norm(score.size)) < score.cause.largest
+    return believed and score.significance * tried < LEVEL and score.unseen > 0.0
+
+
+def _named_causes(tests: ScoreTests, found: Identification) -> ModelErrors:
+    """One cause after the other, each beside those before it."""
     start, scores = tests.all_scores([])
     base = start
     corrected: list[int] = []
@@ -180,11 +189,6 @@ def named_causes(problem: Problem, found: Identification) -> ModelErrors:
     )
 
 
-def is_found(score: Score, tried: int) -> bool:
-    """Whether a cause is significant among so many, and helps with motion that was not fitted."""
-    return score.significance * tried < LEVEL and score.unseen > 0.0
-
-
 def _named(found: Identification, best: Score, candidates: dict[int, Score]) -> NamedCause:
     """A cause with those that cannot be told from it."""
     shifts = np.abs(best.shift) / found.std
@@ -197,6 +201,11 @@ def _named(found: Identification, best: Score, candidates: dict[int, Score]) -> 
     return NamedCause(best, float(shifts[k]), found.names[k], tuple(alike))
 
 
-def _fastest(kinematics: Sequence[Kinematics]) -> np.ndarray:
-    """Largest speed of each joint, shape (joints,)."""
-    return np.max([np.abs(k.dq[:, k.start : k.stop]).max(axis=1) for k in kinematics], axis=0)
+def reach_of(kinematics: Sequence[Kinematics]) -> Reach:
+    """Travel and largest speeds of all records."""
+    spans = [(k, slice(k.start, k.stop)) for k in kinematics]
+    return Reach(
+        np.min([k.q[:, span].min(axis=1) for k, span in spans], axis=0),
+        np.max([k.q[:, span].max(axis=1) for k, span in spans], axis=0),
+        np.max([np.abs(k.dq[:, span]).max(axis=1) for k, span in spans], axis=0),
+    )

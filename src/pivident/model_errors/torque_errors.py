@@ -22,6 +22,9 @@ from pivident.robot.description import Robot
 #: Milliseconds, the unit of delays [s].
 MILLISECOND = 1e-3
 
+#: Largest sizes that are believed: a delay shorter than a radian of the motion's highest frequency.
+LARGEST = {"ms": 8.0, "%": 30.0}
+
 
 def torque_causes(robot: Robot) -> Iterator[Cause]:
     """Delay of all torques and of each, gain and ripple of each, ratio of each gear."""
@@ -49,7 +52,7 @@ def _delay(robot: Robot, joint: int | None) -> Cause:
 
     name = "" if joint is None else robot.joint_names[joint]
     what = "torques logged later than positions"
-    return Cause("delay", name, what, "ms", columns, correct=correct)
+    return Cause("delay", name, what, "ms", columns, 1, correct, LARGEST["ms"])
 
 
 def _gain(name: str, j: int) -> Cause:
@@ -59,7 +62,8 @@ def _gain(name: str, j: int) -> Cause:
     def correct(problem: Problem, size: np.ndarray) -> Problem:
         return with_gain(problem, j, float(size[0]))
 
-    return Cause("torque gain", name, "excess of the logged torques", "%", columns, correct=correct)
+    what = "excess of the logged torques"
+    return Cause("torque gain", name, what, "%", columns, 1, correct, LARGEST["%"])
 
 
 def _ratio(name: str, j: int) -> Cause:
@@ -72,7 +76,8 @@ def _ratio(name: str, j: int) -> Cause:
         moved = with_positions(problem, j, lambda q: q * (1.0 + PERCENT * size[0]))
         return with_gain(moved, j, float(size[0]))
 
-    return Cause("gear ratio", name, "excess of the assumed ratio", "%", columns, correct=correct)
+    what = "excess of the assumed ratio"
+    return Cause("gear ratio", name, what, "%", columns, 1, correct, LARGEST["%"])
 
 
 def _ripple(name: str, j: int, order: float, unit: str) -> Cause:
