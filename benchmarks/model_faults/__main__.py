@@ -2,8 +2,9 @@
 
     python -m benchmarks.model_faults coverage none --records 6
     python -m benchmarks.model_faults coverage gear-ratio torque-late --arms scara --records 3
+    python -m benchmarks.model_faults naming --records 7
 
-Columns: largest error over standard error, share of the parameters within two standard errors,
+Columns of coverage: largest error over standard error, share of the parameters within two standard errors,
 seconds of the estimate, what the verdict says, and the kinds of its warnings.
 """
 
@@ -19,6 +20,7 @@ import pivident as pv
 from .cases import Case, make_case
 from .faults import FAULTS, is_possible
 from .machines import LOOPS
+from .naming import naming
 
 
 def errors_of(case: Case, found: pv.Identification) -> np.ndarray:
@@ -63,13 +65,14 @@ def coverage(faults: list[str], arms: list[str], records: int, first: int) -> No
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("what", choices=["coverage"])
+    parser.add_argument("what", choices=["coverage", "naming"])
     parser.add_argument("faults", nargs="*", help=f"of {', '.join(FAULTS)}; none: all of them")
     parser.add_argument("--arms", nargs="*", default=list(LOOPS))
     parser.add_argument("--records", type=int, default=6, help="seeds for each fault and arm")
     parser.add_argument("--first", type=int, default=0, help="the first seed")
     options = parser.parse_args()
-    coverage(options.faults or list(FAULTS), options.arms, options.records, options.first)
+    work = {"coverage": coverage, "naming": naming}[options.what]
+    work(options.faults or list(FAULTS), options.arms, options.records, options.first)
 
 
 if __name__ == "__main__":

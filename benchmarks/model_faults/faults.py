@@ -84,7 +84,7 @@ def joint_offset(setup: Setup, rng: np.random.Generator) -> Planted:
     corrected[j] = replace(joint, rpy=_turned(joint, -size * _unit(joint.axis)))
     return Planted(
         replace(setup, zero=_one(setup, j, size)),
-        (("position offset", joint.name), ("geometry", joint.name)),
+        (("zero position", joint.name), ("geometry", joint.name)),
         size,
         "rad",
         tuple(corrected),
@@ -171,7 +171,7 @@ def elastic_joint(setup: Setup, rng: np.random.Generator) -> Planted:
 def temperature(setup: Setup, rng: np.random.Generator) -> Planted:
     """Viscous and Coulomb friction fall by 20 to 30 % over the records."""
     size = float(rng.uniform(0.2, 0.3))
-    causes = (("temperature", None), *(("temperature", j.name) for j in setup.arm.joints))
+    causes = (("warming up", None), *(("warming up", j.name) for j in setup.arm.joints))
     return Planted(replace(setup, drift=size), causes, 100 * size, "%")
 
 

@@ -76,8 +76,7 @@ def test_size_has_its_standard_error():
     """Rows of white noise: the jackknife agrees with the formula, and so does the sensitivity."""
     records, variance, tests = made(size=0.3)
     y, x, _ = stacked(records, variance)
-    base = tests.fit(tests.columns([]))
-    score = tests.score(0, [], base)
+    score = tests.all_scores([])[1][0]
     own = tests.columns([0])
     inverse = np.linalg.inv(y[:, own].T @ x[:, own])
     residual = 0.5 * (1.0 + 0.1**2 / 0.02)  # of unit variance on the first joint
@@ -95,8 +94,7 @@ def test_chance_is_not_significant():
     found = []
     for seed in range(50):
         _, _, tests = made(seed)
-        base = tests.fit(tests.columns([]))
-        found += [tests.score(k, [], base).significance for k in (0, 1)]
+        found += [score.significance for score in tests.all_scores([])[1].values()]
     assert 0.01 <= np.mean(np.array(found) < 0.05) <= 0.12
 
 
@@ -110,3 +108,18 @@ def test_columns_that_the_model_has_are_not_distinct():
     tests = ScoreTests(cause_sums(records, variance, 3, 5, BLOCKS), causes, np.array([3, 4, 5]), 2)
     _, scores = tests.all_scores([])
     assert set(scores) == {1}
+
+
+@pytest.mark.parametrize("corrected", [[], [0]])
+def test_scores_are_those_of_whole_fits(corrected):
+    """The partition gives what a solution with all columns gives."""
+    _, _, tests = made(size=0.3)
+    base, scores = tests.all_scores(corrected)
+    for number, score in scores.items():
+        columns = tests.columns([*corrected, number])
+        fit = tests.fit(columns)
+        covariance = tests.covariance(columns, fit.theta)
+        np.testing.assert_allclose(score.size, fit.theta[-1:], rtol=1e-8)
+        np.testing.assert_allclose(score.covariance, covariance[-1:, -1:], rtol=1e-7)
+        assert score.explained == pytest.approx(1.0 - fit.residual / base.residual, abs=1e-9)
+        assert score.unseen == pytest.approx(1.0 - fit.unseen / base.unseen, abs=1e-9)

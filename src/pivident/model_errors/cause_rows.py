@@ -56,9 +56,9 @@ MEMORY = 0.5
 ENDS = 3.0
 
 
-#: Packed columns of the model, shape (entries, samples), and those of all causes, shape (columns,
-#: joints, samples).
-Columns = tuple[np.ndarray, np.ndarray]
+#: Packed columns of the model, shape (entries, samples), and those of all causes, each (joints,
+#: samples).
+Columns = tuple[np.ndarray, list[np.ndarray]]
 
 
 class CauseRows:
@@ -110,7 +110,7 @@ class CauseRows:
         out: list[JointRows | None] = [None] * self.problem.robot.size
 
         def thin(j: int) -> None:
-            alive = np.flatnonzero(measured[1][:, j].any(axis=1))
+            alive = [c for c, column in enumerate(measured[1]) if column[j].any()]
             own = slice(regressor.offsets[j], regressor.offsets[j + 1])
             counts = allowed & without_neighbours(used[j], reach)[rows]
             tau = _passed(kin.tau[j][None], rate, stride)
@@ -126,11 +126,13 @@ class CauseRows:
                 return thin
 
             def both(columns: Columns) -> np.ndarray:
-                return low(np.concatenate([columns[0][own], columns[1][alive, j]]))
+                return low(np.vstack([columns[0][own], *(columns[1][c][j] for c in alive)]))
 
             x = both(measured)
             y = x if motion is None else both(made)
-            index = np.concatenate([regressor.columns_of(j), len(self.found.theta) + alive])
+            index = np.concatenate(
+                [regressor.columns_of(j), len(self.found.theta) + np.array(alive, int)]
+            )
             out[j] = JointRows(index, x, y, low(tau)[0], place)
 
         run_in_threads(thin, range(len(out)))
@@ -173,7 +175,7 @@ class CauseRows:
             made[k] = self.causes[k].columns(own)
 
         run_in_threads(make, range(len(made)))
-        return packed, np.concatenate(made)
+        return packed, [column for own in made for column in own]
 
     @property
     def regressor(self) -> Regressor:

@@ -2,7 +2,7 @@
 
 The frame of a joint in its parent's link has six coordinates, of which a turn about its own axis is
 the zero position, see `motion_errors`. Columns are the derivative of Φθ by each, from torques of
-the robot changed by ± a small step. Parameters whose groups change with the geometry take up what
+the robot changed by a small step. Parameters whose groups change with the geometry take up what
 lies in the space of Φ; what remains is seen by no other parameter.
 """
 
@@ -10,9 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
+from pivident.dynamics.regressor import Regressor
 from pivident.estimation.problem import Problem
 from pivident.model_errors.cause import Cause
 from pivident.model_errors.record_motion import RecordMotion
@@ -22,7 +24,7 @@ from pivident.robot.description import Robot
 MILLIMETRE, DEGREE = 1e-3, np.pi / 180.0
 
 #: Steps of the differences [mm, °].
-STEPS = {"mm": 1.0, "°": 0.05}
+STEPS = {"mm": 1e-2, "°": 1e-3}
 
 #: Largest sizes that are believed [mm, °].
 LARGEST = {"mm": 50.0, "°": 5.0}
@@ -63,12 +65,14 @@ def rotation(axis: int, angle: float) -> np.ndarray:
 
 
 def _cause(subject: str, what: str, unit: str, change: Change) -> Cause:
-    scale = MILLIMETRE if unit == "mm" else DEGREE
-    step = STEPS[unit]
+    scale, step = (MILLIMETRE if unit == "mm" else DEGREE), STEPS[unit]
+
+    @lru_cache(maxsize=1)
+    def changed(regressor: Regressor) -> Regressor:
+        return Regressor.build(change(regressor.robot, step * scale), regressor.parameters)
 
     def columns(motion: RecordMotion) -> np.ndarray:
-        after, before = (motion.of_robot(change(motion.robot, s * scale)) for s in (step, -step))
-        return ((after - before) / (2.0 * step))[None]
+        return ((motion.torque_by(changed(motion.regressor)) - motion.torque) / step)[None]
 
     def correct(problem: Problem, size: np.ndarray) -> Problem:
         return replace(problem, robot=change(problem.robot, float(size[0]) * scale))

@@ -23,6 +23,9 @@ from pivident.signals.bandpass import butterworth
 #: Percent, milliradian, and what a radian per newton metre is in the unit of compliances.
 PERCENT, MILLI, MICRO = 1e-2, 1e-3, 1e-6
 
+#: Step of the differences, of positions [rad or m] or relative.
+STEP = 1e-6
+
 #: Largest sizes that are believed.
 LARGEST = {"°": 5.0, "mm": 50.0, "%": 20.0, "mrad": 20.0}
 
@@ -58,7 +61,7 @@ def motion_causes(robot: Robot) -> Iterator[Cause]:
 def _shifted(name: str, j: int, scale: float, unit: str) -> Cause:
     def columns(motion: RecordMotion) -> np.ndarray:
         one, none = np.ones(motion.q.shape[1]), np.zeros(motion.q.shape[1])
-        return scale * motion.along(j, (one, none, none), 1e-3)[None]
+        return scale * motion.along(j, (one, none, none), STEP)[None]
 
     def correct(problem: Problem, size: np.ndarray) -> Problem:
         return with_positions(problem, j, lambda q: q + scale * size[0])
@@ -70,7 +73,7 @@ def _shifted(name: str, j: int, scale: float, unit: str) -> Cause:
 def _scaled(name: str, j: int) -> Cause:
     def columns(motion: RecordMotion) -> np.ndarray:
         change = motion.q[j], motion.dq[j], motion.ddq[j]
-        return PERCENT * motion.along(j, change, 1e-3)[None]
+        return PERCENT * motion.along(j, change, STEP)[None]
 
     def correct(problem: Problem, size: np.ndarray) -> Problem:
         return with_positions(problem, j, lambda q: q * (1.0 + PERCENT * size[0]))
@@ -98,7 +101,7 @@ def _sine(name: str, j: int, order: float, words: str) -> Cause:
                 order * cosine * dq,
                 order * cosine * ddq - order**2 * sine * dq**2,
             )
-            found.append(MILLI * motion.along(j, change, 1e-4))
+            found.append(MILLI * motion.along(j, change, STEP / order**2))
         return np.array(found)
 
     def correct(problem: Problem, size: np.ndarray) -> Problem:
@@ -125,7 +128,7 @@ def _behind_motor(
         speed = motion.derivative(delta)
         change = delta, speed, motion.derivative(speed)
         largest = max(float(np.abs(delta).max()), 1e-300)
-        return scale * motion.along(j, change, 1e-4 / largest, motion.load_at)[None]
+        return scale * motion.along(j, change, STEP / largest, load=True)[None]
 
     return Cause(kind, name, what, unit, columns, largest=LARGEST.get(unit, np.inf))
 

@@ -8,7 +8,6 @@ off) or of the torque itself (a clock that is off).
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -67,13 +66,12 @@ class RecordMotion:
         carried = [p.carries_load for p in self.regressor.parameters]
         return self.regressor.torque(q.T, dq.T, ddq.T, np.where(carried, self.theta, 0.0)).T
 
-    def of_robot(self, robot: Robot) -> np.ndarray:
+    def torque_by(self, regressor: Regressor) -> np.ndarray:
         """Torque of the same parameters in another robot, shape (joints, samples).
 
         What the change of the groups of parameters would add lies in the space of Φ.
         """
-        other = Regressor.build(robot, self.regressor.parameters)
-        return other.torque(self.q.T, self.dq.T, self.ddq.T, self.theta).T
+        return regressor.torque(self.q.T, self.dq.T, self.ddq.T, self.theta).T
 
     def derivative(self, x: np.ndarray) -> np.ndarray:
         """Derivative by time of signals, time last."""
@@ -84,23 +82,20 @@ class RecordMotion:
         joint: int,
         change: tuple[np.ndarray, np.ndarray, np.ndarray],
         step: float,
-        of: Callable[..., np.ndarray] | None = None,
+        load: bool = False,
     ) -> np.ndarray:
         """Derivative of the torque along a change of one joint's motion, shape (joints, samples).
 
         ``change``: δq, δdq and δddq of the joint, shape (samples,) each; ``step``: size of the
-        central difference; ``of``: of what; None: `torque_at`.
+        difference; ``load``: of what the joints carry alone.
         """
-        torque = of or self.torque_at
         moved = []
-        for sign in (1.0, -1.0):
-            parts = []
-            for signal, delta in zip((self.q, self.dq, self.ddq), change, strict=True):
-                other = signal.copy()
-                other[joint] += sign * step * delta
-                parts.append(other)
-            moved.append(torque(*parts))
-        return (moved[0] - moved[1]) / (2.0 * step)
+        for signal, delta in zip((self.q, self.dq, self.ddq), change, strict=True):
+            other = signal.copy()
+            other[joint] += step * delta
+            moved.append(other)
+        after = self.load_at(*moved) if load else self.torque_at(*moved)
+        return (after - (self.load if load else self.torque)) / step
 
 
 def stride_of(rate: float, band: float) -> int:

@@ -22,6 +22,7 @@ import numpy as np
 from pivident.estimation.covariance.windows import OVERLAP, degrees_of_freedom
 from pivident.model_errors.cause import Cause
 from pivident.model_errors.cause_sums import CauseSums
+from pivident.model_errors.partition import Partition
 
 #: Share of a cause's columns that Φ must leave for it to be told from the parameters.
 DISTINCT = 1e-7
@@ -70,6 +71,15 @@ class Fit:
     unseen: float  # the same on blocks that were not fitted
 
 
+@dataclass(frozen=True, eq=False)
+class _Parts:
+    """Normal equations of all rows, and those that leave out one window or one block."""
+
+    all: Partition
+    without_window: Partition
+    without_block: Partition
+
+
 class ScoreTests:
     """Score tests of many causes on one set of sums.
 
@@ -84,6 +94,7 @@ class ScoreTests:
         self.xx, self.xt = sums.blocks.x.sum(axis=0), sums.blocks.tau.sum(axis=0)
         self.scale = np.sqrt(np.maximum(np.diag(self.xx), 1e-300))
         self.freedom = degrees_of_freedom(sums.lengths)
+        self._rest: dict[bytes, np.ndarray] = {}
 
     def columns(self, chosen: Sequence[int]) -> np.ndarray:
         """Indices of the model's columns and of those of some causes."""
@@ -121,44 +132,90 @@ class ScoreTests:
         cross = self.yx[np.ix_(own, others)] / scale[:, None]
         return np.asarray(np.linalg.lstsq(gram, cross, rcond=1e-14)[0] / scale[:, None])
 
-    def score(self, number: int, corrected: Sequence[int], base: Fit) -> Score | None:
-        """The test of one cause beside those that are corrected; None: Φ hides it."""
-        from scipy.stats import f
-
-        columns = self.columns([*corrected, number])
-        count = int(self.first[number + 1] - self.first[number])
-        if not self._is_distinct(columns, count):
-            return None
-        fit = self.fit(columns)
-        try:
-            covariance = self.covariance(columns, fit.theta)
-        except np.linalg.LinAlgError:  # all that is known of it lies within one window
-            return None
-        size, own = fit.theta[-count:], covariance[-count:, -count:]
-        statistic = float(size @ np.linalg.solve(own, size)) / count
-        left = self.freedom - count + 1.0
-        significance = float(f.sf(statistic * left / self.freedom, count, left))
-        n = self.sums.parameters
-        return Score(
-            self.causes[number],
-            size,
-            own,
-            significance,
-            1.0 - fit.residual / max(base.residual, 1e-300),
-            1.0 - fit.unseen / max(base.unseen, 1e-300),
-            fit.theta[:n] - base.theta[:n],
-        )
-
     def all_scores(self, corrected: Sequence[int]) -> tuple[Fit, dict[int, Score]]:
-        """The estimate with some causes corrected, and the tests of the others."""
-        base = self.fit(self.columns(corrected))
+        """The estimate with some causes corrected, and the tests of all others beside them."""
+        stay = np.zeros(self.scale.size, bool)
+        stay[self.columns(corrected)] = True
+        base, others = self.fit(self.columns(corrected)), np.flatnonzero(~stay)
+        windows, blocks = self.sums.windows, self.sums.blocks
+        parts = _Parts(
+            Partition.of(self.yx, self.yt, stay, self.scale),
+            Partition.of(self.yx - windows.x, self.yt - windows.tau, stay, self.scale),
+            Partition.of(self.xx - blocks.x, self.xt - blocks.tau, stay, self.scale),
+        )
         found = {}
         for number in range(len(self.causes)):
             if number not in corrected:
-                score = self.score(number, corrected, base)
+                own = np.arange(self.first[number], self.first[number + 1])
+                score = self._score(number, base, parts, self.columns(corrected), own, others)
                 if score is not None:
                     found[number] = score
         return base, found
+
+    def _score(
+        self,
+        number: int,
+        base: Fit,
+        parts: _Parts,
+        stay: np.ndarray,
+        own: np.ndarray,
+        others: np.ndarray,
+    ) -> Score | None:
+        """The test of one cause of columns ``own``; None: the columns that stay hide it."""
+        from scipy.stats import f
+
+        place = np.searchsorted(others, own)
+        if not self._is_distinct(stay, own):
+            return None
+        try:
+            theta, size = parts.all.joined(place)
+            covariance = self._covariance_of(parts, stay, own, place, np.r_[theta, size])
+            unseen = self._unseen(parts, stay, own, place)
+            statistic = float(size @ np.linalg.solve(covariance, size)) / own.size
+        except np.linalg.LinAlgError:  # all that is known of it lies within one window
+            return None
+        left = self.freedom - own.size + 1.0
+        significance = float(f.sf(statistic * left / self.freedom, own.size, left))
+        columns, n = np.r_[stay, own], self.sums.parameters
+        residual = _squares(
+            np.r_[theta, size],
+            self.xx[np.ix_(columns, columns)],
+            self.xt[columns],
+            float(self.sums.squares.sum()),
+        )
+        return Score(
+            self.causes[number],
+            size,
+            covariance,
+            significance,
+            1.0 - residual / max(base.residual, 1e-300),
+            1.0 - unseen / max(base.unseen, 1e-300),
+            theta[:n] - base.theta[:n],
+        )
+
+    def _covariance_of(
+        self,
+        parts: _Parts,
+        stay: np.ndarray,
+        own: np.ndarray,
+        place: np.ndarray,
+        theta: np.ndarray,
+    ) -> np.ndarray:
+        """The part of :meth:`covariance` that belongs to a cause, shape (own, own)."""
+        windows, columns = self.sums.windows, np.r_[stay, own]
+        scores = windows.tau[:, columns] - windows.x[:, columns[:, None], columns] @ theta
+        split = stay.size
+        steps = parts.without_window.solved(scores[:, :split], scores[:, split:], place)
+        return np.asarray(steps.T @ steps / OVERLAP)
+
+    def _unseen(self, parts: _Parts, stay: np.ndarray, own: np.ndarray, place: np.ndarray) -> float:
+        """Sum of squares on the blocks, each predicted from the others."""
+        blocks, columns = self.sums.blocks, np.r_[stay, own]
+        theta = np.concatenate(parts.without_block.joined(place), axis=1)
+        gram = blocks.x[:, columns[:, None], columns]
+        fitted = np.einsum("bi,bij,bj->b", theta, gram, theta, optimize=True)
+        crossed = np.einsum("bi,bi->b", theta, blocks.tau[:, columns])
+        return float(np.sum(np.maximum(self.sums.squares - 2.0 * crossed + fitted, 0.0)))
 
     def between(self, corrected: Sequence[int]) -> np.ndarray:
         """Standard errors of θ from places and motions that are left out, shape (parameters,).
@@ -178,14 +235,21 @@ class ScoreTests:
         count = len(replicates)
         return np.asarray(np.sqrt((count - 1) * np.var(replicates, axis=0)))
 
-    def _is_distinct(self, columns: np.ndarray, count: int) -> bool:
+    def _is_distinct(self, stay: np.ndarray, own: np.ndarray) -> bool:
         """Whether enough of a cause's columns is left beside the others."""
-        scale = self.scale[columns]
-        gram = self.xx[np.ix_(columns, columns)] / np.outer(scale, scale)
-        others, own = gram[:-count, :-count], gram[-count:, -count:]
-        cross = gram[:-count, -count:]
-        rest = own - cross.T @ np.linalg.lstsq(others, cross, rcond=1e-13)[0]
+        scale = self.scale[own]
+        rest = self._projected(stay)[np.ix_(own, own)] / np.outer(scale, scale)
         return bool(np.linalg.eigvalsh(rest)[0] > DISTINCT)
+
+    def _projected(self, stay: np.ndarray) -> np.ndarray:
+        """Xᵀ X without what lies in the space of the columns that stay."""
+        key = stay.tobytes()
+        if key not in self._rest:
+            scale = self.scale[stay]
+            gram = self.xx[np.ix_(stay, stay)] / np.outer(scale, scale)
+            cross = self.xx[stay] / scale[:, None]
+            self._rest = {key: self.xx - cross.T @ np.linalg.pinv(gram, rcond=1e-13) @ cross}
+        return self._rest[key]
 
     def _solve(self, gram: np.ndarray, right: np.ndarray, columns: np.ndarray) -> np.ndarray:
         scale = self.scale[columns]

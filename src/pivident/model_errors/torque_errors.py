@@ -14,7 +14,7 @@ import numpy as np
 
 from pivident.estimation.problem import Problem
 from pivident.model_errors.cause import Cause, on_joint
-from pivident.model_errors.motion_errors import PERCENT, with_positions
+from pivident.model_errors.motion_errors import PERCENT, STEP, with_positions
 from pivident.model_errors.record_motion import RecordMotion
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
@@ -69,7 +69,7 @@ def _gain(name: str, j: int) -> Cause:
 def _ratio(name: str, j: int) -> Cause:
     def columns(motion: RecordMotion) -> np.ndarray:
         change = motion.q[j], motion.dq[j], motion.ddq[j]
-        moved = motion.along(j, change, 1e-3)[None]
+        moved = motion.along(j, change, STEP)[None]
         return PERCENT * (moved + on_joint(j, [motion.torque[j]], motion))
 
     def correct(problem: Problem, size: np.ndarray) -> Problem:
