@@ -4,8 +4,8 @@
     python -m benchmarks.model_faults coverage gear-ratio torque-late --arms scara --records 3
     python -m benchmarks.model_faults naming --records 7
 
-Columns of coverage: largest error over standard error, share of the parameters within two standard errors,
-seconds of the estimate, what the verdict says, and the kinds of its warnings.
+Columns of coverage: largest error over standard error, share of the parameters within two standard
+errors, seconds of the estimate, what the verdict says, and the kinds of its warnings.
 """
 
 from __future__ import annotations

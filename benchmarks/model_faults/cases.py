@@ -14,6 +14,7 @@ import pivident as pv
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.robot.description import Coupling, Robot
 from pivident.robot.friction import FrictionLaw, coulomb, offset, viscous
+from pivident.robot.transmission import Transmission
 from pivident.robot.urdf import parse_urdf
 
 from .faults import FAULTS, Cause, Planted, is_possible
@@ -115,14 +116,16 @@ def make_case(
 
 
 def users_robot(setup: Setup) -> Robot:
-    """The user's robot: their URDF, the shafts of the data sheet, friction of the right γ."""
+    """The user's robot: their URDF, gears of the data sheet, friction of the right γ."""
     robot = parse_urdf(setup.description)
     laws = {
         name: FrictionLaw((viscous(), coulomb(gamma=SLOPE_AT_RATED_SPEED / speed), offset()))
         for name, speed in zip(robot.joint_names, setup.arm.speeds.tolist(), strict=True)
     }
     shafts = tuple(Coupling(s.motor, s.joint, s.ratio) for s in setup.made.shafts)
-    return replace(robot, couplings=shafts).with_friction(laws)
+    ratios = np.diag(np.array(setup.arm.gear_ratio, dtype=float))
+    drives = replace(Transmission.direct(robot.size), reduction=ratios)
+    return replace(robot, couplings=shafts, transmission=drives).with_friction(laws)
 
 
 def _parameters(robot: Robot, planted: Planted) -> tuple[str, ...] | None:

@@ -33,7 +33,9 @@ class Named:
         """Which of the named causes is the planted one, from 1; 0: none."""
         for number, one in enumerate(self.found.named, start=1):
             for cause in (one.cause, *one.alternatives):
-                if any(is_cause(cause.kind, cause.subject, wanted) for wanted in self.case.expected):
+                if any(
+                    is_cause(cause.kind, cause.subject, wanted) for wanted in self.case.expected
+                ):
                     return number
         return 0
 
@@ -55,7 +57,8 @@ def name_causes(case: Case) -> Named:
     middle = time.process_time()
     found = named_causes(case.problem, piv)
     seconds = (time.process_time() - middle) / (middle - begin)
-    truth = np.array([case.truth[name] for name in piv.names])
+    # what a wrong geometry only groups otherwise is no error of the estimate
+    truth = np.array([case.corrected_truth.get(name, case.truth[name]) for name in piv.names])
     wider = with_model_errors(piv, found)
     return Named(
         case, found, (piv.theta - truth) / piv.std, (wider.theta - truth) / wider.std, seconds

@@ -35,6 +35,7 @@ class Cause:
         correct: the problem with the cause corrected; None: it cannot be corrected by its size.
         largest: size up to which the torque is about proportional to it; a larger one is no
             finding, but something else that looks alike.
+        is_positive: whether a size below zero makes no sense, as of a compliance.
     """
 
     kind: str
@@ -45,6 +46,13 @@ class Cause:
     count: int = 1
     correct: Correction | None = None
     largest: float = np.inf
+    is_positive: bool = False
+
+    def allows(self, size: np.ndarray) -> bool:
+        """Whether a size, shape (columns,), makes sense."""
+        return float(np.linalg.norm(size)) < self.largest and not (
+            self.is_positive and float(size[0]) < 0.0
+        )
 
     def __str__(self) -> str:
         return f"{self.kind}{' of ' * bool(self.subject)}{self.subject}: {self.what}"

@@ -196,7 +196,7 @@ def _further(tests: ScoreTests, corrected: Sequence[int]) -> list[int]:
         }
         if not able:
             break
-        added.append(max(able, key=lambda k: able[k].explained))
+        added.append(max(able, key=lambda k: able[k].unseen))
     return added
 
 

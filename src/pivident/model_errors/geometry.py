@@ -44,15 +44,21 @@ def geometry_causes(robot: Robot) -> Iterator[Cause]:
         base = "the base" if joint.parent < 0 else robot.joints[joint.parent].name
         way = f"from {base} to {joint.name}"
         for k, axis in enumerate(AXES):
-            what = f"correction of the length along {axis} {way}"
-            yield _cause(joint.name, what, "mm", _moved(j, k))
+            yield _cause(
+                joint.name, f"correction of the length along {axis} {way}", "mm", _moved(j, k)
+            )
+        about = [_turned(j, k) for k in range(2)]
         for k, axis in enumerate(AXES[:2]):
-            what = f"correction of the angle about {axis} {way}"
-            yield _cause(joint.name, what, "°", _turned(j, k))
+            yield _cause(joint.name, f"correction of the angle about {axis} {way}", "°", about[k])
+        yield _cause(joint.name, f"correction of the direction of its axis {way}", "°", *about)
     size = float(np.linalg.norm(robot.gravity))
-    for k, axis in enumerate(AXES):
-        if abs(robot.gravity[k]) < UPRIGHT * size:
-            yield _cause("", f"correction of the angle of the base about {axis}", "°", _tilted(k))
+    level = [k for k in range(3) if abs(robot.gravity[k]) < UPRIGHT * size]
+    for k in level:
+        what = f"correction of the angle of the base about {AXES[k]}"
+        yield _cause("", what, "°", _tilted(k))
+    if level:
+        tilts = [_tilted(k) for k in level]
+        yield _cause("", "correction of the direction of gravity", "°", *tilts)
 
 
 def rotation(axis: int, angle: float) -> np.ndarray:
@@ -64,21 +70,26 @@ def rotation(axis: int, angle: float) -> np.ndarray:
     return turn
 
 
-def _cause(subject: str, what: str, unit: str, change: Change) -> Cause:
+def _cause(subject: str, what: str, unit: str, *changes: Change) -> Cause:
+    """A cause of one change of the robot, or of several together."""
     scale, step = (MILLIMETRE if unit == "mm" else DEGREE), STEPS[unit]
 
     @lru_cache(maxsize=1)
-    def changed(regressor: Regressor) -> Regressor:
-        return Regressor.build(change(regressor.robot, step * scale), regressor.parameters)
+    def changed(regressor: Regressor) -> list[Regressor]:
+        robots = [change(regressor.robot, step * scale) for change in changes]
+        return [Regressor.build(robot, regressor.parameters) for robot in robots]
 
     def columns(motion: RecordMotion) -> np.ndarray:
-        return ((motion.torque_by(changed(motion.regressor)) - motion.torque) / step)[None]
+        after = [motion.torque_by(other) for other in changed(motion.regressor)]
+        return (np.array(after) - motion.torque) / step
 
     def correct(problem: Problem, size: np.ndarray) -> Problem:
-        return replace(problem, robot=change(problem.robot, float(size[0]) * scale))
+        robot = problem.robot
+        for change, own in zip(changes, size, strict=True):
+            robot = change(robot, float(own) * scale)
+        return replace(problem, robot=robot)
 
-    largest = LARGEST[unit]
-    return Cause("geometry", subject, what, unit, columns, 1, correct, largest)
+    return Cause("geometry", subject, what, unit, columns, len(changes), correct, LARGEST[unit])
 
 
 def _moved(joint: int, axis: int) -> Change:

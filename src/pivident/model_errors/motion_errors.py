@@ -130,7 +130,8 @@ def _behind_motor(
         largest = max(float(np.abs(delta).max()), 1e-300)
         return scale * motion.along(j, change, STEP / largest, load=True)[None]
 
-    return Cause(kind, name, what, unit, columns, largest=LARGEST.get(unit, np.inf))
+    largest = LARGEST.get(unit, np.inf)
+    return Cause(kind, name, what, unit, columns, largest=largest, is_positive=True)
 
 
 def _spring(name: str, j: int, turns: bool) -> Cause:

@@ -160,8 +160,8 @@ def named_causes(problem: Problem, found: Identification) -> ModelErrors:
 
 def is_found(score: Score, tried: int) -> bool:
     """Whether a cause is significant among so many, and helps with motion that was not fitted."""
-    believed = float(np.linalg.norm(score.size)) < score.cause.largest
-    return believed and score.significance * tried < LEVEL and score.unseen > 0.0
+    clear = score.significance * tried < LEVEL and score.unseen > 0.0
+    return clear and score.cause.allows(score.size)
 
 
 def _named_causes(tests: ScoreTests, found: Identification) -> ModelErrors:
@@ -174,7 +174,7 @@ def _named_causes(tests: ScoreTests, found: Identification) -> ModelErrors:
         candidates = {k: s for k, s in scores.items() if is_found(s, tests.tried)}
         if not candidates:
             break
-        best = max(candidates, key=lambda k: candidates[k].explained)
+        best = max(candidates, key=lambda k: candidates[k].unseen)
         named.append(_named(found, candidates[best], candidates))
         corrected.append(best)
         base, scores = tests.all_scores(corrected)
@@ -193,9 +193,7 @@ def _named(found: Identification, best: Score, candidates: dict[int, Score]) -> 
     """A cause with those that cannot be told from it."""
     shifts = np.abs(best.shift) / found.std
     alike = [
-        s.cause
-        for s in candidates.values()
-        if s is not best and s.explained > ALIKE * best.explained
+        s.cause for s in candidates.values() if s is not best and s.unseen > ALIKE * best.unseen
     ]
     k = int(np.argmax(shifts))
     return NamedCause(best, float(shifts[k]), found.names[k], tuple(alike))

@@ -25,7 +25,7 @@ from pivident.model_errors.cause_sums import CauseSums
 from pivident.model_errors.partition import Partition
 
 #: Share of a cause's columns that Φ must leave for it to be told from the parameters.
-DISTINCT = 1e-7
+DISTINCT = 1e-12
 
 #: Largest significance, all causes together, at which a cause is named.
 LEVEL = 1e-3
