@@ -68,15 +68,17 @@ def name_causes(case: Case) -> Named:
 def naming(faults: list[str], arms: list[str], records: int, first: int) -> None:
     """A line for each case, and a summary of each fault over all arms."""
     for fault in faults:
-        rows = [
-            name_causes(make_case(arm, fault, seed))
-            for arm in arms
-            if is_possible(fault, arm)
-            for seed in range(first, first + records)
-        ]
-        for row in rows:
-            print(line(row))
-        print(summary(fault, rows), flush=True)
+        rows, refused = [], 0
+        for arm in arms:
+            for seed in range(first, first + records) if is_possible(fault, arm) else ():
+                try:
+                    rows.append(name_causes(make_case(arm, fault, seed)))
+                except pv.PividentError as error:
+                    refused += 1
+                    print(f"{arm:7s} {fault:18s} {seed:3d} refused: {error}")
+                    continue
+                print(line(rows[-1]), flush=True)
+        print(f"{summary(fault, rows)}; refused {refused}", flush=True)
 
 
 def line(row: Named) -> str:

@@ -31,7 +31,7 @@ DISTINCT = 1e-12
 LEVEL = 1e-3
 
 #: Causes that are named one after the other.
-MOST_CAUSES = 4
+MOST_CAUSES = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class Score:
 
     Attributes:
         cause: the cause.
-        size: δ in its unit, shape (columns,).
+        size: δ in its unit, shape (columns,); zero for columns that others hide.
         covariance: of δ.
         significance: probability of as large a size by chance, for this cause alone.
         explained: share of the residual's sum of squares in the band that goes with it.
@@ -120,7 +120,8 @@ class ScoreTests:
         windows = self.sums.windows.x[:, grid[0], grid[1]]
         scores = self.sums.windows.tau[:, columns] - windows @ theta
         without = (self.yx[grid] - windows) / np.outer(scale, scale)
-        steps = np.linalg.solve(without, (scores / scale)[:, :, None])[:, :, 0] / scale
+        inverse = np.linalg.pinv(without, rcond=1e-14)
+        steps = np.einsum("wij,wj->wi", inverse, scores / scale) / scale
         return np.asarray(steps.T @ steps / OVERLAP)
 
     def sensitivity(self, columns: np.ndarray) -> np.ndarray:
@@ -146,27 +147,22 @@ class ScoreTests:
         found = {}
         for number in range(len(self.causes)):
             if number not in corrected:
-                own = np.arange(self.first[number], self.first[number + 1])
-                score = self._score(number, base, parts, self.columns(corrected), own, others)
+                score = self._score(number, base, parts, self.columns(corrected), others)
                 if score is not None:
                     found[number] = score
         return base, found
 
     def _score(
-        self,
-        number: int,
-        base: Fit,
-        parts: _Parts,
-        stay: np.ndarray,
-        own: np.ndarray,
-        others: np.ndarray,
+        self, number: int, base: Fit, parts: _Parts, stay: np.ndarray, others: np.ndarray
     ) -> Score | None:
-        """The test of one cause of columns ``own``; None: the columns that stay hide it."""
+        """The test of one cause; None: the columns that stay hide it."""
         from scipy.stats import f
 
-        place = np.searchsorted(others, own)
-        if not self._is_distinct(stay, own):
+        whole = np.arange(self.first[number], self.first[number + 1])
+        own = self._distinct(stay, whole)
+        if not own.size:
             return None
+        place = np.searchsorted(others, own)
         try:
             theta, size = parts.all.joined(place)
             covariance = self._covariance_of(parts, stay, own, place, np.r_[theta, size])
@@ -183,10 +179,13 @@ class ScoreTests:
             self.xt[columns],
             float(self.sums.squares.sum()),
         )
+        every, square = np.zeros(whole.size), np.zeros((whole.size, whole.size))
+        known = own - whole[0]
+        every[known], square[np.ix_(known, known)] = size, covariance
         return Score(
             self.causes[number],
-            size,
-            covariance,
+            every,
+            square,
             significance,
             1.0 - residual / max(base.residual, 1e-300),
             1.0 - unseen / max(base.unseen, 1e-300),
@@ -235,11 +234,16 @@ class ScoreTests:
         count = len(replicates)
         return np.asarray(np.sqrt((count - 1) * np.var(replicates, axis=0)))
 
-    def _is_distinct(self, stay: np.ndarray, own: np.ndarray) -> bool:
-        """Whether enough of a cause's columns is left beside the others."""
+    def _distinct(self, stay: np.ndarray, own: np.ndarray) -> np.ndarray:
+        """The columns of a cause of which enough is left beside the others, one after the other."""
         scale = self.scale[own]
         rest = self._projected(stay)[np.ix_(own, own)] / np.outer(scale, scale)
-        return bool(np.linalg.eigvalsh(rest)[0] > DISTINCT)
+        kept: list[int] = []
+        for k in range(own.size):
+            lowest = np.linalg.eigvalsh(rest[np.ix_([*kept, k], [*kept, k])])[0]
+            if lowest > DISTINCT:
+                kept.append(k)
+        return own[kept]
 
     def _projected(self, stay: np.ndarray) -> np.ndarray:
         """Xᵀ X without what lies in the space of the columns that stay."""
