@@ -28,7 +28,7 @@ ORDER = (
 DOORS = ("linear", "symbolic", "export", "payload", "flexibility", "many")
 
 MAX_LINES_OF_PACKAGE = 6000
-MAX_LINES = 91_000
+MAX_LINES = 94_000
 #: 90, nine for instruments from the record itself, and the speeds of standstill.
 MAX_MODULES_OF_IDENTIFY = 100
 

@@ -97,7 +97,7 @@ def friction_law(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     parameters other values, whatever kind of covariance it is. A residual that goes with the motion
     is a sign of that, and a reservation where held-out motion says that model error makes
     most of it: noise of the speed that enters the bend of a law leaves the same traces. Where
-    causes of model error are named, and friction is none of them, friction is not blamed.
+    causes of model error were looked for, friction is blamed there or not at all.
     """
     result, tests = diagnostics.identifications[name], diagnostics.residuals[name]
     own = [
@@ -113,13 +113,12 @@ def friction_law(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
         f"The intervals of {listed([own_name for own_name, _ in own])} hold for the assumed "
         f"friction law only: {listed(list(laws))}."
     )
+    if diagnostics.model_errors is not None:  # what is wrong with it is said there
+        yield Finding("note", "friction", "assumed law", text)
+        return
     signs = _signs_of_another_law(tests, {joints[j].name for _, j in own})
     split = diagnostics.model_error
     uncertain = bool(signs) and split is not None and split.mostly_model_error
-    causes = diagnostics.model_errors
-    named = () if causes is None else causes.named
-    if named and not any(one.cause.kind == "friction" for one in named):
-        uncertain, signs = False, ""
     if uncertain:
         text += (
             f" It may be wrong: {signs}, and most of the error is model error. Another "

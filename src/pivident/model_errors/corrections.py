@@ -49,8 +49,8 @@ class Corrections:
     Attributes:
         problem: robot and recordings with all of them corrected.
         causes: what was corrected.
-        size: by how much, each in the unit of its cause, one after the other.
-        covariance: of ``size``.
+        size: by how much, each in the unit of its cause, one after the other, shape (columns,).
+        covariance: of ``size``, shape (columns, columns).
     """
 
     problem: Problem
@@ -151,7 +151,17 @@ def corrections(
 
 
 def with_corrections(found: Identification, made: Corrections) -> Identification:
-    """An estimate of the corrected problem, whose intervals know what is not known of them."""
+    """An estimate of the corrected problem, whose intervals know what is not known of the sizes.
+
+    cov θ = P + G cov(s) Gᵀ.
+
+    Args:
+        found: estimate of ``made.problem`` by any method.
+        made: the corrections.
+
+    Returns:
+        The estimate with wider intervals and a note on each correction; itself without any.
+    """
     if not made.causes:
         return found
     tests = score_tests(made.problem, found, [cause.kind for cause in made.causes])

@@ -1,0 +1,53 @@
+"""The verdict names causes of model error, in words, once, with what to do."""
+
+import pytest
+
+from pivident.diagnostics.diagnostics import diagnose
+from pivident.diagnostics.verdict import verdict
+from pivident.estimation.identify import identify
+from tests.model_errors.faulty_tx40 import causes, right_estimate, right_problem, with_fault
+
+LATE = "delay: torques logged later than positions"
+
+
+def judged(problem, result):
+    return diagnose(problem, {"piv": result}, folds=0)
+
+
+def test_nothing_is_found_on_a_right_model():
+    diagnostics = judged(right_problem()[0], right_estimate())
+    (finding,) = (s for s in verdict(diagnostics).statements if s.topic == "model")
+    assert (finding.severity, finding.kind) == ("ok", "no cause found")
+    assert f"None of {len(causes())} causes" in finding.message
+    assert diagnostics.identifications["piv"] is right_estimate()
+
+
+@pytest.fixture(scope="module")
+def late():
+    problem = with_fault(causes()[LATE], [0.2])
+    result = identify(problem, "piv")
+    return result, judged(problem, result)
+
+
+def test_delay_is_a_reservation_with_its_size(late):
+    result, diagnostics = late
+    found = verdict(diagnostics)
+    assert found.severity == "warning"
+    (finding,) = (s for s in found.statements if s.topic == "model")
+    assert (finding.severity, finding.kind) == ("warning", "delay")
+    size = finding.evidence["size"]
+    assert size.unit == "ms" and size.interval[0] < 0.2 < size.interval[1]
+    assert "--free delay" in finding.next_step
+    assert "standard errors" in finding.message
+    assert "%" in finding.basis and f"{len(causes())} causes" in finding.basis
+
+
+def test_intervals_contain_it_and_friction_is_not_blamed(late):
+    result, diagnostics = late
+    own = diagnostics.identifications["piv"]
+    assert (own.std >= result.std).all() and own.std.mean() > result.std.mean()
+    statements = verdict(diagnostics).statements
+    (finding,) = (s for s in statements if s.topic == "intervals")
+    assert "times those of the noise alone" in finding.message
+    friction = [s for s in statements if s.topic == "friction"]
+    assert all(s.severity == "note" and "wrong" not in s.message for s in friction)
