@@ -30,7 +30,7 @@ def late():
 
 
 def test_delay_is_a_reservation_with_its_size(late):
-    result, diagnostics = late
+    _, diagnostics = late
     found = verdict(diagnostics)
     assert found.severity == "warning"
     (finding,) = (s for s in found.statements if s.topic == "model")

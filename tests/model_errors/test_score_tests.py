@@ -11,10 +11,10 @@ ROWS, BLOCKS = 600, 5
 
 
 def made(seed=0, size=0.0):
-    """Two joints, three parameters and two causes, one of which has a size."""
+    """Two joints, three parameters and three causes, one of which has a size."""
     rng = np.random.default_rng(seed)
-    columns = (np.array([0, 1, 3, 4]), np.array([1, 2, 4]))
-    theta = np.array([1.0, -2.0, 0.5, size, 0.0])
+    columns = (np.array([0, 1, 3, 4]), np.array([1, 2, 4, 5]))
+    theta = np.array([1.0, -2.0, 0.5, size, 0.0, 0.0])
     records = []
     for _ in range(2):
         record = []
@@ -24,10 +24,15 @@ def made(seed=0, size=0.0):
             tau = theta[own] @ y + 0.1 * rng.standard_normal(ROWS)
             record.append(JointRows(own, x, y, tau, np.arange(ROWS) * 6 // ROWS))
         records.append(record)
-    causes = [Cause("a", "", "one", "", lambda m: m.q), Cause("b", "", "two", "", lambda m: m.q)]
     variance = np.array([0.01, 0.02])
-    tests = ScoreTests(cause_sums(records, variance, 3, 5, BLOCKS), causes, np.array([3, 4, 5]), 2)
+    tests = score_tests(records, variance)
     return records, variance, tests
+
+
+def score_tests(records, variance):
+    causes = [Cause(kind, "", kind, "", lambda m: m.q) for kind in "abc"]
+    sums = cause_sums(records, variance, 3, 6, BLOCKS)
+    return ScoreTests(sums, causes, np.array([3, 4, 5, 6]), 3)
 
 
 def stacked(records, variance, rows=slice(None)):
@@ -36,7 +41,7 @@ def stacked(records, variance, rows=slice(None)):
     for record in records:
         for r, lam in zip(record, variance, strict=True):
             for target, part in ((y, r.y), (x, r.x)):
-                full = np.zeros((part[:, rows].shape[1], 5))
+                full = np.zeros((part[:, rows].shape[1], 6))
                 full[:, r.columns] = part[:, rows].T / np.sqrt(lam)
                 target.append(full)
             tau.append(r.tau[rows] / np.sqrt(lam))
@@ -104,13 +109,12 @@ def test_columns_that_the_model_has_are_not_distinct():
         for r in record:
             if 3 in r.columns:  # the first cause is the first parameter once more
                 r.x[2], r.y[2] = r.x[0], r.y[0]
-    causes = [Cause("a", "", "one", "", lambda m: m.q), Cause("b", "", "two", "", lambda m: m.q)]
-    tests = ScoreTests(cause_sums(records, variance, 3, 5, BLOCKS), causes, np.array([3, 4, 5]), 2)
+    tests = score_tests(records, variance)
     _, scores = tests.all_scores([])
-    assert set(scores) == {1}
+    assert set(scores) == {1, 2}
 
 
-@pytest.mark.parametrize("corrected", [[], [0]])
+@pytest.mark.parametrize("corrected", [[], [0], [2, 0]])
 def test_scores_are_those_of_whole_fits(corrected):
     """The partition gives what a solution with all columns gives."""
     _, _, tests = made(size=0.3)

@@ -21,7 +21,10 @@ WELL = 10.0
 MAX_OF_LAW = 3
 
 #: Topics of an estimator's warnings that have a statement of their own in the verdict.
-RESTATED = ("iteration", "exogeneity", "torque scale", "instruments", "torque side")
+RESTATED = (
+    "iteration", "exogeneity", "torque scale", "instruments", "torque side", "correction",
+    "intervals",
+)  # fmt: skip
 
 #: The same for single negative parameters; reversed signs are said by the estimator alone.
 NEGATIVE = ("signs", "negative")
@@ -105,6 +108,11 @@ def determined(result: Identification) -> Iterator[Finding]:
     yield Finding(severity, "parameters", "partly known", text, evidence=evidence, basis=basis)
     for sentence in wanted_motions(result, zero or middle):
         yield Finding("note", "motion", "wanted", sentence)
+
+
+def corrected(result: Identification) -> Iterator[Finding]:
+    """What was corrected with the estimate, each with its interval."""
+    yield from (w for w in result.warnings if w.topic == "correction")
 
 
 def torque_scale(result: Identification) -> Iterator[Finding]:

@@ -16,6 +16,7 @@ from pivident.diagnostics.diagnostics import Diagnostics, diagnose_one
 from pivident.diagnostics.estimate_statements import (
     choice,
     convergence,
+    corrected,
     determined,
     further_warnings,
     identified_law,
@@ -106,6 +107,7 @@ def verdict(diagnostics: Diagnostics | Identification) -> Verdict:
     result = diagnostics.identifications[name]
     statements = [
         *choice(diagnostics, name),
+        *corrected(result),
         *torque_scale(result),
         *torque_side(result),
         *convergence(result),

@@ -137,7 +137,8 @@ class ScoreTests:
         """The estimate with some causes corrected, and the tests of all others beside them."""
         stay = np.zeros(self.scale.size, bool)
         stay[self.columns(corrected)] = True
-        base, others = self.fit(self.columns(corrected)), np.flatnonzero(~stay)
+        own, others = np.flatnonzero(stay), np.flatnonzero(~stay)
+        base = self.fit(own)
         windows, blocks = self.sums.windows, self.sums.blocks
         parts = _Parts(
             Partition.of(self.yx, self.yt, stay, self.scale),
@@ -147,7 +148,7 @@ class ScoreTests:
         found = {}
         for number in range(len(self.causes)):
             if number not in corrected:
-                score = self._score(number, base, parts, self.columns(corrected), others)
+                score = self._score(number, base, parts, own, others)
                 if score is not None:
                     found[number] = score
         return base, found
