@@ -29,6 +29,7 @@ from pivident.estimation.methods import METHODS, Method
 from pivident.estimation.parameter_rows import parameter_rows
 from pivident.estimation.problem import Problem
 from pivident.estimation.summary_tables import comparison_table, identification_table, rows_kind
+from pivident.estimation.torque_sums import torque_sums
 from pivident.extras import is_installed
 from pivident.files import atomic_folder, check_output
 from pivident.friction.bearing_friction import bearing_friction
@@ -195,7 +196,10 @@ def write_results(
 
     One method's files lie in the folder itself, those of several in one folder each.
     """
-    found = results.identifications
+    found = {
+        name: replace(result, torque_sums=torque_sums(result))  # once for all files
+        for name, result in results.identifications.items()
+    }
     several = len(found) > 1
     with atomic_folder(folder) as build:
         for name, result in found.items():
