@@ -9,6 +9,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from pivident.check.expected_time import (
+    CONSISTENT,
+    JUDGED,
+    WRITTEN,
+    expected_stages,
+    first_run,
+)
 from pivident.cli.compile_ahead import compile_ahead
 from pivident.cli.console import Progress, error_line, note
 from pivident.consistency.consistent_estimate import (
@@ -97,18 +104,22 @@ def run_experiment(
         if experiment.content.identify.essential:
             essential = essential_parameters(problem, last, progress=progress.say)
             problem = replace(problem, parameters=essential.names)
+        folds = validation.folds if folds is None else folds
+        progress.stages(_stages(problem, methods, folds, len(consistent)))
         outcome = identify_all(problem, methods, progress)
+        progress.begin(JUDGED)
         diagnostics = diagnose(
             problem,
             outcome.identifications,
             methods,
-            folds=validation.folds if folds is None else folds,
+            folds=folds,
             gap=validation.gap,
             recordings=unseen,
             progress=progress.say,
         )
         wanted = [name for name in consistent if name in outcome.identifications]
         if wanted:
+            progress.begin(CONSISTENT)
             recordings = unseen or problem.recordings
             made = consistent_estimates(
                 diagnostics.identifications,
@@ -123,6 +134,7 @@ def run_experiment(
                 if isinstance(estimate, NoConsistentEstimate):
                     outcome = replace(outcome, failed=(*outcome.failed, f"{PREFIX}{name}"))
             diagnostics = replace(diagnostics, consistent=made)
+        progress.begin(WRITTEN)
         progress.say("writing the results")
         report = experiment.content.output.report and can_draw(progress)
         results = Results(outcome.identifications, diagnostics, essential)
@@ -143,10 +155,13 @@ def run_demo(out: Path, seed: int = 0) -> Outcome:
         progress.say("simulating the closed loop of a TX40 (the first run compiles, be patient)")
         problem, truth = tx40_fine(seed)
         methods = {n: METHODS[n] for n in DEMO_METHODS}
+        progress.stages(_stages(problem, methods, DEMO_FOLDS))
         outcome = identify_all(problem, methods, progress)
+        progress.begin(JUDGED)
         diagnostics = diagnose(
             problem, outcome.identifications, methods, folds=DEMO_FOLDS, progress=progress.say
         )
+        progress.begin(WRITTEN)
         progress.say("writing the results")
         title = "Simulated Stäubli TX40: estimates against truth"
         results = Results(outcome.identifications, diagnostics)
@@ -154,6 +169,15 @@ def run_demo(out: Path, seed: int = 0) -> Outcome:
         write_results(results, out, title, truth, report=report)
     _print_results(results, out, truth, report=report)
     return outcome
+
+
+def _stages(
+    problem: Problem, methods: Mapping[str, Method], folds: int, consistent: int = 0
+) -> dict[str, float]:
+    """Seconds expected of each stage; the first one compiles what is not in the cache."""
+    stages = expected_stages(problem, methods, folds, consistent)
+    stages[next(iter(methods))] += first_run(methods)
+    return stages
 
 
 def can_draw(progress: Progress, page: str = "report.html") -> bool:
@@ -169,6 +193,7 @@ def identify_all(problem: Problem, methods: Mapping[str, Method], progress: Prog
     found: dict[str, Identification] = {}
     failures: dict[str, PividentError] = {}
     for name, method in methods.items():
+        progress.begin(name)
         begin = time.perf_counter()
         try:
             found[name] = identify(problem, method, _prefixed(progress, method.label))
