@@ -10,10 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Literal
-
-import numpy as np
 
 from pivident.errors import IdentificationError, SimulationDiverged
 from pivident.errors import MassMatrixNotPositiveDefinite as IndefiniteMass
@@ -27,7 +24,7 @@ from pivident.text.lists import listed
 from pivident.text.numbers import format_significant
 from pivident.text.plain_table import plain_table
 from pivident.validation.held_out.fold_estimates import estimates_without
-from pivident.validation.held_out.folds import Piece, contiguous_folds
+from pivident.validation.held_out.folds import Piece, contiguous_folds, equal_blocks
 from pivident.validation.held_out.judged_motion import JudgedMotion
 from pivident.validation.held_out.prediction import Judge, PredictionError, motion_band, pooled
 from pivident.validation.held_out.replay import ReplayError, pooled_replay
@@ -242,7 +239,9 @@ def judged_on(
     notes = _replay_notes(problem)
     if motion.unseen:
         unseen = [judge.recording.samples for judge in motion.unseen]
-        pieces = [p for k, samples in enumerate(unseen) for p in _blocks(k, samples, max(folds, 1))]
+        pieces = [
+            p for k, samples in enumerate(unseen) for p in equal_blocks(k, samples, max(folds, 1))
+        ]
         held_out = _judged(motion, found, pieces)
         return _checked(
             CrossValidation(found.method, "second recording", found, held_out, training, 0.0, notes)
@@ -291,12 +290,6 @@ def _judged(
         for piece, error, replay in zip(own, judge.score(found, spans), replays, strict=True):
             stretches.append(_stretch(judge, piece, found, error, replay, failure))
     return tuple(stretches)
-
-
-def _blocks(recording: int, samples: int, count: int) -> list[Piece]:
-    """A recording cut into blocks of equal length."""
-    borders = np.linspace(0, samples, count + 1).round().astype(int)
-    return [Piece(recording, int(a), int(b)) for a, b in pairwise(borders)]
 
 
 def _stretch(

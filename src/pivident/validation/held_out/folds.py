@@ -114,5 +114,11 @@ def contiguous_folds(
     return folds
 
 
+def equal_blocks(recording: int, samples: int, count: int) -> list[Piece]:
+    """A recording, by its number, cut into blocks of equal length."""
+    borders = np.linspace(0, samples, count + 1).round().astype(int)
+    return [Piece(recording, int(a), int(b)) for a, b in pairwise(borders)]
+
+
 def _shortest(recording: Recording) -> int:
     return max(round(MIN_S * recording.rate), MIN_SAMPLES)
