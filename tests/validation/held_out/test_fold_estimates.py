@@ -99,6 +99,24 @@ def test_a_fold_without_which_a_joint_stands_still_has_no_estimate():
     assert not any(isinstance(other, IdentificationError) for other in others)
 
 
+def test_a_fold_that_alone_shows_a_parameter_leaves_no_estimate():
+    """The axis turns back within the second block only: dry friction and offset are one without."""
+    t = np.arange(4000) / axis.RATE
+    back = (t > 2.5) & (t < 3.5)
+    speed = np.where(back, -1.0, 1.0) * (0.1 + 0.05 * np.sin(2.0 * np.pi * t))
+    speed = np.convolve(speed, np.hanning(51) / np.hanning(51).sum(), mode="same")
+    q = np.cumsum(speed)[:, None] / axis.RATE
+    tau = 95.0 * np.gradient(speed)[:, None] * axis.RATE + 20.0 * np.sign(speed)[:, None]
+    tau += np.random.default_rng(1).standard_normal(tau.shape)
+    motion = axis.problem(Recording("once", ("carriage",), q, tau, axis.RATE), mask=0.0)
+    found = identify(motion, "ls")
+    folds = contiguous_folds(motion.recordings, [(0, 4000)], 4, gap=0.1)
+    first, second, *others = estimates_without(found, [(0, 4000)], folds)
+    assert isinstance(second, IdentificationError)
+    assert "fc1" in str(second) and "off1" in str(second)
+    assert not any(isinstance(other, IdentificationError) for other in (first, *others))
+
+
 def test_a_fold_that_fails_is_kept_as_a_failure(problem, monkeypatch):
     calls, solve = [], fold_estimates.solve
 

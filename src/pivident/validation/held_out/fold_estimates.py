@@ -27,6 +27,9 @@ from pivident.estimation.solved_equations import Equations
 from pivident.threads import linear_algebra_in_one_thread
 from pivident.validation.held_out.folds import Fold, Piece
 
+#: Condition number over that of the whole record from which on the rest is no motion to fit.
+POORER = 100.0
+
 
 def estimates_without(
     found: Identification, moving: Sequence[tuple[int, int]], folds: Sequence[Fold]
@@ -106,11 +109,17 @@ def _together(parts: Sequence[Sequence[JointSums]]) -> list[JointSums]:
 
 def _solved(found: Identification, sums: Sequence[JointSums], whole: int) -> Identification:
     """The estimate from sums whose weights are in them already; ``whole``: rows of all parts."""
-    theta = solve(sums, np.ones(len(sums)), found.names).theta
+    solution = solve(sums, np.ones(len(sums)), found.names)
+    if solution.condition > POORER * found.condition:
+        raise IdentificationError(
+            f"without it the motion does not separate {', '.join(solution.weakest)} (condition "
+            f"number {solution.condition:.3g}, with it {found.condition:.3g}); take more folds, or "
+            "a longer motion"
+        )
     share = whole / sum(joint.rows for joint in sums)
     return replace(
         found,
-        theta=theta,
+        theta=solution.theta,
         covariance=share * found.covariance,
         robust_covariance=share * found.robust_covariance,
         formula_covariance=share * found.formula_covariance,
