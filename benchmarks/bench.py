@@ -3,8 +3,10 @@
     PIVIDENT_DATA=FOLDER python benchmarks/bench.py [--quick] [--repeats 7] [--parts rows,starts]
 
 Parts: ``rows`` (the table beside Pinocchio, MuJoCo, FIGAROH, statsmodels and simdkalman),
-``samples`` (30,000 to 3 million), ``joints`` (arms of 2 to 12, a tree of 12), ``parameters``,
-``threads``, ``workers`` (processes and a Dask cluster), ``starts`` (of processes, cold and warm).
+``command`` (`pivident identify` with five folds, verdict and report over its estimators, and an
+audit), ``samples`` (30,000 to 3 million), ``joints`` (arms of 2 to 12, a tree of 12),
+``parameters``, ``threads``, ``workers`` (processes and a Dask cluster), ``starts`` (of processes,
+cold and warm).
 Works that are compared take turns in one process, medians count, and the load of the machine
 stands with each table: above the number of cores, times on the clock say little, and processor
 times beside them are what can be compared.
@@ -22,13 +24,13 @@ import os
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy is imported
 
 import study_throughput
-from speed import plots, rows, scaling, startup
+from speed import command, plots, rows, scaling, startup
 from speed.report import RESULTS, machine, write_json
 from speed.timing import load
 
 from pivident.many.study.scenario import load_scenario
 
-PARTS = ("rows", "joints", "starts", "threads", "workers", "parameters", "samples")
+PARTS = ("rows", "command", "joints", "starts", "threads", "workers", "parameters", "samples")
 
 
 def main() -> None:
@@ -72,6 +74,22 @@ def _rows(options: argparse.Namespace) -> list[dict[str, object]]:
         )
     plots.ratios(made, RESULTS)
     return [vars(r) | {"ratio": r.ratio, "work_ratio": r.work_ratio} for r in made]
+
+
+def _command(options: argparse.Namespace) -> dict[str, object]:
+    print(f"{'processor time of the command [s]':44s} {'methods':24s} {'estim.':>7s} {'folds':>6s} "
+          f"{'files':>6s} {'ratio':>6s} asked")  # fmt: skip
+    made = []
+    for row in command.command_rows(min(options.repeats, 5)):
+        made.append(vars(row) | {"ratio": row.ratio})
+        print(
+            f"{row.work:44s} {','.join(row.methods):24s} {row.estimators:7.2f} {row.judging:6.2f} "
+            f"{row.writing:6.2f} {row.ratio:6.2f} <= {command.COMMAND_GOAL:g}",
+            flush=True,
+        )
+    audit, seconds = command.audit_seconds(options.repeats)
+    print(f"{audit}: processor time {seconds:.2f} s, asked <= {command.AUDIT_GOAL:g} s")
+    return {"rows": made, "audit": seconds}
 
 
 def _lengths(points: list[scaling.LengthPoint]) -> list[dict[str, object]]:
@@ -141,6 +159,7 @@ def _starts(options: argparse.Namespace) -> list[startup.Start]:
 
 _RUN = {
     "rows": _rows,
+    "command": _command,
     "samples": _samples,
     "parameters": _parameters,
     "threads": _threads,

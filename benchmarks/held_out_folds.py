@@ -32,12 +32,17 @@ from pivident.validation.held_out.out_of_sample import OutOfSample, compare_out_
 from pivident.validation.residuals.model_error import model_error
 
 
-def tx40() -> tuple[Problem, OutOfSample]:
-    """Five folds of the TX40's motion."""
+def tx40_problem() -> Problem:
+    """The TX40's motion, with a virtual law on the smoothed measurement."""
     robot, record = load_robot("staubli_tx40"), load_staubli_tx40().slice(0.05, 7.5)
     loop = Loop(virtual_pd(robot, record.q.mean(axis=0)), reference="smoothed")
     chosen = (*TX40_ESSENTIAL, *(f"off{j}" for j in range(1, 7)))
-    problem = Problem(robot, (record,), loop, chosen)
+    return Problem(robot, (record,), loop, chosen)
+
+
+def tx40() -> tuple[Problem, OutOfSample]:
+    """Five folds of the TX40's motion."""
+    problem = tx40_problem()
     return problem, compare_out_of_sample(problem)
 
 

@@ -71,6 +71,7 @@ class InverseModel:
     block: np.ndarray  # number of the stretch of time that a row belongs to
     torque: CubicSpline  # low-passed torque as a function of the position in samples
     samples: int  # number of samples looked at
+    signals: FilteredLog  # what the rows are made from
 
     def tau(self, delay: float = 0.0) -> np.ndarray:
         """Torque on the rows if it was logged that much later than the positions."""
@@ -135,34 +136,73 @@ class InverseModel:
         return rows > 1.5 * self.bases[joint].shape[1] + BLOCKS and rows > 50
 
 
-def build_inverse_model(log: Log, timing: Timing, scale: float | np.ndarray = 1.0) -> InverseModel:
+#: q, dq and ddq, each of shape (samples, joints).
+Motion = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class FilteredLog:
+    """Channels of a log on a uniform grid, filtered: the same for any unit of the positions."""
+
+    rate: float  # sampling rate of the log [Hz]
+    band: float  # of the low-pass [Hz]
+    margin: int  # samples at both ends that the low-pass distorts
+    first: int  # sample of the log with which the part that is looked at begins
+    motion: Motion  # in a wider band
+    low: Motion  # the same low-passed
+    invented: np.ndarray  # True for samples that the log does not have, shape (samples,)
+    torque: CubicSpline  # low-passed torque as a function of the position in samples
+
+    @classmethod
+    def of(cls, log: Log, timing: Timing) -> FilteredLog:
+        """Filter positions and torques once."""
+        assert log.robot is not None and timing.rate, "the caller has asked for both"
+        q, tau, invented, first = uniform(log, timing, log.robot.size)
+        rate = timing.rate
+        band = min(BANDWIDTH, 0.1 * rate)
+        margin = int(np.ceil(1.5 * rate / band))
+        if len(q) < 8 * margin:
+            raise RecordingError(
+                f"{len(q)} samples are too few to compare torque and motion; {8 * margin} are "
+                "needed"
+            )
+        passed = bandpass(q, rate, min(WIDER * band, 0.4 * rate))
+        q, dq, ddq = (butterworth(x, rate, band) for x in (passed.q, passed.dq, passed.ddq))
+        torque = CubicSpline(np.arange(len(tau)), butterworth(tau, rate, band))
+        motion = passed.q, passed.dq, passed.ddq
+        return cls(rate, band, margin, first, motion, (q, dq, ddq), invented, torque)
+
+
+def build_inverse_model(log: Log, timing: Timing) -> InverseModel:
     """Prepare rows of the inverse model from a log."""
-    robot = log.robot
-    assert robot is not None and timing.rate, "the caller has asked for both"
-    q, tau, invented, first = uniform(log, timing, robot.size)
-    q, rate = scale * q, timing.rate
-    band = min(BANDWIDTH, 0.1 * rate)
-    margin = int(np.ceil(1.5 * rate / band))
-    if len(q) < 8 * margin:
-        raise RecordingError(
-            f"{len(q)} samples are too few to compare torque and motion; {8 * margin} are needed"
-        )
-    motion = bandpass(q, rate, min(WIDER * band, 0.4 * rate))
+    return inverse_model_of(log, FilteredLog.of(log, timing))
+
+
+def inverse_model_of(
+    log: Log, signals: FilteredLog, scale: float | np.ndarray = 1.0
+) -> InverseModel:
+    """Rows of the inverse model with so many times the logged positions."""
+    robot, rate, band, margin = log.robot, signals.rate, signals.band, signals.margin
+    assert robot is not None
     base = base_parameters(robot)
     regressor = Regressor.build(robot, base.parameters)
+    samples = len(signals.motion[0])
     stride = max(1, int(rate / (OVERSAMPLING * band)))
-    at = np.arange(margin, len(q) - margin, stride)
-    q_, dq, ddq = (butterworth(x, rate, band)[at] for x in (motion.q, motion.dq, motion.ddq))
+    at = np.arange(margin, samples - margin, stride)
+    q, dq, ddq = (scale * x[at] for x in signals.low)
 
     description = base.values(nominal_values(robot, base.standard))
-    signals = (motion.q.T, motion.dq.T, motion.ddq.T)
-    packed = regressor.packed(*signals, inner=regressor.inner(*signals, description))
+    motion = signals.motion[0] * scale, signals.motion[1] * scale, signals.motion[2] * scale
+    turned = motion[0].T, motion[1].T, motion[2].T
+    packed = regressor.packed(*turned, inner=regressor.inner(*turned, description))
     columns, own = [], []
     for j in range(robot.size):
         chosen = slice(regressor.offsets[j], regressor.offsets[j + 1])
         columns.append(butterworth(packed[chosen].T, rate, band)[at])
         own.append(regressor.columns_of(j))
-    gravity, inertial = (butterworth(x, rate, band)[at] for x in _described(base, motion))
+    gravity, inertial = (
+        butterworth(x, rate, band)[at] for x in _described(base, regressor, motion)
+    )
 
     rated = robot.rated_speeds
     fastest = np.abs(dq).max(axis=0)
@@ -175,20 +215,21 @@ def build_inverse_model(log: Log, timing: Timing, scale: float | np.ndarray = 1.
         robot,
         base,
         rate,
-        first,
+        signals.first,
         at.astype(float),
         tuple(columns),
         tuple(own),
-        moving & (fastest > 0) & ~_near(invented, margin)[at, None],
-        q_,
+        moving & (fastest > 0) & ~_near(signals.invented, margin)[at, None],
+        q,
         dq,
         ddq,
         gravity,
         inertial,
         shift,
         np.minimum(np.arange(len(at)) * BLOCKS // len(at), BLOCKS - 1),
-        CubicSpline(np.arange(len(tau)), butterworth(tau, rate, band)),
-        len(q),
+        signals.torque,
+        samples,
+        signals,
     )
 
 
@@ -262,14 +303,15 @@ def uniform(
     return q, tau, invented, first
 
 
-def _described(base: BaseParameters, motion: object) -> tuple[np.ndarray, np.ndarray]:
+def _described(
+    base: BaseParameters, regressor: Regressor, motion: Motion
+) -> tuple[np.ndarray, np.ndarray]:
     """Torques of gravity, and of everything else but friction, after the robot's description."""
     nominal = nominal_values(base.robot, base.standard)
     for k, p in enumerate(base.standard):
         if not p.carries_load:
             nominal[k] = 0.0
-    regressor = Regressor.build(base.robot, base.parameters)
     theta = base.values(nominal)
-    q, dq, ddq = (getattr(motion, name) for name in ("q", "dq", "ddq"))
-    gravity = regressor.torque(q, np.zeros_like(q), np.zeros_like(q), theta)
-    return gravity, regressor.torque(q, dq, ddq, theta) - gravity
+    at_rest = np.zeros_like(motion[0])
+    gravity = regressor.torque(motion[0], at_rest, at_rest, theta)
+    return gravity, regressor.torque(*motion, theta) - gravity

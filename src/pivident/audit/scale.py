@@ -17,9 +17,9 @@ import numpy as np
 
 from pivident.audit.blocked_fit import CLEAR, blocked_fit, jackknife, orthonormal
 from pivident.audit.flange_load import FlangeLoad, flange_load
-from pivident.audit.inverse_model import InverseModel, build_inverse_model
+from pivident.audit.inverse_model import InverseModel, inverse_model_of
 from pivident.audit.timing import Timing
-from pivident.errors import PividentError, PositionsBeyondLimits
+from pivident.errors import PositionsBeyondLimits
 from pivident.logs.log import Log
 from pivident.logs.torque_scale import scale_sentences
 from pivident.recording.checks import check_within_reach
@@ -76,7 +76,7 @@ def check_positions(
 ) -> tuple[list[Finding], InverseModel | None]:
     """Whether the positions can be what they are said to be, and a model in the right unit."""
     findings = check_reach(log, timing)
-    better = _another_position_unit(log, model, timing)
+    better = _another_position_unit(log, model)
     if better is None:
         return findings, None if findings else model
     finding, other = better
@@ -174,22 +174,17 @@ def _only(robot: Robot, joint: int) -> Robot:
     return replace(robot, joints=tuple(bare))
 
 
-def _another_position_unit(
-    log: Log, model: InverseModel, timing: Timing
-) -> tuple[Finding, InverseModel] | None:
+def _another_position_unit(log: Log, model: InverseModel) -> tuple[Finding, InverseModel] | None:
     """A unit of the positions that fits much better, degrees for radians or the reverse."""
     here = _total_error(model)
     if not any(joint.kind == "revolute" for joint in model.robot.joints):
         return None
     if log.side == "motor":
-        return _joint_side_already(log, model, timing)
+        return _joint_side_already(log, model)
     for factor, said, meant in ((np.pi / 180.0, "rad", "deg"), (180.0 / np.pi, "deg", "rad")):
         if np.abs(model.q).max() * factor > 20.0 or np.ptp(model.q, axis=0).max() * factor < 0.05:
             continue
-        try:
-            other = build_inverse_model(log, timing, factor)
-        except PividentError:
-            continue
+        other = inverse_model_of(log, model.signals, factor)
         there = _total_error(other)
         if there < BETTER * here:
             text = (
@@ -203,16 +198,11 @@ def _another_position_unit(
     return None
 
 
-def _joint_side_already(
-    log: Log, model: InverseModel, timing: Timing
-) -> tuple[Finding, InverseModel] | None:
+def _joint_side_already(log: Log, model: InverseModel) -> tuple[Finding, InverseModel] | None:
     """Positions that were divided by a gear ratio although they are of the joint side."""
     here = _total_error(model)
     ratio = np.abs(np.diag(model.robot.transmission.reduction))
-    try:
-        other = build_inverse_model(log, timing, ratio)
-    except PividentError:
-        return None
+    other = inverse_model_of(log, model.signals, ratio)
     there = _total_error(other)
     if not there < BETTER * here:
         return None

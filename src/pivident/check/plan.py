@@ -107,6 +107,6 @@ def plan_of(
         controller,
         reference if controller else "",
         blocks,
-        expected_time(problem, methods.values(), blocks, law_unknown=controller == "identify"),
-        first_run(methods.values()),
+        expected_time(problem, methods, blocks, law_unknown=controller == "identify"),
+        first_run(methods),
     )

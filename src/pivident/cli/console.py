@@ -11,7 +11,12 @@ from pivident.errors import PividentError
 from pivident.text.printable import escaped
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from rich.status import Status
+    from rich.text import Text
+
+    from pivident.cli.remaining import Remaining
 
 
 def note(line: str) -> None:
@@ -52,11 +57,14 @@ def missing_package(error: BaseException) -> str | None:
 class Progress:
     """Where a long run is: a line that changes on a terminal, plain lines elsewhere.
 
-    Use it as a context; `say` replaces the current line, `keep` leaves one behind.
+    Use it as a context; `say` replaces the current line, `keep` leaves one behind. On a terminal
+    the line begins with the stage and the time that is left, once `stages` says what is expected.
     """
 
     def __init__(self) -> None:
         self._status: Status | None = None
+        self._remaining: Remaining | None = None
+        self._line = ""
 
     def __enter__(self) -> Progress:
         if sys.stderr.isatty():
@@ -76,14 +84,32 @@ class Progress:
             self._status.stop()
             self._status = None
 
+    def stages(self, expected: Mapping[str, float]) -> None:
+        """What stages there will be, and how long each is expected to take [s]."""
+        from pivident.cli.remaining import Remaining
+
+        self._remaining = Remaining(expected)
+
+    def begin(self, stage: str) -> None:
+        """The next stage begins."""
+        if self._remaining is not None:
+            self._remaining.begin(stage)
+
     def say(self, line: str) -> None:
         """What is being done now."""
+        self._line = line
         if self._status is None:
             note(line)
         else:
-            from rich.text import Text
+            self._status.update(self)
 
-            self._status.update(Text(escaped(line)))
+    def __rich__(self) -> Text:
+        """The line as it is drawn again and again while it stands: its time goes on."""
+        from rich.text import Text
+
+        left = "" if self._remaining is None else str(self._remaining)
+        line = Text(no_wrap=True, overflow="ellipsis")
+        return line.append(f"{left}: " if left else "", style="dim").append(escaped(self._line))
 
     def keep(self, line: str) -> None:
         """What has been done; stays on the screen."""

@@ -9,6 +9,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from pivident.check.expected_time import (
+    CONSISTENT,
+    JUDGED,
+    WRITTEN,
+    expected_stages,
+    first_run,
+)
 from pivident.cli.compile_ahead import compile_ahead
 from pivident.cli.console import Progress, error_line, note
 from pivident.consistency.consistent_estimate import (
@@ -29,6 +36,7 @@ from pivident.estimation.methods import METHODS, Method
 from pivident.estimation.parameter_rows import parameter_rows
 from pivident.estimation.problem import Problem
 from pivident.estimation.summary_tables import comparison_table, identification_table, rows_kind
+from pivident.estimation.torque_sums import torque_sums
 from pivident.extras import is_installed
 from pivident.files import atomic_folder, check_output
 from pivident.friction.bearing_friction import bearing_friction
@@ -110,20 +118,24 @@ def run_experiment(
         if kinds := kinds_of(free or experiment.content.identify.free or ()):
             freed = corrections(problem, last, kinds, progress.say)
             problem = freed.problem
+        folds = validation.folds if folds is None else folds
+        progress.stages(_stages(problem, methods, folds, len(consistent)))
         outcome = identify_all(problem, methods, progress)
         if freed is not None:
             outcome = corrected(outcome, freed)
+        progress.begin(JUDGED)
         diagnostics = diagnose(
             problem,
             outcome.identifications,
             methods,
-            folds=validation.folds if folds is None else folds,
+            folds=folds,
             gap=validation.gap,
             recordings=unseen,
             progress=progress.say,
         )
         wanted = [name for name in consistent if name in outcome.identifications]
         if wanted:
+            progress.begin(CONSISTENT)
             recordings = unseen or problem.recordings
             made = consistent_estimates(
                 diagnostics.identifications,
@@ -138,6 +150,7 @@ def run_experiment(
                 if isinstance(estimate, NoConsistentEstimate):
                     outcome = replace(outcome, failed=(*outcome.failed, f"{PREFIX}{name}"))
             diagnostics = replace(diagnostics, consistent=made)
+        progress.begin(WRITTEN)
         progress.say("writing the results")
         report = experiment.content.output.report and can_draw(progress)
         results = Results(diagnostics.identifications, diagnostics, essential)
@@ -158,10 +171,13 @@ def run_demo(out: Path, seed: int = 0) -> Outcome:
         progress.say("simulating the closed loop of a TX40 (the first run compiles, be patient)")
         problem, truth = tx40_fine(seed)
         methods = {n: METHODS[n] for n in DEMO_METHODS}
+        progress.stages(_stages(problem, methods, DEMO_FOLDS))
         outcome = identify_all(problem, methods, progress)
+        progress.begin(JUDGED)
         diagnostics = diagnose(
             problem, outcome.identifications, methods, folds=DEMO_FOLDS, progress=progress.say
         )
+        progress.begin(WRITTEN)
         progress.say("writing the results")
         title = "Simulated Stäubli TX40: estimates against truth"
         results = Results(diagnostics.identifications, diagnostics)
@@ -179,6 +195,15 @@ def corrected(outcome: Outcome, made: Corrections) -> Outcome:
     )
 
 
+def _stages(
+    problem: Problem, methods: Mapping[str, Method], folds: int, consistent: int = 0
+) -> dict[str, float]:
+    """Seconds expected of each stage; the first one compiles what is not in the cache."""
+    stages = expected_stages(problem, methods, folds, consistent)
+    stages[next(iter(methods))] += first_run(methods)
+    return stages
+
+
 def can_draw(progress: Progress, page: str = "report.html") -> bool:
     """Whether a page can be written; says what to install where it cannot."""
     drawn = is_installed("plotly")
@@ -192,6 +217,7 @@ def identify_all(problem: Problem, methods: Mapping[str, Method], progress: Prog
     found: dict[str, Identification] = {}
     failures: dict[str, PividentError] = {}
     for name, method in methods.items():
+        progress.begin(name)
         begin = time.perf_counter()
         try:
             found[name] = identify(problem, method, _prefixed(progress, method.label))
@@ -219,7 +245,10 @@ def write_results(
 
     One method's files lie in the folder itself, those of several in one folder each.
     """
-    found = results.identifications
+    found = {
+        name: replace(result, torque_sums=torque_sums(result))  # once for all files
+        for name, result in results.identifications.items()
+    }
     several = len(found) > 1
     with atomic_folder(folder) as build:
         for name, result in found.items():

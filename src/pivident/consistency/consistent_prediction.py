@@ -1,19 +1,21 @@
 """Cost of physical consistency on held-out motion.
 
-Each held-out block has a fit to the other blocks. That fit is made consistent by itself, and both
-estimates, free and consistent, predict the block.
+Each held-out block has an estimate from the other blocks. It is made consistent by itself, and
+both estimates, free and consistent, predict the block. What the parameters that were not estimated
+would do to the torque is taken from the sums of the whole record.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pivident.errors import IdentificationError
 from pivident.estimation.identification import Identification
+from pivident.estimation.torque_sums import torque_sums
 from pivident.recording.recording import Recording
 from pivident.validation.held_out.cross_validation import CrossValidation, HeldOut
 from pivident.validation.held_out.prediction import Judge, PredictionError, pooled
@@ -55,10 +57,12 @@ def consistent_prediction(
 ) -> ConsistentPrediction | None:
     """Errors of free and consistent estimates on the stretches of a cross-validation.
 
-    Its fits are reused. None if nothing was held out, or no fit could be made consistent.
+    Its estimates are reused. None if nothing was held out, or none could be made consistent.
     """
     if validation.training_only:
         return None
+    whole = validation.identification
+    sums = torque_sums(whole) if whole.recordings else whole.torque_sums
     judges: dict[str, Judge] = {}
     models: dict[int, ConsistentModel | str] = {}
     free: list[PredictionError] = []
@@ -69,7 +73,7 @@ def consistent_prediction(
             continue
         key = id(stretch.identification)
         if key not in models:
-            models[key] = _made(stretch.identification, make_consistent)
+            models[key] = _made(replace(stretch.identification, torque_sums=sums), make_consistent)
         model = models[key]
         if isinstance(model, str):
             failures.append(f"{stretch.recording}, {stretch.start:.2f} s: {model}")

@@ -1,7 +1,7 @@
 """Everything that is asked of a set of results before they are believed.
 
 Tests on the residuals and on the instruments come from each result; held-out motion and the
-separation of noise from model error need the problem, since they fit again.
+separation of noise from model error need the problem, since they go back to its records.
 """
 
 from __future__ import annotations

@@ -81,11 +81,12 @@ class AuxiliaryModel:
                 motion = kinematics[k].q.T, kinematics[k].dq.T
             self.signals.append(loop_signals(problem.robot, self.loop, recording, *motion))
 
-    def simulate(self, theta: np.ndarray) -> list[SimulatedMotion]:
+    def simulate(self, theta: np.ndarray, samples: int | None = None) -> list[SimulatedMotion]:
         """Simulate every recording.
 
         Args:
             theta: the problem's parameters, shape (parameters,).
+            samples: of each recording only so many from its beginning; None: all.
 
         Raises:
             SimulationDiverged: the loop leaves its reference.
@@ -96,12 +97,13 @@ class AuxiliaryModel:
         motions: list[SimulatedMotion | None] = [None] * len(self.signals)
 
         def run(k: int) -> None:
-            motions[k] = self._motion(k, model)
+            whole = problem.recordings[k].samples
+            motions[k] = self._motion(k, model, whole if samples is None else min(samples, whole))
 
         run_in_threads(run, range(len(self.signals)))
         return [motion for motion in motions if motion is not None]
 
-    def _motion(self, k: int, model: Model) -> SimulatedMotion:
+    def _motion(self, k: int, model: Model, samples: int) -> SimulatedMotion:
         """The motion of one recording; the channels of the simulation are never held whole."""
         recording, (signals, start) = self.problem.recordings[k], self.signals[k]
         controller, names = self.controller, self.problem.robot.joint_names
@@ -109,24 +111,26 @@ class AuxiliaryModel:
         step = round(ratio)
         if step < 1 or abs(ratio - step) > 1e-9:
             made = simulate(model, controller, signals, names, start)
-            return self._resampled(made, recording)
-        kept = working_array((len(self._channels), recording.joints, recording.samples))
+            return self._resampled(made, recording, samples)
+        kept = working_array((len(self._channels), recording.joints, samples))
         for span, channels, _ in simulate_blocks(model, controller, signals, names, start):
             first = -span.start % step  # of the stretch's samples, the first that was recorded
             begin = (span.start + first) // step
             for target, channel in zip(kept, self._channels, strict=True):
-                chosen = channels[channel, first::step][: recording.samples - begin]
+                chosen = channels[channel, first::step][: samples - begin]
                 target[:, begin : begin + len(chosen)] = chosen.T
+            if span.stop > (samples - 1) * step:
+                break
         return self._as_motion(kept, recording.rate)
 
-    def _resampled(self, made: Trajectory, recording: Recording) -> SimulatedMotion:
+    def _resampled(self, made: Trajectory, recording: Recording, samples: int) -> SimulatedMotion:
         """A motion of a control rate that is no multiple of the record's, by cubic splines."""
         from scipy.interpolate import CubicSpline
 
         channels = (made.q, made.dq, made.ddq, made.tau)
-        wanted = np.arange(recording.samples) / recording.rate
+        wanted = np.arange(samples) / recording.rate
         t = np.arange(len(made.q)) / made.rate
-        kept = working_array((len(self._channels), recording.joints, recording.samples))
+        kept = working_array((len(self._channels), recording.joints, samples))
         for target, channel in zip(kept, self._channels, strict=True):
             target[:] = CubicSpline(t, channels[channel], axis=0)(wanted).T
         return self._as_motion(kept, recording.rate)

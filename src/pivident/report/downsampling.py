@@ -14,13 +14,11 @@ def kept_samples(y: np.ndarray, points: int) -> np.ndarray:
     if y.size <= points:
         return np.arange(y.size)
     edges = np.linspace(0, y.size, max(1, (points - 2) // 2) + 1).astype(np.int64)
-    low, high = np.where(np.isnan(y), np.inf, y), np.where(np.isnan(y), -np.inf, y)
-    extremes = [
-        start + part.argmin() if sign > 0 else start + part.argmax()
-        for sign, values in ((1, low), (-1, high))
-        for start, part in zip(edges[:-1], np.split(values, edges[1:-1]), strict=True)
-    ]
-    return np.unique([0, y.size - 1, *extremes])
+    start, stop = edges[:-1, None], edges[1:, None]
+    at = np.minimum(start + np.arange(np.diff(edges).max()), stop - 1)  # a row for each stretch
+    low, high = (np.where(np.isnan(y), sign * np.inf, y)[at] for sign in (1.0, -1.0))
+    extremes = [low.argmin(axis=1), high.argmax(axis=1)]
+    return np.unique([0, y.size - 1, *(start[:, 0] + extremes).ravel()])
 
 
 def stretches(mask: np.ndarray, t: np.ndarray, pixels: int = 500) -> list[tuple[float, float]]:
@@ -28,7 +26,9 @@ def stretches(mask: np.ndarray, t: np.ndarray, pixels: int = 500) -> list[tuple[
 
     A stretch shorter than one of so many pixels shows if it fills half of it.
     """
-    parts = np.array_split(np.arange(mask.size), min(pixels, mask.size))
-    filled = np.array([mask[part].mean() >= 0.5 for part in parts])
+    count = min(pixels, mask.size)
+    long, shorter = mask.size % count, mask.size // count  # the first ones are longer by a sample
+    borders = np.r_[0, np.cumsum(np.where(np.arange(count) < long, shorter + 1, shorter))]
+    filled = np.add.reduceat(mask.astype(np.int64), borders[:-1]) >= 0.5 * np.diff(borders)
     edges = np.flatnonzero(np.diff(np.r_[False, filled, False])).reshape(-1, 2)
-    return [(float(t[parts[a][0]]), float(t[parts[b - 1][-1]])) for a, b in edges]
+    return [(float(t[borders[a]]), float(t[borders[b] - 1])) for a, b in edges]

@@ -309,14 +309,16 @@ def _stack(plot: go.Figure, titles: Sequence[str]) -> None:
     """Axes y, y2, … below each other, over one axis of time."""
     gap = 0.065
     height = (1.0 - gap * (len(titles) - 1)) / len(titles)
+    axes: dict[str, object] = {
+        "xaxis": {"title": {"text": "time [s]"}, "anchor": f"y{len(titles)}"}
+    }
     for k, title in enumerate(titles):
         top = 1.0 - (height + gap) * k
-        axis = {
+        axes[f"yaxis{k + 1 if k else ''}"] = {
             "domain": [max(top - height, 0.0), top],
             "title": {"text": title, "standoff": 4},
         }
-        plot.update_layout({f"yaxis{k + 1 if k else ''}": axis})
-    plot.update_xaxes(title_text="time [s]", anchor=f"y{len(titles)}")
+    plot.update_layout(axes)
 
 
 def _shade(plot: go.Figure, excluded: np.ndarray, t: np.ndarray) -> None:

@@ -106,7 +106,7 @@ def _checked(answer: object, k: int, joints: int) -> np.ndarray:
 
 
 #: Samples that are simulated at a time where a run is taken in stretches.
-BLOCK = 16384
+BLOCK = 4096
 
 #: Longest step over which the rigid body may be frozen [s].
 MAX_STEP = 2.5e-4

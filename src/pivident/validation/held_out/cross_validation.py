@@ -1,7 +1,7 @@
 """Cross-validation: how well does an estimate predict motion that it was not fitted to?
 
-Two ways: a second recording, or k contiguous blocks of the motion, each predicted by the fit to
-all others. Two scores: the torque of the model on the measured motion, and the closed loop
+Two ways: a second recording, or k contiguous blocks of the motion, each predicted by the estimate
+from all others. Two scores: the torque of the model on the measured motion, and the closed loop
 simulated with the estimate. An error on the training data alone says little, and the result says
 so.
 """
@@ -9,26 +9,25 @@ so.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from itertools import pairwise
+from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-
-from pivident.errors import ExperimentError, IdentificationError, SimulationDiverged
+from pivident.errors import IdentificationError, SimulationDiverged
 from pivident.errors import MassMatrixNotPositiveDefinite as IndefiniteMass
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import LeastSquares, Method, method_named
+from pivident.estimation.methods import Method
 from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
 from pivident.recording.repeated_motion import find_repetition
 from pivident.text.lists import listed
 from pivident.text.numbers import format_significant
 from pivident.text.plain_table import plain_table
-from pivident.validation.held_out.folds import Fold, Piece, contiguous_folds, moving_part
+from pivident.validation.held_out.fold_estimates import estimates_without
+from pivident.validation.held_out.folds import Piece, contiguous_folds, equal_blocks
+from pivident.validation.held_out.judged_motion import JudgedMotion
 from pivident.validation.held_out.prediction import Judge, PredictionError, motion_band, pooled
-from pivident.validation.held_out.replay import Replay, ReplayError, pooled_replay
+from pivident.validation.held_out.replay import ReplayError, pooled_replay
 
 #: Gap on either side of a held-out block, in periods of the highest frequency of the motion.
 GAP_PERIODS = 2.0
@@ -50,7 +49,7 @@ class HeldOut:
     recording: str  # name of the recording
     start: float  # time at which the stretch begins [s]
     stop: float  # time at which it ends [s]
-    #: The fit that did not know it; None where that failed.
+    #: The estimate that did not know it, see ``fold_estimates``; None where there is none.
     identification: Identification | None = None
     prediction: PredictionError | None = None  # torque errors, likewise
     #: Errors of the simulated loop; None without a loop, or where it failed.
@@ -197,7 +196,9 @@ def cross_validate(
 ) -> CrossValidation:
     """Judge a method on motion that it was not fitted to.
 
-    Standstill before and after the motion is neither fitted nor judged in folds.
+    Standstill before and after the motion is neither fitted nor judged in folds. The estimates
+    without a block share smoothing, noise models, weights and instruments with that of the whole
+    record, see `pivident.validation.held_out.fold_estimates`.
 
     Args:
         problem: what is given.
@@ -218,34 +219,46 @@ def cross_validate(
         ExperimentError: impossible folds or gap, or a second recording that is the fitted one.
         IdentificationError: the method fails on the whole record, or on every fold.
     """
-    say = progress or (lambda line: None)
+    motion = JudgedMotion.of(problem, recording)
+    return judged_on(motion, method, folds, gap, identification, progress or (lambda line: None))
+
+
+def judged_on(
+    motion: JudgedMotion,
+    method: Method | str,
+    folds: int,
+    gap: float | None,
+    identification: Identification | None,
+    say: Callable[[str], None],
+) -> CrossValidation:
+    """The same on motion that is there already; arguments as for :func:`cross_validate`."""
+    problem, moving = motion.problem, motion.moving
     found = identification or identify(problem, method, say)
-    judges = [Judge(r) for r in problem.recordings]
-    moving = [moving_part(problem, j.kinematics) for j in judges]
     fitted = [Piece(k, *part) for k, part in enumerate(moving)]
-    training = pooled([judges[p.recording].score(found, [p.span])[0] for p in fitted])
+    training = pooled([motion.fitted[p.recording].score(found, [p.span])[0] for p in fitted])
     notes = _replay_notes(problem)
-    if recording is not None:
-        others = (recording,) if isinstance(recording, Recording) else tuple(recording)
-        _check_unseen(problem, others)
-        unseen = [Judge(r, judges[0].band) for r in others]
-        pieces = [p for k, r in enumerate(others) for p in _blocks(k, r.samples, max(folds, 1))]
-        held_out = _judged(problem, found, unseen, pieces)
+    if motion.unseen:
+        unseen = [judge.recording.samples for judge in motion.unseen]
+        pieces = [
+            p for k, samples in enumerate(unseen) for p in equal_blocks(k, samples, max(folds, 1))
+        ]
+        held_out = _judged(motion, found, pieces)
         return _checked(
             CrossValidation(found.method, "second recording", found, held_out, training, 0.0, notes)
         )
     if folds == 0:
-        held_out = _judged(problem, found, judges, fitted)
+        held_out = _judged(motion, found, fitted)
         return _checked(
             CrossValidation(found.method, "training only", found, held_out, training, 0.0, notes)
         )
     gap = GAP_PERIODS / motion_band(problem.recordings[0]) if gap is None else gap
-    alike = _with_its_instruments(method, found)
     divided = contiguous_folds(problem.recordings, moving, folds, gap)
+    solved = found if found.equations is not None else identify(problem, method, say)
     stretches: list[HeldOut] = []
-    for number, fold in enumerate(divided, start=1):
+    estimates = estimates_without(solved, moving, divided)
+    for number, (fold, estimate) in enumerate(zip(divided, estimates, strict=True), start=1):
         say(f"fold {number} of {len(divided)}")
-        stretches += _fold(problem, alike, fold, judges)
+        stretches += _judged(motion, estimate, fold.held_out)
     notes += _repetition_notes(problem)
     return _checked(
         CrossValidation(
@@ -254,52 +267,29 @@ def cross_validate(
     )
 
 
-def _with_its_instruments(method: Method | str, found: Identification) -> Method:
-    """The method with the kind of instruments that the whole record was given.
-
-    A repetition is not asked of a block: it may be the only one of its motion there.
-    """
-    method, used = method_named(method), found.instruments
-    if isinstance(method, LeastSquares) or used is None or used.kind in ("loop", "repetition"):
-        return method
-    return replace(method, instruments=used.kind)
-
-
-def _fold(
-    problem: Problem, method: Method, fold: Fold, judges: Sequence[Judge]
-) -> tuple[HeldOut, ...]:
-    """Fit the rest, judge the block; a failure is kept with it."""
-    try:
-        found = identify(replace(problem, recordings=fold.fitted), method)
-    except IdentificationError as error:
-        return tuple(_stretch(judges[p.recording], p, failure=str(error)) for p in fold.held_out)
-    return _judged(problem, found, judges, fold.held_out)
-
-
 def _judged(
-    problem: Problem, found: Identification, judges: Sequence[Judge], pieces: Sequence[Piece]
+    motion: JudgedMotion, found: Identification | IdentificationError, pieces: Sequence[Piece]
 ) -> tuple[HeldOut, ...]:
-    """Score an estimate on pieces of recordings, by prediction and by replay."""
-    stretches = []
+    """Score an estimate on pieces of recordings, by prediction and by replay.
+
+    Where there is no estimate, the reason is kept.
+    """
+    stretches, judges = [], motion.unseen or motion.fitted
+    if isinstance(found, IdentificationError):
+        return tuple(_stretch(judges[p.recording], p, failure=str(found)) for p in pieces)
     for k in dict.fromkeys(piece.recording for piece in pieces):
         own, judge, failure = [p for p in pieces if p.recording == k], judges[k], ""
         spans = [p.span for p in own]
         replays: list[ReplayError] | list[None] = [None] * len(own)
         used = found.instruments
-        if problem.loop is not None and (used is None or used.kind == "loop"):
+        if motion.replays and (used is None or used.kind == "loop"):
             try:
-                replays = Replay(problem, judge).score(found, spans)
+                replays = motion.replays[judge].score(found, spans)
             except (SimulationDiverged, IndefiniteMass) as reason:
                 failure = f"the loop cannot be simulated with this estimate: {reason}"
         for piece, error, replay in zip(own, judge.score(found, spans), replays, strict=True):
             stretches.append(_stretch(judge, piece, found, error, replay, failure))
     return tuple(stretches)
-
-
-def _blocks(recording: int, samples: int, count: int) -> list[Piece]:
-    """A recording cut into blocks of equal length."""
-    borders = np.linspace(0, samples, count + 1).round().astype(int)
-    return [Piece(recording, int(a), int(b)) for a, b in pairwise(borders)]
 
 
 def _stretch(
@@ -323,18 +313,6 @@ def _checked(result: CrossValidation) -> CrossValidation:
             "ask for more folds, so that each leaves more to fit"
         )
     return result
-
-
-def _check_unseen(problem: Problem, others: Sequence[Recording]) -> None:
-    """Refuse a second recording that does not fit, or is no second one."""
-    replace(problem, recordings=tuple(others))  # joints and reach
-    for other in others:
-        for own in problem.recordings:
-            if own.q.shape == other.q.shape and np.array_equal(own.q, other.q):
-                raise ExperimentError(
-                    f"recording {other.name!r} is the one that is fitted; give another one, or "
-                    "use folds"
-                )
 
 
 def _replay_notes(problem: Problem) -> tuple[str, ...]:

@@ -1,9 +1,8 @@
 """Contiguous blocks of a record that are held out, and what is left to fit.
 
 Neighbouring samples of a motion are almost the same, so single samples cannot be held out: whole
-blocks are, with a gap on either side over which noise and model error forget each other. The rest
-is cut into recordings of its own. Filters, smoothers and simulated loops start anew in each, so
-that nothing of a held-out block reaches the fit: neither its torques nor its positions.
+blocks are, with a gap on either side over which noise and model error forget each other, and over
+which filters forget what they have seen.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from pivident.motion.kinematics import Kinematics
 from pivident.recording.recording import Recording
 from pivident.signals.bandpass import EDGE
 
-#: Shorter remainders are not worth their transients: seconds, and samples.
+#: Shorter blocks are too short to be judged on, shorter remainders to be fitted: seconds, samples.
 MIN_S = 0.3
 MIN_SAMPLES = 300
 
@@ -45,7 +44,7 @@ class Fold:
 
     #: The block to be judged on; several pieces where it runs over the end of a recording.
     held_out: tuple[Piece, ...]
-    fitted: tuple[Recording, ...]  # the parts to fit
+    left_out: tuple[Piece, ...]  # the same with its gaps: what is not fitted
 
 
 def moving_part(problem: Problem, kinematics: Kinematics) -> tuple[int, int]:
@@ -95,24 +94,30 @@ def contiguous_folds(
         )
     folds = []
     for first, last in pairwise(borders):
-        held_out, fitted = [], []
+        held_out, left_out, fitted = [], [], sum(lengths)
         for k, recording in enumerate(recordings):
             start, stop = moving[k]
             low, high = (int(np.clip(b - offsets[k], 0, lengths[k])) for b in (first, last))
             if low == high:
-                fitted.append(recording.part(start, stop))
                 continue
             held_out.append(Piece(k, start + low, start + high))
             margin = round(gap * recording.rate)
-            ends = (start, start + low - margin), (start + high + margin, stop)
-            fitted += [recording.part(a, b) for a, b in ends if b - a >= _shortest(recording)]
-        if not fitted:
+            ends = max(start, start + low - margin), min(start + high + margin, stop)
+            left_out.append(Piece(k, *ends))
+            fitted -= ends[1] - ends[0]
+        if fitted < shortest:
             raise ExperimentError(
                 f"{count} folds with gaps of {gap:.2g} s leave nothing to fit; ask for more folds, "
                 "a shorter gap, or give a second recording"
             )
-        folds.append(Fold(tuple(held_out), tuple(fitted)))
+        folds.append(Fold(tuple(held_out), tuple(left_out)))
     return folds
+
+
+def equal_blocks(recording: int, samples: int, count: int) -> list[Piece]:
+    """A recording, by its number, cut into blocks of equal length."""
+    borders = np.linspace(0, samples, count + 1).round().astype(int)
+    return [Piece(recording, int(a), int(b)) for a, b in pairwise(borders)]
 
 
 def _shortest(recording: Recording) -> int:

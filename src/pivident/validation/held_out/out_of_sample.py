@@ -27,7 +27,8 @@ from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
 from pivident.text.numbers import format_significant
 from pivident.text.plain_table import plain_table
-from pivident.validation.held_out.cross_validation import CrossValidation, cross_validate
+from pivident.validation.held_out.cross_validation import CrossValidation, judged_on
+from pivident.validation.held_out.judged_motion import JudgedMotion
 from pivident.validation.residuals.model_error import model_error_by_held_out_blocks
 
 #: PIV may predict so much worse than IV before IV is the one to take.
@@ -233,13 +234,14 @@ def compare_out_of_sample(
     say = progress or (lambda line: None)
     results: dict[str, CrossValidation] = {}
     failures: dict[str, str] = {}
+    say("smoothing the held-out motion")
+    motion = JudgedMotion.of(problem, recording)
     for name, method in chosen.items():
         known = (identifications or {}).get(name)
         try:
-            results[name] = cross_validate(
-                problem, method, folds=folds, gap=gap, recording=recording, identification=known,
-                progress=_prefixed(say, method.label),
-            )  # fmt: skip
+            results[name] = judged_on(
+                motion, method, folds, gap, known, _prefixed(say, method.label)
+            )
         except IdentificationError as error:
             failures[name] = str(error)
     if not results:

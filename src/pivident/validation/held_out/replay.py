@@ -1,8 +1,8 @@
 """Closed-loop replay: the loop simulated with an estimate, beside what the machine did.
 
 The simulation is given the reference, the control law and the known inputs, no measured position
-after the first and no torque. A whole recording is simulated from its beginning, since a law with
-memory cannot be started in the middle; parts of it are scored.
+after the first and no torque. A recording is simulated from its beginning to the end of what is
+scored, since a law with memory cannot be started in the middle.
 """
 
 from __future__ import annotations
@@ -53,16 +53,19 @@ class Replay:
             self.problem, differences=False, kinematics=[judge.kinematics]
         )
 
-    def simulate(self, found: Identification) -> SimulatedMotion:
-        """The whole recording, time last."""
-        return self.auxiliary.simulate(found.theta)[0]
+    def simulate(self, found: Identification, samples: int | None = None) -> SimulatedMotion:
+        """So many samples from the beginning, time last; None: the whole recording."""
+        return self.auxiliary.simulate(found.theta, samples)[0]
 
     def score(self, found: Identification, spans: Sequence[slice]) -> list[ReplayError]:
         """Errors of an estimate on stretches of the recording."""
-        motion = self.simulate(found)
+        ends = [span.indices(self.recording.samples)[1] for span in spans]
+        ahead = int(np.ceil(self.recording.drive_delay * self.recording.rate)) + 1
+        motion = self.simulate(found, max(ends) + ahead)
         assert motion.tau is not None
-        position = motion.q.T - self.recording.q
-        torque = as_logged(motion.tau.T, self.recording) - self.recording.tau
+        measured = slice(0, motion.tau.shape[1])
+        position = motion.q.T - self.recording.q[measured]
+        torque = as_logged(motion.tau.T, self.recording) - self.recording.tau[measured]
         return [
             ReplayError(
                 joint_names=self.recording.joint_names,

@@ -1,0 +1,129 @@
+"""Estimates without a block of the motion, from sums over the record.
+
+With filters, instruments, weights and loads as they are, an estimate solves normal equations that
+are sums over time, so that it is solved again without a block of time by leaving its terms out:
+
+    θ₍ₖ₎ = (Σ_j Σ_{t∉k} z φᵀ)⁻¹ Σ_j Σ_{t∉k} z τ
+
+One pass over the record makes the sums of all parts of which the folds consist. What the estimate
+of the whole record was made with is shared: the smoothing of the positions, the noise models and
+the weights λ_j, the simulated motion of the instruments, the load of friction that grows with it.
+They are no parameters of the torque model. Filters run through a held-out block; the gaps on both
+of its sides are what they need to forget its torques.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from pivident.errors import IdentificationError
+from pivident.estimation.identification import Identification
+from pivident.estimation.normal_equations import JointSums, solve
+from pivident.estimation.solved_equations import Equations
+from pivident.threads import linear_algebra_in_one_thread
+from pivident.validation.held_out.folds import Fold, Piece
+
+#: Condition number over that of the whole record from which on the rest is no motion to fit.
+POORER = 100.0
+
+
+def estimates_without(
+    found: Identification, moving: Sequence[tuple[int, int]], folds: Sequence[Fold]
+) -> list[Identification | IdentificationError]:
+    """For each fold the estimate without it, or why there is none.
+
+    Args:
+        found: estimate of the whole record, with its equations.
+        moving: part (start, stop) of each recording that is fitted, in samples.
+        folds: what is left out in turn.
+
+    Returns:
+        Estimates that have parameters of their own. Their covariances are those of the whole
+        record, larger by the share of the rows that is missing; everything else is that of the
+        whole record, and signals and equations are not there.
+    """
+    assert found.equations is not None
+    parts = [p for k, span in enumerate(moving) for p in _parts(k, span, folds)]
+    sums = sums_of(found.equations, parts)
+    whole = sum(joint.rows for joint in _together(sums))
+    made: list[Identification | IdentificationError] = []
+    with linear_algebra_in_one_thread():
+        for fold in folds:
+            own = [s for s, p in zip(sums, parts, strict=True) if not _is_left_out(p, fold)]
+            try:
+                made.append(_solved(found, _together(own), whole))
+            except IdentificationError as error:
+                made.append(error)
+    return made
+
+
+def sums_of(equations: Equations, parts: Sequence[Piece]) -> list[list[JointSums]]:
+    """Normal equations of each part, of all joints, weighted; one pass over all recordings."""
+    names, regressor = equations.regressor.robot.joint_names, equations.regressor
+    sums = [
+        [JointSums.empty(name, regressor.columns_of(j)) for j, name in enumerate(names)]
+        for _ in parts
+    ]
+    samples = [record.sample_numbers for record in equations.records]
+    for block in equations.blocks():
+        here = samples[block.record][block.span]
+        for part, own in zip(parts, sums, strict=True):
+            if part.recording != block.record:
+                continue
+            inside = slice(*np.searchsorted(here, (part.start - 0.5, part.stop - 0.5)).tolist())
+            if inside.start == inside.stop:
+                continue
+            for joint, rows in zip(own, block.joints, strict=True):
+                z = rows.z[:, inside] if equations.has_instruments else None
+                joint.add(rows.phi[:, inside], z, rows.tau[inside], rows.used[inside])
+    return sums
+
+
+def _parts(recording: int, span: tuple[int, int], folds: Sequence[Fold]) -> list[Piece]:
+    """Parts of a recording of which each belongs to a fold as a whole or not at all."""
+    own = [p for fold in folds for p in fold.left_out if p.recording == recording]
+    cuts = sorted({*span, *(p.start for p in own), *(p.stop for p in own)})
+    return [Piece(recording, a, b) for a, b in pairwise(cuts)]
+
+
+def _is_left_out(part: Piece, fold: Fold) -> bool:
+    return any(
+        p.recording == part.recording and p.start <= part.start < p.stop for p in fold.left_out
+    )
+
+
+def _together(parts: Sequence[Sequence[JointSums]]) -> list[JointSums]:
+    """The sums of several parts added up, of all joints."""
+    totals = []
+    for own in zip(*parts, strict=True):
+        total = JointSums.empty(own[0].name, own[0].columns)
+        for name in ("zf", "zz", "ff", "zt", "ft", "tt", "rows"):
+            setattr(total, name, sum(getattr(part, name) for part in own))
+        totals.append(total)
+    return totals
+
+
+def _solved(found: Identification, sums: Sequence[JointSums], whole: int) -> Identification:
+    """The estimate from sums whose weights are in them already; ``whole``: rows of all parts."""
+    solution = solve(sums, np.ones(len(sums)), found.names)
+    if solution.condition > POORER * found.condition:
+        raise IdentificationError(
+            f"without it the motion does not separate {', '.join(solution.weakest)} (condition "
+            f"number {solution.condition:.3g}, with it {found.condition:.3g}); take more folds, or "
+            "a longer motion"
+        )
+    share = whole / sum(joint.rows for joint in sums)
+    return replace(
+        found,
+        theta=solution.theta,
+        covariance=share * found.covariance,
+        robust_covariance=share * found.robust_covariance,
+        formula_covariance=share * found.formula_covariance,
+        recordings=(),
+        motion=found.fitted_range,
+        equations=None,
+    )
