@@ -1,5 +1,6 @@
 """Everything that is asked of a set of results before they are believed.
 
+The recordings are asked first, since no test of a result tells lost samples from a poor model.
 Tests on the residuals and on the instruments come from each result; held-out motion and the
 separation of noise from model error need the problem, since they fit again.
 """
@@ -10,11 +11,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from pivident.audit.recording_audit import recording_faults
 from pivident.errors import ExperimentError, IdentificationError
 from pivident.estimation.identification import Identification
 from pivident.estimation.methods import METHODS, Method
 from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
+from pivident.text.finding import Finding
 from pivident.validation.held_out.out_of_sample import OutOfSample, compare_out_of_sample
 from pivident.validation.instruments.instrument_tests import InstrumentTests, instrument_tests
 from pivident.validation.residuals.model_error import ModelError, model_error
@@ -44,6 +47,7 @@ class Diagnostics:
         notes: why something could not be found out, whole sentences.
         consistent: estimates that were made physically consistent, by short name of their method,
             or why they could not be.
+        log: what an audit has against the recordings, warnings and errors.
     """
 
     identifications: Mapping[str, Identification]
@@ -55,6 +59,7 @@ class Diagnostics:
     consistent: Mapping[str, ConsistentEstimate | NoConsistentEstimate] = field(
         default_factory=dict
     )
+    log: tuple[Finding, ...] = ()
 
     @property
     def recommended(self) -> str:
@@ -91,7 +96,8 @@ def diagnose(
         progress: called with one line at each stage.
 
     Returns:
-        The tests of each result and their comparison on held-out motion, for `verdict`.
+        What an audit has against the recordings, the tests of each result and their comparison on
+        held-out motion, for `verdict`.
 
     Raises:
         ExperimentError: a result whose method is not known.
@@ -103,6 +109,8 @@ def diagnose(
             f"there is no method for the results {', '.join(unknown)}; give `methods` by the same "
             f"names, or use the names {', '.join(METHODS)}"
         )
+    say("asking for lost samples, delays and signs")
+    log = recording_faults(problem.robot, problem.recordings)
     notes: list[str] = []
     out_of_sample = None
     if folds or recordings:
@@ -134,6 +142,7 @@ def diagnose(
         out_of_sample,
         split,
         (*diagnostics.notes, *notes),
+        log=log,
     )
 
 
