@@ -44,6 +44,9 @@ COMMON = 0.1
 #: Share of the information about m that has to come from the joints beside the best one.
 OTHERS = 0.1
 
+#: Share of the steps below the fastest ones, by their information about m.
+FASTEST = 0.75
+
 #: Spread of m over that of instants that tremble independently, a normal distribution each.
 OF_INSTANTS = 1.81
 
@@ -65,10 +68,11 @@ class _Steps:
     def trembling(self, common: bool = False) -> float:
         """Usual size of m where one lost sample is far larger than the noise, in periods.
 
-        Zero where most m are whole, and where ``common`` and no two joints show the same m.
+        Zero where most m are whole; if ``common``, also where no two joints show the same m.
         """
         clear = self.information > CLEAR_STEP**2
-        if common:
+        if common:  # where trembling is large no step is clear: the fastest ones tell it
+            clear = self.information > np.quantile(self.information, FASTEST)
             clear &= self.others > OTHERS * self.information
         if clear.sum() < MIN_STEPS:
             return 0.0
