@@ -33,7 +33,7 @@ def row(case: Case) -> np.ndarray:
     piv = pv.identify(case.problem, "piv")
     took = time.perf_counter() - begin
     errors = errors_of(case, piv)
-    said = pv.verdict(piv)
+    said = pv.verdict(pv.diagnose(case.problem, {"piv": piv}, folds=0))
     kinds = [
         f"{f.severity} {f.kind}" for f in said.statements if f.severity in ("warning", "error")
     ]

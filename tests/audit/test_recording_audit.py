@@ -57,6 +57,12 @@ def test_a_torque_with_the_wrong_sign():
     assert ("error", "sign", "elbow") in faults(recording(tau=tau))
 
 
+def test_spikes_of_positions():
+    q = planar().channels["q"].copy()
+    q[2000, 1] += 0.01
+    assert ("warning", "spike", "q of elbow") in faults(recording(q=q))
+
+
 def test_a_recording_too_short_to_compare_is_not_judged():
     assert faults(recording().part(1000, 1300)) == []
 

@@ -92,16 +92,18 @@ def unsteady_steps(q: np.ndarray, t: np.ndarray | None = None) -> np.ndarray:
     """
     if len(q) < 50:
         return np.empty((0, 2))
-    steps = _fitted(np.diff(q, axis=0), np.ones(len(q) - 1))
+    step, equal = np.diff(q, axis=0), np.ones(len(q) - 1)
+    length = equal if t is None or len(t) != len(q) else _lengths(t)
+    steps = _fitted(step, equal)
+    if np.abs(length - 1.0).max() > JITTER_TOLERANCE:  # stamps that tremble explain its steps
+        stamped = {tuple(place) for place in _unsteady(_fitted(step, length), 0.0)}
+        found = [place for place in _unsteady(steps, 0.0) if tuple(place) in stamped]
+        return np.array(found).reshape(-1, 2)
     trembling = steps.trembling()
     least = ABOVE_TREMBLING * trembling
     if least > 1.0 + WHOLE:  # single samples cannot be told, and v_k trembles as well
         least = 2.0 * CLEAR_STEP * trembling
-    found = _unsteady(steps, least)
-    if t is None or len(t) != len(q) or not len(found):
-        return found
-    stamped = {tuple(place) for place in _unsteady(_fitted(np.diff(q, axis=0), _lengths(t)), 0.0)}
-    return np.array([place for place in found if tuple(place) in stamped]).reshape(-1, 2)
+    return _unsteady(steps, least)
 
 
 def hidden_jitter(q: np.ndarray) -> float:
