@@ -18,7 +18,7 @@ ORDER = (
     "robot", "dynamics", "signals", "logs", "recording", "simulation", "motion", "instruments",
     "estimation", "control_law", "drives", "validation", "consistency",
     "friction_laws", "friction", "models",
-    "model_errors", "diagnostics", "experiment", "audit", "check", "init",
+    "model_errors", "experiment", "audit", "diagnostics", "check", "init",
     "report", "comparison", "prediction", "figures", "tables", "notebook",
     "linear", "symbolic", "export", "payload", "flexibility", "many",
     "cli", "__main__",

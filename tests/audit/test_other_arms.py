@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from pivident.audit.audit import audit_log
-from pivident.audit.timing import check_timing, unsteady_steps
+from pivident.audit.steps import unsteady_steps
+from pivident.audit.timing import check_timing
 from pivident.logs.log import Log
 from pivident.robot.urdf import parse_urdf
 from tests.audit.logs import delayed

@@ -58,6 +58,12 @@ def test_declared_delay_is_taken_into_account():
     assert "declared delay of 4 ms" in finding.message
 
 
+def test_a_fit_on_which_singular_values_do_not_converge():
+    log = tx40(104, seconds=2.0)
+    tau = np.column_stack([delayed(x, 15) for x in log.channels["tau"].T])
+    assert audit_log(with_channels(log, tau=tau)).delay.common[0] == pytest.approx(3e-3, abs=3e-4)
+
+
 def test_delay_of_one_joint():
     log = with_torque(tx40(100, seconds=4.0), 3, lambda x: delayed(x, 25))
     (finding,) = found(log, "delay")

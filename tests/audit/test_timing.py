@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pivident.audit.timing import check_timing, unsteady_steps
+from pivident.audit.steps import unsteady_steps
+from pivident.audit.timing import check_timing
 from tests.audit.logs import only_rows, planar
 
 

@@ -9,7 +9,7 @@ from pivident.experiment.schema import ControllerEntry
 from pivident.logs.log import Log
 
 RATE, KP, KD = 1000.0, 1000.0, 2.0
-TIMING = Timing((), np.full(2999, 1.0 / RATE), RATE, True, np.empty((0, 2)))
+TIMING = Timing((), np.full(2999, 1.0 / RATE), RATE, True)
 
 
 def log(late: int) -> Log:

@@ -43,7 +43,7 @@ def log_of(compensates, ki=None):
 
 
 def told(log, **entry):
-    timing = Timing((), np.full(log.samples - 1, 1.0 / RATE), RATE, True, np.empty((0, 2)))
+    timing = Timing((), np.full(log.samples - 1, 1.0 / RATE), RATE, True)
     return check_gravity(log, timing, ControllerEntry(type="pd", kp=KP, kd=KD, **entry))
 
 

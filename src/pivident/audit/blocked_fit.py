@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import lstsq
 from scipy.special import ndtr, stdtrit
 
 #: Stretches of time that a jackknife leaves out one by one.
@@ -58,6 +59,7 @@ def blocked_fit(columns: np.ndarray, y: np.ndarray, block: np.ndarray) -> Blocke
     gram, right = sum(g for g, _ in grams), sum(r for _, r in grams)
 
     def solve(g: np.ndarray, r: np.ndarray) -> np.ndarray:
-        return np.linalg.lstsq(g, r, rcond=1e-12)[0]
+        # LAPACK's default, by singular values, does not converge on some sound matrices
+        return lstsq(g, r, cond=1e-12, lapack_driver="gelsy")[0]
 
     return BlockedFit(solve(gram, right), np.array([solve(gram - g, right - r) for g, r in grams]))

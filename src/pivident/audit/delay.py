@@ -32,13 +32,13 @@ MAX_SHIFT, MIN_SHIFT_SAMPLES = 0.04, 6
 GAIN_WARNING, GAIN_ERROR = 0.2, 0.5
 
 #: … and if that is so much of the torque.
-EFFECT_WARNING, EFFECT_ERROR = 0.001, 0.003
+EFFECT_WARNING, EFFECT_ERROR = 0.0002, 0.003
 
 #: One joint's delay counts if so much of its torque goes away with it.
 EFFECT_OF_ONE = 0.005
 
 #: Delays below these shares of a sampling period are not reported, or only as a warning.
-SHORT, LONG = 0.3, 1.0
+SHORT, LONG = 0.1, 0.5
 
 #: How far in sampling periods a delay may be from that of another timing, besides its error.
 OFF_TIMING = 0.1
@@ -48,6 +48,12 @@ SHORTEST_HOLD = 11.0 / 60.0
 
 #: Share of a sampling period below which one joint's torque is not late: it comes with the others.
 ONE_JOINT = 0.7
+
+#: A valley whose bottom is beyond this share of the shifts that are tried has no other side.
+INSIDE = 0.9
+
+#: Share of the band in which one joint's delay has to be seen again, unless it explains nearly all.
+SLOW, NEARLY_ALL = 0.25, 0.9
 
 #: Above this standard error [s] a joint's delay is not used; so many times it beside a single one.
 BLUNT, ALONE = 5e-3, 4.0
@@ -83,7 +89,8 @@ def check_delay(log: Log, model: InverseModel) -> Delay:
     Static friction of a standstill reaches into the motion beside it and can look like a delay. One
     that is not there without those rows is none. What the law of dry friction lacks where a joint
     turns back differs by joint: its delay has to be visible without rest, and between the reversals
-    as well.
+    as well. Nor is what an encoder adds with every turn of its motor a delay: it lies above the
+    frequencies of the motion, among which a delay is the same.
     """
     found = _estimated(log, model)
     if all(finding.severity == "ok" for finding in found.findings):
@@ -91,15 +98,17 @@ def check_delay(log: Log, model: InverseModel) -> Delay:
     apart = _estimated(log, model.away_from_rest())
     names = {name: j for j, name in enumerate(model.robot.joint_names)}
     graver = [f for f in found.findings if f.severity != "ok"]
-    fast = None
+    fast = slow = None
     if any(finding.subject in names for finding in graver):
         fast = _estimated(log, model.away_from_reversals(), np.inf)
+        slow = _estimated(log, model.below(SLOW), np.inf)
     findings = []
     for finding in found.findings:
         j = names.get(finding.subject)
         none = finding.severity != "ok" and not _agree(found, apart, j)
-        if finding.severity != "ok" and j is not None and fast is not None:
+        if finding.severity != "ok" and j is not None and fast is not None and slow is not None:
             seen = min(apart.gains[j], fast.gains[j]) > GAIN_WARNING
+            seen &= found.gains[j] > NEARLY_ALL or _agree(found, slow, j)
             none |= _contradicts(found, fast, j) or not seen
         findings.append(replace(finding, severity="ok", next_step="") if none else finding)
     return replace(found, findings=tuple(findings))
@@ -250,6 +259,8 @@ def _findings(log: Log, model: InverseModel, found: Delay) -> list[Finding]:
         apart, uncertain = found.beside(int(j))
         own = _severity(apart, uncertain, float(gains[j]), float(effects[j]), period)
         if own == "ok" or abs(apart) < ONE_JOINT * period or effects[j] < EFFECT_OF_ONE:
+            continue
+        if abs(estimates[j]) > INSIDE * found.shifts[-1]:
             continue
         name = model.robot.joints[j].name
         kind, side = ("joint late", "later") if apart > 0 else ("joint early", "earlier")

@@ -105,6 +105,15 @@ class InverseModel:
         near = [_near(~rows, self._mixed) for rows in self.moving.T]
         return replace(self, moving=self.moving & ~np.column_stack(near))
 
+    def below(self, share: float) -> InverseModel:
+        """The same through a low-pass at a share of the band, columns and torque alike."""
+        band = share * min(BANDWIDTH, 0.1 * self.rate)
+        rows = self.rate / float(self.at[1] - self.at[0])
+        columns = tuple(butterworth(c, rows, band) for c in self.columns)
+        x = self.torque.x
+        torque = CubicSpline(x, butterworth(self.torque(x), self.rate, band))
+        return replace(self, columns=columns, torque=torque)
+
     @property
     def _mixed(self) -> int:
         """Rows over which the low-pass mixes what lies beside one another."""

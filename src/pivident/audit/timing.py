@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pivident.audit.steps import check_steps
 from pivident.logs.clocks.gaps import GAP, bridged_interval, stretches
 from pivident.logs.clocks.timestamps import (
     EVEN,
@@ -30,20 +31,8 @@ DRIFT_WRONG = 1e-2
 #: Two time columns that differ by more do not mean the same time.
 ANOTHER_CLOCK = 0.2
 
-#: Distance of a lost or repeated step from all others, in their spread.
-CLEAR_STEP = 10.0
-
 #: Intervals that differ by less differ by the rounding of their stamps, relative.
 ROUNDING = 1e-9
-
-#: Intervals that are shorter than this share of the usual one tell nothing of the speed.
-SHORTEST = 0.1
-
-#: Share of the roughness of a motion that is left without a sample that was repeated.
-REPEATED = 0.25
-
-#: How far from a whole number the samples lost at one place may seem to be.
-WHOLE = 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +43,6 @@ class Timing:
     intervals: np.ndarray  # between finite stamps [s]; empty without a clock
     rate: float | None  # sampling rate of the stamps or as given [Hz], or None
     regular: bool  # whether samples can be taken as equidistant
-    steps: np.ndarray  # sample and samples lost behind it (-1: repeated), shape (places, 2)
 
 
 def check_timing(log: Log) -> Timing:
@@ -77,11 +65,9 @@ def check_timing(log: Log) -> Timing:
             findings.append(_against_rate(log.rate, clock, name))
         for other in list(log.clocks)[1:]:
             findings += _against_clock(name, clock, other, log.clocks[other])
-    steps = np.empty((0, 2))
     if "q" in log.channels and rate:
-        steps = unsteady_steps(log.channels["q"], clock)
-        findings += _step_findings(log, steps, regular and clock is not None)
-    return Timing(tuple(findings), intervals, rate, regular, steps)
+        findings += check_steps(log, rate, regular and clock is not None)
+    return Timing(tuple(findings), intervals, rate, regular)
 
 
 def at_equal_intervals(values: np.ndarray, t: np.ndarray | None, timing: Timing) -> np.ndarray:
@@ -341,103 +327,3 @@ def _drift_finding(name: str, against: str, drift: float, standard_error: float)
         )
     }
     return Finding(severity, "timing", "drift", text, name, step, evidence)
-
-
-def unsteady_steps(q: np.ndarray, t: np.ndarray | None = None) -> np.ndarray:
-    """Places at which all moving joints step too far, or not at all, at the same time.
-
-    With d_k = q_{k+1} - q_k and v_k the median of the two steps before and the two after, lost
-    samples show as d_k = (1 + m) v_k with one whole m for all joints; m = -1 is a repeated sample.
-    m is estimated by least squares over the joints, each weighted with the usual spread of
-    d_k - v_k. Steps that the stamps t explain, d_k as long as the interval, are none. Nor is one at
-    which the arm comes to rest and moves on: without a sample that was repeated the speed is far
-    smoother, without one that was not it is not. Returns (places, 2).
-    """
-    if len(q) < 50:
-        return np.empty((0, 2))
-    found = _unsteady(np.diff(q, axis=0), np.ones(len(q) - 1))
-    if t is None or len(t) != len(q) or not len(found):
-        return found
-    length = np.diff(t) / np.nanmedian(np.diff(t))
-    length = np.where(np.isfinite(length) & (length > SHORTEST), length, 1.0)
-    stamped = {tuple(place) for place in _unsteady(np.diff(q, axis=0), length)}
-    return np.array([place for place in found if tuple(place) in stamped]).reshape(-1, 2)
-
-
-def _unsteady(step: np.ndarray, length: np.ndarray) -> np.ndarray:
-    """The same for steps of some lengths of time, in periods."""
-    speed, length = step / length[:, None], length[2:-2, None]
-    around = length * np.median([speed[:-4], speed[1:-3], speed[3:-1], speed[4:]], axis=0)
-    excess = step[2:-2] - around
-    with np.errstate(invalid="ignore"):
-        spread = 1.4826 * np.nanmedian(np.abs(excess), axis=0)
-        # The staircase of a coarse encoder has a median of zero, and a spread all the same.
-        spread = np.maximum(spread, 0.5 * np.nanstd(excess, axis=0))
-        weight = np.where(spread > 0, 1.0 / np.where(spread > 0, spread, 1.0) ** 2, 0.0)
-        information = np.nansum(weight * around**2, axis=1)
-        lost = np.nansum(weight * around * excess, axis=1) / np.maximum(information, 1e-300)
-        misfit = np.nansum(weight * (excess - lost[:, None] * around) ** 2, axis=1)
-    whole = np.round(lost)
-    clear = (
-        (np.abs(lost) * np.sqrt(information) > CLEAR_STEP)
-        & (np.abs(lost - whole) < WHOLE)
-        & ((whole >= 1) | (whole == -1))
-        & (misfit < 0.1 * information * lost**2)
-    )
-    clear &= (whole >= 1) | _smoother_without(speed, weight)
-    at = np.flatnonzero(clear)
-    return np.column_stack([at + 2, whole[at]])
-
-
-def _smoother_without(speed: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Whether the speed is far smoother without a step, for each but the two outermost.
-
-    Smooth is what has small second differences, summed over the joints with their weights.
-    """
-    before, last, here, following, after = (speed[i : len(speed) - 4 + i] for i in range(5))
-
-    def roughness(*steps: np.ndarray) -> np.ndarray:
-        return np.asarray(np.nansum(weight * np.diff(steps, n=2, axis=0) ** 2, axis=(0, 2)))
-
-    without = roughness(before, last, following, after)
-    return without < REPEATED * roughness(before, last, here, following, after)
-
-
-def _step_findings(log: Log, steps: np.ndarray, stamped: bool) -> list[Finding]:
-    """Lost and repeated samples in words."""
-    findings = []
-    for chosen, kind, words, step in (
-        (
-            steps[:, 1] >= 1,
-            "lost",
-            "In {n} place(s) all joints skip {m} sample(s) that are missing from the log",
-            "The logger dropped samples{s}; cut the recording there, or log with time stamps.",
-        ),
-        (
-            steps[:, 1] == -1,
-            "repeated",
-            "In {n} place(s) a moving arm stands still for one sample: {m} repeated sample(s)",
-            "The logger was faster than its source{s}; log at the rate of the control loop.",
-        ),
-    ):
-        if not chosen.any():
-            continue
-        here = steps[chosen]
-        number, first = int(np.abs(here[:, 1]).sum()), int(here[0, 0])
-        share = len(here) / max(len(next(iter(log.channels.values()))), 1)
-        text = words.format(n=len(here), m=number)
-        findings.append(
-            Finding(
-                "error" if len(here) > 1 or share > 1e-3 else "warning",
-                "timing",
-                kind,
-                f"{text}, first after sample {first}.",
-                "q",
-                step.format(s=" although its stamps are regular" if stamped else ""),
-                evidence={
-                    "samples": Quantity(float(number), "samples"),
-                    **at_sample(first, log.time_of(first)),
-                },
-            )
-        )
-    return findings

@@ -1,5 +1,6 @@
 """Everything that is asked of a set of results before they are believed.
 
+The recordings are asked first, since no test of a result tells lost samples from a poor model.
 Tests on the residuals and on the instruments come from each result; held-out motion and the
 separation of noise from model error need the problem, since they go back to its records.
 """
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pivident.audit.recording_audit import recording_faults
 from pivident.errors import ExperimentError, IdentificationError, PividentError
 from pivident.estimation.identification import Identification
 from pivident.estimation.methods import METHODS, Method
@@ -19,6 +21,7 @@ from pivident.estimation.problem import Problem
 from pivident.model_errors.named_causes import ModelErrors, named_causes
 from pivident.model_errors.wider_intervals import with_model_errors
 from pivident.recording.recording import Recording
+from pivident.text.finding import Finding
 from pivident.validation.held_out.out_of_sample import OutOfSample, compare_out_of_sample
 from pivident.validation.instruments.instrument_tests import InstrumentTests, instrument_tests
 from pivident.validation.residuals.model_error import ModelError, model_error
@@ -52,6 +55,7 @@ class Diagnostics:
         notes: why something could not be found out, whole sentences.
         consistent: estimates that were made physically consistent, by short name of their method,
             or why they could not be.
+        log: what an audit has against the recordings, warnings and errors.
     """
 
     identifications: Mapping[str, Identification]
@@ -65,6 +69,7 @@ class Diagnostics:
     consistent: Mapping[str, ConsistentEstimate | NoConsistentEstimate] = field(
         default_factory=dict
     )
+    log: tuple[Finding, ...] = ()
 
     @property
     def recommended(self) -> str:
@@ -101,8 +106,8 @@ def diagnose(
         progress: called with one line at each stage.
 
     Returns:
-        The tests of each result, their comparison on held-out motion and the causes of model error
-        of the recommended one, for `verdict`.
+        What an audit has against the recordings, the tests of each result, their comparison on
+        held-out motion and the causes of model error of the recommended one, for `verdict`.
 
     Raises:
         ExperimentError: a result whose method is not known.
@@ -114,6 +119,8 @@ def diagnose(
             f"there is no method for the results {', '.join(unknown)}; give `methods` by the same "
             f"names, or use the names {', '.join(METHODS)}"
         )
+    say("asking for lost samples, delays and signs")
+    log = recording_faults(problem.robot, problem.recordings)
     notes: list[str] = []
     out_of_sample = None
     if folds or recordings:
@@ -154,6 +161,7 @@ def diagnose(
         causes,
         own.std,
         (*diagnostics.notes, *notes),
+        log=log,
     )
 
 

@@ -1,9 +1,10 @@
 """The verdict: should one believe this result, in plain words, each with its numbers.
 
-A verdict is made of statements in a fixed order: which estimate to take; what is well determined
-and what is not; whether the feedback biases least squares; whether the noise model whitens; whether
-the instruments are fit for use; how well unseen motion is predicted; and what the residual is made
-of. Each statement is a finding with its severity and the test that it is based on.
+A verdict is made of statements in a fixed order: which estimate to take; what is wrong with the
+recordings; what is well determined and what is not; whether the feedback biases least squares;
+whether the noise model whitens; whether the instruments are fit for use; how well unseen motion is
+predicted; and what the residual is made of. Each statement is a finding with its severity and the
+test that it is based on.
 """
 
 from __future__ import annotations
@@ -107,6 +108,7 @@ def verdict(diagnostics: Diagnostics | Identification) -> Verdict:
     result = diagnostics.identifications[name]
     statements = [
         *choice(diagnostics, name),
+        *diagnostics.log,
         *corrected(result),
         *torque_scale(result),
         *torque_side(result),

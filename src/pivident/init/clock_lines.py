@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pivident.audit.timing import unsteady_steps
+from pivident.audit.steps import unsteady_steps
 from pivident.init.assumption import Assumption, Question
 from pivident.logs.bags.bag_table import OwnClock
 from pivident.logs.bags.read_bag import STAMP

@@ -1,0 +1,102 @@
+"""What an audit has against recordings whose estimate is to be believed.
+
+A recording is checked where it is made, channel by channel. Here its channels are asked about one
+another: whether samples are lost, whether each torque belongs to its joint, with this sign and at
+this instant. Gains, loads and excitation are left out, since an estimate says more about them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pivident.audit.delay import check_delay
+from pivident.audit.inverse_model import build_inverse_model
+from pivident.audit.order import check_order
+from pivident.audit.power import check_power
+from pivident.audit.saturation import check_channels
+from pivident.audit.timing import check_timing
+from pivident.errors import PividentError
+from pivident.logs.log import Log
+from pivident.recording.recording import Recording
+from pivident.robot.description import Robot
+from pivident.text.finding import Finding, gravest_first, serious
+from pivident.threads import linear_algebra_in_one_thread
+
+#: Kinds of findings that are a reservation about every estimate, by topic; empty: all of them.
+KINDS: dict[str, tuple[str, ...]] = {
+    "timing": ("lost", "repeated", "hidden jitter"),
+    "channels": ("spike", "stuck", "wrapped"),
+    "order": (),
+    "delay": (),
+    "power": ("sign",),
+}
+
+
+def recording_faults(robot: Robot, recordings: Sequence[Recording]) -> tuple[Finding, ...]:
+    """Warnings and errors of an audit about recordings, the gravest first.
+
+    Args:
+        robot: the robot.
+        recordings: runs of it. What several of them share is said once, with their names.
+    """
+    found: dict[tuple[str, ...], list[tuple[Recording, Finding]]] = {}
+    with linear_algebra_in_one_thread():
+        for recording in recordings:
+            for finding in _faults(robot, recording):
+                key = (finding.topic, finding.kind, finding.subject)
+                found.setdefault(key, []).append((recording, finding))
+    return tuple(gravest_first(_together(own, len(recordings) > 1) for own in found.values()))
+
+
+def _together(own: Sequence[tuple[Recording, Finding]], several: bool) -> Finding:
+    """One fault of some recordings: the gravest, and where it is."""
+    gravest = gravest_first(finding for _, finding in own)[0]
+    if not several:
+        return gravest
+    names = ", ".join(recording.name for recording, _ in own)
+    return replace(gravest, message=f"{names}: {gravest.message}")
+
+
+def _faults(robot: Robot, recording: Recording) -> list[Finding]:
+    """Warnings and errors about one recording; each fault is made good for the next check."""
+    channels = {"q": recording.q, "tau": recording.tau}
+    log = Log(
+        recording.name,
+        robot.joint_names,
+        {},
+        {},
+        recording.rate,
+        channels,
+        channels,
+        robot,
+        recording.torque_timing,
+        recording.control_rate,
+        recording.delay,
+    )
+    timing = check_timing(log)
+    findings = [*timing.findings, *check_channels(log)]
+    try:
+        model = build_inverse_model(log, timing).delayed(-recording.drive_delay)
+        order = check_order(model)
+        if any(f.severity == "error" for f in order.findings):
+            model = model.reordered(order.torque_of)
+        delay = check_delay(log, model)
+        if np.isfinite(delay.common[0]):
+            power = check_power(log, model.delayed(delay.common[0]))
+        else:
+            power = check_power(log, model)
+        findings += [*order.findings, *delay.findings, *power.findings]
+    except (PividentError, np.linalg.LinAlgError):
+        pass  # too short to compare torque and motion, for example: nothing is said of them
+    return serious(f for f in findings if _is_reservation(f))
+
+
+def _is_reservation(finding: Finding) -> bool:
+    """Whether a finding is about every estimate; a torque jumps where dry friction turns."""
+    kinds = KINDS.get(finding.topic)
+    if kinds is None or (finding.kind == "spike" and finding.subject.startswith("tau ")):
+        return False
+    return not kinds or finding.kind in kinds

@@ -1,0 +1,104 @@
+"""What is wrong with a recording is known before its estimate is believed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pivident.audit.recording_audit import recording_faults
+from pivident.audit.steps import hidden_jitter, unsteady_steps
+from pivident.recording.recording import Recording
+from pivident.robot.gallery import load_robot
+from tests.audit.logs import clean_log, delayed, planar
+
+
+def recording(seed: int = 5, **changes) -> Recording:
+    log = planar(seed)
+    channels = {"q": log.channels["q"], "tau": log.channels["tau"]} | changes
+    return Recording.from_arrays(
+        rate=1000.0, joint_names=log.joint_names, name=f"run {seed}", **channels
+    )
+
+
+def faults(*recordings: Recording) -> list[tuple[str, str, str]]:
+    found = recording_faults(load_robot("planar_2r"), recordings)
+    return [(f.severity, f.kind, f.subject) for f in found]
+
+
+def test_nothing_is_said_of_clean_recordings():
+    assert faults(recording(5), recording(6)) == []
+
+
+def test_lost_samples():
+    made = recording()
+    rows = np.delete(np.arange(made.samples), [700, 1500, 2200])
+    lost = replace(made, q=made.q[rows], tau=made.tau[rows])
+    assert faults(lost) == [("error", "lost", "q")]
+
+
+def test_several_recordings_share_a_fault():
+    late = [recording(s) for s in (5, 6)]
+    late = [replace(r, tau=np.column_stack([delayed(x, 2) for x in r.tau.T])) for r in late]
+    (found,) = recording_faults(load_robot("planar_2r"), [recording(7), *late])
+    assert found.kind == "late" and found.message.startswith("run 5, run 6: The torque is ")
+    assert found.quantity.value == pytest.approx(2.0, abs=0.05)
+
+
+def test_declared_delays_are_none():
+    tau = np.column_stack([delayed(x, 2) for x in planar().channels["tau"].T])
+    assert faults(recording(tau=tau, delay=2e-3)) == []
+    early = np.column_stack([delayed(x, -2) for x in planar().channels["tau"].T])
+    assert faults(recording(tau=early, drive_delay=2e-3)) == []
+    assert faults(recording(tau=early)) == [("error", "early", "")]
+
+
+def test_a_torque_with_the_wrong_sign():
+    tau = planar().channels["tau"] * np.array([1.0, -1.0])
+    assert ("error", "sign", "elbow") in faults(recording(tau=tau))
+
+
+def test_spikes_of_positions():
+    q = planar().channels["q"].copy()
+    q[2000, 1] += 0.01
+    assert ("warning", "spike", "q of elbow") in faults(recording(q=q))
+
+
+def test_a_recording_too_short_to_compare_is_not_judged():
+    assert faults(recording().part(1000, 1300)) == []
+
+
+@pytest.mark.parametrize("deviation", [0.1, 0.25, 0.4])
+@pytest.mark.parametrize("kind", ["normal", "uniform"])
+def test_instants_that_tremble_are_no_lost_samples(deviation, kind):
+    """Positions between the samples: q(t + δ) of a smooth motion, from its cubic spline."""
+    rng = np.random.default_rng(3)
+    q = clean_log("staubli_tx40", 101, 4.0).channels["q"]
+    k = np.arange(len(q))
+    apart = (
+        deviation * rng.standard_normal(len(q))
+        if kind == "normal"
+        else deviation * np.sqrt(3.0) * rng.uniform(-1.0, 1.0, len(q))
+    )
+    moved = np.column_stack([delayed(x, -apart) for x in q.T])
+    assert hidden_jitter(q) == 0.0
+    assert len(unsteady_steps(moved)) == 0
+    if deviation > 0.1:
+        assert hidden_jitter(moved) == pytest.approx(deviation, rel=0.1)
+    rows = np.delete(k, [6000, 6001])
+    assert unsteady_steps(q[rows]).tolist() == [[5999.0, 2.0]]
+
+
+def test_repeated_samples_are_no_trembling():
+    q = clean_log("staubli_tx40", 101, 4.0).channels["q"]
+    k = np.arange(len(q))
+    k[np.random.default_rng(4).random(len(q)) < 0.3] -= 1
+    assert hidden_jitter(q[np.maximum(k, 0)]) == 0.0
+
+
+def test_trembling_is_said_with_its_size():
+    q = planar().channels["q"]
+    apart = 0.3 * np.random.default_rng(5).standard_normal(len(q))
+    moved = np.column_stack([delayed(x, -apart) for x in q.T])
+    (found,) = recording_faults(load_robot("planar_2r"), [recording(q=moved)])
+    assert (found.severity, found.kind) == ("warning", "hidden jitter")
+    assert found.quantity.value == pytest.approx(0.3, rel=0.15)

@@ -1,0 +1,48 @@
+"""The verdict knows what an audit has against the recordings."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pivident.diagnostics.diagnostics import Diagnostics, diagnose
+from pivident.diagnostics.verdict import Verdict, verdict
+from pivident.estimation.identify import identify
+from pivident.estimation.problem import Problem
+from pivident.experiment.simulated_tx40 import tx40_fine
+from pivident.recording.recording import Recording
+
+
+@pytest.fixture(scope="module")
+def good() -> Problem:
+    return tx40_fine(samples=16000)[0]
+
+
+def judged(problem: Problem, recording: Recording) -> tuple[Diagnostics, Verdict]:
+    problem = replace(problem, recordings=(recording,))
+    diagnostics = diagnose(problem, {"ls": identify(problem, "ls")}, folds=0)
+    return diagnostics, verdict(diagnostics)
+
+
+def test_no_finding_is_no_statement(good):
+    diagnostics, _ = judged(good, good.recordings[0])
+    assert diagnostics.log == ()
+
+
+def test_lost_samples_forbid_the_result(good):
+    made = good.recordings[0]
+    rows = np.flatnonzero(np.random.default_rng(2).random(made.samples) >= 0.005)
+    channels = {name: getattr(made, name)[rows] for name in ("q", "tau", "q_ref")}
+    _, found = judged(good, replace(made, **channels, dq_ref=None, ddq_ref=None))
+    (lost,) = [s for s in found.statements if s.topic == "timing"]
+    assert (lost.severity, lost.kind) == ("error", "lost")
+    assert found.headline.startswith("Do not use this result as it is: timing")
+
+
+def test_a_torque_logged_one_sample_late_is_a_reservation(good):
+    made = good.recordings[0]
+    tau = np.vstack([made.tau[:1], made.tau[:-1]])
+    diagnostics, found = judged(good, replace(made, tau=tau))
+    (late,) = diagnostics.log
+    assert late.kind == "late" and late in found.statements
+    assert late.quantity.value == pytest.approx(1e3 / made.rate, rel=0.1)
