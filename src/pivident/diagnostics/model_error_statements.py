@@ -40,6 +40,15 @@ def model_errors(diagnostics: Diagnostics) -> Iterator[Finding]:
         yield _of_kind(found, [named for named in found.named if named.cause.kind == kind])
 
 
+def log_faults(diagnostics: Diagnostics) -> Iterator[Finding]:
+    """What an audit has against the recordings; a delay that is measured below is said there."""
+    found = diagnostics.model_errors
+    measured = found is not None and any(one.cause.kind == "delay" for one in found.named)
+    for finding in diagnostics.log:
+        if not (measured and finding.topic == "delay"):
+            yield finding
+
+
 def _of_kind(found: ModelErrors, named: Sequence[NamedCause]) -> Finding:
     """The causes of one kind."""
     first = named[0]

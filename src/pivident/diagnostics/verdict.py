@@ -27,7 +27,7 @@ from pivident.diagnostics.estimate_statements import (
     torque_side,
 )
 from pivident.diagnostics.instrument_statements import feedback_bias, strength
-from pivident.diagnostics.model_error_statements import intervals, model_errors
+from pivident.diagnostics.model_error_statements import intervals, log_faults, model_errors
 from pivident.diagnostics.prediction_statements import prediction, simulated_loop
 from pivident.diagnostics.residual_statements import (
     friction_law,
@@ -108,7 +108,7 @@ def verdict(diagnostics: Diagnostics | Identification) -> Verdict:
     result = diagnostics.identifications[name]
     statements = [
         *choice(diagnostics, name),
-        *diagnostics.log,
+        *log_faults(diagnostics),
         *corrected(result),
         *torque_scale(result),
         *torque_side(result),
