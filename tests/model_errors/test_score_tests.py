@@ -5,6 +5,8 @@ import pytest
 
 from pivident.model_errors.cause import Cause
 from pivident.model_errors.cause_sums import JointRows, cause_sums
+from pivident.model_errors.column_tests import Parts
+from pivident.model_errors.partition import Partition
 from pivident.model_errors.score_tests import ScoreTests
 
 ROWS, BLOCKS = 600, 5
@@ -112,6 +114,27 @@ def test_columns_that_the_model_has_are_not_distinct():
     tests = score_tests(records, variance)
     _, scores = tests.all_scores([])
     assert set(scores) == {1, 2}
+
+
+@pytest.mark.parametrize("corrected", [[], [0], [2, 0]])
+def test_several_columns_are_tested_as_single_ones_are(corrected):
+    """The general path, for causes of any number of columns, and the one for single columns."""
+    _, _, tests = made(size=0.3)
+    stay = np.sort(tests.columns(corrected))
+    others = np.setdiff1d(np.arange(6), stay)
+    mask = np.isin(np.arange(6), stay)
+    windows, blocks = tests.sums.windows, tests.sums.blocks
+    parts = Parts(
+        Partition.of(tests.yx, tests.yt, mask, tests.scale),
+        Partition.of(tests.yx - windows.x, tests.yt - windows.tau, mask, tests.scale),
+        Partition.of(tests.xx - blocks.x, tests.xt - blocks.tau, mask, tests.scale),
+    )
+    base, scores = tests.all_scores(corrected)
+    for number, score in scores.items():
+        general = tests._score(number, base, parts, stay, others)
+        for name in ("size", "covariance", "significance", "explained", "unseen", "shift"):
+            expected = getattr(general, name)
+            np.testing.assert_allclose(getattr(score, name), expected, rtol=1e-7, atol=1e-12)
 
 
 @pytest.mark.parametrize("corrected", [[], [0], [2, 0]])

@@ -22,6 +22,7 @@ import numpy as np
 from pivident.estimation.covariance.windows import OVERLAP, degrees_of_freedom
 from pivident.model_errors.cause import Cause
 from pivident.model_errors.cause_sums import CauseSums
+from pivident.model_errors.column_tests import Parts, column_tests
 from pivident.model_errors.partition import Partition
 
 #: Share of a cause's columns that Φ must leave for it to be told from the parameters.
@@ -69,15 +70,6 @@ class Fit:
     theta: np.ndarray  # of these columns
     residual: float  # weighted sum of squares
     unseen: float  # the same on blocks that were not fitted
-
-
-@dataclass(frozen=True, eq=False)
-class _Parts:
-    """Normal equations of all rows, and those that leave out one window or one block."""
-
-    all: Partition
-    without_window: Partition
-    without_block: Partition
 
 
 class ScoreTests:
@@ -140,21 +132,59 @@ class ScoreTests:
         own, others = np.flatnonzero(stay), np.flatnonzero(~stay)
         base = self.fit(own)
         windows, blocks = self.sums.windows, self.sums.blocks
-        parts = _Parts(
+        parts = Parts(
             Partition.of(self.yx, self.yt, stay, self.scale),
             Partition.of(self.yx - windows.x, self.yt - windows.tau, stay, self.scale),
             Partition.of(self.xx - blocks.x, self.xt - blocks.tau, stay, self.scale),
         )
-        found = {}
-        for number in range(len(self.causes)):
-            if number not in corrected:
+        found = self._single_scores(base, parts, own, others, corrected)
+        for number, cause in enumerate(self.causes):
+            if number not in corrected and cause.count > 1:
                 score = self._score(number, base, parts, own, others)
                 if score is not None:
                     found[number] = score
         return base, found
 
+    def _single_scores(
+        self,
+        base: Fit,
+        parts: Parts,
+        stay: np.ndarray,
+        others: np.ndarray,
+        corrected: Sequence[int],
+    ) -> dict[int, Score]:
+        """The tests of all causes of one column that the columns that stay do not hide."""
+        from scipy.stats import t
+
+        rest = np.diag(self._projected(stay))
+        numbers = [
+            k
+            for k, cause in enumerate(self.causes)
+            if cause.count == 1
+            and k not in corrected
+            and rest[self.first[k]] > DISTINCT * self.scale[self.first[k]] ** 2
+        ]
+        if not numbers:
+            return {}
+        made = column_tests(self.sums, parts, stay, self.first[numbers], others)
+        clear = np.abs(made.size) / np.sqrt(np.maximum(made.variance, 1e-300))
+        significance = 2.0 * t.sf(clear, self.freedom)
+        n = self.sums.parameters
+        return {
+            number: Score(
+                self.causes[number],
+                made.size[k : k + 1],
+                made.variance[k].reshape(1, 1),
+                float(significance[k]),
+                1.0 - float(made.residual[k]) / max(base.residual, 1e-300),
+                1.0 - float(made.unseen[k]) / max(base.unseen, 1e-300),
+                made.theta[:n, k] - base.theta[:n],
+            )
+            for k, number in enumerate(numbers)
+        }
+
     def _score(
-        self, number: int, base: Fit, parts: _Parts, stay: np.ndarray, others: np.ndarray
+        self, number: int, base: Fit, parts: Parts, stay: np.ndarray, others: np.ndarray
     ) -> Score | None:
         """The test of one cause; None: the columns that stay hide it."""
         from scipy.stats import f
@@ -195,7 +225,7 @@ class ScoreTests:
 
     def _covariance_of(
         self,
-        parts: _Parts,
+        parts: Parts,
         stay: np.ndarray,
         own: np.ndarray,
         place: np.ndarray,
@@ -208,7 +238,7 @@ class ScoreTests:
         steps = parts.without_window.solved(scores[:, :split], scores[:, split:], place)
         return np.asarray(steps.T @ steps / OVERLAP)
 
-    def _unseen(self, parts: _Parts, stay: np.ndarray, own: np.ndarray, place: np.ndarray) -> float:
+    def _unseen(self, parts: Parts, stay: np.ndarray, own: np.ndarray, place: np.ndarray) -> float:
         """Sum of squares on the blocks, each predicted from the others."""
         blocks, columns = self.sums.blocks, np.r_[stay, own]
         theta = np.concatenate(parts.without_block.joined(place), axis=1)
