@@ -39,7 +39,7 @@ bench: .venv/.pivident-test
 	$(BIN)/python benchmarks/symbolic_models.py
 
 truth: .venv/.pivident-all
-	$(BIN)/python benchmarks/statistical_truth.py
+	$(BIN)/python -m benchmarks.statistical_truth
 	$(BIN)/python benchmarks/held_out_folds.py
 	$(BIN)/python benchmarks/unknown_loop.py
 	$(BIN)/python benchmarks/gravity_compensated_law.py

@@ -100,7 +100,6 @@ def unmodelled_friction(seed: int) -> Case:
         recording,
         q=noise.quantised(made.q + encoder),
         tau=made.tau + sensor,
-        simulated=False,
     )
     return dataclasses.replace(problem, recordings=(changed,)), truth
 

@@ -50,7 +50,6 @@ robot = "staubli_tx40"
 columns = {{q = "q", q_ref = "q_ref", dq_ref = "dq_ref", tau = "tau"}}
 rate = {rate}
 torque_timing = "held"
-simulated = true
 
 [controller]
 type = "pd"

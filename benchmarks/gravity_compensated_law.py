@@ -92,7 +92,6 @@ def record(law: Controller, seed: int, unknown: str = "") -> Recording:
     tau = tau + TORQUE * rng.standard_normal(tau.shape)
     return Recording(
         f"run {seed}", ROBOT.joint_names, made.q + noise, tau, RATE, q_ref=q_ref, dq_ref=dq_ref,
-        simulated=True,
     )  # fmt: skip
 
 

@@ -130,7 +130,7 @@ def planar_record(seed: int, samples: int = 6000, rate: float = 1000.0) -> Probl
     made = simulate(make_model(robot, base.parameters, theta), controller, signals, ("a", "b"))
     tau = made.tau + 0.02 * lfilter([1.0], [1.0, -0.8], rng.standard_normal(made.tau.shape), axis=0)
     recording = Recording(
-        f"planar-{seed}", robot.joint_names, made.q + noise, tau, rate, q_ref=q_ref, simulated=True
+        f"planar-{seed}", robot.joint_names, made.q + noise, tau, rate, q_ref=q_ref
     )
     return Problem(robot, (recording,), Loop(controller))
 

@@ -14,7 +14,6 @@ of them.
 
     --short N      the loaded record has N samples only
     --wrist SHARE  reach of the wrist relative to the usual motion
-    --measured     records are treated as measured ones: low speeds do not vote, sandwich
     --mass-known   the mass is known from a scale to 1 g
 """
 
@@ -81,7 +80,6 @@ def main() -> None:
     parser.add_argument("--methods", nargs="+", default=["ls", "iv-full-rate", "piv"])
     parser.add_argument("--short", type=int)
     parser.add_argument("--wrist", type=float, default=1.0)
-    parser.add_argument("--measured", action="store_true")
     parser.add_argument("--mass-known", action="store_true")
     options = parser.parse_args()
     known = KnownParts(mass=LOAD.mass, mass_std=1e-3) if options.mass_known else None
@@ -92,10 +90,6 @@ def main() -> None:
     for seed in range(options.first, options.first + options.runs):
         arm = tx40_with_load(seed, reach_of_wrist=options.wrist)
         loaded = arm.loaded if options.short is None else shortened(arm.loaded, options.short)
-        if options.measured:
-            runs = tuple(replace(r, simulated=False) for r in arm.problem.recordings)
-            arm = replace(arm, problem=replace(arm.problem, recordings=runs))
-            loaded = replace(loaded, simulated=False)
         for method in options.methods:
             if method == "differences":
                 load = by_differences(arm)

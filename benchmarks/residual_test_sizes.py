@@ -166,9 +166,7 @@ class PlanarArm:
 
     def problem(self, tau: np.ndarray) -> Problem:
         """The problem with a torque record [N m]."""
-        recording = Recording(
-            "run", self.robot.joint_names, self.q, tau, 1000.0, q_ref=self.q_ref, simulated=True
-        )
+        recording = Recording("run", self.robot.joint_names, self.q, tau, 1000.0, q_ref=self.q_ref)
         loop = pv.Loop(self.controller)
         return Problem(self.robot, (recording,), loop, initial=self.truth)
 

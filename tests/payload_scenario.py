@@ -136,7 +136,6 @@ def _record(
         q_ref=q_ref,
         dq_ref=dq_ref,
         ddq_ref=ddq_ref,
-        simulated=True,
     )
 
 

@@ -23,6 +23,6 @@ def planar_results(*methods: str) -> tuple[Identification, ...]:
     q, q_ref = np.deg2rad(table[:, 1:3]), np.deg2rad(table[:, 3:5])
     robot = load_robot("planar_2r")
     names = ("shoulder", "elbow")
-    recording = Recording("run1", names, q, table[:, 5:7], RATE, q_ref=q_ref, simulated=True)
+    recording = Recording("run1", names, q, table[:, 5:7], RATE, q_ref=q_ref)
     problem = Problem(robot, (recording,), Loop(LAW))
     return tuple(identify(problem, method) for method in methods)

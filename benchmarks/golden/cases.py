@@ -170,7 +170,6 @@ _FLEET = """robot = "planar_2r"
 [recording]
 columns = {q = "q", q_ref = "r", tau = "tau"}
 rate = 500
-simulated = true
 
 [controller]
 type = "pd"

@@ -32,9 +32,7 @@ def pid_record(noise=0.0, samples=34500, seed=0):
     )
     u = KP * e + KI * np.cumsum(e) / RATE + KD * derivative
     u += noise * u.std() * np.random.default_rng(seed).normal(size=samples)
-    return Recording(
-        "pid", ("axis",), (r - e)[:, None], u[:, None], RATE, q_ref=r[:, None], simulated=True
-    )
+    return Recording("pid", ("axis",), (r - e)[:, None], u[:, None], RATE, q_ref=r[:, None])
 
 
 def test_arx_finds_a_pid_exactly():

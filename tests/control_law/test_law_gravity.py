@@ -58,7 +58,6 @@ def record(kind, scale=0.0, place="measured", seed=0, torque=0.05, friction=0.0)
     tau = made.tau + torque * rng.standard_normal(q_ref.shape)
     return Recording(
         f"run {seed}", ROBOT.joint_names, made.q + noise, tau, RATE, q_ref=q_ref, dq_ref=dq_ref,
-        simulated=True,
     )  # fmt: skip
 
 

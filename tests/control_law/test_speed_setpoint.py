@@ -47,7 +47,7 @@ def setpoint_record(seed, seconds=10.0, mass=0.7):
     column = [x[part, None] for x in (logged[:, 0], logged[:, 1], r, dr, feed)]
     return Recording(
         f"setpoint_{seed}", ("axis",), column[0], column[1], float(RATE), q_ref=column[2],
-        dq_ref=column[3], inputs={"feed_forward": column[4]}, simulated=True,
+        dq_ref=column[3], inputs={"feed_forward": column[4]},
     )  # fmt: skip
 
 

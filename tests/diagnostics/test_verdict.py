@@ -44,8 +44,9 @@ def statement(found: Verdict, topic: str) -> Finding:
 def test_a_good_record_gets_a_good_verdict(judged):
     assert judged.method == "IDIM-PIV" and judged.severity in ("ok", "warning")
     assert judged.headline.startswith("Take the estimate of IDIM-PIV")
-    for topic in ("iteration", "instruments", "noise", "prediction"):
+    for topic in ("iteration", "instruments", "prediction"):
         assert statement(judged, topic).severity == "ok", str(judged)
+    assert statement(judged, "noise").severity in ("ok", "note"), str(judged)
 
 
 def test_every_statement_that_judges_has_numbers(judged):

@@ -58,7 +58,7 @@ def problem_and_records(noise: float, payload: Payload | None, robot=None, seed=
 
 
 def _recording(robot, q, tau) -> Recording:
-    return Recording("run", robot.joint_names, q.T.copy(), tau.T.copy(), 200.0, simulated=True)
+    return Recording("run", robot.joint_names, q.T.copy(), tau.T.copy(), 200.0)
 
 
 def equations_of(problem, loaded, records, payload):

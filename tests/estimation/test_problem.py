@@ -15,7 +15,12 @@ from pivident.errors import (
     SimulationDiverged,
 )
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import AutoRegressive, InstrumentalVariables, PrefilteredIV
+from pivident.estimation.methods import (
+    AutoRegressive,
+    InstrumentalVariables,
+    PrefilteredIV,
+    RandomWalk,
+)
 from pivident.estimation.problem import Problem
 from pivident.experiment.experiment import load_experiment
 from pivident.recording.recording import Recording
@@ -42,7 +47,7 @@ def record_of(arm, samples=4000, still=None, **changes):
     q, dq, ddq = point_to_point(postures, np.full(arm.size, 3.0), RATE, samples)
     noise = 1e-6 * rng.standard_normal(q.shape)
     tau = 5.0 * np.sin(q) + dq + ddq + 1e-3 * rng.standard_normal(q.shape)
-    fields = {"q_ref": q, "dq_ref": dq, "simulated": True} | changes
+    fields = {"q_ref": q, "dq_ref": dq} | changes
     return Recording("run", arm.joint_names, q + noise, tau, RATE, **fields)
 
 
@@ -146,17 +151,15 @@ def test_an_unknown_prefilter_is_refused():
         PrefilteredIV(prefilter="sideways")
 
 
-def test_the_motions_band_is_off_on_simulated_records(arm, record):
-    measured = record_of(arm, simulated=False)
-    assert AutoRegressive().band(record) == 0.0
-    assert AutoRegressive().band(measured) == 20.0
-    assert AutoRegressive(motion_band=None).band(measured) == 0.0
+def test_the_motions_band_is_a_number_none_or_that_of_an_arm(record):
+    assert AutoRegressive().band(record) == 20.0
+    assert AutoRegressive(motion_band=None).band(record) == 0.0
     assert AutoRegressive(motion_band=5.0).band(record) == 5.0
 
 
 def test_degrees_taken_for_radians_are_refused(arm):
     record = record_of(arm)
-    fields = {"q_ref": record.q_ref, "simulated": True}
+    fields = {"q_ref": record.q_ref}
     degrees = Recording("run", arm.joint_names, np.rad2deg(record.q), record.tau, RATE, **fields)
     with pytest.raises(RecordingError, match=r"shoulder.*are they degrees\? set units"):
         Problem(arm, (degrees,))
@@ -189,7 +192,10 @@ def test_a_simulation_without_inertia_says_which_link_has_none(arm, record):
         rotor_inertia=np.array([0.1, 0.0]),
     )
     with pytest.raises(IdentificationError) as caught:
-        identify(Problem(bare, (record,), loop_of(bare)), "iv-full-rate")
+        identify(
+            Problem(bare, (record,), loop_of(bare)),
+            InstrumentalVariables(RandomWalk(), start="initial"),
+        )
     (note,) = caught.value.__notes__
     assert "nominal inertia of link 'forearm' (joint 'elbow') is zero" in note
 

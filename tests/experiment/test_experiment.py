@@ -45,7 +45,7 @@ def test_file_becomes_robot_recording_loop_and_methods(tmp_path):
     (recording,) = problem.recordings
     assert recording.rate == pytest.approx(1000.0) and recording.samples == 8000
     assert np.allclose(recording.q, np.deg2rad(planar_log()[:, 1:3]), atol=1e-9)
-    assert recording.q_ref is not None and not recording.simulated
+    assert recording.q_ref is not None
     assert isinstance(problem.loop.controller, PID)
     assert np.array_equal(problem.loop.controller.kp, [6000.0, 2500.0])
     assert problem.loop.reference == "recorded"
@@ -246,6 +246,10 @@ BAD = {
     "no TOML": ("robot = ", ("is not TOML", "correct this line")),
     "unknown table": (EXPERIMENT + "[outptu]\n", ("FILE: unknown table 'outptu'", "'output'")),
     "unknown key": (changed("kp =", "pk ="), ("[controller] unknown key 'pk'", "'kp'")),
+    "key that is gone": (
+        changed("[recording]\n", "[recording]\nsimulated = true\n"),
+        ("[recording] key 'simulated' is gone", "the data decide", "delete the line"),
+    ),
     "unknown key of a method": (
         with_identify("piv = {as_print = true}"),
         ("[identify] unknown key 'piv.as_print'", "'as_printed'"),

@@ -180,10 +180,9 @@ class Axis:
             measured[:, None],
             RATE,
             q_ref=q_ref[:, None],
-            simulated=True,
         )
 
     def problem(self, law: FrictionLaw, seed: int) -> Problem:
         """What is given to whoever believes in that law."""
         loop = Loop(PD(kp=[KP], kd=[KD]))
-        return Problem(robot(law), (self.recording(seed),), loop)
+        return Problem(robot(law), (self.recording(seed),), loop, mask=None)

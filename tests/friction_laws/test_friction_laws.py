@@ -49,9 +49,7 @@ def exact(name: str, duration: float = 12.0) -> tuple[Problem, Kinematics, np.nd
     """
     robot = load_robot("planar_2r").with_friction(law(name))
     q, dq, ddq = smooth_motion(RATE, duration, 2)
-    empty = Recording(
-        "run", robot.joint_names, q, dq + ddq, RATE, simulated=True, torque_timing="sampled"
-    )
+    empty = Recording("run", robot.joint_names, q, dq + ddq, RATE, torque_timing="sampled")
     problem = Problem(robot, (empty,))
     theta = truth_of(problem)
     bare = robot.with_friction(FrictionLaw())
@@ -137,7 +135,7 @@ def simulated(name: str, noise_std: float) -> tuple[Problem, np.ndarray]:
     robot = load_robot("planar_2r").with_friction(law(name))
     postures = np.random.default_rng(2).uniform(-1.5, 1.5, (30, 2))
     q_ref, _, _ = point_to_point(postures, 0.8 * robot.rated_speeds, 1000.0, 6000)
-    blank = Recording("run", robot.joint_names, q_ref, q_ref + 1.0, 1000.0, q_ref, simulated=True)
+    blank = Recording("run", robot.joint_names, q_ref, q_ref + 1.0, 1000.0, q_ref)
     problem = Problem(robot, (blank,), Loop(PD(KP, KD)))
     theta = truth_of(problem)
     noise = noise_std * np.random.default_rng(4).standard_normal(q_ref.shape)

@@ -205,10 +205,11 @@ def test_friction_under_load_is_not_taken_for_a_load(arm, empty):
     assert any("A load does not explain all" in warning.message for warning in shared.warnings)
 
 
-def test_a_load_on_another_link_does_not_fit(arm, empty):
-    found = identify_payload(empty, loaded(arm), "ls", link="link_5")
+def test_a_load_on_another_link_does_not_fit(arm):
+    found = identify_payload(arm.problem, [arm.loaded], "ls", link="link_5")
     assert found.link == "link_5" and found.joint == "joint_5"
-    assert any("the link that carries it" in warning.message for warning in found.warnings)
+    (warning,) = [w for w in found.warnings if w.kind == "does not explain"]
+    assert "joint_5" in warning.message and "the link that carries it" in warning.next_step
 
 
 def test_what_does_not_belong_together_is_refused(arm, empty):

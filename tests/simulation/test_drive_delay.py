@@ -85,7 +85,7 @@ def test_a_declared_delay_gives_the_parameters_back():
         q_ref, dq_ref, ddq_ref = one_axis.reference(len(made.q))
         record = Recording(
             "axis", ("carriage",), made.q, made.command + 0.2 * rng.normal(size=made.q.shape),
-            one_axis.RATE, q_ref, dq_ref, ddq_ref, simulated=True, drive_delay=declared,
+            one_axis.RATE, q_ref, dq_ref, ddq_ref, drive_delay=declared,
         )  # fmt: skip
         found = identify(one_axis.problem(record), InstrumentalVariables(RandomWalk()))
         truth = np.array([one_axis.TRUTH[p.name] for p in found.parameters])

@@ -7,7 +7,7 @@ def test_lines_are_toml_again():
     tables = {
         "runs": 3,
         "robot": {"model": 'my "arm".urdf', "frozen": {"elbow": 0.5}},
-        "recording": [{"files": "a.csv", "columns": {"q": ["q1", "q2"]}, "simulated": True}],
+        "recording": [{"files": "a.csv", "columns": {"q": ["q1", "q2"]}}],
         "noise": {"encoder": [2e-6, 1e-5], "empty": {}},
     }
     assert parse_toml("\n".join(toml_lines(tables))) == tables

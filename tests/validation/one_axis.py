@@ -63,7 +63,7 @@ def recording(made, noise=1.0, model_error=0.0, seed=0, name="axis", **changes):
     tau = made.tau + cogging + noise * rng.standard_normal(made.tau.shape)
     q = made.q + 1e-9 * rng.standard_normal(made.q.shape)
     q_ref, dq_ref, ddq_ref = reference(len(q))
-    fields = {"q_ref": q_ref, "dq_ref": dq_ref, "ddq_ref": ddq_ref, "simulated": True} | changes
+    fields = {"q_ref": q_ref, "dq_ref": dq_ref, "ddq_ref": ddq_ref} | changes
     return Recording(name, ("carriage",), q, tau, RATE, **fields)
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from pivident.errors import PividentError
 from pivident.estimation.identify import identify
+from pivident.estimation.methods import InstrumentalVariables, RandomWalk
 from pivident.many.study.bench import Bench
 from pivident.many.study.scenario import read_scenario
 from tests.validation.test_missing_inertia import ARM
@@ -17,7 +18,10 @@ def fine():
     return Bench(read_scenario(ARM, "arm")).problem(0)
 
 
-def noted(problem, method="iv-full-rate"):
+FROM_INITIAL = InstrumentalVariables(RandomWalk(), start="initial")
+
+
+def noted(problem, method=FROM_INITIAL):
     with pytest.raises(PividentError) as caught:
         identify(problem, method)
     return " ".join(caught.value.__notes__)

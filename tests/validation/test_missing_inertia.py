@@ -7,6 +7,7 @@ import pytest
 
 from pivident.errors import SimulationDiverged
 from pivident.estimation.identify import identify
+from pivident.estimation.methods import InstrumentalVariables, RandomWalk
 from pivident.many.study.bench import Bench
 from pivident.many.study.scenario import read_scenario
 from pivident.validation.missing_inertia import missing_inertia
@@ -42,13 +43,18 @@ def bare():
 
 def test_the_error_names_the_rotors_the_key_and_how_much_is_missing(bare):
     with pytest.raises(SimulationDiverged) as caught:
-        identify(bare, "iv-full-rate")
+        identify(bare, InstrumentalVariables(RandomWalk(), start="initial"))
     (note,) = caught.value.__notes__
     assert "the rotor inertia of 'shoulder', 'elbow' is zero" in note
     assert "rotor_inertia = {shoulder = …, elbow = …} under [robot], in kg m²" in note
     # the elbow alone: z² - (2 - (kp h²/2 + kd h)/J) z + …, unstable for J < kd h/2 + kp h²/4
     assert "the loop of 'elbow' is unstable at 1000 Hz below about 0.03" in note
     assert "the loop of 'shoulder'" not in note
+
+
+def test_least_squares_finds_the_rotors_to_start_from(bare):
+    found = identify(bare, "iv-full-rate")
+    assert found.converged and found.value("ia2") == pytest.approx(0.1, rel=0.02)
 
 
 def test_with_rotors_given_the_same_record_is_identified(bare):

@@ -39,8 +39,8 @@ def noise(result: Identification, tests: ResidualTests) -> Iterator[Finding]:
         )
         if modelled and _continues_level(result):
             rest += (
-                ". On measured records it leaves the motion's own frequencies alone, where the "
-                "residual is mostly model error"
+                ". It leaves the motion's own frequencies alone, where the residual may be mostly "
+                "model error"
             )
         what = "The noise model does not whiten" if modelled else "The residual is coloured"
         text = f"{what}{' the residual' if modelled else ''} on {listed(coloured)}; {rest}."
@@ -66,7 +66,7 @@ def _continues_level(result: Identification) -> bool:
         return False
     if not isinstance(method.noise, AutoRegressive) or method.noise.motion_band is None:
         return False
-    return any(not r.kinematics.recording.simulated for r in equations.records)
+    return True
 
 
 def spectral_lines(result: Identification) -> Iterator[Finding]:

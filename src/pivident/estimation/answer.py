@@ -8,9 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from pivident.dynamics.regressor import Regressor
 from pivident.dynamics.signs import sign_warnings
-from pivident.estimation.covariance.sandwich import sandwich
-from pivident.estimation.covariance.stationary_noise import stationary_covariance
+from pivident.estimation.covariance.sandwich import jackknife
+from pivident.estimation.covariance.stationary_noise import (
+    covariance_by_test,
+    stationary_covariance,
+)
 from pivident.estimation.exogeneity import durbin_wu_hausman
 from pivident.estimation.identification import Identification, JointFit
 from pivident.estimation.iteration import Estimate, Run
@@ -50,12 +54,7 @@ def answer(
         relative_error = _relative_error(estimate, residuals, joints)
     else:
         relative_error = relative_residual(estimate.sums, theta, variance)
-    if records[0].full_rate and _is_stationary(problem, method):
-        robust = stationary_covariance(
-            regressor, records, filters, estimate.sums, variance, whitened
-        )
-    else:
-        robust = sandwich(estimate.sums, theta, variance, method.weight_power)
+    robust = _robust_covariance(method, estimate, regressor, whitened)
     formula = estimate.solution.covariance
     covariance = formula if method.covariance == "formula" else robust
     fitted = tuple(
@@ -283,8 +282,18 @@ def _sum_of_squares(signal: np.ndarray, used: np.ndarray) -> np.ndarray:
     return np.array([np.sum(own[part] ** 2) for own, part in zip(signal, used, strict=True)])
 
 
-def _is_stationary(problem: Problem, method: Method) -> bool:
-    """Whether the residual is taken for stationary noise, which it is on simulated records."""
-    if method.covariance in ("stationary", "sandwich"):
-        return method.covariance == "stationary"
-    return method.weight_power == 1.0 and all(r.simulated for r in problem.recordings)
+def _robust_covariance(
+    method: Method, estimate: Estimate, regressor: Regressor, whitened: Sequence[np.ndarray]
+) -> np.ndarray:
+    """Covariance that holds for coloured residuals; ``whitened``: those of unit variance."""
+    records, variance = estimate.records, estimate.variance
+    windows = jackknife(estimate.sums, estimate.theta, variance, method.weight_power)
+    only_windows = method.covariance == "sandwich" or method.weight_power != 1.0
+    if only_windows or not records[0].full_rate:
+        return windows.covariance
+    stationary = stationary_covariance(
+        regressor, records, estimate.prefilters.filters, estimate.sums, variance, whitened
+    )
+    if method.covariance == "stationary":
+        return stationary
+    return covariance_by_test(stationary, windows)

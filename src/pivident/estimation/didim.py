@@ -16,9 +16,9 @@ The price: where model, law or reference are wrong, so is q_s. Two things are lo
 
 * Positions at the start are only known to within the encoder's noise; samples before the loop has
   forgotten them are excluded.
-* On measured records the residual is mostly model error. A noise model of it would be a
-  high-pass filter and trade Coulomb's friction for viscous one, so there the prefilter is the
-  inverse controller alone.
+* Where the residual is mostly model error, a noise model of it would be a high-pass filter and
+  trade Coulomb's friction for viscous one. A joint whose residual is much larger in the motion's
+  band than beyond it shows that; the prefilter is then the inverse controller alone.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.equation_record import EquationRecord
 from pivident.estimation.full_rate import FullRateRecord, records_without_instruments
 from pivident.estimation.identification import Identification
-from pivident.estimation.iteration import Pass, Say, Signals, Simulated, initial_pass
+from pivident.estimation.iteration import Pass, Say, Signals, Simulated, start_number
 from pivident.estimation.methods import PrefilteredIV
 from pivident.estimation.noise_identification import Prefilters, Whitening
-from pivident.estimation.prefiltered_iv import piv
+from pivident.estimation.prefiltered_iv import full_rate_start, piv
 from pivident.estimation.problem import Problem
 from pivident.instruments.given_motion import InstrumentsUsed
 from pivident.motion.kinematics import Kinematics
@@ -49,9 +49,6 @@ from pivident.text.finding import Finding
 #: Iterations behind the inverse controller alone: as long as θ is wrong the residual shows it, and
 #: a noise model of that would be a high-pass filter that the iteration then hardly gets through.
 WITHOUT_NOISE_MODEL = 2
-
-#: First estimate that may be the last: two with a noise model, the second of which is kept.
-EARLIEST = WITHOUT_NOISE_MODEL + 2
 
 #: Iterations that look at the start anew: parameters are near their final values from the second.
 LOOKS_AT_START = 2
@@ -93,13 +90,16 @@ class SimulatedSteps:
     auxiliary: AuxiliaryModel
     whitening: Whitening
 
-    earliest = EARLIEST
-    start_number = 0
     always_by_window = False
 
+    @property
+    def earliest(self) -> int:
+        """Two with a noise model, the second of which is kept."""
+        return start_number(self.method) + WITHOUT_NOISE_MODEL + 2
+
     def start(self) -> Pass:
-        """Nominal values, inverse controllers."""
-        return initial_pass(self.signals.problem, self.whitening.initial())
+        """θ⁰: least squares on the measured motion behind the inverse controllers."""
+        return full_rate_start(self.signals, self.method, self.whitening.initial())
 
     def noise_models(self, last: Pass, theta: np.ndarray) -> Prefilters:
         """Those before: the residual needs the motion that is being simulated."""
@@ -110,8 +110,8 @@ class SimulatedSteps:
     ) -> tuple[Sequence[FullRateRecord], Prefilters]:
         """Φ(q_s) and τ from where the loop has forgotten its start, and step (c) on them."""
         signals, theta = self.signals, simulated.theta
-        load = signals.load(last.number, theta)
-        if last.number < LOOKS_AT_START:
+        load, made = signals.load(last.number, theta), last.number - start_number(self.method)
+        if made < LOOKS_AT_START:
             starts = settled_starts(self.auxiliary, theta, simulated.motions, signals.kinematics)
         else:
             starts = [r.kinematics.start for r in last.records]
@@ -123,10 +123,10 @@ class SimulatedSteps:
         records = records_without_instruments(
             [with_inner(regressor, m, load) for m in moved], signals.limits
         )
-        if all(r.simulated for r in signals.problem.recordings):  # the residual is only noise
-            number = last.number + 1 - WITHOUT_NOISE_MODEL
-            prefilters = self.whitening.fitted(prefilters, number, theta, records)
-        prefilters.exclude(signals.problem, records)
+        number = made + 1 - WITHOUT_NOISE_MODEL
+        fitted = self.whitening.fitted(prefilters, number, theta, records)
+        prefilters = prefilters if fitted.show_model_error else fitted
+        prefilters.exclude(records)
         return records, prefilters
 
 

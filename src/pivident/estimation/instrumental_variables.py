@@ -10,7 +10,7 @@ repeated until it stands still: the iteration of IDIM-PIV with prefilters of one
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
@@ -20,13 +20,24 @@ from pivident.estimation.decimated import DecimatedRecord, decimate_record
 from pivident.estimation.full_rate import FullRateRecord, records_with_instruments
 from pivident.estimation.identification import Identification
 from pivident.estimation.instrument_choice import Chosen, InstrumentSource
-from pivident.estimation.iteration import Pass, Say, Signals, Simulated, Steps, initial_pass
+from pivident.estimation.iteration import (
+    Pass,
+    Say,
+    Signals,
+    Simulated,
+    Steps,
+    initial_pass,
+    least_squares_pass,
+    start_number,
+)
 from pivident.estimation.methods import Bandpass, InstrumentalVariables
 from pivident.estimation.noise_identification import Prefilters
-from pivident.estimation.prefiltered_iv import with_instruments
+from pivident.estimation.prefiltered_iv import (
+    MIN_ESTIMATES,
+    full_rate_start,
+    with_instruments,
+)
 from pivident.estimation.problem import Problem
-from pivident.estimation.standstill import decided_by_residual, noisy_standstill
-from pivident.motion.kinematics import torque_of
 
 
 def identify_iv(problem: Problem, method: InstrumentalVariables, say: Say) -> Identification:
@@ -54,13 +65,21 @@ class DecimatedSteps:
     auxiliary: InstrumentSource
     recipe: Bandpass
 
-    earliest = 2
-    start_number = 0
+    earliest = MIN_ESTIMATES + 1
     always_by_window = True
 
     def start(self) -> Pass:
-        """Nominal values."""
-        return initial_pass(self.signals.problem, Prefilters(()))
+        """θ⁰: least squares on the decimated equations."""
+        signals, regressor = self.signals, self.signals.problem.regressor
+        nominal = initial_pass(signals.problem, Prefilters(()))
+        if not start_number(self.method):
+            return nominal
+        measured = signals.measured(signals.without_load)
+        records = [
+            decimate_record(regressor, kin, self.recipe, limits)
+            for kin, limits in zip(measured, signals.limits, strict=True)
+        ]
+        return least_squares_pass(signals, nominal, records)
 
     def noise_models(self, last: Pass, theta: np.ndarray) -> Prefilters:
         """None."""
@@ -96,13 +115,13 @@ class FullRateSteps:
     method: InstrumentalVariables
     auxiliary: InstrumentSource
 
-    earliest = 3
-    start_number = 0
+    earliest = MIN_ESTIMATES + 1
     always_by_window = True
 
     def start(self) -> Pass:
-        """Nominal values."""
-        return initial_pass(self.signals.problem, Prefilters.none(self.signals.problem))
+        """θ⁰: least squares at the full rate."""
+        none = Prefilters.none(self.signals.problem)
+        return full_rate_start(self.signals, self.method, none)
 
     def noise_models(self, last: Pass, theta: np.ndarray) -> Prefilters:
         """None."""
@@ -111,15 +130,9 @@ class FullRateSteps:
     def equations(
         self, last: Pass, simulated: Simulated, prefilters: Prefilters
     ) -> tuple[Sequence[FullRateRecord], Prefilters]:
-        """Φ(q̂), Z = Φ(q_s) and τ; the first estimate's residual decides about standstill."""
+        """Φ(q̂), Z = Φ(q_s) and τ of all recordings."""
         signals, load = self.signals, self.signals.load(last.number, simulated.theta)
-        problem, measured = signals.problem, signals.measured(load)
         records = records_with_instruments(
-            measured, signals.simulated(simulated.motions, load), signals.limits
+            signals.measured(load), signals.simulated(simulated.motions, load), signals.limits
         )
-        if last.number == 1 and decided_by_residual(problem):
-            residuals = [k.tau - torque_of(problem.regressor, k, simulated.theta) for k in measured]
-            noisy = noisy_standstill(problem, prefilters.filters, records, residuals)
-            prefilters = replace(prefilters, without_standstill=noisy)
-        prefilters.exclude(problem, records)
         return records, prefilters

@@ -192,10 +192,6 @@ class Steps(Protocol):
     def always_by_window(self) -> bool:
         """Whether sums are kept for each window of time before they are needed."""
 
-    @property
-    def start_number(self) -> int:
-        """Estimates that are made before the first iteration."""
-
     def start(self) -> Pass:
         """Step 1: θ⁰ and H = 1."""
 
@@ -208,9 +204,26 @@ class Steps(Protocol):
         """Records with the simulated instruments, and what they are filtered with."""
 
 
+def start_number(method: InstrumentalVariables | PrefilteredIV) -> int:
+    """Estimates before the first iteration: whether least squares makes one."""
+    return int(method.start == "least-squares")
+
+
 def initial_pass(problem: Problem, prefilters: Prefilters) -> Pass:
     """θ⁰: nominal inertias, zero friction, or what the problem says."""
     return Pass(0, problem.initial_values(), None, (), prefilters)
+
+
+def least_squares_pass(signals: Signals, nominal: Pass, records: Sequence[EquationRecord]) -> Pass:
+    """θ⁰ by least squares, nearer to the answer than nominal values, which may lack the rotors.
+
+    ``nominal``: the pass of the initial values, from which the way to θ⁰ is halved where the loop
+    cannot be simulated; ``records``: equations without instruments.
+    """
+    problem, filters = signals.problem, nominal.prefilters.filters
+    sums = accumulate(problem.regressor, records, filters, by_window=False)
+    theta = weighted_solution(sums, problem.names, nominal.theta, 1.0)[0].theta
+    return Pass(1, theta, nominal.theta, records, nominal.prefilters)
 
 
 def simulate(auxiliary: InstrumentSource, last: Pass) -> Simulated:
@@ -237,7 +250,7 @@ def solve(steps: Steps, last: Pass, simulated: Simulated, prefilters: Prefilters
 
 def _earliest(steps: Steps) -> int:
     """Number of the first estimate that may be the last, at the latest that of the last one."""
-    return min(steps.earliest, steps.start_number + steps.method.max_iterations)
+    return min(steps.earliest, start_number(steps.method) + steps.method.max_iterations)
 
 
 @dataclass(frozen=True, eq=False)

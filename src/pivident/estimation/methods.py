@@ -21,6 +21,9 @@ CovarianceKind = Literal["auto", "formula", "sandwich", "stationary"]
 #: Where instruments come from, see `pivident.instruments`.
 Instruments = Literal["auto", "loop", "response", "repetition", "sensor", "virtual", "halves"]
 
+#: What the first simulation is made with.
+Start = Literal["least-squares", "initial"]
+
 #: Samples in a period of the highest frequency that a decimation keeps, at least: a difference that
 #: is corrected to its instant keeps 99 % there, one that is not 90 %.
 SAMPLES_OF_A_PERIOD = 8.0
@@ -31,6 +34,11 @@ def _check_iteration(tolerance: float, max_iterations: int) -> None:
         raise ExperimentError(f"tolerance must lie between 0 and 1, not {tolerance}")
     if max_iterations < 1:
         raise ExperimentError(f"max_iterations must be at least 1, not {max_iterations}")
+
+
+def _check_start(start: str) -> None:
+    if start not in get_args(Start):
+        raise ExperimentError(f"start is {start!r}; choose 'least-squares' or 'initial'")
 
 
 def _check_instruments(instruments: str) -> None:
@@ -142,10 +150,10 @@ class AutoRegressive:
         p_max: largest order tried.
         criterion: ``aic``, ``aicc`` or ``bic``.
         on_unmasked: whether it is fitted on the rows in use only.
-        motion_band: highest frequency of the motion [Hz]. Below it the residual of a measured
-            record is mostly model error, and the noise level just above it is continued
-            downwards (see ``continued_into_band``). ``auto``: 20 Hz or a quarter of the Nyquist
-            frequency on measured records, no such band on simulated ones. None: no band.
+        motion_band: highest frequency of the motion [Hz]. Below it the residual may be mostly
+            model error, and noise counts up to the level just above it (see
+            ``continued_into_band``). ``auto``: 20 Hz or a quarter of the Nyquist frequency. None:
+            no band.
     """
 
     p_max: int = 150
@@ -156,7 +164,7 @@ class AutoRegressive:
     def band(self, recording: Recording) -> float:
         """Highest frequency of the motion of a recording [Hz], zero for none."""
         if self.motion_band == "auto":
-            return 0.0 if recording.simulated else min(MOTION_BAND, recording.rate / 8.0)
+            return min(MOTION_BAND, recording.rate / 8.0)
         return float(self.motion_band or 0.0)
 
 
@@ -236,6 +244,9 @@ class InstrumentalVariables:
         signals: ``Bandpass()`` as in the literature, ``RandomWalk()`` at full rate.
         tolerance: both criteria of convergence.
         max_iterations: give up after so many.
+        start: what the first simulation is made with: ``least-squares`` on the record, or the
+        start: what the first simulation is made with: ``least-squares`` on the record, or the
+            problem's ``initial`` values, as the literature does.
         instruments: ``loop``: simulated with its law; ``response``: the reference through the
             identified response of the loop; ``repetition``: other repetitions of the motion;
             ``sensor``: a second encoder; ``virtual``: a virtual computed-torque loop around the
@@ -250,6 +261,7 @@ class InstrumentalVariables:
     tolerance: float = 1e-2
     max_iterations: int = 20
     instruments: Instruments = "auto"
+    start: Start = "least-squares"
 
     simulates_loop: ClassVar[bool] = True
     weight_power: ClassVar[float] = 1.0
@@ -258,6 +270,7 @@ class InstrumentalVariables:
     def __post_init__(self) -> None:
         _check_iteration(self.tolerance, self.max_iterations)
         _check_instruments(self.instruments)
+        _check_start(self.start)
 
     @property
     def label(self) -> str:
@@ -278,11 +291,13 @@ class PrefilteredIV:
             both where the law was identified from the record.
         covariance: what the standard errors come from: ``stationary``, the autocovariance of the
             residual; ``sandwich``, windows of time, which also holds where the residual comes in
-            bursts; ``auto``: stationary on simulated records, where the residual is noise,
-            sandwich on measured ones; or the paper's ``formula`` (P-31).
+            bursts; ``auto``: stationary where the windows agree with it (see
+            `pivident.estimation.covariance.stationary_noise`), else sandwich; or the paper's
+            ``formula`` (P-31).
         as_printed: the paper to the letter: irwsm of order 2 applied twice, torque not aligned,
             standard errors by (P-31), and (P-22), (P-28) with λ⁻¹ on both sides. AR orders go up to
             the noise model's ``p_max``; CAPTAIN's ``aic`` stops at 32 by default.
+        start: what the first simulation is made with: ``least-squares`` on the record, or the
         start: what the first simulation is made with: ``least-squares`` on the record, or the
             problem's ``initial`` values, as the paper does.
         regressor: what the observation matrix is made of: ``measured``, smoothed positions, or
@@ -298,7 +313,7 @@ class PrefilteredIV:
     prefilter: Literal["auto", "controller", "direct"] = "auto"
     covariance: CovarianceKind = "auto"
     as_printed: bool = False
-    start: Literal["least-squares", "initial"] = "least-squares"
+    start: Start = "least-squares"
     regressor: Literal["measured", "simulated"] = "measured"
     tolerance: float = 1e-2
     max_iterations: int = 20
@@ -323,8 +338,7 @@ class PrefilteredIV:
         if self.covariance not in get_args(CovarianceKind):
             choices = ", ".join(map(repr, get_args(CovarianceKind)))
             raise ExperimentError(f"covariance is {self.covariance!r}; choose one of {choices}")
-        if self.start not in ("least-squares", "initial"):
-            raise ExperimentError(f"start is {self.start!r}; choose 'least-squares' or 'initial'")
+        _check_start(self.start)
         if self.regressor not in ("measured", "simulated"):
             raise ExperimentError(
                 f"regressor is {self.regressor!r}; choose 'measured' or 'simulated'"

@@ -1,10 +1,8 @@
 """Prefilters of IDIM-PIV: noise models from the residual, and the samples they can be used on.
 
-An AR model of the residual behind the inverse controller whitens it, (P-25), (P-29). On simulated
-records a joint's standstill is excluded where it is much noisier than the motion; on measured ones
-the mask has done that. A prefilter that inverts a controller has seen it, and remembers it for
-long: samples filtered with standstill in memory are excluded where they cost more than they are
-worth (`standstill.remembers_standstill`).
+An AR model of the residual behind the inverse controller whitens it, (P-25), (P-29). Standstill,
+and samples that a prefilter has filtered with standstill in memory, are used where they are worth
+it (`pivident.estimation.standstill`).
 """
 
 from __future__ import annotations
@@ -18,16 +16,15 @@ from pivident.errors import ExperimentError, IdentificationError
 from pivident.estimation.equation_record import EquationRecord
 from pivident.estimation.methods import Arma, PrefilteredIV, Repetition
 from pivident.estimation.problem import Problem
-from pivident.estimation.standstill import (
-    decided_by_residual,
-    noisy_standstill,
-    remembers_standstill,
-    slow_samples,
-    without_recent,
-)
+from pivident.estimation.standstill import valid_samples, without_recent, worth_using
 from pivident.motion.kinematics import Kinematics, residual_of, usable_samples
 from pivident.recording.repeated_motion import repeated_motion
-from pivident.signals.noise_models import continued_into_band, fit_ar, unmasked_stretches
+from pivident.signals.noise_models import (
+    continued_into_band,
+    excess_in_band,
+    fit_ar,
+    unmasked_stretches,
+)
 from pivident.signals.prefilter import Prefilter
 from pivident.simulation.controllers import inverse_controller
 from pivident.text.finding import Finding
@@ -39,6 +36,11 @@ from pivident.threads import run_in_threads
 DECIDES_ORDERS, DECIDES_MODELS = 1, 2
 
 
+#: Excess of the motion's band from which on a residual there is mostly model error. In the scenario
+#: *coarse* it is 0.9 to 1.9, with gains 2 % off or friction that the model lacks 10 to 30.
+MODEL_ERROR = 4.0
+
+
 @dataclass(frozen=True, eq=False)
 class NoiseModel:
     """D(z⁻¹) v = C(z⁻¹) e."""
@@ -46,6 +48,7 @@ class NoiseModel:
     ar: np.ndarray  # D, monic
     ma: np.ndarray  # C, monic
     at_bound: bool = False  # whether the order is the largest allowed
+    excess: float = 1.0  # level in the motion's band over that just beyond it
     warnings: tuple[str, ...] = ()  # what its estimation noticed, whole sentences
 
     @property
@@ -61,29 +64,33 @@ class Prefilters:
     filters: tuple[Prefilter, ...]  # prefilter of each joint; none with decimated equations
     models: tuple[NoiseModel, ...] = ()  # noise model of each joint; none before the first residual
     at_bound: tuple[bool, ...] = ()  # whether each model's order is the largest allowed
-    #: Joints whose standstill is excluded, shape (joints,).
-    without_standstill: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
-    #: Joints of which samples filtered with standstill in memory are excluded, likewise.
-    without_memory: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
+    #: Joints whose standstill is used, shape (joints,).
+    with_standstill: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
+    #: Joints of which samples filtered with standstill in memory are used, likewise.
+    with_memory: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
     inverts_controller: bool = False  # whether what comes out has the unit of the positions
 
     @classmethod
     def none(cls, problem: Problem) -> Prefilters:
         """L_j = 1."""
         n = problem.robot.size
-        nowhere = np.zeros(n, bool)
-        return cls((Prefilter(),) * n, (), (), nowhere, nowhere)
+        return cls((Prefilter(),) * n, (), (), np.zeros(n, bool), np.ones(n, bool))
 
     @property
     def orders(self) -> tuple[int, ...]:
         """Orders of the noise models."""
         return tuple(m.order for m in self.models)
 
-    def exclude(self, problem: Problem, records: Sequence[EquationRecord]) -> None:
-        """Exclude samples that would bias the estimate: filter transients, noisy standstill."""
+    @property
+    def show_model_error(self) -> bool:
+        """Whether a joint's residual is mostly model error in the motion's band."""
+        return any(m.excess > MODEL_ERROR for m in self.models)
+
+    def exclude(self, records: Sequence[EquationRecord]) -> None:
+        """Use standstill where it is worth it, and exclude what filters remember of others."""
         for record in records:
             used = record.used
-            used[slow_samples(problem, record) & self.without_standstill[:, None]] = False
+            used[self.with_standstill] = valid_samples(record)
             record.seen[:] = used
             for j, prefilter in enumerate(self.filters):
                 if prefilter.begins_anew:
@@ -91,7 +98,7 @@ class Prefilters:
                 used[j, : record.kinematics.start + prefilter.transient()] = False
                 if record.motion is not None and record.motion.valid is not None:
                     used[j] &= without_recent(record.motion.valid, prefilter.transient())
-                if self.without_standstill[j] or self.without_memory[j]:
+                if not self.with_memory[j]:
                     used[j] = without_recent(used[j], prefilter.transient())
 
 
@@ -142,8 +149,8 @@ class Whitening:
         """Prefilters before there is a residual: L_j = C_j⁻¹, no noise model."""
         n = self.problem.robot.size
         filters = tuple(self.inverse(j) for j in range(n))
-        nowhere, inverts = np.zeros(n, bool), self.inverts_controller
-        return Prefilters(filters, (), (False,) * n, nowhere, nowhere, inverts)
+        nowhere, everywhere = np.zeros(n, bool), np.ones(n, bool)
+        return Prefilters(filters, (), (False,) * n, nowhere, everywhere, self.inverts_controller)
 
     def fitted(
         self,
@@ -156,16 +163,16 @@ class Whitening:
         if not DECIDES_ORDERS <= number <= DECIDES_MODELS:
             return before
         own = [replace(r.kinematics, inner=None) for r in records]  # with the load of θ
-        residuals = [residual_of(self.problem.regressor, k, theta) for k in own]
+        residuals = noise = [residual_of(self.problem.regressor, k, theta) for k in own]
         if isinstance(self.method.noise, Repetition):
             motion = repeated_motion([k.recording for k in own], self.method.noise.period)
-            residuals = motion.split(residuals, [usable_samples(k) for k in own])[1]
+            noise = motion.split(residuals, [usable_samples(k) for k in own])[1]
         n = self.problem.robot.size
         models: list[NoiseModel | None] = [None] * n
 
         def fit(j: int) -> None:
-            order = len(before.models[j].ar) - 1 if number > DECIDES_ORDERS else None
-            models[j] = self._model_of_joint(j, residuals, records, order)
+            order = len(before.models[j].ar) - 1 if before.models else None
+            models[j] = self._model_of_joint(j, noise, records, order)
 
         run_in_threads(fit, range(n))
         fitted = tuple(m for m in models if m is not None)
@@ -173,21 +180,19 @@ class Whitening:
             Prefilter(self.numerator[j], np.convolve(self.denominator[j], m.ma), m.ar)
             for j, m in enumerate(fitted)
         )
-        standstill, memory = before.without_standstill, before.without_memory
+        worth = before.with_standstill, before.with_memory
         if not self.method.as_printed:
-            if decided_by_residual(self.problem):
-                standstill = noisy_standstill(self.problem, filters, records, residuals)
-            memory = remembers_standstill(filters, records, residuals)
+            worth = worth_using(self.problem, filters, records, residuals)
         at_bound = before.at_bound  # a later fit is given its order and does not know
-        if number == DECIDES_ORDERS:
+        if not before.models:
             at_bound = tuple(m.at_bound for m in fitted)
         return replace(
             before,
             filters=filters,
             models=fitted,
             at_bound=at_bound,
-            without_standstill=standstill,
-            without_memory=memory,
+            with_standstill=worth[0],
+            with_memory=worth[1],
         )
 
     def warnings(self, prefilters: Prefilters) -> list[Finding]:
@@ -253,8 +258,10 @@ class Whitening:
             return _arma_model(whole, mask, noise)
         model = fit_ar(whole, noise.p_max, noise.criterion, order=order, mask=mask)
         recording = records[0].kinematics.recording
-        changed = continued_into_band(model, recording.rate, noise.band(recording))
-        return NoiseModel(changed.coefficients, np.ones(1), model.at_bound)
+        band = noise.band(recording)
+        changed = continued_into_band(model, recording.rate, band)
+        excess = excess_in_band(model, recording.rate, band)
+        return NoiseModel(changed.coefficients, np.ones(1), model.at_bound, excess)
 
 
 def _arma_model(residual: np.ndarray, mask: np.ndarray, noise: Arma) -> NoiseModel:

@@ -25,7 +25,6 @@ from pivident.errors import (
     SimulationDiverged,
 )
 from pivident.estimation.answer import answer, loop_warnings
-from pivident.estimation.equation_record import accumulate
 from pivident.estimation.full_rate import (
     FullRateRecord,
     records_with_instruments,
@@ -49,12 +48,13 @@ from pivident.estimation.iteration import (
     Simulated,
     Steps,
     initial_pass,
+    least_squares_pass,
     simulate,
     solve,
+    start_number,
 )
 from pivident.estimation.methods import InstrumentalVariables, PrefilteredIV
 from pivident.estimation.noise_identification import Prefilters, Whitening
-from pivident.estimation.normal_equations import weighted_solution
 from pivident.estimation.problem import Problem
 from pivident.instruments.given_motion import InstrumentsUsed
 
@@ -165,6 +165,17 @@ def with_instruments(
     return made, *piv(made, say), chosen.used
 
 
+def full_rate_start(
+    signals: Signals, method: InstrumentalVariables | PrefilteredIV, prefilters: Prefilters
+) -> Pass:
+    """θ⁰ of a method at the full rate, with prefilters that need no noise model."""
+    nominal = initial_pass(signals.problem, prefilters)
+    if not start_number(method):
+        return nominal
+    records = records_without_instruments(signals.measured(signals.without_load), signals.limits)
+    return least_squares_pass(signals, nominal, records)
+
+
 @dataclass(frozen=True, eq=False)
 class PrefilteredSteps:
     """The steps of IDIM-PIV."""
@@ -177,24 +188,9 @@ class PrefilteredSteps:
     earliest = MIN_ESTIMATES + 1
     always_by_window = False
 
-    @property
-    def start_number(self) -> int:
-        """Whether least squares makes the first estimate."""
-        return int(self.method.start == "least-squares")
-
     def start(self) -> Pass:
-        """θ⁰: IDIM-LS behind the inverse controllers, nearer to the answer than nominal values."""
-        problem, signals = self.signals.problem, self.signals
-        nominal = initial_pass(problem, self.whitening.initial())
-        if not self.start_number:
-            return nominal
-        records = records_without_instruments(
-            signals.measured(signals.without_load), signals.limits
-        )
-        sums = accumulate(problem.regressor, records, nominal.prefilters.filters, by_window=False)
-        power = self.method.weight_power
-        theta = weighted_solution(sums, problem.names, nominal.theta, power)[0].theta
-        return Pass(1, theta, nominal.theta, records, nominal.prefilters)
+        """θ⁰: least squares behind the inverse controllers."""
+        return full_rate_start(self.signals, self.method, self.whitening.initial())
 
     def noise_models(self, last: Pass, theta: np.ndarray) -> Prefilters:
         """Step (c): inverse controllers and whiteners of what they leave of the residual."""
@@ -208,5 +204,5 @@ class PrefilteredSteps:
         records = records_with_instruments(
             signals.measured(load), signals.simulated(simulated.motions, load), signals.limits
         )
-        prefilters.exclude(signals.problem, records)
+        prefilters.exclude(records)
         return records, prefilters

@@ -28,7 +28,7 @@ from pivident.simulation.control_loop import Loop
 from pivident.text import display
 from pivident.text.finding import Finding
 
-#: Share of the rated speed below which rows are excluded on measured records.
+#: Share of the rated speed below which rows are excluded.
 LOW_SPEED = 0.01
 
 
@@ -52,10 +52,8 @@ class Problem:
             from the record itself.
         parameters: names of the base parameters to estimate (with or without the trailing
             ``r``); None: all of them.
-        mask: ``auto``: rows of a joint below 1 % of its rated speed are excluded on measured
-            records; on simulated ones they are used, unless PIV finds its residual much noisier
-            there than in motion. A number: that share of the rated speed. None or 0: all rows are
-            used.
+        mask: rows of a joint slower than this share of its rated speed are excluded; ``auto``:
+            1 %, for at standstill dry friction follows no law. None or 0: all rows are used.
         initial: starting values by parameter name; base parameters not named start at their
             nominal value, frictions at zero.
         without_loop: why there is no loop, a sentence, where one was looked for.
@@ -146,10 +144,8 @@ class Problem:
 
     def speed_limits(self, recording: Recording) -> SpeedLimits:
         """Speeds below which samples of a recording are excluded."""
-        share = self.mask
-        if share == "auto":
-            share = 0.0 if recording.simulated else LOW_SPEED
-        joints = float(share or 0.0) * rated_speeds(self.robot, recording)
+        share = LOW_SPEED if self.mask == "auto" else self.mask or 0.0
+        joints = share * rated_speeds(self.robot, recording)
         return SpeedLimits(joints, self.robot.couplings)
 
     def low_speeds(self, recording: Recording) -> np.ndarray:

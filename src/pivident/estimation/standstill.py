@@ -1,117 +1,98 @@
-"""Standstill that is noisier than motion, and is excluded.
+"""Standstill, and what a prefilter remembers of it: used where they are worth it.
 
-Near standstill the friction law is steep, Coulomb's term multiplies what noise the smoothed speed
-has left, and the residual is not the encoder noise that prefilters and standard errors are made
-for. Its weight by inverse variance would be small, and most of what it adds is bias. On measured
-records the mask excludes those samples, for the sake of the friction model; on simulated ones,
-where standstill may be worth as much as motion, the residual decides joint by joint.
+At standstill dry friction takes any value up to its level, and the residual may be many times that
+of the motion; noise that the smoothed speed has left is multiplied by Coulomb's term. A prefilter
+that inverts a controller carries that into the samples after it. The residual decides, joint by
+joint: of c + m samples, m have r times the mean square of the other c at low frequencies. An
+estimate from all of them, weighted alike, has the variance (c + r m)/(c + m)² of one sample's, and
+one from the c alone 1/c: the m are left out where
 
-A prefilter that inverts a controller carries what it has seen of the excluded samples into those
-after them, where an arm held by dry friction may have a residual many times that of its motion.
+    r > 2 + m/c
+
+The c are in motion with no standstill in the prefilter's memory. Without enough of them nothing is
+known, and standstill is left out.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from pivident.estimation.equation_record import EquationRecord
-from pivident.estimation.full_rate import BLOCK
 from pivident.estimation.problem import Problem
 from pivident.motion.kinematics import MOTION_BAND
 from pivident.signals.prefilter import Prefilter
 from pivident.threads import run_in_threads
 
-#: Ratio of variances, standstill to motion, from which on slow samples are excluded: their weight
-#: by inverse variance would be below a tenth.
-NOISY_STANDSTILL = 10.0
+#: Band of the comparison [Hz]: the half of the motion's band that holds nearly all of the motion.
+BAND = 0.5 * MOTION_BAND
 
-#: Samples that either side of that comparison needs.
+#: Samples without standstill in memory that the comparison needs.
 MIN_ROWS = 200
 
 
-def decided_by_residual(problem: Problem) -> bool:
-    """Whether the residual decides: on simulated records for which no mask is given."""
-    return problem.mask == "auto" and all(r.simulated for r in problem.recordings)
+class Worth(NamedTuple):
+    """What is worth using, by joint, each of shape (joints,)."""
+
+    standstill: np.ndarray  # samples at standstill
+    memory: np.ndarray  # samples in motion that a prefilter has filtered with standstill in memory
 
 
-def noisy_standstill(
+def worth_using(
     problem: Problem,
     filters: Sequence[Prefilter],
     records: Sequence[EquationRecord],
     residuals: Sequence[np.ndarray],
-) -> np.ndarray:
-    """Joints whose filtered residual is much larger at standstill than in motion.
+) -> Worth:
+    """What the residual says about standstill and the samples after it.
 
-    Only frequencies of the motion count: the rest does not touch the estimate.
-
-    ``residuals``: τ - Φθ of each recording, shape (joints, samples). Result: true where the
-    variances differ by more than ``NOISY_STANDSTILL``, shape (joints,).
+    ``residuals``: τ - Φθ of each recording, shape (joints, samples).
     """
-    sums = np.zeros((2, 2, len(filters)))  # standstill or motion; rows, squares
+    rows, squares = np.zeros((2, 3, len(filters)))
     for record, residual in zip(records, residuals, strict=True):
-        kin, slow = record.kinematics, slow_samples(problem, record)
+        moving, valid = moving_samples(problem, record), valid_samples(record)
+        rate = record.kinematics.recording.rate
 
-        def add(j: int, kin=kin, residual=residual, slow=slow) -> None:
-            usable = slice(kin.start, kin.stop)
-            whitened = filters[j].stream(1).process(residual[j : j + 1, usable])[0]
-            settled = slice(filters[j].transient(), None)
-            squares = _squares_in_band(whitened, kin.recording.rate)[settled]
-            still = slow[j, usable][settled]
-            moving = without_recent(~still, filters[j].transient())
-            for i, group in enumerate((still, moving)):
-                sums[i, :, j] += group.sum(), squares[group].sum()
+        def add(j: int, record=record, residual=residual, moving=moving, rate=rate, valid=valid):
+            transient = filters[j].transient()
+            usable = valid & (np.arange(valid.size) >= record.kinematics.start + transient)
+            settled = without_recent(moving[j], transient)
+            white = filters[j].stream(1).process(residual[j : j + 1])[0]
+            # without standstill, whose squares would spread to the samples beside it
+            motion = _squares_in_band(np.where(usable & moving[j], white, 0.0), rate)
+            whole = _squares_in_band(np.where(usable, white, 0.0), rate)
+            groups = (moving[j] & settled, motion), (moving[j] & ~settled, motion)
+            for i, (group, own) in enumerate((*groups, (~moving[j], whole))):
+                rows[i, j] += np.sum(usable & group)
+                squares[i, j] += own[usable & group].sum()
 
         run_in_threads(add, range(len(filters)))
-    rows, squares = sums[:, 0], sums[:, 1]
-    enough = (rows > MIN_ROWS).all(axis=0)
-    still, moving = squares / np.maximum(rows, 1.0)
-    return enough & (still > NOISY_STANDSTILL * moving)
+    settled, others = rows[0], rows[1:]
+    ratio = squares[1:] * settled / np.maximum(squares[0] * others, 1e-300)
+    worth = ratio <= 2.0 + others / np.maximum(settled, 1.0)
+    enough = settled > MIN_ROWS
+    standstill = enough & worth[1] & (problem.mask == "auto")
+    return Worth(standstill, ~enough | worth[0] | standstill)
 
 
-def remembers_standstill(
-    filters: Sequence[Prefilter],
-    records: Sequence[EquationRecord],
-    residuals: Sequence[np.ndarray],
-) -> np.ndarray:
-    """Joints whose samples with standstill in the filter's memory cost more than they are worth.
-
-    Of c + m samples, m have r times the mean square of the other c in the motion's band. An
-    estimate from all of them, weighted alike, has the variance (c + r m)/(c + m)² of one sample's,
-    and one from the c alone 1/c: the m are left out where r > 2 + m/c.
-
-    ``residuals``: τ - Φθ of each recording, shape (joints, samples). Result: shape (joints,).
-    """
-    sums = np.zeros((2, 2, len(filters)))  # settled or not; rows, squares
-    for record, residual in zip(records, residuals, strict=True):
-
-        def add(j: int, record=record, residual=residual) -> None:
-            used, rate = record.used[j], record.kinematics.recording.rate
-            whitened = filters[j].stream(1).process(residual[j : j + 1])[0]
-            squares = _squares_in_band(np.where(used, whitened, 0.0), rate)
-            settled = without_recent(used, filters[j].transient())
-            for i, group in enumerate((used & settled, used & ~settled)):
-                sums[i, :, j] += group.sum(), squares[group].sum()
-
-        run_in_threads(add, range(len(filters)))
-    (clean, after), squares = sums[:, 0], sums[:, 1]
-    remembers = np.array([not prefilter.begins_anew for prefilter in filters])
-    enough = remembers & (clean > MIN_ROWS) & (after > 0)
-    ratio = squares[1] * clean / np.maximum(squares[0] * after, 1e-300)
-    return enough & (ratio > 2.0 + after / np.maximum(clean, 1.0))
+def moving_samples(problem: Problem, record: EquationRecord) -> np.ndarray:
+    """Samples that the mask keeps, shape (joints, samples); motions of a record ask both speeds."""
+    kin, motion = record.kinematics, record.motion
+    limits = problem.speed_limits(kin.recording)
+    moving = limits.moving(kin.dq if motion is None else motion.dq)
+    if motion is not None and motion.from_record:
+        moving &= limits.moving(kin.dq)
+    return moving
 
 
-def slow_samples(problem: Problem, record: EquationRecord) -> np.ndarray:
-    """Samples at which the instruments stand still, shape (joints, samples)."""
-    source = record.kinematics if record.motion is None else record.motion
-    low = problem.low_speeds(record.kinematics.recording)
-    samples = record.used.shape[1]
-    slow = np.empty((len(low), samples), bool)
-    for first in range(0, samples, BLOCK):
-        span = slice(first, min(first + BLOCK, samples))
-        slow[:, span] = np.abs(source.stretch(span)[1]) < low[:, None]
-    return slow
+def valid_samples(record: EquationRecord) -> np.ndarray:
+    """Samples that may be used whatever the speed, shape (samples,)."""
+    kin, motion = record.kinematics, record.motion
+    valid = np.zeros(kin.q.shape[1], bool)
+    valid[kin.start : kin.stop] = True
+    return valid if motion is None or motion.valid is None else valid & motion.valid
 
 
 def without_recent(used: np.ndarray, length: int) -> np.ndarray:
@@ -125,8 +106,8 @@ def without_recent(used: np.ndarray, length: int) -> np.ndarray:
 
 
 def _squares_in_band(signal: np.ndarray, rate: float) -> np.ndarray:
-    """Squares of a signal within the motion's band, shape (samples,)."""
+    """Squares of a signal at low frequencies, shape (samples,)."""
     from scipy.signal import butter, sosfiltfilt
 
-    low_pass = butter(2, min(MOTION_BAND, rate / 8.0), fs=rate, output="sos")
+    low_pass = butter(2, min(BAND, rate / 16.0), fs=rate, output="sos")
     return np.asarray(sosfiltfilt(low_pass, signal) ** 2)

@@ -28,6 +28,9 @@ MEANT = {
     "sample_rate": ("rate",),
 }
 
+#: Keys that there were, by table, and what to do about them.
+GONE = {"recording": {"simulated": "the data decide what it chose; delete the line"}}
+
 Root = TypeVar("Root", bound=BaseModel)
 
 
@@ -108,6 +111,8 @@ def _sentence(details: Any, table: str, key: str, root: type[BaseModel]) -> str:
         known = keys_at(root, above)
         meant = [key for key in MEANT.get(str(last).lower(), ()) if key in known]
         hint = f"did you mean {meant[0]!r}?" if meant else nearest(str(last), known)
+        if last in GONE.get(str(above[0] if above else ""), {}):
+            return f"key {key!r} is gone: {GONE[str(above[0])][last]}"
         if not above:
             return f"unknown table {last!r}; {hint}"
         return f"unknown key {key!r}; {hint}"

@@ -79,7 +79,6 @@ def recording_of(entry: RecordingEntry, robot: Robot, folder: Path) -> Recording
             **_description(entry, folder),
             robot=robot,
             part=part,
-            simulated=entry.simulated,
             **set_here,
         )
     with concerning("part"):

@@ -36,7 +36,7 @@ LAW_KEYS = {
 #: Keys of a recording that a public record brings along.
 SET_BY_DATASET = (
     "column_names", "columns", "units", "side", "rate", "resample", "samples_axis",
-    "position_offset", "simulated",
+    "position_offset",
 )  # fmt: skip
 
 
@@ -118,7 +118,6 @@ class RecordingEntry(Entry):
     resample: bool = False
     samples_axis: Literal[0, 1] | None = None
     position_offset: list[float] | None = None
-    simulated: bool = False
     control_rate: PositiveFloat | None = None
     torque_timing: TorqueTiming | None = None
     delay: float | None = None

@@ -71,7 +71,6 @@ def tx40_scenario(
         q_ref=q_ref,
         dq_ref=dq_ref,
         ddq_ref=ddq_ref,
-        simulated=True,
     )
     start = {p.name: 0.0 if p.friction or p.coupling else 1.1 * truth[p.name] for p in heads}
     problem = Problem(robot, (recording,), Loop(controller), tuple(TX40_ESSENTIAL), initial=start)

@@ -171,7 +171,6 @@ def simulate_joint(
         rate,
         q_ref=q_ref[:, None],
         q_link=_counted(link, sensors.link_step)[:, None],
-        simulated=True,
     )
 
 

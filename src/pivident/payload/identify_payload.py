@@ -16,6 +16,7 @@ import numpy as np
 
 from pivident.errors import ExperimentError
 from pivident.estimation.answer import method_label
+from pivident.estimation.covariance.stationary_noise import covariance_by_test
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import (
@@ -254,11 +255,11 @@ def _noise(
     unknowns: ArmAndLoad,
     method: LeastSquares | InstrumentalVariables | PrefilteredIV,
 ) -> np.ndarray:
-    """Covariance from the loaded record's noise: stationary on simulated records, else windows."""
+    """Covariance from the loaded record's noise, of the kind that the method names."""
     asked = method.covariance if isinstance(method, PrefilteredIV) else "auto"
-    simulated = all(r.simulated for r in unknowns.problem.recordings)
-    if asked == "sandwich" or (asked == "auto" and not simulated):
-        return noise_by_windows(sums, unknowns, solution)
+    windows = noise_by_windows(sums, unknowns, solution)
+    if asked == "sandwich":
+        return windows.covariance
     M = unknowns.loaded_map
     if asked == "formula":
         scores = np.zeros((len(M), len(M)))
@@ -267,7 +268,8 @@ def _noise(
     else:
         metric = M @ solution.inverse @ M.T
         scores = records.score_variance(solution.theta, sums, solution.variance, metric)
-    return noise_by_scores(scores, unknowns, solution)
+    noise = noise_by_scores(scores, unknowns, solution)
+    return covariance_by_test(noise, windows) if asked == "auto" else noise
 
 
 def _load(

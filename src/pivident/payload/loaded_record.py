@@ -7,7 +7,6 @@ from the loop simulated with the loaded arm; the same after prefilters from the 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -30,7 +29,6 @@ from pivident.estimation.methods import (
 from pivident.estimation.noise_identification import Prefilters, Whitening
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
-from pivident.estimation.standstill import decided_by_residual, noisy_standstill
 from pivident.motion.kinematics import torque_of
 from pivident.motion.motion import with_inner
 from pivident.signals.prefilter import Prefilter
@@ -80,14 +78,10 @@ class LoadedRecords:
             self.prefilters = self.whitening.fitted(self.prefilters, number, theta, self.records)
         motions, theta, _ = self.auxiliary.simulate_or_halve(last, theta)
         moved = [with_inner(regressor, k, theta) for k in self.kinematics]
-        before = self.records
         self.records = records_with_instruments(
             moved, [with_inner(regressor, m, theta) for m in motions], self.limits
         )
-        if self.whitening is None and number == 2 and decided_by_residual(self.problem):
-            noisy = noisy_standstill(self.problem, self.filters, before, self.residuals(theta))
-            self.prefilters = replace(self.prefilters, without_standstill=noisy)
-        self.prefilters.exclude(self.problem, self.records)
+        self.prefilters.exclude(self.records)
         return accumulate(regressor, self.records, self.filters), theta
 
     def residuals(self, theta: np.ndarray) -> list[np.ndarray]:

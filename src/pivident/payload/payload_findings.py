@@ -153,7 +153,7 @@ def worse_explained(arm: Identification, rms_errors: np.ndarray) -> list[Finding
         f"{', '.join(worse)}."
     )
     step = (
-        "Look for friction that grows with the load (friction_under_load), a flexible tool, or "
-        "saturated torques."
+        "Look for friction that grows with the load (friction_under_load), the link that carries "
+        "it, a flexible tool, or saturated torques."
     )
     return [Finding("warning", "load", "does not explain", text, next_step=step)]

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.estimation.covariance.windows import OVERLAP
+from pivident.estimation.covariance.sandwich import Jackknife, jackknife_of
 from pivident.estimation.normal_equations import JointSums, joint_variances
 from pivident.payload.arm_and_load import ArmAndLoad, reduced
 
@@ -50,7 +50,7 @@ def solve_restricted(
 
 def noise_by_windows(
     sums: Sequence[JointSums], unknowns: ArmAndLoad, solution: RestrictedSolution
-) -> np.ndarray:
+) -> Jackknife:
     """C_noise by the jackknife over windows of time, see `pivident.estimation.covariance.sandwich`.
 
     The known parameters belong to no window.
@@ -60,11 +60,7 @@ def noise_by_windows(
     for joint, lam in zip(reduced(sums, unknowns), solution.variance, strict=True):
         shares += joint.window_zf / lam
         scores += (joint.window_zt - joint.window_zf @ solution.x) / lam
-    total = shares.sum(axis=0) + unknowns.information
-    scale = np.sqrt(np.abs(np.diag(total)))
-    without = (total - shares) / np.outer(scale, scale)
-    steps = np.linalg.solve(without, (scores / scale)[:, :, None])[:, :, 0] / scale
-    return steps.T @ steps / OVERLAP
+    return jackknife_of(shares, scores, shares.sum(axis=0) + unknowns.information)
 
 
 def noise_by_scores(

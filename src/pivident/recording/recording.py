@@ -72,7 +72,6 @@ class Recording:
         drive_delay: how much later than its sample a logged torque acts: the log holds what the
             drive was commanded, and the simulated loop waits as long [s].
         start_time: time of the first sample [s].
-        simulated: whether the record comes from a simulation.
         sources: the files it was read from.
         allow_constant: whether a joint may stand still, or its torque be constant.
         saturation: ``refuse`` or ``allow`` torques that are cut off at a limit.
@@ -112,7 +111,6 @@ class Recording:
     delay: float = 0.0
     drive_delay: float = field(default=0.0, kw_only=True)
     start_time: float = 0.0
-    simulated: bool = False
     sources: tuple[SourceFile, ...] = ()
     allow_constant: bool = False
     saturation: Saturation = "refuse"
@@ -233,7 +231,7 @@ class Recording:
         """How it was logged and what was done to its samples, in sentences."""
         sentences = [
             f"{self.samples} samples at {self.rate:.6g} Hz, control loop at "
-            f"{self.control_rate:.6g} Hz{', simulated' if self.simulated else ''}.",
+            f"{self.control_rate:.6g} Hz.",
             f"A torque sample is {TIMING_WORDS[self.torque_timing]}.",
         ]
         if self.torque_side == "link":

@@ -201,6 +201,14 @@ def continued_into_band(model: ArModel, rate: float, band: float) -> ArModel:
     return replace(model, coefficients=np.r_[1.0, solved], innovation_variance=float(variance))
 
 
+def excess_in_band(model: ArModel, rate: float, band: float) -> float:
+    """Mean level below ``band`` [Hz] over that just beyond it: about one for noise alone."""
+    if band <= 0:
+        return 1.0
+    inside, beyond = np.linspace(0.0, band, 64), np.linspace(band, 1.5 * band, 64)
+    return float(model.spectrum(inside, rate).mean() / model.spectrum(beyond, rate).mean())
+
+
 def whiten(model: ArModel, x: np.ndarray) -> np.ndarray:
     """A(z⁻¹) x along axis 0, from rest; the first ``order`` samples are a transient."""
     rows = np.atleast_2d(np.asarray(x, dtype=float).T)

@@ -134,7 +134,6 @@ def simulate(
         q_ref=wanted[0],
         dq_ref=wanted[1],
         ddq_ref=wanted[2],
-        simulated=True,
         saturation="refuse" if np.isinf(loop.limit).all() else "allow",
     )
     return SimulatedRecord(recording, dict(zip(base.names, theta.tolist(), strict=True)), motion)

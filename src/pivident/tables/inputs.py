@@ -118,7 +118,6 @@ def problem_recordings(problem: Problem) -> Table:
             "control_rate_hz": float(r.control_rate),
             "duration_s": r.duration,
             "channels": ", ".join(r.channels()),
-            "simulated": r.simulated,
             "sha256": " ".join(s.sha256 for s in r.sources),
         }
         for r in problem.recordings

@@ -85,7 +85,7 @@ def test_wear_is_found_apart_from_warmth_and_nothing_else_is(folder):
         assert low < 0.11 and high > 0.09 and alarm.joint in ("shoulder", "elbow")
     wear = {w.parameter: w for w in judgement.wear}
     for name in ("fv1", "fv2"):
-        assert wear[name].temperature.value / wear[name].level == pytest.approx(WARMTH, rel=0.05)
+        assert wear[name].temperature.value / wear[name].level == pytest.approx(WARMTH, rel=0.1)
         assert wear[name].temperature.high < 0
     content = json.loads((folder.parent / "out" / ALARMS).read_text())
     assert [a["robot"] for a in content["alarms"]] == ["arm_2"] * 4

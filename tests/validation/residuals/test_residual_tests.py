@@ -34,7 +34,7 @@ def exact_torque():
 def problem(tau):
     robot = load_robot("planar_2r")
     q, q_ref = np.deg2rad(planar_log(2000)[:, 1:3]), np.deg2rad(planar_log(2000)[:, 3:5])
-    recording = pv.Recording("run", robot.joint_names, q, tau, 1000.0, q_ref=q_ref, simulated=True)
+    recording = pv.Recording("run", robot.joint_names, q, tau, 1000.0, q_ref=q_ref)
     loop = pv.Loop(PD([6000.0, 2500.0], [180.0, 60.0]))
     return pv.Problem(robot, (recording,), loop, initial=planar_truth())
 

@@ -5,16 +5,62 @@
 θ₍ₖ₎ is the estimate without window k (a jackknife, in its linear form, which frees the residuals
 of the share that the estimate itself took from them). Within a window any correlation and any
 change of the variance is allowed; windows are longer than the correlation.
+
+How sure a variance from windows is depends on how many of them tell the parameter: with shares w_k
+of what is known about it, ν = (Σ w_k)²/Σ w_k², less what neighbours have in common.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.estimation.covariance.windows import OVERLAP
+from pivident.estimation.covariance.windows import OVERLAP, freedom
 from pivident.estimation.normal_equations import JointSums
+
+
+@dataclass(frozen=True, eq=False)
+class Jackknife:
+    """What each window of time does to an estimate."""
+
+    steps: np.ndarray  # θ₍ₖ₎ - θ up to the sign, shape (windows, parameters)
+    degrees_of_freedom: np.ndarray  # ν of each parameter's variance, shape (parameters,)
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """P, shape (parameters, parameters)."""
+        return self.steps.T @ self.steps / OVERLAP
+
+
+def jackknife(
+    sums: Sequence[JointSums],
+    theta: np.ndarray,
+    variance: np.ndarray,
+    weight_power: float = 1.0,
+) -> Jackknife:
+    """The windows of an estimate."""
+    count, size = len(sums[0].window_zf), theta.size
+    zf, scores = np.zeros((count, size, size)), np.zeros((count, size))
+    for joint, lam in zip(sums, np.asarray(variance) ** weight_power, strict=True):
+        own = joint.columns
+        zf[:, own[:, None], own] += joint.window_zf / lam
+        scores[:, own] += (joint.window_zt - joint.window_zf @ theta[own]) / lam
+    return jackknife_of(zf, scores, zf.sum(axis=0))
+
+
+def jackknife_of(zf: np.ndarray, scores: np.ndarray, total: np.ndarray) -> Jackknife:
+    """The same from Z_kᵀΦ (windows, k, k), Z_kᵀε (windows, k), and ZᵀΦ (k, k) of all there is."""
+    # columns of unit length: parameters differ by orders of magnitude
+    scale = np.sqrt(np.maximum(np.abs(np.diag(total)), 1e-300))
+    outer = np.outer(scale, scale)
+    without = (total - zf) / outer
+    steps = np.linalg.solve(without, (scores / scale)[:, :, None])[:, :, 0] / scale
+    inverse = np.linalg.inv(total / outer)
+    share = np.maximum(np.einsum("ia,kab,ib->ki", inverse, zf / outer, inverse, optimize=True), 0.0)
+    windows = share.sum(axis=0) ** 2 / np.maximum(np.sum(share**2, axis=0), 1e-300)
+    return Jackknife(steps, freedom(windows))
 
 
 def sandwich(
@@ -24,15 +70,4 @@ def sandwich(
     weight_power: float = 1.0,
 ) -> np.ndarray:
     """Covariance of the estimate, shape (parameters, parameters)."""
-    count, size = len(sums[0].window_zf), theta.size
-    zf, scores = np.zeros((count, size, size)), np.zeros((count, size))
-    for joint, lam in zip(sums, np.asarray(variance) ** weight_power, strict=True):
-        own = joint.columns
-        zf[:, own[:, None], own] += joint.window_zf / lam
-        scores[:, own] += (joint.window_zt - joint.window_zf @ theta[own]) / lam
-    total = zf.sum(axis=0)
-    # columns of unit length: parameters differ by orders of magnitude
-    scale = np.sqrt(np.maximum(np.abs(np.diag(total)), 1e-300))
-    without = (total - zf) / np.outer(scale, scale)
-    steps = np.linalg.solve(without, (scores / scale)[:, :, None])[:, :, 0] / scale
-    return steps.T @ steps / OVERLAP
+    return jackknife(sums, theta, variance, weight_power).covariance

@@ -68,4 +68,9 @@ def windows_of(lengths: Sequence[int]) -> list[Windows]:
 
 def degrees_of_freedom(lengths: Sequence[int]) -> float:
     """ν of a variance from the windows of records of these lengths, which overlap."""
-    return sum(w.count for w in windows_of(lengths)) / (1.0 + _NEIGHBOURS) - 1.0
+    return float(freedom(np.array(sum(w.count for w in windows_of(lengths)), dtype=float)))
+
+
+def freedom(windows: np.ndarray) -> np.ndarray:
+    """ν of a variance from so many windows of equal weight, which overlap."""
+    return windows / (1.0 + _NEIGHBOURS) - 1.0

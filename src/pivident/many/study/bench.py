@@ -208,7 +208,6 @@ class Bench:
             ddq_ref=ddq_ref[:: entry.step],
             control_rate=entry.law_rate,
             torque_timing=entry.torque_timing,
-            simulated=True,
             saturation="refuse" if np.isinf(self.loop.limit).all() else "allow",
         )
 
