@@ -16,6 +16,7 @@ import time
 import numpy as np
 
 import pivident as pv
+from pivident.errors import PividentError
 
 from .cases import Case, make_case
 from .faults import FAULTS, is_possible
@@ -30,9 +31,13 @@ def errors_of(case: Case, found: pv.Identification) -> np.ndarray:
 
 
 def row(case: Case) -> np.ndarray:
-    """Print what comes of a case; answers with its errors over their standard errors."""
+    """Print what comes of a case; its errors over their standard errors, infinite without any."""
     begin = time.perf_counter()
-    piv = pv.identify(case.problem, "piv")
+    try:
+        piv = pv.identify(case.problem, "piv")
+    except PividentError as error:
+        print(f"{case.arm:7s} {case.fault:18s} {case.seed:3d} {error}", flush=True)
+        return np.array([np.inf])
     took = time.perf_counter() - begin
     errors = errors_of(case, piv)
     said = pv.verdict(piv)

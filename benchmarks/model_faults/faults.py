@@ -60,7 +60,7 @@ def none(setup: Setup, rng: np.random.Generator) -> Planted:
 
 
 def link_length(setup: Setup, rng: np.random.Generator) -> Planted:
-    """A joint is described 1 mm too far out or in."""
+    """A joint is 1 mm farther out or in than described."""
     j, size = int(rng.choice(LENGTHS[setup.arm.name])), 1e-3 * float(rng.choice([-1.0, 1.0]))
     place = np.array(setup.arm.joints[j].xyz)
     moved = place * (1.0 + size / np.linalg.norm(place))
@@ -68,7 +68,7 @@ def link_length(setup: Setup, rng: np.random.Generator) -> Planted:
 
 
 def axis_angle(setup: Setup, rng: np.random.Generator) -> Planted:
-    """An axis is described 0.1° off, about a random direction normal to it."""
+    """An axis is turned by 0.1° about a random direction normal to it; the description is not."""
     j, size = int(rng.choice(AXES[setup.arm.name])), float(np.deg2rad(0.1))
     joint = setup.arm.joints[j]
     along = np.cross(joint.axis, rng.standard_normal(3))
@@ -237,11 +237,12 @@ def _one(setup: Setup, joint: int, value: float) -> np.ndarray:
 
 
 def _misplaced(setup: Setup, j: int, size: float, unit: str, **place: tuple) -> Planted:
-    """A joint that the user describes at another place."""
+    """A joint that is at another place than the user describes, as the drawing has it."""
     joints = list(setup.believed)
     joints[j] = replace(joints[j], **place)
-    wrong = replace(setup, believed=tuple(joints))
-    return Planted(wrong, (("geometry", joints[j].name),), size, unit, setup.believed)
+    arm = replace(setup.arm, joints=tuple(joints))
+    wrong = replace(setup, made=replace(setup.made, arm=arm))
+    return Planted(wrong, (("geometry", joints[j].name),), size, unit, arm.joints)
 
 
 def _elastic(

@@ -29,13 +29,13 @@ from pivident.text.numbers import with_spread
 MAX_SHIFT, MIN_SHIFT_SAMPLES = 0.04, 6
 
 #: A clear delay counts if so much of the residual's sum of squares goes away with it.
-GAIN_WARNING, GAIN_ERROR = 0.2, 0.5
+GAIN_WARNING, GAIN_ERROR = 0.05, 0.5
 
 #: … and if that is so much of the torque.
 EFFECT_WARNING, EFFECT_ERROR = 0.0002, 0.003
 
-#: One joint's delay counts if so much of its torque goes away with it.
-EFFECT_OF_ONE = 0.005
+#: One joint's delay counts if so much of its residual, and of its torque, goes away with it.
+GAIN_OF_ONE, EFFECT_OF_ONE = 0.2, 0.005
 
 #: Delays below these shares of a sampling period are not reported, or only as a warning.
 SHORT, LONG = 0.1, 0.5
@@ -107,7 +107,7 @@ def check_delay(log: Log, model: InverseModel) -> Delay:
         j = names.get(finding.subject)
         none = finding.severity != "ok" and not _agree(found, apart, j)
         if finding.severity != "ok" and j is not None and fast is not None and slow is not None:
-            seen = min(apart.gains[j], fast.gains[j]) > GAIN_WARNING
+            seen = min(found.gains[j], apart.gains[j], fast.gains[j]) > GAIN_OF_ONE
             seen &= found.gains[j] > NEARLY_ALL or _agree(found, slow, j)
             none |= _contradicts(found, fast, j) or not seen
         findings.append(replace(finding, severity="ok", next_step="") if none else finding)
