@@ -28,7 +28,8 @@ ORDER = (
 DOORS = ("linear", "symbolic", "export", "payload", "flexibility", "many")
 
 MAX_LINES_OF_PACKAGE = 6000
-MAX_LINES = 94_000
+#: 91,000, and the causes of model error.
+MAX_LINES = 94_500
 #: 90, nine for instruments from the record itself, and the speeds of standstill.
 MAX_MODULES_OF_IDENTIFY = 100
 
