@@ -56,8 +56,9 @@ def column_tests(
 
 
 def _joined(part: Partition, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """θ, shape (…, stay, columns), and δ, shape (…, columns)."""
-    delta = part.rest[..., place] / part.schur[..., place, place]
+    """θ, shape (…, stay, columns), and δ, shape (…, columns); zero where nothing shows it."""
+    shown = part.schur[..., place, place]
+    delta = np.divide(part.rest[..., place], shown, out=np.zeros(shown.shape), where=shown != 0.0)
     return part.theta[..., None] - part.projection[..., place] * delta[..., None, :], delta
 
 
@@ -70,14 +71,18 @@ def _variance(
     theta: np.ndarray,
     size: np.ndarray,
 ) -> np.ndarray:
-    """Σ_w (δ without window w - δ)² / overlap, in its linear form."""
+    """Σ_w (δ without window w - δ)² / overlap, in its linear form.
+
+    Infinite where all that is known of a column lies within one window.
+    """
     inside, across = windows.x[:, stay[:, None], stay], windows.x[:, own[:, None], stay]
     beside = windows.x[:, stay[:, None], own]
     scores = windows.tau[:, stay, None] - inside @ theta - beside * size
     rest = windows.tau[:, own] - np.einsum("wci,ic->wc", across, theta)
     rest = rest - windows.x[:, own, own] * size
     rest = rest - np.einsum("wci,wic->wc", without.cross[:, place], without.inverse @ scores)
-    steps = rest / without.schur[:, place, place]
+    shown = without.schur[:, place, place]
+    steps = np.divide(rest, shown, out=np.full(shown.shape, np.inf), where=shown != 0.0)
     return np.asarray(np.sum(steps**2, axis=0) / OVERLAP)
 
 
