@@ -11,6 +11,7 @@ from pivident.estimation.equation_record import MotionRange
 from pivident.models.runnable_model import runnable_model
 from pivident.prediction.error_interval import block_squares, joint_intervals, total_interval
 from pivident.prediction.frequency_bands import motion_band_start, rms_by_band
+from pivident.text.numbers import format_significant
 from pivident.validation.held_out.held_out_errors import HeldOutErrors
 from tests.planar_log import RATE, planar_log
 from tests.planar_results import planar_results
@@ -156,7 +157,8 @@ def test_motion_beyond_the_fit_is_named_with_its_error():
     error = (found.tau - found.tau_model)[found.moving, 1]
     outside, within = (np.sqrt(np.mean(error[own] ** 2)) for own in (fast, ~fast))
     text = found.findings[-1].message
-    assert f"rms error there is {outside:.3g} N m, inside {within:.3g} N m" in text
+    there, own = (format_significant(float(x)) for x in (outside, within))
+    assert f"rms error there is {there} N m, inside {own} N m" in text
 
 
 def inside_range(found):

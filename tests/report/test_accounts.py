@@ -14,7 +14,7 @@ def text_of(found):
 def test_how_a_record_was_logged_is_told():
     (found,) = planar_results("ls")
     (recording,) = found.recordings
-    assert recording.account[0].endswith("samples at 1000 Hz, control loop at 1000 Hz, simulated.")
+    assert recording.account[0].endswith("samples at 1000 Hz, control loop at 1000 Hz.")
     text = text_of(found)
     assert all(sentence in text for sentence in recording.account)
     assert "How it was logged and resampled." in text

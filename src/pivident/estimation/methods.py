@@ -245,7 +245,6 @@ class InstrumentalVariables:
         tolerance: both criteria of convergence.
         max_iterations: give up after so many.
         start: what the first simulation is made with: ``least-squares`` on the record, or the
-        start: what the first simulation is made with: ``least-squares`` on the record, or the
             problem's ``initial`` values, as the literature does.
         instruments: ``loop``: simulated with its law; ``response``: the reference through the
             identified response of the loop; ``repetition``: other repetitions of the motion;
@@ -297,7 +296,6 @@ class PrefilteredIV:
         as_printed: the paper to the letter: irwsm of order 2 applied twice, torque not aligned,
             standard errors by (P-31), and (P-22), (P-28) with λ⁻¹ on both sides. AR orders go up to
             the noise model's ``p_max``; CAPTAIN's ``aic`` stops at 32 by default.
-        start: what the first simulation is made with: ``least-squares`` on the record, or the
         start: what the first simulation is made with: ``least-squares`` on the record, or the
             problem's ``initial`` values, as the paper does.
         regressor: what the observation matrix is made of: ``measured``, smoothed positions, or

@@ -198,17 +198,15 @@ class CauseRows:
 
 
 def places(q: np.ndarray, count: int) -> np.ndarray:
-    """Number of the place at which each row is: k-means of the positions over their spread.
+    """Number of the place at which each row is: the nearest of positions equally far apart in time.
 
-    ``q``: shape (joints, rows); starts are rows that are far apart in time, so that the same rows
-    give the same places.
+    ``q``: shape (joints, rows); distances are over the spread of each joint.
     """
-    from scipy.cluster.vq import kmeans2
-
     spread = np.std(q, axis=1, keepdims=True)
-    scaled = (q / np.where(spread > 0.0, spread, 1.0)).T
-    starts = scaled[np.linspace(0, len(scaled) - 1, count + 2)[1:-1].astype(int)]
-    return np.asarray(kmeans2(scaled, starts, minit="matrix", missing="warn")[1])
+    scaled = q / np.where(spread > 0.0, spread, 1.0)
+    centres = scaled[:, np.linspace(0, q.shape[1] - 1, count + 2)[1:-1].astype(int)]
+    squares = [np.sum((scaled - centre[:, None]) ** 2, axis=0) for centre in centres.T]
+    return np.argmin(squares, axis=0)
 
 
 def without_neighbours(used: np.ndarray, reach: int) -> np.ndarray:

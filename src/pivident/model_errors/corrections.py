@@ -13,8 +13,8 @@ G = -∂θ/∂s, and P the covariance that the method gives for the corrected pr
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -25,10 +25,17 @@ from pivident.estimation.methods import Method, method_named
 from pivident.estimation.problem import Problem
 from pivident.model_errors.cause import Cause
 from pivident.model_errors.cause_rows import smoothed
-from pivident.model_errors.named_causes import all_causes, is_found, reach_of, score_tests
+from pivident.model_errors.named_causes import (
+    all_causes,
+    alternatives,
+    is_found,
+    reach_of,
+    score_tests,
+)
 from pivident.model_errors.score_tests import ScoreTests
 from pivident.robot.naming import nearest
-from pivident.text.finding import Finding, Quantity
+from pivident.text.finding import Finding, Quantity, Severity
+from pivident.text.lists import listed
 from pivident.text.numbers import plus_minus
 from pivident.threads import linear_algebra_in_one_thread
 
@@ -51,12 +58,14 @@ class Corrections:
         causes: what was corrected.
         size: by how much, each in the unit of its cause, one after the other, shape (columns,).
         covariance: of ``size``, shape (columns, columns).
+        alike: other causes that the record cannot tell from one of them, by its words.
     """
 
     problem: Problem
     causes: tuple[Cause, ...]
     size: np.ndarray
     covariance: np.ndarray
+    alike: Mapping[str, tuple[Cause, ...]] = field(default_factory=dict)
 
     def of(self, cause: Cause) -> tuple[np.ndarray, np.ndarray]:
         """Size of one cause and its standard errors, each (columns,)."""
@@ -65,7 +74,7 @@ class Corrections:
         return self.size[own], np.sqrt(np.diag(self.covariance))[own]
 
     def findings(self) -> tuple[Finding, ...]:
-        """One note for each correction, with its interval."""
+        """A note on each correction with its interval; a warning where another one may be right."""
         found = []
         for cause in self.causes:
             size, std = self.of(cause)
@@ -81,9 +90,15 @@ class Corrections:
                 )
                 for k, (x, s) in enumerate(zip(size, std, strict=True))
             }
-            found.append(
-                Finding("note", "correction", cause.kind, text, cause.subject, evidence=evidence)
-            )
+            severity: Severity = "note"
+            if others := self.alike.get(str(cause)):
+                severity = "warning"
+                text += (
+                    f" The record cannot tell it from {listed([str(c) for c in others], 3)}, and "
+                    "the parameters depend on which is right."
+                )
+            made = Finding(severity, "correction", cause.kind, text, cause.subject)
+            found.append(replace(made, evidence=evidence))
         return tuple(found)
 
 
@@ -107,7 +122,7 @@ def corrections(
         problem: what is given.
         method: how the parameters are estimated.
         kinds: ``delay``, ``geometry``, ``gear ratio``, ``torque gain``, ``zero position``,
-            ``position scale``, ``encoder`` or ``missing parameter``.
+            ``position scale`` or ``encoder``.
         progress: called with one line at each stage.
 
     Returns:
@@ -121,6 +136,7 @@ def corrections(
     method = method_named(method)
     chosen: list[Cause] = []
     size = np.zeros(0)
+    alike: dict[str, tuple[Cause, ...]] = {}
     for round_ in range(MAX_ROUNDS):
         corrected = _corrected(problem, chosen, size)
         found = identify(corrected, method)
@@ -129,7 +145,7 @@ def corrections(
         with linear_algebra_in_one_thread():
             tests = score_tests(corrected, found, kinds)
             numbers = [_number(tests, cause) for cause in chosen]
-            added = _further(tests, numbers)
+            added = _further(tests, numbers, alike)
         numbers += added
         chosen += [tests.causes[k] for k in added]
         if not chosen:
@@ -143,7 +159,8 @@ def corrections(
         std = np.sqrt(np.diag(covariance))
         say(f"corrections, round {round_ + 1}: they change by {np.abs(step / std).max():.2g} σ")
         if not added and np.abs(step / std).max() < SETTLED:
-            return Corrections(_corrected(problem, chosen, size), tuple(chosen), size, covariance)
+            last = _corrected(problem, chosen, size)
+            return Corrections(last, tuple(chosen), size, covariance, alike)
     raise IdentificationError(
         f"the corrections of {', '.join(str(c) for c in chosen)} do not settle in {MAX_ROUNDS} "
         "rounds; free fewer kinds at a time"
@@ -191,8 +208,13 @@ def _number(tests: ScoreTests, cause: Cause) -> int:
     return next(k for k, other in enumerate(tests.causes) if str(other) == str(cause))
 
 
-def _further(tests: ScoreTests, corrected: Sequence[int]) -> list[int]:
-    """Causes to be corrected besides: the delay of all torques, and those that are significant."""
+def _further(
+    tests: ScoreTests, corrected: Sequence[int], alike: dict[str, tuple[Cause, ...]]
+) -> list[int]:
+    """Causes to be corrected besides: the delay of all torques, and those that are significant.
+
+    ``alike`` gets those that cannot be told from one of them.
+    """
     added: list[int] = []
     for k, cause in enumerate(tests.causes):
         if cause.kind == "delay" and not cause.subject and k not in corrected:
@@ -206,7 +228,9 @@ def _further(tests: ScoreTests, corrected: Sequence[int]) -> list[int]:
         }
         if not able:
             break
-        added.append(max(able, key=lambda k: able[k].unseen))
+        best = max(able, key=lambda k: able[k].unseen)
+        added.append(best)
+        alike[str(tests.causes[best])] = alternatives(able[best], able.values())
     return added
 
 

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import Parameter, standard_parameters
 from pivident.dynamics.regressor import Regressor
-from pivident.estimation.problem import Problem
 from pivident.model_errors.cause import Cause
 from pivident.model_errors.record_motion import RecordMotion
 from pivident.robot.description import Robot
@@ -41,12 +39,9 @@ def _left_out(robot: Robot, name: str, parameter: Parameter) -> Cause:
     def columns(motion: RecordMotion) -> np.ndarray:
         return _torques(motion.robot, [parameter], motion)
 
-    def correct(problem: Problem, size: np.ndarray) -> Problem:
-        return replace(problem, parameters=(*problem.names, name))
-
     joint = robot.joint_names[parameter.joint]
     what = f"{name}, which is not estimated"
-    return Cause("missing parameter", joint, what, parameter.unit, columns, correct=correct)
+    return Cause("missing parameter", joint, what, parameter.unit, columns)
 
 
 def _carried(robot: Robot, own: Sequence[Parameter], number: int, recording: str) -> Cause:

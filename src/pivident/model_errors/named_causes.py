@@ -8,7 +8,7 @@ predicted better. It is a reservation if correcting it would move a parameter by
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -189,14 +189,17 @@ def _named_causes(tests: ScoreTests, found: Identification) -> ModelErrors:
     )
 
 
+def alternatives(best: Score, candidates: Iterable[Score]) -> tuple[Cause, ...]:
+    """Causes of which the record says nearly as much as of the best one."""
+    return tuple(s.cause for s in candidates if s is not best and s.unseen > ALIKE * best.unseen)
+
+
 def _named(found: Identification, best: Score, candidates: dict[int, Score]) -> NamedCause:
     """A cause with those that cannot be told from it."""
     shifts = np.abs(best.shift) / found.std
-    alike = [
-        s.cause for s in candidates.values() if s is not best and s.unseen > ALIKE * best.unseen
-    ]
     k = int(np.argmax(shifts))
-    return NamedCause(best, float(shifts[k]), found.names[k], tuple(alike))
+    alike = alternatives(best, candidates.values())
+    return NamedCause(best, float(shifts[k]), found.names[k], alike)
 
 
 def reach_of(kinematics: Sequence[Kinematics]) -> Reach:

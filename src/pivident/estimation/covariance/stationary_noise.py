@@ -66,8 +66,8 @@ MAX_STRETCH = 2**17
 #: Level of the test of one parameter.
 LEVEL = 0.05
 
-#: Share of the parameters that may fail it by chance. In 200 records of each of the scenarios
-#: *fine*, *loop* and *coloured* 0 to 21 % do, in *coarse* 39 to 50 %.
+#: Share of the parameters that may fail it by chance. In records of the scenarios *fine* and *loop*
+#: (200 each) and *coloured* (24) 0 to 21 % do, in *coarse* 39 to 50 %.
 MAX_FAILED = 0.25
 
 #: Largest ratio of variances that a test which decides may let pass.
