@@ -8,11 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 import pivident as pv
+from pivident.audit.recording_audit import recording_faults
 from pivident.model_errors import ModelErrors, corrections, named_causes, with_corrections
 from pivident.model_errors.wider_intervals import with_model_errors
+from pivident.text.finding import Finding
 
 from .cases import Case, make_case
 from .faults import Cause, is_possible
+
+#: Faults of the log, and the kind of finding that names each.
+LOG_KINDS = {"lost samples": "lost", "jitter": "hidden jitter"}
 
 #: An estimate whose largest error is above this is wrong, in standard errors.
 WRONG = 5.0
@@ -24,6 +29,7 @@ class Named:
 
     case: Case
     found: ModelErrors
+    log: tuple[Finding, ...]  # what an audit has against the recordings
     before: np.ndarray  # errors over the standard errors of the noise
     wider: np.ndarray  # over those with model error
     after: np.ndarray  # with the named causes corrected, where that can be; else as ``wider``
@@ -31,7 +37,10 @@ class Named:
 
     @property
     def place(self) -> int:
-        """Which of the named causes is the planted one, from 1; 0: none."""
+        """Which of the named causes is the planted one, from 1; 0: none. The log comes first."""
+        kinds = {finding.kind for finding in self.log}
+        if any(LOG_KINDS.get(wanted) in kinds for wanted, _ in self.case.expected):
+            return 1
         for number, one in enumerate(self.found.named, start=1):
             for cause in (one.cause, *one.alternatives):
                 if any(
@@ -43,7 +52,7 @@ class Named:
     @property
     def is_silent(self) -> bool:
         """Whether nothing is said that would be a reservation."""
-        return not self.found.matter
+        return not self.found.matter and not self.log
 
 
 def is_cause(kind: str, subject: str, wanted: Cause) -> bool:
@@ -58,9 +67,10 @@ def name_causes(case: Case) -> Named:
     middle = time.process_time()
     found = named_causes(case.problem, piv)
     seconds = (time.process_time() - middle) / (middle - begin)
+    log = recording_faults(case.problem.robot, case.problem.recordings)
     wider = with_model_errors(piv, found)
     after = corrected(case, found) or wider
-    return Named(case, found, *(errors(case, own) for own in (piv, wider, after)), seconds)
+    return Named(case, found, log, *(errors(case, own) for own in (piv, wider, after)), seconds)
 
 
 def errors(case: Case, found: pv.Identification) -> np.ndarray:
