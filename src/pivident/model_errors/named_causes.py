@@ -3,7 +3,7 @@
 The residual of an estimate is compared with what each cause would make of it (`score_tests`). A
 cause is named if it is significant among all that were tried and lets motion that was not fitted be
 predicted better. It is a reservation if correcting it would move a parameter by more than
-`MATTERS` standard errors.
+`MATTERS` standard errors, or if it makes a good part of the residual.
 """
 
 from __future__ import annotations
@@ -30,6 +30,10 @@ from pivident.threads import linear_algebra_in_one_thread
 
 #: Change of a parameter, in standard errors, from which on a cause is a reservation.
 MATTERS = 1.0
+
+#: Share of the residual's power from which on it is one in any case: the estimate weighs the rows
+#: otherwise, and may be moved further.
+EXPLAINS = 0.1
 
 #: Share of the best cause's effect from which on another one cannot be told from it.
 ALIKE = 0.9
@@ -58,8 +62,8 @@ class NamedCause:
 
     @property
     def matters(self) -> bool:
-        """Whether correcting it would change the estimate."""
-        return self.shift > MATTERS
+        """Whether correcting it would change the estimate, or much of what it leaves."""
+        return self.shift > MATTERS or self.score.explained > EXPLAINS
 
     @property
     def size_text(self) -> str:
