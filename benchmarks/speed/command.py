@@ -66,7 +66,7 @@ class _Silent:
     def say(self, line: str) -> None:
         """Nothing."""
 
-    keep = say
+    keep = begin = say
 
 
 def command_rows(repeats: int) -> Iterator[CommandRow]:
