@@ -61,7 +61,7 @@ def _of_kind(found: ModelErrors, named: Sequence[NamedCause]) -> Finding:
             f"{format_significant(most.shift, 2)} standard errors"
         )
     else:
-        text += ". Corrected, it changes no parameter by a standard error"
+        text += ". Corrected, it changes no parameter by two standard errors"
     others = [str(other) for one in named for other in one.alternatives]
     if others:
         text += f". The record cannot tell it from {listed(others, 2)}"

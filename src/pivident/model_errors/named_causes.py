@@ -28,8 +28,9 @@ from pivident.motion.kinematics import Kinematics
 from pivident.text.numbers import plus_minus
 from pivident.threads import linear_algebra_in_one_thread
 
-#: Change of a parameter, in standard errors, from which on a cause is a reservation.
-MATTERS = 1.0
+#: Change of a parameter, in standard errors, from which on a cause is a reservation: it leaves the
+#: interval.
+MATTERS = 2.0
 
 #: Share of the residual's power from which on it is one in any case: the estimate weighs the rows
 #: otherwise, and may be moved further.

@@ -1,6 +1,6 @@
 """The motion of one record at the rate at which causes of model error are compared.
 
-Model error lies below the highest frequency of the motion, so samples at twelve times that
+Model error lies below the highest frequency of the motion, so samples at twenty-five times that
 frequency are enough to evaluate torques on. What a cause would add to the torque is a derivative of
 the model: along a change of the motion (an encoder that is off), of the robot (a length that is
 off) or of the torque itself (a clock that is off).
@@ -17,7 +17,7 @@ from pivident.dynamics.regressor import Regressor
 from pivident.robot.description import Robot
 
 #: Samples per period of the highest frequency of the motion.
-SAMPLES_PER_PERIOD = 12.5
+SAMPLES_PER_PERIOD = 25.0
 
 
 @dataclass(frozen=True, eq=False)
