@@ -5,7 +5,13 @@ import pytest
 
 from pivident.errors import IdentificationError
 from pivident.estimation.identify import identify
-from pivident.model_errors.corrections import corrections, kinds_of, with_corrections
+from pivident.model_errors.corrections import (
+    CORRECTED,
+    INSTEAD,
+    corrections,
+    kinds_of,
+    with_corrections,
+)
 from pivident.model_errors.named_causes import named_causes, score_tests
 from pivident.model_errors.wider_intervals import with_model_errors
 
@@ -111,3 +117,25 @@ def test_decimated_estimates_are_tested_too(method):
     (first, *_) = named_causes(problem, identify(problem, method)).named
     assert str(first.cause) == name
     assert abs(first.score.size[0] - 5.0) < 0.5
+
+
+def test_every_kind_is_corrected_or_says_what_to_do_instead():
+    able = {cause.kind for cause in causes().values() if cause.correct is not None}
+    others = {cause.kind for cause in causes().values()} - able
+    assert able == set(CORRECTED)
+    assert others == set(INSTEAD) - {"payload"}  # a load in one recording needs several
+
+
+def test_a_column_that_others_hide_stays_out_of_the_correction():
+    """About y the axis of the second joint turns as its own zero position and the first do."""
+    name = "geometry of joint_2: correction of the direction of its axis from joint_1 to joint_2"
+    problem = with_fault(causes()[name], [0.1, 0.0])
+    found = identify(problem, "piv")
+    tests = score_tests(problem, found, ["geometry"])
+    number = [str(cause) for cause in tests.causes].index(name)
+    columns = tests.columns([number])
+    assert columns.size == tests.sums.parameters + 1
+    made = corrections(problem, "piv", ["geometry"])
+    total = sum(cause.count for cause in made.causes)
+    assert made.size.shape == (total,) and np.isfinite(made.covariance).all()
+    assert np.isfinite(with_corrections(identify(made.problem, "piv"), made).std).all()

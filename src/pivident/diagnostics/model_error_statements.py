@@ -54,8 +54,8 @@ def _of_kind(found: ModelErrors, named: Sequence[NamedCause]) -> Finding:
     first = named[0]
     sizes = listed([_size(one) for one in named], 3)
     text = f"{_capital(first.cause.kind)}: {sizes}"
-    most = max(named, key=lambda one: one.shift)
-    if most.matters:
+    most, matters = max(named, key=lambda one: one.shift), any(one.matters for one in named)
+    if matters:
         text += (
             f". Corrected, it changes {most.parameter} by "
             f"{format_significant(most.shift, 2)} standard errors"
@@ -65,9 +65,9 @@ def _of_kind(found: ModelErrors, named: Sequence[NamedCause]) -> Finding:
     others = [str(other) for one in named for other in one.alternatives]
     if others:
         text += f". The record cannot tell it from {listed(others, 2)}"
-    score = first.score
+    score, (size, std) = first.score, first.size
     evidence = {
-        "size": Quantity(float(score.size[0]), first.cause.unit, interval=_interval(first)),
+        "size": Quantity(size, first.cause.unit, interval=(size - 2.0 * std, size + 2.0 * std)),
         "change": Quantity(most.shift, "σ"),
         "explained": Quantity(100.0 * score.explained, "%"),
     }
@@ -77,12 +77,12 @@ def _of_kind(found: ModelErrors, named: Sequence[NamedCause]) -> Finding:
         f"{score.significance * found.tried:.1g} among {found.tried} causes"
     )
     step = STEPS.get(first.cause.kind, "")
-    if not step and most.matters:
+    if not step and matters:
         step = (
             f"`pivident identify --free {first.cause.kind.replace(' ', '-')}` estimates it with "
             "the parameters; or correct the description or the log."
         )
-    severity: Severity = "warning" if most.matters else "note"
+    severity: Severity = "warning" if matters else "note"
     return Finding(
         severity, "model", first.cause.kind, f"{text}.", first.cause.subject, step, evidence, basis
     )
@@ -92,11 +92,6 @@ def _size(one: NamedCause) -> str:
     """``axis_3, length along x from axis_2 to axis_3: 0.98 ± 0.02 mm``."""
     subject = f"{one.cause.subject}, " if one.cause.subject else ""
     return f"{subject}{one.cause.what}: {one.size_text}"
-
-
-def _interval(one: NamedCause) -> tuple[float, float]:
-    value, spread = float(one.score.size[0]), 2.0 * float(one.score.std[0])
-    return value - spread, value + spread
 
 
 def intervals(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:

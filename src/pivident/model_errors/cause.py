@@ -36,6 +36,8 @@ class Cause:
         largest: size up to which the torque is about proportional to it; a larger one is no
             finding, but something else that looks alike.
         is_positive: whether a size below zero makes no sense, as of a compliance.
+        by_first: whether the first column's amplitude is the size, since the others come with it
+            in other units; else that of several columns is their length.
     """
 
     kind: str
@@ -47,6 +49,7 @@ class Cause:
     correct: Correction | None = None
     largest: float = np.inf
     is_positive: bool = False
+    by_first: bool = False
 
     def allows(self, size: np.ndarray) -> bool:
         """Whether a size, shape (columns,), makes sense."""

@@ -16,6 +16,7 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import RandomWalk
 from pivident.estimation.problem import Problem
+from pivident.estimation.standstill import without_recent
 from pivident.model_errors.cause import Cause
 from pivident.model_errors.cause_sums import CauseSums, JointRows, cause_sums
 from pivident.model_errors.record_motion import RecordMotion, stride_of
@@ -214,10 +215,7 @@ def without_neighbours(used: np.ndarray, reach: int) -> np.ndarray:
 
     All of them where that would leave less than `FEWEST`.
     """
-    others = np.concatenate([[0], np.cumsum(~used)])
-    index = np.arange(used.size)
-    first, last = np.maximum(index - reach, 0), np.minimum(index + reach + 1, used.size)
-    alone = used & (others[last] == others[first])
+    alone = without_recent(used, reach) & without_recent(used[::-1], reach)[::-1]
     return alone if alone.sum() > FEWEST * used.sum() else used
 
 

@@ -24,20 +24,29 @@ from pivident.estimation.identify import identify
 from pivident.estimation.methods import Method, method_named
 from pivident.estimation.problem import Problem
 from pivident.model_errors.cause import Cause
-from pivident.model_errors.cause_rows import smoothed
-from pivident.model_errors.named_causes import (
-    all_causes,
-    alternatives,
-    is_found,
-    reach_of,
-    score_tests,
-)
+from pivident.model_errors.named_causes import alternatives, is_found, score_tests
 from pivident.model_errors.score_tests import ScoreTests
 from pivident.robot.naming import nearest
 from pivident.text.finding import Finding, Quantity, Severity
 from pivident.text.lists import listed
 from pivident.text.numbers import plus_minus
 from pivident.threads import linear_algebra_in_one_thread
+
+#: Kinds of causes that a size corrects.
+CORRECTED = (
+    "delay", "geometry", "gear ratio", "torque gain", "zero position", "position scale", "encoder",
+)  # fmt: skip
+
+#: What to do about the others.
+INSTEAD = {
+    "friction": "`pivident laws` finds a law",
+    "elasticity": "`pivident flexibility` identifies the joint",
+    "missing parameter": "estimate it, too ([identify] parameters)",
+    "backlash": "its size alone does not correct it",
+    "torque ripple": "its size alone does not correct it",
+    "warming up": "identify shorter parts of the record",
+    "payload": "identify the recordings apart",
+}
 
 #: Change of a correction, in standard errors, below which it has settled.
 SETTLED = 0.1
@@ -82,8 +91,8 @@ class Corrections:
                 f"{plus_minus(float(x), 2.0 * float(s))} {cause.unit}"
                 for x, s in zip(size, std, strict=True)
             ]
-            subject = f" of {cause.subject}" if cause.subject else ""
-            text = f"Corrected with the estimate: {cause.what}{subject}, {' and '.join(values)}."
+            whose = f" of {cause.subject}" if cause.subject else ""
+            text = f"Corrected with the estimate: {cause.what}{whose}, {' and '.join(values)}."
             evidence = {
                 f"size {k + 1}" if size.size > 1 else "size": Quantity(
                     float(x), cause.unit, interval=(float(x - 2 * s), float(x + 2 * s))
@@ -97,8 +106,10 @@ class Corrections:
                     f" The record cannot tell it from {listed([str(c) for c in others], 3)}, and "
                     "the parameters depend on which is right."
                 )
-            made = Finding(severity, "correction", cause.kind, text, cause.subject)
-            found.append(replace(made, evidence=evidence))
+            subject = cause.subject
+            found.append(
+                Finding(severity, "correction", cause.kind, text, subject, evidence=evidence)
+            )
         return tuple(found)
 
 
@@ -133,6 +144,7 @@ def corrections(
             settle.
     """
     say = progress or (lambda line: None)
+    _check_kinds(kinds)
     method = method_named(method)
     chosen: list[Cause] = []
     size = np.zeros(0)
@@ -140,8 +152,6 @@ def corrections(
     for round_ in range(MAX_ROUNDS):
         corrected = _corrected(problem, chosen, size)
         found = identify(corrected, method)
-        if round_ == 0:
-            _check_kinds(kinds, all_causes(problem, found, reach_of(smoothed(problem, found))))
         with linear_algebra_in_one_thread():
             tests = score_tests(corrected, found, kinds)
             numbers = [_number(tests, cause) for cause in chosen]
@@ -150,15 +160,11 @@ def corrections(
         chosen += [tests.causes[k] for k in added]
         if not chosen:
             return Corrections(problem, (), size, np.zeros((0, 0)))
-        columns = tests.columns(numbers)
-        fit = tests.fit(columns)
-        step = fit.theta[tests.sums.parameters :]
-        own = slice(tests.sums.parameters, None)
-        covariance = tests.covariance(columns, fit.theta)[own, own]
+        step, covariance, shown = _step(tests, numbers)
         size = np.concatenate([size, np.zeros(step.size - size.size)]) + step
-        std = np.sqrt(np.diag(covariance))
-        say(f"corrections, round {round_ + 1}: they change by {np.abs(step / std).max():.2g} σ")
-        if not added and np.abs(step / std).max() < SETTLED:
+        change = float(np.max(np.abs(step[shown]) / np.sqrt(np.diag(covariance)[shown])))
+        say(f"corrections, round {round_ + 1}: they change by {change:.2g} σ")
+        if not added and change < SETTLED:
             last = _corrected(problem, chosen, size)
             return Corrections(last, tuple(chosen), size, covariance, alike)
     raise IdentificationError(
@@ -183,8 +189,10 @@ def with_corrections(found: Identification, made: Corrections) -> Identification
         return found
     tests = score_tests(made.problem, found, [cause.kind for cause in made.causes])
     numbers = [_number(tests, cause) for cause in made.causes]
-    gain = tests.sensitivity(tests.columns(numbers))
-    more = gain @ made.covariance @ gain.T
+    columns = tests.columns(numbers)
+    shown = np.isin(_all_columns(tests, numbers), columns)
+    gain = tests.sensitivity(columns)
+    more = gain @ made.covariance[np.ix_(shown, shown)] @ gain.T
     return replace(
         found,
         covariance=found.covariance + more,
@@ -201,6 +209,22 @@ def _corrected(problem: Problem, causes: Sequence[Cause], size: np.ndarray) -> P
         problem = cause.correct(problem, size[first : first + cause.count])
         first += cause.count
     return problem
+
+
+def _all_columns(tests: ScoreTests, numbers: Sequence[int]) -> np.ndarray:
+    """All columns of some causes, also those that others hide."""
+    return np.concatenate([tests.of(k) for k in numbers])
+
+
+def _step(tests: ScoreTests, numbers: Sequence[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """δ of some causes, its covariance, and which columns are shown; the hidden ones stay zero."""
+    columns, every = tests.columns(numbers), _all_columns(tests, numbers)
+    fit, own = tests.fit(columns), slice(tests.sums.parameters, None)
+    shown = np.isin(every, columns)
+    step, covariance = np.zeros(every.size), np.zeros((every.size, every.size))
+    step[shown] = fit.theta[own]
+    covariance[np.ix_(shown, shown)] = tests.covariance(columns, fit.theta)[own, own]
+    return step, covariance, shown
 
 
 def _number(tests: ScoreTests, cause: Cause) -> int:
@@ -234,20 +258,14 @@ def _further(
     return added
 
 
-def _check_kinds(kinds: Sequence[str], causes: Sequence[Cause]) -> None:
-    """Refuse kinds that are unknown, and those that no size corrects."""
-    known = dict.fromkeys(cause.kind for cause in causes)
-    able = {cause.kind for cause in causes if cause.correct is not None}
+def _check_kinds(kinds: Sequence[str]) -> None:
+    """Refuse kinds that no size corrects, before anything is estimated."""
     for kind in kinds:
-        if kind not in known:
-            raise IdentificationError(f"free: unknown kind {kind!r}; {nearest(kind, known)}")
-        if kind not in able:
-            instead = {
-                "friction": "`pivident laws` finds a law",
-                "elasticity": "`pivident flexibility` identifies the joint",
-            }
-            step = instead.get(kind, "its size alone does not correct it")
+        if kind in INSTEAD:
             raise IdentificationError(
-                f"free: {kind} cannot be corrected with the estimate; {step}. These can: "
-                f"{', '.join(sorted(able))}"
+                f"free: {kind} cannot be corrected with the estimate; {INSTEAD[kind]}. These can: "
+                f"{', '.join(CORRECTED)}"
             )
+        if kind not in CORRECTED:
+            known = (*CORRECTED, *INSTEAD)
+            raise IdentificationError(f"free: unknown kind {kind!r}; {nearest(kind, known)}")

@@ -49,8 +49,9 @@ def _carried(robot: Robot, own: Sequence[Parameter], number: int, recording: str
         found = _torques(motion.robot, own, motion)
         return found if motion.number == number else np.zeros_like(found)
 
-    what = f"mass and first moments at the flange in {recording} alone"
-    return Cause("payload", robot.joint_names[-1], what, "kg, kg m", columns, len(own))
+    what = f"mass at the flange in {recording} alone"
+    name = robot.joint_names[-1]
+    return Cause("payload", name, what, "kg", columns, len(own), by_first=True)
 
 
 def _torques(robot: Robot, parameters: Sequence[Parameter], motion: RecordMotion) -> np.ndarray:

@@ -67,15 +67,20 @@ class NamedCause:
         return self.shift > MATTERS or self.score.explained > EXPLAINS
 
     @property
-    def size_text(self) -> str:
-        """Its size ± 2σ with the unit; of several columns their length."""
+    def size(self) -> tuple[float, float]:
+        """Its size and the standard error, in the unit of the cause."""
         size, std = self.score.size, self.score.std
-        if size.size == 1:
-            return f"{plus_minus(float(size[0]), 2.0 * float(std[0]))} {self.cause.unit}"
+        if size.size == 1 or self.cause.by_first:
+            return float(size[0]), float(std[0])
         length = float(np.linalg.norm(size))
         along = size / max(length, 1e-300)
-        spread = float(np.sqrt(along @ self.score.covariance @ along))
-        return f"{plus_minus(length, 2.0 * spread)} {self.cause.unit}"
+        return length, float(np.sqrt(along @ self.score.covariance @ along))
+
+    @property
+    def size_text(self) -> str:
+        """Its size ± 2σ with the unit."""
+        size, std = self.size
+        return f"{plus_minus(size, 2.0 * std)} {self.cause.unit}"
 
     def __str__(self) -> str:
         return f"{self.cause}, {self.size_text}"

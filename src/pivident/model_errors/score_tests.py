@@ -7,9 +7,9 @@ With the columns D of a cause beside Φ and the instruments (Z, D_z),
 δ is the size of the cause and θ the estimate with it corrected. The covariance of both comes from a
 jackknife over windows of time, which allows for any correlation of the residual; Hotelling's T² of
 δ has an F distribution with as many degrees of freedom as the windows leave. Causes are many, so
-the significance is multiplied by their number (Bonferroni). Then the cause that explains most is
-corrected and the others are tested again, until none is left that is significant, that matters to
-the estimate, and that lets other parts of the motion be predicted better.
+the significance is multiplied by their number (Bonferroni). Then the cause with which blocks that
+were not fitted are predicted best is corrected and the others are tested again, until none is left
+that is significant and helps to predict them.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pivident.estimation.covariance.sandwich import jackknife_of
 from pivident.estimation.covariance.windows import OVERLAP, degrees_of_freedom
 from pivident.model_errors.cause import Cause
 from pivident.model_errors.cause_sums import CauseSums
@@ -89,9 +90,15 @@ class ScoreTests:
         self._rest: dict[bytes, np.ndarray] = {}
 
     def columns(self, chosen: Sequence[int]) -> np.ndarray:
-        """Indices of the model's columns and of those of some causes."""
-        own = [np.arange(self.first[k], self.first[k + 1]) for k in chosen]
-        return np.concatenate([np.arange(self.sums.parameters), *own])
+        """Indices of the model's columns and of those of some causes that others do not hide."""
+        kept = np.arange(self.sums.parameters)
+        for k in chosen:
+            kept = np.r_[kept, self._distinct(kept, self.of(k))]
+        return kept
+
+    def of(self, number: int) -> np.ndarray:
+        """Indices of all columns of a cause."""
+        return np.arange(self.first[number], self.first[number + 1])
 
     def fit(self, columns: np.ndarray) -> Fit:
         """θ and δ, and the residual on fitted and on unseen blocks."""
@@ -108,13 +115,9 @@ class ScoreTests:
     def covariance(self, columns: np.ndarray, theta: np.ndarray) -> np.ndarray:
         """Of all of them, by the jackknife over windows, shape (columns, columns)."""
         grid = np.ix_(columns, columns)
-        scale = self.scale[columns]
         windows = self.sums.windows.x[:, grid[0], grid[1]]
         scores = self.sums.windows.tau[:, columns] - windows @ theta
-        without = (self.yx[grid] - windows) / np.outer(scale, scale)
-        inverse = np.linalg.pinv(without, rcond=1e-14)
-        steps = np.einsum("wij,wj->wi", inverse, scores / scale) / scale
-        return np.asarray(steps.T @ steps / OVERLAP)
+        return jackknife_of(windows, scores, self.yx[grid]).covariance
 
     def sensitivity(self, columns: np.ndarray) -> np.ndarray:
         """-∂θ/∂δ = (Zᵀ Φ)⁻¹ Zᵀ D, shape (parameters, columns of the causes)."""
@@ -189,7 +192,7 @@ class ScoreTests:
         """The test of one cause; None: the columns that stay hide it."""
         from scipy.stats import f
 
-        whole = np.arange(self.first[number], self.first[number + 1])
+        whole = self.of(number)
         own = self._distinct(stay, whole)
         if not own.size:
             return None
