@@ -1,8 +1,12 @@
 """Faults of known size are named first and measured; without one nothing is named."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from pivident.dynamics.parameters import standard_parameters
+from pivident.dynamics.regressor import Regressor
 from pivident.errors import IdentificationError
 from pivident.estimation.identify import identify
 from pivident.model_errors.corrections import (
@@ -12,7 +16,9 @@ from pivident.model_errors.corrections import (
     kinds_of,
     with_corrections,
 )
+from pivident.model_errors.missing_parameters import missing_causes
 from pivident.model_errors.named_causes import named_causes, score_tests
+from pivident.model_errors.record_motion import RecordMotion
 from pivident.model_errors.wider_intervals import with_model_errors
 
 from .faulty_tx40 import causes, right_estimate, right_problem, with_fault
@@ -139,3 +145,21 @@ def test_a_column_that_others_hide_stays_out_of_the_correction():
     total = sum(cause.count for cause in made.causes)
     assert made.size.shape == (total,) and np.isfinite(made.covariance).all()
     assert np.isfinite(with_corrections(identify(made.problem, "piv"), made).std).all()
+
+
+def test_the_size_of_a_load_is_its_mass():
+    """A mass at the flange of the second recording alone: m, then its first moments."""
+    problem, _ = right_problem()
+    (load,) = (
+        cause
+        for cause in missing_causes(problem.robot, problem.regressor.parameters, ["one", "two"])
+        if cause.kind == "payload"
+    )
+    rng = np.random.default_rng(5)
+    q, dq, ddq = rng.uniform(-1.0, 1.0, (3, 6, 5))
+    motion = RecordMotion(problem.regressor, right_estimate().theta, q, dq, ddq, 100.0, 1)
+    mass = next(p for p in standard_parameters(problem.robot) if p.name == "m6")
+    expected = Regressor.build(problem.robot, [mass]).matrix(q.T, dq.T, ddq.T)[:, :, 0].T
+    np.testing.assert_allclose(load.columns(motion)[0], expected)
+    assert load.by_first and load.unit == "kg"
+    assert not load.columns(replace(motion, number=0)).any()

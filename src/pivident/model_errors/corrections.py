@@ -91,7 +91,8 @@ class Corrections:
                 f"{plus_minus(float(x), 2.0 * float(s))} {cause.unit}"
                 for x, s in zip(size, std, strict=True)
             ]
-            whose = f" of {cause.subject}" if cause.subject else ""
+            said = not cause.subject or cause.what.endswith(f" {cause.subject}")
+            whose = "" if said else f" of {cause.subject}"
             text = f"Corrected with the estimate: {cause.what}{whose}, {' and '.join(values)}."
             evidence = {
                 f"size {k + 1}" if size.size > 1 else "size": Quantity(

@@ -30,7 +30,8 @@ def missing_causes(
         if parameter.name not in known:
             yield _left_out(robot, name, parameter)
     last = robot.size - 1
-    own = [p for p in standard_parameters(robot) if p.joint == last and p.stem in LOAD]
+    stems = {p.stem: p for p in standard_parameters(robot) if p.joint == last}
+    own = [stems[stem] for stem in LOAD]  # the mass first, whose amplitude is the size
     for number, recording in enumerate(recordings[1:], start=1):
         yield _carried(robot, own, number, recording)
 
