@@ -132,7 +132,8 @@ class FullRateSteps:
     ) -> tuple[Sequence[FullRateRecord], Prefilters]:
         """Φ(q̂), Z = Φ(q_s) and τ of all recordings."""
         signals, load = self.signals, self.signals.load(last.number, simulated.theta)
+        measured = signals.measured(load, simulated.motions)
         records = records_with_instruments(
-            signals.measured(load), signals.simulated(simulated.motions, load), signals.limits
+            measured, signals.simulated(simulated.motions, load), signals.limits
         )
         return records, prefilters

@@ -34,6 +34,7 @@ from pivident.estimation.normal_equations import (
     weighted_solution,
 )
 from pivident.estimation.problem import Problem
+from pivident.estimation.simulated_detail import with_simulated_detail
 from pivident.motion.kinematics import Kinematics
 from pivident.motion.motion import SimulatedMotion, with_inner
 from pivident.motion.speed_limits import SpeedLimits
@@ -119,9 +120,17 @@ class Signals:
         """Parameters that make the load: θ, or those without load as long as there is no θ."""
         return theta if number or self.without_load is None else self.without_load
 
-    def measured(self, theta: np.ndarray | None) -> list[Kinematics]:
-        """Measured motions with inner signals for the load of θ."""
-        return [with_inner(self.problem.regressor, k, theta) for k in self.kinematics]
+    def measured(
+        self, theta: np.ndarray | None, motions: Sequence[SimulatedMotion] = ()
+    ) -> list[Kinematics]:
+        """Measured motions with inner signals for the load of θ.
+
+        ``motions``: simulated ones, which give back what the smoother takes.
+        """
+        kinematics = self.kinematics
+        if motions:
+            kinematics = list(map(with_simulated_detail, kinematics, motions))
+        return [with_inner(self.problem.regressor, k, theta) for k in kinematics]
 
     def simulated(
         self, motions: Sequence[SimulatedMotion], theta: np.ndarray

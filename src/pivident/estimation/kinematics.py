@@ -23,6 +23,7 @@ from pivident.scratch import working_array
 from pivident.signals.alignment import AlignedTorque, align_torque
 from pivident.signals.bandpass import EDGE, bandpass
 from pivident.signals.coloured_walk import smooth_with_lines
+from pivident.signals.coloured_walk_likelihood import NoiseColour
 from pivident.signals.counted_positions import has_visible_counts, nvr_of_counts
 from pivident.signals.instants import derivatives_at_instants, torque_at_instants
 from pivident.signals.random_walk import (
@@ -31,6 +32,7 @@ from pivident.signals.random_walk import (
     smooth_channels,
 )
 from pivident.signals.spectral_lines import SpectralLine
+from pivident.signals.walk_smoother import WalkSmoother
 from pivident.threads import run_in_threads
 
 #: Cut-off over the half-power frequency: the Butterworth filter then keeps 96 % there.
@@ -64,6 +66,7 @@ def estimate_kinematics(recording: Recording, signals: Bandpass | RandomWalk) ->
         raise RecordingTooShort(recording.samples, sum(known) + MIN_RUN)
     unknown = np.full(recording.joints, np.nan)
     lines: tuple[tuple[SpectralLine, ...], ...] = ()
+    smoothers: tuple[WalkSmoother | None, ...] = ()
     if isinstance(signals, Bandpass):
         cutoffs = signals.cutoffs(recording.joints)
         if recording.slowed and not cutoffs.max() < recording.rate / 2:
@@ -84,7 +87,7 @@ def estimate_kinematics(recording: Recording, signals: Bandpass | RandomWalk) ->
         motion = (passed.q, passed.dq, passed.ddq)
         ends, f50, encoder_std = signals.ends(recording.rate), unknown, unknown
     else:
-        smoothed, lines = _random_walk(recording, signals)
+        smoothed, lines, smoothers = _random_walk(recording, signals)
         motion = (smoothed.q, smoothed.dq, smoothed.ddq)
         ends = (smoothed.edge, smoothed.edge)
         f50, encoder_std = np.atleast_1d(smoothed.f50), np.atleast_1d(smoothed.noise_std)
@@ -106,7 +109,7 @@ def estimate_kinematics(recording: Recording, signals: Bandpass | RandomWalk) ->
     stop = recording.samples - max(ends[1], *(last for _, last in lost))
     if stop - start < MIN_RUN:
         raise RecordingTooShort(recording.samples, recording.samples - (stop - start) + MIN_RUN)
-    return Kinematics(recording, q, dq, ddq, tau, start, stop, f50, encoder_std, lines)
+    return Kinematics(recording, q, dq, ddq, tau, start, stop, f50, encoder_std, lines, smoothers)
 
 
 def settled_recipe(
@@ -158,27 +161,36 @@ def _aligned(recording: Recording, joint: int, align: bool) -> AlignedTorque:
 
 def _random_walk(
     recording: Recording, signals: RandomWalk
-) -> tuple[SmoothedSignal, tuple[tuple[SpectralLine, ...], ...]]:
-    """Smoothed positions, and the lines of their noise where the recipe has them searched.
+) -> tuple[SmoothedSignal, tuple[tuple[SpectralLine, ...], ...], tuple[WalkSmoother | None, ...]]:
+    """Smoothed positions, lines of their noise where the recipe has them searched, the smoothers.
 
     Rounding noise has a recipe of its own, and no lines are looked for beside it.
     """
     searched = signals.measurement_noise == "auto" and signals.passes == 1
     counts = _nvr_of_counts(recording, signals) if searched else None
+    lines: tuple[tuple[SpectralLine, ...], ...] = ()
+    colours: tuple[NoiseColour | None, ...] = (None,) * recording.joints
     if searched and counts is None:
         coloured = smooth_with_lines(
             recording.q, recording.rate, signals.order, f50_max=signals.f50_max
         )
-        return coloured.signal, coloured.lines
-    smoothed = smooth_channels(
-        recording.q,
-        recording.rate,
-        signals.order,
-        counts,
-        passes=signals.passes,
-        f50_max=signals.f50_max,
+        smoothed, lines, colours = coloured.signal, coloured.lines, coloured.colours
+    else:
+        smoothed = smooth_channels(
+            recording.q,
+            recording.rate,
+            signals.order,
+            counts,
+            passes=signals.passes,
+            f50_max=signals.f50_max,
+        )
+    if signals.passes > 1:
+        return smoothed, lines, ()
+    smoothers = tuple(
+        None if has_visible_counts(y) else WalkSmoother(float(nvr), signals.order, colour)
+        for y, nvr, colour in zip(recording.q.T, smoothed.nvr, colours, strict=True)
     )
-    return smoothed, ()
+    return smoothed, lines, smoothers
 
 
 def _nvr_of_counts(recording: Recording, signals: RandomWalk) -> list[float] | None:

@@ -9,6 +9,7 @@ import numpy as np
 from pivident.dynamics.regressor import Regressor
 from pivident.recording.recording import Recording
 from pivident.signals.spectral_lines import SpectralLine
+from pivident.signals.walk_smoother import WalkSmoother
 
 #: Highest frequency of a robot's motion [Hz], twice the usual bandwidth of a position loop.
 MOTION_BAND = 20.0
@@ -35,6 +36,9 @@ class Kinematics:
     encoder_std: np.ndarray
     #: Spectral lines found in each joint's measurement noise; empty where not searched.
     lines: tuple[tuple[SpectralLine, ...], ...] = ()
+    #: Smoother of each joint's positions; None where it is no linear operator on a signal and noise
+    #: (visible counts), empty with a band-pass and with two passes.
+    smoothers: tuple[WalkSmoother | None, ...] = ()
     #: Columns with memory or load, shape (inner entries, samples), see ``Regressor.inner``; None
     #: where they were not made.
     inner: np.ndarray | None = None

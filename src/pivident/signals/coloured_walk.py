@@ -18,7 +18,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.signals.coloured_walk_likelihood import coloured_fit, estimate_coloured_nvr
+from pivident.signals.coloured_walk_likelihood import (
+    NoiseColour,
+    coloured_fit,
+    estimate_coloured_nvr,
+)
 from pivident.signals.random_walk import (
     PER_CHANNEL,
     SmoothedSignal,
@@ -41,6 +45,7 @@ class ColouredSmoothing:
 
     signal: SmoothedSignal
     lines: tuple[tuple[SpectralLine, ...], ...]  # empty for white noise
+    colours: tuple[NoiseColour | None, ...]  # of the noise of each channel, None for white noise
 
 
 def smooth_with_lines(
@@ -59,28 +64,30 @@ def smooth_with_lines(
     lines = tuple(searches[channel].lines for channel in channels)
     white = [channel for channel in channels if not lines[channel]]
     if len(white) == len(channels):
-        return ColouredSmoothing(smooth_channels(y, rate, order, f50_max=f50_max), lines)
+        signal = smooth_channels(y, rate, order, f50_max=f50_max)
+        return ColouredSmoothing(signal, lines, (None,) * len(channels))
     parts: dict[int, SmoothedSignal] = {}
+    colours = {c: noise_colour(searches[c], rate) for c in channels if lines[c]}
     if white:
         together = smooth_channels(y[:, white], rate, order, f50_max=f50_max)
         parts = {channel: together.channel(i) for i, channel in enumerate(white)}
 
     def smooth(channel: int) -> None:
-        parts[channel] = _smooth_channel(y[:, channel], rate, order, searches[channel], f50_max)
+        parts[channel] = _smooth_channel(y[:, channel], rate, order, colours[channel], f50_max)
 
     run_in_threads(smooth, [channel for channel in channels if lines[channel]])
     columns = {
         name: np.stack([getattr(parts[channel], name) for channel in channels], axis=-1)
         for name in PER_CHANNEL
     }
-    return ColouredSmoothing(SmoothedSignal(**columns, order=order, rate=rate), lines)
+    signal = SmoothedSignal(**columns, order=order, rate=rate)
+    return ColouredSmoothing(signal, lines, tuple(colours.get(c) for c in channels))
 
 
 def _smooth_channel(
-    y: np.ndarray, rate: float, order: int, found: LineSearch, f50_max: float | None
+    y: np.ndarray, rate: float, order: int, colour: NoiseColour, f50_max: float | None
 ) -> SmoothedSignal:
     """One channel with lines."""
-    colour = noise_colour(found, rate)
     mean = float(np.mean(y))
     centred = y - mean
     estimate = estimate_coloured_nvr(centred, rate, order, colour, f50_max)
