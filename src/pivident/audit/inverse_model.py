@@ -43,6 +43,9 @@ LOW_SPEED = 0.01
 #: reversals of dry friction, which then look like a delay of milliseconds.
 WIDER = 10.0
 
+#: Samples per period of that band on which columns are made.
+PER_PERIOD = 5.0
+
 #: Time in periods of the band over which the low-pass mixes rest and motion.
 MIXED = 1.0
 
@@ -196,21 +199,24 @@ def inverse_model_of(
     base = base_parameters(robot)
     regressor = Regressor.build(robot, base.parameters)
     samples = len(signals.motion[0])
-    stride = max(1, int(rate / (OVERSAMPLING * band)))
-    at = np.arange(margin, samples - margin, stride)
+    # columns are made on the samples that the band of the positions needs, rows on fewer
+    made = max(1, int(rate / (PER_PERIOD * WIDER * band)))
+    stride = made * max(1, int(rate / (OVERSAMPLING * band * made)))
+    at = np.arange(made * -(-margin // made), samples - margin, stride)
     q, dq, ddq = (scale * x[at] for x in signals.low)
 
     description = base.values(nominal_values(robot, base.standard))
-    motion = signals.motion[0] * scale, signals.motion[1] * scale, signals.motion[2] * scale
-    turned = motion[0].T, motion[1].T, motion[2].T
+    position, speed, acceleration = (x[::made] * scale for x in signals.motion)
+    motion = position, speed, acceleration
+    turned = position.T, speed.T, acceleration.T
     packed = regressor.packed(*turned, inner=regressor.inner(*turned, description))
     columns, own = [], []
     for j in range(robot.size):
         chosen = slice(regressor.offsets[j], regressor.offsets[j + 1])
-        columns.append(butterworth(packed[chosen].T, rate, band)[at])
+        columns.append(butterworth(packed[chosen].T, rate / made, band)[at // made])
         own.append(regressor.columns_of(j))
     gravity, inertial = (
-        butterworth(x, rate, band)[at] for x in _described(base, regressor, motion)
+        butterworth(x, rate / made, band)[at // made] for x in _described(base, regressor, motion)
     )
 
     rated = robot.rated_speeds

@@ -38,6 +38,8 @@ class Cause:
         is_positive: whether a size below zero makes no sense, as of a compliance.
         by_first: whether the first column's amplitude is the size, since the others come with it
             in other units; else that of several columns is their length.
+        is_smooth: whether its columns are as smooth as the motion, without friction: then fewer
+            samples do.
     """
 
     kind: str
@@ -50,6 +52,7 @@ class Cause:
     largest: float = np.inf
     is_positive: bool = False
     by_first: bool = False
+    is_smooth: bool = False
 
     def allows(self, size: np.ndarray) -> bool:
         """Whether a size, shape (columns,), makes sense."""

@@ -8,6 +8,7 @@ with those that the low-pass mixes with them.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,16 +18,21 @@ from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import RandomWalk
 from pivident.estimation.problem import Problem
 from pivident.estimation.standstill import without_recent
+from pivident.model_errors.band_rows import BandRows
 from pivident.model_errors.cause import Cause
 from pivident.model_errors.cause_sums import CauseSums, JointRows, cause_sums
-from pivident.model_errors.record_motion import RecordMotion, stride_of
+from pivident.model_errors.record_motion import (
+    SMOOTH_SAMPLES_PER_PERIOD,
+    RecordMotion,
+    stride_of,
+    thinned,
+)
 from pivident.motion.kinematics import Kinematics
 from pivident.motion.motion import Motion
-from pivident.signals.bandpass import butterworth
 from pivident.threads import run_in_threads
 from pivident.validation.held_out.prediction import motion_band
 
-#: Rows that are kept for each period of the highest frequency.
+#: Rows that are kept for each period of the highest frequency, at least.
 ROWS_PER_PERIOD = 5.0
 
 #: Blocks of the motion that are held out in turn, all recordings together.
@@ -47,9 +53,6 @@ FEWEST = 0.25
 #: Size below which a number is zero; products of such would be denormal, and slow.
 VANISHING = 1e-150
 
-#: Cut-off before samples are left out, over the rate of those that stay.
-PASSED = 0.4
-
 #: Time over which a filter remembers to either side [s].
 MEMORY = 0.5
 
@@ -58,8 +61,34 @@ ENDS = 3.0
 
 
 #: Packed columns of the model, shape (entries, samples), and those of all causes, each (joints,
-#: samples).
+#: samples) or at a fraction of their rate.
 Columns = tuple[np.ndarray, list[np.ndarray]]
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Which samples of a record are looked at.
+
+    Attributes:
+        rate: of the samples that columns are made on [Hz].
+        stride: of these samples, in those of the record.
+        fraction: stride of smooth columns, in these samples.
+        step: that of the rows, likewise.
+    """
+
+    rate: float
+    stride: int
+    fraction: int
+    step: int
+
+    @classmethod
+    def of(cls, kinematics: Kinematics, band: float) -> Grid:
+        """As few as a band needs [Hz]."""
+        stride = stride_of(kinematics.recording.rate, band)
+        rate = kinematics.recording.rate / stride
+        fraction = max(1, int(rate / (SMOOTH_SAMPLES_PER_PERIOD * band)))
+        step = fraction * max(1, int(rate / (ROWS_PER_PERIOD * band * fraction)))
+        return cls(rate, stride, fraction, step)
 
 
 class CauseRows:
@@ -90,54 +119,61 @@ class CauseRows:
         self, number: int, kin: Kinematics, motion: Motion | None, began: float
     ) -> list[JointRows]:
         """Rows of one record."""
-        from scipy.signal import oaconvolve
-
         rate = kin.recording.rate
-        stride = stride_of(rate, self.band)
-        working = rate / stride
-        step = max(1, int(working / (ROWS_PER_PERIOD * self.band)))
-        margin = int(np.ceil(max(ENDS / self.band, MEMORY) * working))
-        first, last = -(-kin.start // stride) + margin, kin.stop // stride - margin
-        rows = np.arange(first, max(last, first), step)
+        grid = Grid.of(kin, self.band)
+        samples = kin.q[:, :: grid.stride].shape[1]
+        band_rows = BandRows.of(samples, grid.rate, self.band, grid.step)
+        margin = int(np.ceil(max(ENDS / self.band, MEMORY) * grid.rate))
+        first, last = -(-kin.start // grid.stride) + margin, kin.stop // grid.stride - margin
+        kept = np.arange(-(-first // grid.step), max(-(-last // grid.step), 0))
+        rows = kept * grid.step
         count = max(PLACES // len(self.problem.recordings), FEWEST_PLACES)
-        place = number * count + places(kin.q[:, ::stride][:, rows], count)
-        measured = self._columns(kin, rate, stride, number, began)
-        made = measured if motion is None else self._columns(motion, rate, stride, number, began)
+        place = number * count + places(kin.q[:, :: grid.stride][:, rows], count)
+        measured = self._columns(kin, rate, grid, number, began)
+        made = measured if motion is None else self._columns(motion, rate, grid, number, began)
         valid = getattr(motion, "valid", None)
-        allowed = np.ones(rows.size, bool) if valid is None else valid[::stride][rows]
-        used = self._used(number, kin)[:, ::stride]
-        reach = int(np.ceil(MIXED * working / self.band))
+        allowed = np.ones(rows.size, bool) if valid is None else valid[:: grid.stride][rows]
+        used = self._used(number, kin)[:, :: grid.stride]
+        reach = int(np.ceil(MIXED * grid.rate / self.band))
         regressor = self.regressor
+        fractions = [grid.fraction if cause.is_smooth else 1 for cause in self._cause_of]
         out: list[JointRows | None] = [None] * self.problem.robot.size
 
         def thin(j: int) -> None:
             alive = [c for c, column in enumerate(measured[1]) if column[j].any()]
             own = slice(regressor.offsets[j], regressor.offsets[j + 1])
             counts = allowed & without_neighbours(used[j], reach)[rows]
-            tau = _passed(kin.tau[j][None], rate, stride)
+            gain = band_rows.gain(self._weight(j, rate, grid.rate))
 
-            weight = self._weight(j, rate, working)
-
-            def low(signals: np.ndarray) -> np.ndarray:
-                passed = butterworth(signals.T, working, self.band)
-                if weight is not None:
-                    passed = oaconvolve(passed, weight[:, None], mode="same", axes=0)
-                thin = np.ascontiguousarray(passed[rows].T * counts)
+            def low(signals: Sequence[np.ndarray] | np.ndarray, fraction: int = 1) -> np.ndarray:
+                if not len(signals):
+                    return np.zeros((0, rows.size))
+                thin = band_rows.of_signals(np.asarray(signals), gain, fraction)[:, kept] * counts
                 thin[np.abs(thin) < VANISHING] = 0.0
                 return thin
 
             def both(columns: Columns) -> np.ndarray:
-                return low(np.vstack([columns[0][own], *(columns[1][c][j] for c in alive)]))
+                passed = np.empty((len(alive), rows.size))
+                for fraction in {1, grid.fraction}:
+                    chosen = [k for k, c in enumerate(alive) if fractions[c] == fraction]
+                    passed[chosen] = low([columns[1][alive[k]][j] for k in chosen], fraction)
+                return np.vstack([low(columns[0][own]), passed])
 
             x = both(measured)
             y = x if motion is None else both(made)
             index = np.concatenate(
                 [regressor.columns_of(j), len(self.found.theta) + np.array(alive, int)]
             )
-            out[j] = JointRows(index, x, y, low(tau)[0], place)
+            tau = low(thinned(kin.tau[j][None], rate, grid.stride))[0]
+            out[j] = JointRows(index, x, y, tau, place)
 
         run_in_threads(thin, range(len(out)))
         return [r for r in out if r is not None]
+
+    @property
+    def _cause_of(self) -> list[Cause]:
+        """The cause of each column."""
+        return [cause for cause in self.causes for _ in range(cause.count)]
 
     def _used(self, number: int, kin: Kinematics) -> np.ndarray:
         """Samples at which the model is asked, shape (joints, samples): those of the estimate."""
@@ -162,18 +198,19 @@ class CauseRows:
         return np.append(taps, taps[0]) * np.hanning(2 * half + 1)
 
     def _columns(
-        self, motion: Motion, rate: float, stride: int, number: int, began: float
+        self, motion: Motion, rate: float, grid: Grid, number: int, began: float
     ) -> Columns:
         """Columns of the model and of the causes, on every so many samples."""
         theta, regressor = self.found.theta, self.regressor
-        q, dq, ddq = (_passed(x, rate, stride) for x in motion.stretch(slice(None)))
-        own = RecordMotion(regressor, theta, q, dq, ddq, rate / stride, number, began)
+        q, dq, ddq = (thinned(x, rate, grid.stride) for x in motion.stretch(slice(None)))
+        own = RecordMotion(regressor, theta, q, dq, ddq, grid.rate, number, began)
+        smooth = own.every(grid.fraction)
         packed = regressor.packed(q, dq, ddq, inner=regressor.inner(q, dq, ddq, theta))
         made = [np.zeros((0, *q.shape))] * len(self.causes)
-        own.torque, own.load  # noqa: B018 - made once, before several threads ask for them
+        own.torque, own.load, smooth.torque  # noqa: B018 - once, before several threads ask
 
         def make(k: int) -> None:
-            made[k] = self.causes[k].columns(own)
+            made[k] = self.causes[k].columns(smooth if self.causes[k].is_smooth else own)
 
         run_in_threads(make, range(len(made)))
         return packed, [column for own in made for column in own]
@@ -241,10 +278,3 @@ def smoothed(problem: Problem, found: Identification) -> list[Kinematics]:
     if found.equations is not None and found.equations.full_rate:
         return [r.kinematics for r in found.equations.records]
     return [estimate_kinematics(r, RandomWalk()) for r in problem.recordings]
-
-
-def _passed(x: np.ndarray, rate: float, stride: int) -> np.ndarray:
-    """Every so many samples behind a low-pass that leaves the band alone; time last."""
-    if stride > 1:  # accelerations are noisy where a motion has long ended
-        x = butterworth(x.T, rate, PASSED * rate / stride)[::stride].T
-    return np.ascontiguousarray(x)

@@ -89,7 +89,17 @@ def _cause(subject: str, what: str, unit: str, *changes: Change) -> Cause:
             robot = change(robot, float(own) * scale)
         return replace(problem, robot=robot)
 
-    return Cause("geometry", subject, what, unit, columns, len(changes), correct, LARGEST[unit])
+    return Cause(
+        "geometry",
+        subject,
+        what,
+        unit,
+        columns,
+        len(changes),
+        correct,
+        LARGEST[unit],
+        is_smooth=True,
+    )
 
 
 def _moved(joint: int, axis: int) -> Change:

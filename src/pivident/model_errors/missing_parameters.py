@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 
 import numpy as np
 
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import Parameter, standard_parameters
 from pivident.dynamics.regressor import Regressor
-from pivident.model_errors.cause import Cause
+from pivident.model_errors.cause import Cause, Columns
 from pivident.model_errors.record_motion import RecordMotion
 from pivident.robot.description import Robot
 
@@ -37,17 +38,18 @@ def missing_causes(
 
 
 def _left_out(robot: Robot, name: str, parameter: Parameter) -> Cause:
-    def columns(motion: RecordMotion) -> np.ndarray:
-        return _torques(motion.robot, [parameter], motion)
+    torques = _torques_of([parameter])
 
     joint = robot.joint_names[parameter.joint]
     what = f"{name}, which is not estimated"
-    return Cause("missing parameter", joint, what, parameter.unit, columns)
+    return Cause("missing parameter", joint, what, parameter.unit, torques)
 
 
 def _carried(robot: Robot, own: Sequence[Parameter], number: int, recording: str) -> Cause:
+    torques = _torques_of(own)
+
     def columns(motion: RecordMotion) -> np.ndarray:
-        found = _torques(motion.robot, own, motion)
+        found = torques(motion)
         return found if motion.number == number else np.zeros_like(found)
 
     what = f"mass at the flange in {recording} alone"
@@ -55,7 +57,15 @@ def _carried(robot: Robot, own: Sequence[Parameter], number: int, recording: str
     return Cause("payload", name, what, "kg", columns, len(own), by_first=True)
 
 
-def _torques(robot: Robot, parameters: Sequence[Parameter], motion: RecordMotion) -> np.ndarray:
-    """Columns of parameters, shape (parameters, joints, samples)."""
-    matrix = Regressor.build(robot, parameters).matrix(motion.q.T, motion.dq.T, motion.ddq.T)
-    return np.ascontiguousarray(matrix.transpose(2, 1, 0))
+def _torques_of(parameters: Sequence[Parameter]) -> Columns:
+    """Columns of parameters."""
+
+    @lru_cache(maxsize=1)
+    def regressor(robot: Robot) -> Regressor:
+        return Regressor.build(robot, parameters)
+
+    def columns(motion: RecordMotion) -> np.ndarray:
+        matrix = regressor(motion.robot).matrix(motion.q.T, motion.dq.T, motion.ddq.T)
+        return np.ascontiguousarray(matrix.transpose(2, 1, 0))
+
+    return columns

@@ -10,14 +10,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from threading import Lock
 
 import numpy as np
 
 from pivident.dynamics.regressor import Regressor
 from pivident.robot.description import Robot
+from pivident.signals.bandpass import butterworth
 
-#: Samples per period of the highest frequency of the motion.
-SAMPLES_PER_PERIOD = 25.0
+#: Samples per period of the highest frequency of the motion, and where nothing but products of the
+#: motion is asked for, whose frequencies are at most three times as high.
+SAMPLES_PER_PERIOD, SMOOTH_SAMPLES_PER_PERIOD = 25.0, 10.0
+
+#: Step of the differences by a position [rad or m] and by a speed.
+STEP = 1e-6
+
+#: Cut-off before samples are left out, over the rate of those that stay.
+PASSED = 0.4
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,9 +95,44 @@ class RecordMotion:
     ) -> np.ndarray:
         """Derivative of the torque along a change of one joint's motion, shape (joints, samples).
 
+        δτ = ∂τ/∂q δq + ∂τ/∂dq δdq + ∂τ/∂ddq δddq; friction with memory or load needs the path, and
+        is asked along the whole change.
+
         ``change``: δq, δdq and δddq of the joint, shape (samples,) each; ``step``: size of the
-        difference; ``load``: of what the joints carry alone.
+        difference along it; ``load``: of what the joints carry alone.
         """
+        if self.regressor.inner_entries.size:
+            return self._difference(joint, change, step, load)
+        by_position, by_speed, by_acceleration = self._derivatives(joint, load)
+        return by_position * change[0] + by_speed * change[1] + by_acceleration * change[2]
+
+    def _derivatives(self, joint: int, load: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """∂τ/∂q, ∂τ/∂dq and ∂τ/∂ddq of one joint, made once; shape (joints, samples) each."""
+        with self._locks[joint]:
+            known = self._known
+            if (joint, False) not in known:
+                by_acceleration = self._by(joint, 2, 1.0, False)  # linear
+                pair = self._by(joint, 0, STEP, False), self._by(joint, 1, STEP, False)
+                known[joint, False] = *pair, by_acceleration
+            if load and (joint, True) not in known:
+                pair = self._by(joint, 0, STEP, True), self._by(joint, 1, STEP, True)
+                known[joint, True] = *pair, known[joint, False][2]
+            return known[joint, load]
+
+    def _by(self, joint: int, which: int, step: float, load: bool) -> np.ndarray:
+        """Derivative of the torque by q, dq or ddq (0, 1, 2) of a joint."""
+        one, none = np.ones(self.q.shape[1]), np.zeros(self.q.shape[1])
+        first, second, third = (one if k == which else none for k in range(3))
+        return self._difference(joint, (first, second, third), step, load)
+
+    def _difference(
+        self,
+        joint: int,
+        change: tuple[np.ndarray, np.ndarray, np.ndarray],
+        step: float,
+        load: bool,
+    ) -> np.ndarray:
+        """(τ(motion + step · change) - τ(motion)) / step."""
         moved = []
         for signal, delta in zip((self.q, self.dq, self.ddq), change, strict=True):
             other = signal.copy()
@@ -96,6 +140,32 @@ class RecordMotion:
             moved.append(other)
         after = self.load_at(*moved) if load else self.torque_at(*moved)
         return (after - (self.load if load else self.torque)) / step
+
+    @cached_property
+    def _known(self) -> dict[tuple[int, bool], tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """Derivatives made so far: of a joint, of the whole torque or of the load."""
+        return {}
+
+    @cached_property
+    def _locks(self) -> list[Lock]:
+        """One for each joint."""
+        return [Lock() for _ in range(len(self.q))]
+
+    def every(self, stride: int) -> RecordMotion:
+        """The motion at a fraction of the rate."""
+        if stride == 1:
+            return self
+        q, dq, ddq = (thinned(x, self.rate, stride) for x in (self.q, self.dq, self.ddq))
+        return RecordMotion(
+            self.regressor, self.theta, q, dq, ddq, self.rate / stride, self.number, self.start
+        )
+
+
+def thinned(x: np.ndarray, rate: float, stride: int) -> np.ndarray:
+    """Every so many samples behind a low-pass that leaves the band alone; time last."""
+    if stride > 1:  # accelerations are noisy where a motion has long ended
+        x = butterworth(x.T, rate, PASSED * rate / stride)[::stride].T
+    return np.ascontiguousarray(x)
 
 
 def stride_of(rate: float, band: float) -> int:

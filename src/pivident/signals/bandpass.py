@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -95,7 +96,7 @@ def butterworth(
         RecordingError: the cut-off is not below half the rate.
         RecordingTooShort: fewer samples than the filter extends the record by.
     """
-    from scipy.signal import butter, sosfiltfilt
+    from scipy.signal import sosfiltfilt
 
     padlen = 3 * order if padlen is None else padlen
     if not 0 < cutoff < rate / 2:
@@ -106,8 +107,15 @@ def butterworth(
         )
     if len(x) <= padlen:
         raise RecordingTooShort(len(x), padlen + 1)
-    sections = butter(order, cutoff, fs=rate, output="sos")
-    return sosfiltfilt(sections, x, axis=0, padlen=padlen)
+    return sosfiltfilt(_sections(order, cutoff, rate), x, axis=0, padlen=padlen)
+
+
+@lru_cache(maxsize=64)
+def _sections(order: int, cutoff: float, rate: float) -> np.ndarray:
+    """Second-order sections of one run; a record asks for the same ones for every joint."""
+    from scipy.signal import butter
+
+    return np.asarray(butter(order, cutoff, fs=rate, output="sos"))
 
 
 def central_difference(x: np.ndarray, rate: float) -> np.ndarray:
@@ -126,10 +134,11 @@ def bandpass_response(
 
     away from the ends, so q̂ has no phase, dq̂ leads by 90° and ddq̂ by 180°, as derivatives do.
     """
-    from scipy.signal import butter, freqz_sos
+    from scipy.signal import freqz_sos
 
-    sections = butter(order, cutoff, fs=rate, output="sos")
-    _, once = freqz_sos(sections, worN=np.asarray(frequency, dtype=float), fs=rate)
+    _, once = freqz_sos(
+        _sections(order, cutoff, rate), worN=np.asarray(frequency, dtype=float), fs=rate
+    )
     difference = 1j * rate * np.sin(2.0 * np.pi * np.asarray(frequency) / rate)
     return np.abs(once) ** 2 * difference**derivative
 
