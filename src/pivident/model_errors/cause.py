@@ -40,6 +40,8 @@ class Cause:
             in other units; else that of several columns is their length.
         is_smooth: whether its columns are as smooth as the motion, without friction: then fewer
             samples do.
+        is_rough: whether its columns have derivatives of the load, which are mostly noise on a
+            measured motion: then those of the simulated motion stand for them.
     """
 
     kind: str
@@ -53,6 +55,7 @@ class Cause:
     is_positive: bool = False
     by_first: bool = False
     is_smooth: bool = False
+    is_rough: bool = False
 
     def allows(self, size: np.ndarray) -> bool:
         """Whether a size, shape (columns,), makes sense."""

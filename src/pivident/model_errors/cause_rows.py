@@ -129,8 +129,9 @@ class CauseRows:
         rows = kept * grid.step
         count = max(PLACES // len(self.problem.recordings), FEWEST_PLACES)
         place = number * count + places(kin.q[:, :: grid.stride][:, rows], count)
-        measured = self._columns(kin, rate, grid, number, began)
-        made = measured if motion is None else self._columns(motion, rate, grid, number, began)
+        made = None if motion is None else self._columns(motion, rate, grid, number, began)
+        clean = None if getattr(motion, "from_record", True) else made
+        measured = self._columns(kin, rate, grid, number, began, clean)
         valid = getattr(motion, "valid", None)
         allowed = np.ones(rows.size, bool) if valid is None else valid[:: grid.stride][rows]
         used = self._used(number, kin)[:, :: grid.stride]
@@ -160,7 +161,7 @@ class CauseRows:
                 return np.vstack([low(columns[0][own]), passed])
 
             x = both(measured)
-            y = x if motion is None else both(made)
+            y = x if made is None else both(made)
             index = np.concatenate(
                 [regressor.columns_of(j), len(self.found.theta) + np.array(alive, int)]
             )
@@ -198,9 +199,18 @@ class CauseRows:
         return np.append(taps, taps[0]) * np.hanning(2 * half + 1)
 
     def _columns(
-        self, motion: Motion, rate: float, grid: Grid, number: int, began: float
+        self,
+        motion: Motion,
+        rate: float,
+        grid: Grid,
+        number: int,
+        began: float,
+        clean: Columns | None = None,
     ) -> Columns:
-        """Columns of the model and of the causes, on every so many samples."""
+        """Columns of the model and of the causes, on every so many samples.
+
+        ``clean``: those of a simulated motion, from which the rough ones are taken.
+        """
         theta, regressor = self.found.theta, self.regressor
         q, dq, ddq = (thinned(x, rate, grid.stride) for x in motion.stretch(slice(None)))
         own = RecordMotion(regressor, theta, q, dq, ddq, grid.rate, number, began)
@@ -210,7 +220,12 @@ class CauseRows:
         own.torque, own.load, smooth.torque  # noqa: B018 - once, before several threads ask
 
         def make(k: int) -> None:
-            made[k] = self.causes[k].columns(smooth if self.causes[k].is_smooth else own)
+            cause = self.causes[k]
+            if cause.is_rough and clean is not None:
+                first, last = self.first[k : k + 2] - len(theta)
+                made[k] = np.array(clean[1][first:last])
+            else:
+                made[k] = cause.columns(smooth if cause.is_smooth else own)
 
         run_in_threads(make, range(len(made)))
         return packed, [column for own in made for column in own]

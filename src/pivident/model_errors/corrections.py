@@ -224,7 +224,14 @@ def _step(tests: ScoreTests, numbers: Sequence[int]) -> tuple[np.ndarray, np.nda
     shown = np.isin(every, columns)
     step, covariance = np.zeros(every.size), np.zeros((every.size, every.size))
     step[shown] = fit.theta[own]
-    covariance[np.ix_(shown, shown)] = tests.covariance(columns, fit.theta)[own, own]
+    try:
+        covariance[np.ix_(shown, shown)] = tests.covariance(columns, fit.theta)[own, own]
+    except np.linalg.LinAlgError:
+        raise IdentificationError(
+            f"{', '.join(str(tests.causes[k]) for k in numbers)}: all that tells some of these "
+            "corrections apart lies within one short stretch of the record; free fewer kinds at a "
+            "time"
+        ) from None
     return step, covariance, shown
 
 
