@@ -1,6 +1,7 @@
 """Statistical truth: estimators on fresh simulated TX40 records whose parameters are known.
 
-    python -m benchmarks.statistical_truth [--runs 40] [--scenarios fine loop] [--estimators NAME]
+    python -m benchmarks.statistical_truth [--runs 40] [--first 0] [--scenarios fine loop]
+        [--estimators NAME]
 
 For each estimator, as it is by default: how often the truth lies within two standard errors (95.4 %
 is right), the median relative error, the largest bias of a parameter, the reported standard error
@@ -41,10 +42,10 @@ ESTIMATORS = {
 }
 
 
-def run_scenario(scenario: str, runs: int, names: list[str]) -> dict[str, dict[str, float]]:
-    """Figures of some estimators over so many records."""
+def run_scenario(scenario: str, seeds: range, names: list[str]) -> dict[str, dict[str, float]]:
+    """Figures of some estimators over the records of some seeds."""
     found: dict[str, list] = {name: [] for name in names}
-    for seed in range(runs):
+    for seed in seeds:
         problem, truth = scenarios.tx40_scenario(scenario, seed)
         for name in names:
             started = time.perf_counter()
@@ -103,6 +104,7 @@ def print_table(scenario: str, runs: int, rows: dict[str, dict[str, float]]) -> 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=40)
+    parser.add_argument("--first", type=int, default=0, help="the first seed")
     parser.add_argument("--scenarios", nargs="+", default=list(scenarios.NOISES))
     parser.add_argument("--estimators", nargs="+", default=list(ESTIMATORS))
     parser.add_argument("--reference", type=Path)
@@ -111,9 +113,10 @@ def main() -> None:
         data = np.load(options.reference)
         motion = data["q_ref"], data["dq_ref"], np.gradient(data["dq_ref"], 2e-4, axis=0)
         scenarios.tx40_reference = lambda samples: tuple(x[:samples] for x in motion)
+    seeds = range(options.first, options.first + options.runs)
     results = {}
     for scenario in options.scenarios:
-        results[scenario] = run_scenario(scenario, options.runs, options.estimators)
+        results[scenario] = run_scenario(scenario, seeds, options.estimators)
         print_table(scenario, options.runs, results[scenario])
     target = Path(__file__).parent / "results"
     target.mkdir(exist_ok=True)
