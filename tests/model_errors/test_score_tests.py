@@ -116,6 +116,22 @@ def test_columns_that_the_model_has_are_not_distinct():
     assert set(scores) == {1, 2}
 
 
+def test_a_cause_that_is_corrected_already_hides_its_like():
+    """Also where the motion hardly separates the parameters."""
+    rng = np.random.default_rng(0)
+    x = rng.standard_normal((6, ROWS))
+    x[1] = x[0] + 1e-4 * x[1]
+    x[3] = x[2] + 0.5 * x[0] + 0.01 * x[3]
+    x[4] = x[3]  # causes a and b are the same torque
+    tau = x[0] + 0.3 * x[3] + 0.1 * rng.standard_normal(ROWS)
+    places = np.arange(ROWS) * 6 // ROWS
+    tests = score_tests([[JointRows(np.arange(6), x, x.copy(), tau, places)]], np.array([0.01]))
+    assert set(tests.all_scores([])[1]) == {0, 1, 2}
+    assert set(tests.all_scores([0])[1]) == {2}
+    assert tests.columns([0, 1]).tolist() == [0, 1, 2, 3]
+    assert np.isfinite(tests.covariance(tests.columns([0, 1]), np.zeros(4))).all()
+
+
 @pytest.mark.parametrize("corrected", [[], [0], [2, 0]])
 def test_several_columns_are_tested_as_single_ones_are(corrected):
     """The general path, for causes of any number of columns, and the one for single columns."""

@@ -8,35 +8,52 @@ on the way, so rows near its ends are to be left out.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from pivident.signals.bandpass import bandpass_response
 
+#: Size below which a number is zero; products of such would be denormal, and slow.
+VANISHING = 1e-150
+
 
 @dataclass(frozen=True)
 class BandRows:
-    """Rows of a record: every ``step`` samples, ``count`` of them, the first at the first sample.
+    """Every so many samples of a record, as far as they are not near its ends.
 
-    ``rate`` is that of the samples, ``band`` the highest frequency that is kept [Hz].
+    Attributes:
+        rate: of the samples [Hz].
+        band: highest frequency that is kept [Hz].
+        step: samples from one row to the next.
+        count: rows of the whole record, its ends and a few beyond them included.
+        kept: those that are used.
     """
 
     rate: float
     band: float
     step: int
     count: int
+    kept: slice
 
     @classmethod
-    def of(cls, samples: int, rate: float, band: float, step: int) -> BandRows:
-        """Rows over so many samples, and a few beyond their end."""
+    def of(cls, samples: int, rate: float, band: float, step: int, span: slice) -> BandRows:
+        """Rows of a record of so many samples; ``span``: samples at which rows may be."""
         from scipy.fft import next_fast_len
 
-        return cls(rate, band, step, next_fast_len(-(-samples // step), real=True))
+        count = next_fast_len(-(-samples // step), real=True)
+        first, last = -(-span.start // step), -(-span.stop // step)
+        return cls(rate, band, step, count, slice(first, max(first, last)))
+
+    @property
+    def at(self) -> np.ndarray:
+        """Samples at which the rows are, shape (rows,)."""
+        return np.arange(self.kept.start, self.kept.stop) * self.step
 
     @property
     def samples(self) -> int:
-        """Samples that the rows span."""
+        """Samples that the rows of the whole record span."""
         return self.count * self.step
 
     @property
@@ -57,8 +74,10 @@ class BandRows:
         np.add.at(circle, np.arange(-half, half + 1) % self.samples, weight)
         return gain * np.fft.rfft(circle).real[: gain.size]
 
-    def of_signals(self, signals: np.ndarray, gain: np.ndarray, fraction: int = 1) -> np.ndarray:
-        """Rows of some signals, shape (signals, count).
+    def passed(
+        self, signals: Sequence[np.ndarray] | np.ndarray, gain: np.ndarray, fraction: int = 1
+    ) -> np.ndarray:
+        """Rows of some signals behind a filter, shape (signals, rows).
 
         Args:
             signals: one sample for every ``fraction`` of the record's, shape (signals, samples).
@@ -67,7 +86,11 @@ class BandRows:
         """
         from scipy.fft import irfft, rfft
 
+        if not len(signals):
+            return np.zeros((0, self.at.size))
         length = self.samples // fraction
-        spectrum = rfft(signals[:, :length], length, axis=1)[:, : gain.size]
-        scale = fraction / self.step
-        return np.asarray(irfft(spectrum * (gain * scale), self.count, axis=1))
+        spectrum = rfft(np.asarray(signals)[:, :length], length, axis=1)[:, : gain.size]
+        whole = irfft(spectrum * (gain * fraction / self.step), self.count, axis=1)
+        rows = np.ascontiguousarray(whole[:, self.kept])
+        rows[np.abs(rows) < VANISHING] = 0.0
+        return rows

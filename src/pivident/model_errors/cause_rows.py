@@ -50,9 +50,6 @@ MIXED = 1.0
 #: Share of the samples in use that has to be left without those that it mixes.
 FEWEST = 0.25
 
-#: Size below which a number is zero; products of such would be denormal, and slow.
-VANISHING = 1e-150
-
 #: Time over which a filter remembers to either side [s].
 MEMORY = 0.5
 
@@ -119,62 +116,53 @@ class CauseRows:
         self, number: int, kin: Kinematics, motion: Motion | None, began: float
     ) -> list[JointRows]:
         """Rows of one record."""
-        rate = kin.recording.rate
+        rate, regressor = kin.recording.rate, self.regressor
         grid = Grid.of(kin, self.band)
-        samples = kin.q[:, :: grid.stride].shape[1]
-        band_rows = BandRows.of(samples, grid.rate, self.band, grid.step)
-        margin = int(np.ceil(max(ENDS / self.band, MEMORY) * grid.rate))
-        first, last = -(-kin.start // grid.stride) + margin, kin.stop // grid.stride - margin
-        kept = np.arange(-(-first // grid.step), max(-(-last // grid.step), 0))
-        rows = kept * grid.step
+        rows = self._band_rows(kin, grid)
+        q = kin.q[:, :: grid.stride]
         count = max(PLACES // len(self.problem.recordings), FEWEST_PLACES)
-        place = number * count + places(kin.q[:, :: grid.stride][:, rows], count)
+        place = number * count + places(q[:, rows.at], count)
         made = None if motion is None else self._columns(motion, rate, grid, number, began)
         clean = None if getattr(motion, "from_record", True) else made
         measured = self._columns(kin, rate, grid, number, began, clean)
         valid = getattr(motion, "valid", None)
-        allowed = np.ones(rows.size, bool) if valid is None else valid[:: grid.stride][rows]
+        allowed = np.ones(rows.at.size, bool) if valid is None else valid[:: grid.stride][rows.at]
         used = self._used(number, kin)[:, :: grid.stride]
         reach = int(np.ceil(MIXED * grid.rate / self.band))
-        regressor = self.regressor
-        fractions = [grid.fraction if cause.is_smooth else 1 for cause in self._cause_of]
+        rates = [cause.is_smooth for cause in self.causes for _ in range(cause.count)]
         out: list[JointRows | None] = [None] * self.problem.robot.size
 
         def thin(j: int) -> None:
             alive = [c for c, column in enumerate(measured[1]) if column[j].any()]
+            smooth = np.array([rates[c] for c in alive], bool)
             own = slice(regressor.offsets[j], regressor.offsets[j + 1])
-            counts = allowed & without_neighbours(used[j], reach)[rows]
-            gain = band_rows.gain(self._weight(j, rate, grid.rate))
+            counts = allowed & without_neighbours(used[j], reach)[rows.at]
+            gain = rows.gain(self._weight(j, rate, grid.rate))
 
-            def low(signals: Sequence[np.ndarray] | np.ndarray, fraction: int = 1) -> np.ndarray:
-                if not len(signals):
-                    return np.zeros((0, rows.size))
-                thin = band_rows.of_signals(np.asarray(signals), gain, fraction)[:, kept] * counts
-                thin[np.abs(thin) < VANISHING] = 0.0
-                return thin
+            def passed(columns: Columns) -> np.ndarray:
+                of_causes = np.empty((len(alive), rows.at.size))
+                for kind, fraction in ((smooth, grid.fraction), (~smooth, 1)):
+                    chosen = [columns[1][c][j] for c, one in zip(alive, kind, strict=True) if one]
+                    of_causes[kind] = rows.passed(chosen, gain, fraction)
+                return np.vstack([rows.passed(columns[0][own], gain), of_causes]) * counts
 
-            def both(columns: Columns) -> np.ndarray:
-                passed = np.empty((len(alive), rows.size))
-                for fraction in {1, grid.fraction}:
-                    chosen = [k for k, c in enumerate(alive) if fractions[c] == fraction]
-                    passed[chosen] = low([columns[1][alive[k]][j] for k in chosen], fraction)
-                return np.vstack([low(columns[0][own]), passed])
-
-            x = both(measured)
-            y = x if made is None else both(made)
+            x = passed(measured)
+            y = x if made is None else passed(made)
             index = np.concatenate(
                 [regressor.columns_of(j), len(self.found.theta) + np.array(alive, int)]
             )
-            tau = low(thinned(kin.tau[j][None], rate, grid.stride))[0]
+            tau = rows.passed(thinned(kin.tau[j][None], rate, grid.stride), gain)[0] * counts
             out[j] = JointRows(index, x, y, tau, place)
 
         run_in_threads(thin, range(len(out)))
         return [r for r in out if r is not None]
 
-    @property
-    def _cause_of(self) -> list[Cause]:
-        """The cause of each column."""
-        return [cause for cause in self.causes for _ in range(cause.count)]
+    def _band_rows(self, kin: Kinematics, grid: Grid) -> BandRows:
+        """Rows of one record without its ends, which the low-pass and the weight spoil."""
+        margin = int(np.ceil(max(ENDS / self.band, MEMORY) * grid.rate))
+        span = slice(-(-kin.start // grid.stride) + margin, kin.stop // grid.stride - margin)
+        samples = -(-kin.q.shape[1] // grid.stride)
+        return BandRows.of(samples, grid.rate, self.band, grid.step, span)
 
     def _used(self, number: int, kin: Kinematics) -> np.ndarray:
         """Samples at which the model is asked, shape (joints, samples): those of the estimate."""
