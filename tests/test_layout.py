@@ -30,8 +30,8 @@ DOORS = ("linear", "symbolic", "export", "payload", "flexibility", "many")
 MAX_LINES_OF_PACKAGE = 6000
 #: 91,000, and the causes of model error.
 MAX_LINES = 94_500
-#: 90, nine for instruments from the record itself, and the speeds of standstill.
-MAX_MODULES_OF_IDENTIFY = 100
+#: 90, nine for instruments from the record itself, the speeds of standstill, what smoothing takes.
+MAX_MODULES_OF_IDENTIFY = 101
 
 
 def modules() -> dict[str, Path]:

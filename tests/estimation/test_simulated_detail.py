@@ -6,8 +6,8 @@ import pivident as pv
 from pivident.estimation import iteration
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import RandomWalk
-from pivident.estimation.simulated_detail import with_simulated_detail
 from pivident.motion.motion import SimulatedMotion
+from pivident.motion.simulated_detail import with_simulated_detail
 from pivident.recording.recording import Recording
 from pivident.robot.friction import FrictionLaw, coulomb, viscous
 from pivident.signals.instants import derivatives_at_instants

@@ -56,3 +56,17 @@ def test_a_log_that_is_slower_than_the_controller(fine):
 def test_nominal_inertias_that_are_far_off(fine):
     far = replace(fine, initial={"zz1r": 1e-3, "ia2": 1e-4})
     assert "estimate of least squares" in noted(far) or "rotor inertia" in noted(far)
+
+
+def test_what_the_log_lacks_is_told_beside_it(fine):
+    """An audit knows that samples are missing where the loop cannot be simulated."""
+    rng = np.random.default_rng(0)
+    turned = replace(fine.loop, drive_gain=-1.0)
+    gaps = []
+    for r in fine.recordings:
+        kept = np.sort(rng.permutation(r.samples)[: int(0.99 * r.samples)])
+        channels = {name: getattr(r, name)[kept] for name in ("q", "tau", "q_ref", "dq_ref")}
+        gaps.append(replace(r, **channels, ddq_ref=None))
+    text = noted(replace(fine, loop=turned, recordings=tuple(gaps)), "piv")
+    assert "missing from the log" in text
+    assert "missing from the log" not in noted(replace(fine, loop=turned), "piv")

@@ -34,11 +34,12 @@ from pivident.estimation.normal_equations import (
     weighted_solution,
 )
 from pivident.estimation.problem import Problem
-from pivident.estimation.simulated_detail import with_simulated_detail
 from pivident.motion.kinematics import Kinematics
 from pivident.motion.motion import SimulatedMotion, with_inner
+from pivident.motion.simulated_detail import with_simulated_detail
 from pivident.motion.speed_limits import SpeedLimits
 from pivident.signals.prefilter import Prefilter
+from pivident.text import display
 from pivident.text.finding import Finding, Quantity
 
 #: Change of an estimate, in standard errors, below which its load has settled; and relative to
@@ -235,12 +236,17 @@ def least_squares_pass(signals: Signals, nominal: Pass, records: Sequence[Equati
     return Pass(1, theta, nominal.theta, records, nominal.prefilters)
 
 
-def simulate(auxiliary: InstrumentSource, last: Pass) -> Simulated:
-    """Step (a): simulate θ, or the first point of half the way to it that can be simulated."""
+def simulate(steps: Steps, last: Pass) -> Simulated:
+    """Step (a): simulate θ, or the first point of half the way to it that can be simulated.
+
+    Where none can, the error tells what an audit has against the log, then what the motion lacks.
+    """
     try:
-        return Simulated(*auxiliary.simulate_or_halve(last.simulated, last.theta))
+        return Simulated(*steps.auxiliary.simulate_or_halve(last.simulated, last.theta))
     except (SimulationDiverged, MassMatrixNotPositiveDefinite) as error:
-        for finding in last.reservations:
+        problem = steps.signals.problem
+        faults = display.provided("log_faults")(problem.robot, problem.recordings)
+        for finding in (*faults, *last.reservations):
             error.add_note(finding.advised)
         raise
 

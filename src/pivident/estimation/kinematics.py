@@ -22,7 +22,7 @@ from pivident.recording.recording import Recording
 from pivident.scratch import working_array
 from pivident.signals.alignment import AlignedTorque, align_torque
 from pivident.signals.bandpass import EDGE, bandpass
-from pivident.signals.coloured_walk import smooth_with_lines
+from pivident.signals.coloured_walk import WalkSmoother, smooth_with_lines
 from pivident.signals.coloured_walk_likelihood import NoiseColour
 from pivident.signals.counted_positions import has_visible_counts, nvr_of_counts
 from pivident.signals.instants import derivatives_at_instants, torque_at_instants
@@ -32,7 +32,6 @@ from pivident.signals.random_walk import (
     smooth_channels,
 )
 from pivident.signals.spectral_lines import SpectralLine
-from pivident.signals.walk_smoother import WalkSmoother
 from pivident.threads import run_in_threads
 
 #: Cut-off over the half-power frequency: the Butterworth filter then keeps 96 % there.

@@ -8,8 +8,8 @@ import numpy as np
 
 from pivident.dynamics.regressor import Regressor
 from pivident.recording.recording import Recording
+from pivident.signals.coloured_walk import WalkSmoother
 from pivident.signals.spectral_lines import SpectralLine
-from pivident.signals.walk_smoother import WalkSmoother
 
 #: Highest frequency of a robot's motion [Hz], twice the usual bandwidth of a position loop.
 MOTION_BAND = 20.0

@@ -30,9 +30,26 @@ from pivident.signals.random_walk import (
     differentiate,
     smooth_channels,
 )
+from pivident.signals.random_walk_likelihood import diffuse_fit
 from pivident.signals.random_walk_model import f50_from_nvr, log_nvr_std
 from pivident.signals.spectral_lines import LineSearch, SpectralLine, find_lines, noise_colour
 from pivident.threads import run_in_threads
+
+
+@dataclass(frozen=True, eq=False)
+class WalkSmoother:
+    """The smoother S of one channel: a linear operator, once its ratio is chosen."""
+
+    nvr: float  # noise-to-variance ratio, per sample
+    order: int  # of the random walk
+    colour: NoiseColour | None = None  # of the measurement noise; None: white
+
+    def smoothed(self, y: np.ndarray) -> np.ndarray:
+        """S y of a channel, shape (samples,)."""
+        mean = float(np.mean(y))  # passes unchanged, and would only cost digits
+        if self.colour is None:
+            return diffuse_fit(y - mean, self.nvr, self.order).level + mean
+        return coloured_fit(y - mean, self.nvr, self.order, self.colour).level + mean
 
 
 @dataclass(frozen=True, eq=False)
