@@ -43,8 +43,9 @@ LOW_SPEED = 0.01
 #: reversals of dry friction, which then look like a delay of milliseconds.
 WIDER = 10.0
 
-#: Samples per period of that band on which columns are made.
-PER_PERIOD = 5.0
+#: Samples per period of that band on which columns are made; with half as many, reversals cost a
+#: third of the sharpness of a delay.
+PER_PERIOD = 12.5
 
 #: Time in periods of the band over which the low-pass mixes rest and motion.
 MIXED = 1.0
