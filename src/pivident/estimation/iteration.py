@@ -246,7 +246,8 @@ def simulate(steps: Steps, last: Pass) -> Simulated:
     except (SimulationDiverged, MassMatrixNotPositiveDefinite) as error:
         problem = steps.signals.problem
         faults = display.provided("log_faults")(problem.robot, problem.recordings)
-        for finding in (*faults, *last.reservations):
+        errors = (finding for finding in faults if finding.severity == "error")
+        for finding in (*errors, *last.reservations):
             error.add_note(finding.advised)
         raise
 
