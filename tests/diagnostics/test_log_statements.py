@@ -45,8 +45,7 @@ def test_a_torque_logged_one_sample_late_is_a_reservation(good):
     diagnostics, found = judged(good, replace(made, tau=tau))
     (late,) = diagnostics.log
     assert late.kind == "late"
-    # three seconds of motion tell it to a tenth (1σ)
-    assert late.quantity.value == pytest.approx(1e3 / made.rate, rel=0.2)
+    assert late.quantity.value == pytest.approx(1e3 / made.rate, rel=0.1)
     # the causes of model error know it more precisely, and it is said once
     (delay,) = (s for s in found.statements if s.kind in ("late", "delay"))
     assert (delay.topic, delay.severity) == ("model", "warning")

@@ -43,10 +43,6 @@ LOW_SPEED = 0.01
 #: reversals of dry friction, which then look like a delay of milliseconds.
 WIDER = 10.0
 
-#: Samples per period of that band on which columns are made; with half as many, reversals cost a
-#: third of the sharpness of a delay.
-PER_PERIOD = 12.5
-
 #: Time in periods of the band over which the low-pass mixes rest and motion.
 MIXED = 1.0
 
@@ -200,24 +196,21 @@ def inverse_model_of(
     base = base_parameters(robot)
     regressor = Regressor.build(robot, base.parameters)
     samples = len(signals.motion[0])
-    # columns are made on the samples that the band of the positions needs, rows on fewer
-    made = max(1, int(rate / (PER_PERIOD * WIDER * band)))
-    stride = made * max(1, int(rate / (OVERSAMPLING * band * made)))
-    at = np.arange(made * -(-margin // made), samples - margin, stride)
+    stride = max(1, int(rate / (OVERSAMPLING * band)))
+    at = np.arange(margin, samples - margin, stride)
     q, dq, ddq = (scale * x[at] for x in signals.low)
 
     description = base.values(nominal_values(robot, base.standard))
-    position, speed, acceleration = (x[::made] * scale for x in signals.motion)
-    motion = position, speed, acceleration
-    turned = position.T, speed.T, acceleration.T
+    motion = signals.motion[0] * scale, signals.motion[1] * scale, signals.motion[2] * scale
+    turned = motion[0].T, motion[1].T, motion[2].T
     packed = regressor.packed(*turned, inner=regressor.inner(*turned, description))
     columns, own = [], []
     for j in range(robot.size):
         chosen = slice(regressor.offsets[j], regressor.offsets[j + 1])
-        columns.append(butterworth(packed[chosen].T, rate / made, band)[at // made])
+        columns.append(butterworth(packed[chosen].T, rate, band)[at])
         own.append(regressor.columns_of(j))
     gravity, inertial = (
-        butterworth(x, rate / made, band)[at // made] for x in _described(base, regressor, motion)
+        butterworth(x, rate, band)[at] for x in _described(base, regressor, motion)
     )
 
     rated = robot.rated_speeds

@@ -15,16 +15,13 @@ import numpy as np
 from pivident.estimation.problem import Problem
 from pivident.model_errors.cause import Cause
 from pivident.model_errors.geometry import DEGREE
-from pivident.model_errors.record_motion import SAMPLES_PER_PERIOD, RecordMotion
+from pivident.model_errors.record_motion import SAMPLES_PER_PERIOD, STEP, RecordMotion
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.signals.bandpass import butterworth
 
 #: Percent, milliradian, and what a radian per newton metre is in the unit of compliances.
 PERCENT, MILLI, MICRO = 1e-2, 1e-3, 1e-6
-
-#: Step of the differences, of positions [rad or m] or relative.
-STEP = 1e-6
 
 #: Largest sizes that are believed.
 LARGEST = {"°": 5.0, "mm": 50.0, "%": 20.0, "mrad": 20.0}

@@ -22,7 +22,7 @@ from pivident.signals.bandpass import butterworth
 #: motion is asked for, whose frequencies are at most three times as high.
 SAMPLES_PER_PERIOD, SMOOTH_SAMPLES_PER_PERIOD = 25.0, 10.0
 
-#: Step of the differences by a position [rad or m] and by a speed.
+#: Step of the differences: of positions [rad or m], of speeds, or relative.
 STEP = 1e-6
 
 #: Cut-off before samples are left out, over the rate of those that stay.

@@ -14,8 +14,8 @@ import numpy as np
 
 from pivident.estimation.problem import Problem
 from pivident.model_errors.cause import Cause, on_joint
-from pivident.model_errors.motion_errors import PERCENT, STEP, with_positions
-from pivident.model_errors.record_motion import RecordMotion
+from pivident.model_errors.motion_errors import PERCENT, with_positions
+from pivident.model_errors.record_motion import STEP, RecordMotion
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 
