@@ -97,7 +97,10 @@ def _reader(path: Path) -> tuple[Names, Read]:
             "export its sheet as CSV"
         )
     if suffix in (".urdf", ".xacro"):
-        raise FileFormatError(f"{path.name} is a robot description, not a log; name the log")
+        raise FileFormatError(
+            f"{path.name} is a robot description, not a log; name the log, and the robot as "
+            f"--robot {path.name}"
+        )
     if suffix not in READERS or (text_only and READERS[suffix][1] is not read_csv):
         raise FileFormatError(
             f"{path.name}: no reader for this kind of file; "
