@@ -54,6 +54,15 @@ class Named:
         """Whether nothing is said that would be a reservation."""
         return not self.found.matter and not self.log
 
+    @property
+    def is_presumed(self) -> bool:
+        """Whether the planted cause is among those that the record is said not to show."""
+        return any(
+            is_cause(one.cause.kind, one.cause.subject, wanted)
+            for one in self.found.unchecked
+            for wanted in self.case.expected
+        )
+
 
 def is_cause(kind: str, subject: str, wanted: Cause) -> bool:
     """Whether a cause is of the kind, and of the joint where there is one."""
@@ -118,14 +127,14 @@ def line(row: Named) -> str:
         f"{case.arm:7s} {case.fault:18s} {case.seed:3d} {case.size:8.3g} {case.unit:8s} "
         f"largest {np.abs(row.before).max():6.1f} σ, wider {np.abs(row.wider).max():5.1f}, "
         f"corrected {np.abs(row.after).max():5.1f}; "
-        f"place {row.place}; {said}"
+        f"place {row.place}; {said}{'; said not to be shown' * (row.is_silent and row.is_presumed)}"
     )
 
 
 def summary(fault: str, rows: list[Named]) -> str:
     """How often the cause is among the first two, and what was called free of reservations."""
     wrong = [row for row in rows if np.abs(row.before).max() > WRONG]
-    silent = sum(row.is_silent for row in wrong)
+    silent = [row for row in wrong if row.is_silent]
     early = sum(0 < row.place <= 2 for row in rows)
     told = sum(0 < row.place <= 2 for row in wrong)
     plain, wider, after = (
@@ -134,8 +143,9 @@ def summary(fault: str, rows: list[Named]) -> str:
     )
     return (
         f"{fault}: among the first two {early} of {len(rows)} ({told} of {len(wrong)} with an "
-        f"error above {WRONG:g} σ); wrong and silent {silent}; coverage {plain:.1f} %, with model "
-        f"error {wider:.1f} %, corrected {after:.1f} %; a reservation "
+        f"error above {WRONG:g} σ); wrong and silent {len(silent)}, of which "
+        f"{sum(row.is_presumed for row in silent)} said not to be shown; coverage {plain:.1f} %, "
+        f"with model error {wider:.1f} %, corrected {after:.1f} %; a reservation "
         f"{sum(not r.is_silent for r in rows)}; "
         f"causes take {np.median([r.seconds for r in rows]):.2f} times the estimate"
     )

@@ -7,7 +7,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from pivident.diagnostics.diagnostics import Diagnostics
+from pivident.model_errors.cause import Cause
 from pivident.model_errors.named_causes import ModelErrors, NamedCause
+from pivident.model_errors.unchecked_causes import UncheckedCause
 from pivident.text.finding import Finding, Quantity, Severity
 from pivident.text.lists import listed
 from pivident.text.numbers import format_significant, percent
@@ -23,6 +25,12 @@ STEPS = {
     "missing parameter": "Estimate it, too ([identify] parameters).",
 }
 
+#: Kind of the note on errors that the record would not show.
+NOT_CHECKED = "not checked"
+
+#: Most of them in the sentence; the evidence has all.
+MAX_UNCHECKED = 3
+
 
 def model_errors(diagnostics: Diagnostics) -> Iterator[Finding]:
     """Causes of model error: each kind once, those that change the estimate as reservations."""
@@ -35,9 +43,10 @@ def model_errors(diagnostics: Diagnostics) -> Iterator[Finding]:
             "timing, gears, encoders, springs, friction, missing parameters."
         )
         yield Finding("ok", "model", "no cause found", text)
-        return
     for kind in dict.fromkeys(named.cause.kind for named in found.named):
         yield _of_kind(found, [named for named in found.named if named.cause.kind == kind])
+    if found.unchecked:
+        yield _unchecked(found.unchecked)
 
 
 def log_faults(diagnostics: Diagnostics) -> Iterator[Finding]:
@@ -86,6 +95,31 @@ def _of_kind(found: ModelErrors, named: Sequence[NamedCause]) -> Finding:
     return Finding(
         severity, "model", first.cause.kind, f"{text}.", first.cause.subject, step, evidence, basis
     )
+
+
+def _unchecked(errors: Sequence[UncheckedCause]) -> Finding:
+    """Errors that would not be seen: the gravest for each parameter."""
+    gravest = {one.parameter: one for one in reversed(errors)}
+    chosen = sorted(gravest.values(), key=lambda one: -one.shift)
+    said = [
+        f"{one.size:g} {one.cause.unit} in {_thing(one.cause)} would change {one.parameter} by "
+        f"{format_significant(one.shift, 2)} σ (shown from "
+        f"{format_significant(one.shown_from, 2)} {one.cause.unit} on)"
+        for one in chosen
+    ]
+    text = f"The record does not check all of the description: {listed(said, MAX_UNCHECKED)}."
+    step = "Check them on the machine or its drawing; a longer or faster record shows smaller ones."
+    evidence = {
+        str(one.cause): Quantity(one.size, one.cause.unit, bound=one.shown_from) for one in errors
+    }
+    return Finding("note", "model", NOT_CHECKED, text, next_step=step, evidence=evidence)
+
+
+def _thing(cause: Cause) -> str:
+    """``the length along x from axis_2 to axis_3``, ``the zero position of axis_3``."""
+    what = cause.what.removeprefix("correction of ")
+    what = what if what.startswith("the ") else f"the {what}"
+    return what if not cause.subject or what.endswith(cause.subject) else f"{what} of {cause.subject}"
 
 
 def _size(one: NamedCause) -> str:

@@ -27,7 +27,12 @@ from pivident.diagnostics.estimate_statements import (
     torque_side,
 )
 from pivident.diagnostics.instrument_statements import feedback_bias, strength
-from pivident.diagnostics.model_error_statements import intervals, log_faults, model_errors
+from pivident.diagnostics.model_error_statements import (
+    NOT_CHECKED,
+    intervals,
+    log_faults,
+    model_errors,
+)
 from pivident.diagnostics.prediction_statements import prediction, simulated_loop
 from pivident.diagnostics.residual_statements import (
     friction_law,
@@ -81,7 +86,9 @@ class Verdict:
         if self.severity == "warning":
             many = "one reservation" if reservations == 1 else f"{reservations} reservations"
             return f"Take the estimate of {self.method}, with {many} (marked !)."
-        return f"Take the estimate of {self.method}: no reservations."
+        unchecked = any(s.kind == NOT_CHECKED for s in self.statements)
+        provided = ", provided that the robot is as described" if unchecked else ""
+        return f"Take the estimate of {self.method}: no reservations{provided}."
 
     def __str__(self) -> str:
         return "\n".join(["Verdict: " + self.headline, *(f"  {s}" for s in self.statements)])

@@ -24,6 +24,7 @@ from pivident.model_errors.missing_parameters import missing_causes
 from pivident.model_errors.motion_errors import motion_causes
 from pivident.model_errors.score_tests import LEVEL, MOST_CAUSES, Score, ScoreTests
 from pivident.model_errors.torque_errors import torque_causes
+from pivident.model_errors.unchecked_causes import UncheckedCause, unchecked_causes
 from pivident.motion.kinematics import Kinematics
 from pivident.text.numbers import plus_minus
 from pivident.threads import linear_algebra_in_one_thread
@@ -98,6 +99,7 @@ class ModelErrors:
             that they explain.
         unseen: the same on blocks that were not fitted.
         between: standard errors from one place and motion to the next, shape (parameters,).
+        unchecked: errors that would not be seen, and would change the estimate.
     """
 
     named: tuple[NamedCause, ...]
@@ -106,6 +108,7 @@ class ModelErrors:
     explained: float
     unseen: float
     between: np.ndarray
+    unchecked: tuple[UncheckedCause, ...] = ()
 
     @property
     def matter(self) -> tuple[NamedCause, ...]:
@@ -196,6 +199,7 @@ def _named_causes(tests: ScoreTests, found: Identification) -> ModelErrors:
         1.0 - base.residual / max(start.residual, 1e-300),
         1.0 - base.unseen / max(start.unseen, 1e-300),
         tests.between(corrected),
+        unchecked_causes(tests, scores.values(), found, MATTERS),
     )
 
 

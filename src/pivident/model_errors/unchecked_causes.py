@@ -1,0 +1,83 @@
+"""Errors that the record would not show, although they change the estimate.
+
+A cause whose size has the standard error σ_δ is named for certain from about (t + 2) σ_δ on, with t
+the quantile at which the tests of all causes name one. An error of the description as they commonly
+are may be smaller than that, and still change the parameters by
+
+    G δ,    G = -(Zᵀ Φ)⁻¹ Zᵀ D
+
+more than their intervals are wide. Nothing in the data can tell: the description has to be right.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.estimation.identification import Identification
+from pivident.model_errors.cause import Cause
+from pivident.model_errors.score_tests import LEVEL, Score, ScoreTests
+
+#: Errors as they commonly are, by kind and unit: those of a drawing that is not that of the very
+#: machine, of its assembly, of its zero positions, and a play of one to two minutes of arc.
+COMMON: Mapping[tuple[str, str], float] = {
+    ("geometry", "mm"): 1.0,
+    ("geometry", "°"): 0.1,
+    ("zero position", "mm"): 1.0,
+    ("zero position", "°"): 0.1,
+    ("backlash", "mm"): 0.05,
+    ("backlash", "mrad"): 0.5,
+}
+
+#: Standard errors beyond the quantile from which on a cause is named for certain (98 %).
+CERTAIN = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class UncheckedCause:
+    """An error that the record would not show.
+
+    Attributes:
+        cause: what would be wrong.
+        size: how large, in the unit of the cause.
+        shown_from: size from which on the record shows it, in the same unit.
+        shift: largest change of a parameter by the error, in standard errors.
+        parameter: the one that changes so much.
+    """
+
+    cause: Cause
+    size: float
+    shown_from: float
+    shift: float
+    parameter: str
+
+
+def unchecked_causes(
+    tests: ScoreTests, scores: Iterable[Score], found: Identification, least: float
+) -> tuple[UncheckedCause, ...]:
+    """Errors as they commonly are that the tests would not name, the gravest first.
+
+    Args:
+        tests: tests of an estimate.
+        scores: those of the causes that are not named.
+        found: the estimate.
+        least: change of a parameter from which on an error counts, in standard errors.
+    """
+    from scipy.stats import t
+
+    needed = float(t.isf(0.5 * LEVEL / tests.tried, tests.freedom)) + CERTAIN
+    made = []
+    for score in scores:
+        cause = score.cause
+        size = COMMON.get((cause.kind, cause.unit), 0.0)
+        shown_from = needed * float(score.std[0])
+        if cause.count > 1 or shown_from <= size or not size:
+            continue
+        columns = tests.columns([tests.causes.index(cause)])
+        shifts = size * np.abs(tests.sensitivity(columns)[:, 0]) / found.std
+        k = int(np.argmax(shifts))
+        if shifts[k] > least:
+            made.append(UncheckedCause(cause, size, shown_from, float(shifts[k]), found.names[k]))
+    return tuple(sorted(made, key=lambda one: -one.shift))
