@@ -102,9 +102,8 @@ def _unchecked(errors: Sequence[UncheckedCause]) -> Finding:
     gravest = {one.parameter: one for one in reversed(errors)}
     chosen = sorted(gravest.values(), key=lambda one: -one.shift)
     said = [
-        f"{one.size:g} {one.cause.unit} in {_thing(one.cause)} would change {one.parameter} by "
-        f"{format_significant(one.shift, 2)} σ (shown from "
-        f"{format_significant(one.shown_from, 2)} {one.cause.unit} on)"
+        f"{one.size:g} {one.cause.unit} in {_thing(one.cause)} would change {one.parameter} "
+        f"by about {format_significant(one.shift, 2)} σ ({_shown_from(one)})"
         for one in chosen
     ]
     text = f"The record does not check all of the description: {listed(said, MAX_UNCHECKED)}."
@@ -115,11 +114,20 @@ def _unchecked(errors: Sequence[UncheckedCause]) -> Finding:
     return Finding("note", "model", NOT_CHECKED, text, next_step=step, evidence=evidence)
 
 
+def _shown_from(one: UncheckedCause) -> str:
+    """From which size on the record would show it."""
+    if np.isinf(one.shown_from):
+        return "not shown at all"
+    return f"shown from {format_significant(one.shown_from, 2)} {one.cause.unit} on"
+
+
 def _thing(cause: Cause) -> str:
     """``the length along x from axis_2 to axis_3``, ``the zero position of axis_3``."""
     what = cause.what.removeprefix("correction of ")
     what = what if what.startswith("the ") else f"the {what}"
-    return what if not cause.subject or what.endswith(cause.subject) else f"{what} of {cause.subject}"
+    return (
+        what if not cause.subject or what.endswith(cause.subject) else f"{what} of {cause.subject}"
+    )
 
 
 def _size(one: NamedCause) -> str:

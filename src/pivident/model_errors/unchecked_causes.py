@@ -7,6 +7,9 @@ are may be smaller than that, and still change the parameters by
     G δ,    G = -(Zᵀ Φ)⁻¹ Zᵀ D
 
 more than their intervals are wide. Nothing in the data can tell: the description has to be right.
+G is that of the motion's band, as all of the tests are. Where the estimate also knows a parameter
+from higher frequencies, it is changed less, by about as much as its standard error is smaller: the
+change is told in standard errors of the band.
 """
 
 from __future__ import annotations
@@ -42,7 +45,8 @@ class UncheckedCause:
     Attributes:
         cause: what would be wrong.
         size: how large, in the unit of the cause.
-        shown_from: size from which on the record shows it, in the same unit.
+        shown_from: size from which on the record shows it, in the same unit; infinite where it
+            would not be believed, and look like something else.
         shift: largest change of a parameter by the error, in standard errors.
         parameter: the one that changes so much.
     """
@@ -68,6 +72,9 @@ def unchecked_causes(
     from scipy.stats import t
 
     needed = float(t.isf(0.5 * LEVEL / tests.tried, tests.freedom)) + CERTAIN
+    own = tests.columns([])
+    of_band = np.sqrt(np.diag(tests.covariance(own, tests.fit(own).theta)))
+    std = np.maximum(found.std, of_band)
     made = []
     for score in scores:
         cause = score.cause
@@ -75,8 +82,9 @@ def unchecked_causes(
         shown_from = needed * float(score.std[0])
         if cause.count > 1 or shown_from <= size or not size:
             continue
+        shown_from = shown_from if shown_from < cause.largest else np.inf
         columns = tests.columns([tests.causes.index(cause)])
-        shifts = size * np.abs(tests.sensitivity(columns)[:, 0]) / found.std
+        shifts = size * np.abs(tests.sensitivity(columns)[:, 0]) / std
         k = int(np.argmax(shifts))
         if shifts[k] > least:
             made.append(UncheckedCause(cause, size, shown_from, float(shifts[k]), found.names[k]))

@@ -2,7 +2,7 @@
 
 import pytest
 
-from pivident.logs.recognition.channel_words import words_of
+from pivident.logs.recognition.channel_words import read_words, words_of
 from pivident.logs.recognition.column_series import column_series
 
 UR = [f"{p}_joint" for p in ("shoulder_pan", "shoulder_lift", "elbow")]
@@ -66,3 +66,15 @@ def test_a_longer_joint_name_wins_over_a_shorter_one_in_it():
 def test_words_break_at_humps_digits_and_signs():
     assert words_of("axis_1.actPos") == ["axis", "1", "act", "pos"]
     assert words_of("TCPPose2") == ["tcp", "pose", "2"]
+
+
+@pytest.mark.parametrize(
+    ("name", "channel"),
+    [
+        ("qref1", "q_ref"), ("desq_2", "q_ref"), ("poscmd3", "q_ref"), ("dqref1", "dq_ref"),
+        ("qdref1", "dq_ref"), ("qsoll1", "q_ref"), ("taumeas2", "tau"), ("iact1", "current"),
+        ("qoffset1", None), ("torques1", "tau"), ("demand1", "q_ref"),
+    ],
+)  # fmt: skip
+def test_words_in_one_are_taken_apart_where_both_are_known(name, channel):
+    assert read_words(words_of(name)).channel == channel

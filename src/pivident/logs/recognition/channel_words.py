@@ -113,6 +113,7 @@ _CHANNELS = {
     for word in words.split()
 }
 _MEANT = REFERENCE | MEASURED | FILLING | BARE_UNITS | set(_CHANNELS) | {"dot"}
+_ENDINGS = {word for word in REFERENCE | MEASURED if len(word) > 2}
 _BRACKETS = re.compile(
     r"[(\[{<]\s*([^\W\d_][^()\[\]{}<>]{0,8}|°[^()\[\]{}<>]{0,4}|1/min)\s*[)\]}>]"
 )
@@ -132,8 +133,23 @@ class Reading:
 
 
 def words_of(name: str) -> list[str]:
-    """The words and numbers of a name in small letters: ``axis_1.actPos`` → axis, 1, act, pos."""
-    return [word.lower() for word in _WORD.findall(_HUMPS.sub(" ", name))]
+    """The words and numbers of a name in small letters: ``axis_1.actPos`` → axis, 1, act, pos.
+
+    What is written in one is taken apart where both parts are known: ``qref`` → q, ref.
+    """
+    words = [word.lower() for word in _WORD.findall(_HUMPS.sub(" ", name))]
+    return [part for word in words for part in _parts(word)]
+
+
+def _parts(word: str) -> tuple[str, ...]:
+    """A quantity and whether it is a reference or measured, written in one; else the word."""
+    if word in _MEANT or word in FOREIGN:
+        return (word,)
+    for k in range(1, len(word)):
+        first, last = word[:k], word[k:]
+        if (first in _CHANNELS and last in _ENDINGS) or (first in _ENDINGS and last in _CHANNELS):
+            return first, last
+    return (word,)
 
 
 def without_unit(name: str) -> tuple[str, str | None, str | None]:

@@ -1,0 +1,79 @@
+"""What is said not to be shown is not shown and changes the estimate as said; what is not, is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pivident.diagnostics.diagnostics import diagnose
+from pivident.diagnostics.verdict import verdict
+from pivident.estimation.identify import identify
+from pivident.experiment.simulated_tx40 import tx40_scenario
+from pivident.model_errors.named_causes import MATTERS, named_causes
+from pivident.model_errors.unchecked_causes import COMMON
+
+from .faulty_tx40 import causes, right_estimate, right_problem
+
+AXIS = "geometry of joint_3: correction of the length along x from joint_2 to joint_3"
+
+
+def part(problem, share):
+    """The first part of a record, on which less is seen."""
+    recordings = tuple(r.slice(0.0, share * r.duration) for r in problem.recordings)
+    return replace(problem, recordings=recordings)
+
+
+@pytest.fixture(scope="module")
+def found():
+    problem = part(tx40_scenario("fine", 2)[0], 0.4)
+    estimate = identify(problem, "piv")
+    return problem, estimate, named_causes(problem, estimate)
+
+
+def with_error(problem, one, size):
+    """The record beside a description that is off by a size."""
+    return one.cause.correct(problem, np.array([size]))
+
+
+def test_the_gravest_comes_first(found):
+    errors = found[2]
+    assert errors.named == ()
+    shifts = [one.shift for one in errors.unchecked]
+    assert shifts == sorted(shifts, reverse=True) and shifts[-1] > MATTERS
+    for one in errors.unchecked:
+        assert one.size == COMMON[one.cause.kind, one.cause.unit] < one.shown_from
+
+
+def test_such_an_error_changes_the_estimate_unseen_and_a_larger_one_is_named(found):
+    problem, estimate, errors = found
+    one = max(errors.unchecked, key=lambda u: u.shown_from / u.size)
+    wrong = with_error(problem, one, one.size)
+    changed = identify(wrong, "piv")
+    k = estimate.names.index(one.parameter)
+    shift = abs(changed.theta[k] - estimate.theta[k]) / estimate.std[k]
+    assert 0.7 < shift / one.shift < 1.4
+    assert named_causes(wrong, changed).named == ()
+    wrong = with_error(problem, one, 1.2 * one.shown_from)
+    (first, *_) = named_causes(wrong, identify(wrong, "piv")).named
+    assert one.cause.kind in {first.cause.kind, *(c.kind for c in first.alternatives)}
+
+
+def test_the_long_record_checks_what_the_short_one_does_not(found):
+    whole = named_causes(right_problem()[0], right_estimate())
+    assert len(whole.unchecked) < len(found[2].unchecked)
+    # 1 mm there is named, see test_named_causes
+    assert AXIS in causes() and AXIS not in {str(one.cause) for one in whole.unchecked}
+
+
+def test_the_verdict_says_it_without_a_reservation(found):
+    problem, estimate, errors = found
+    said = verdict(diagnose(problem, {"piv": estimate}, folds=2))
+    (note,) = (s for s in said.statements if s.kind == "not checked")
+    first = errors.unchecked[0]
+    assert note.severity == "note"
+    assert f"{first.size:g} {first.cause.unit} in the " in note.message
+    assert f"would change {first.parameter} by about" in note.message
+    quantity = note.evidence[str(first.cause)]
+    assert quantity.bound == first.shown_from
+    if said.severity == "ok":
+        assert said.headline.endswith("no reservations, provided that the robot is as described.")
