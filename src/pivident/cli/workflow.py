@@ -47,6 +47,7 @@ from pivident.model_errors.corrections import (
     kinds_of,
     with_corrections,
 )
+from pivident.threads import linear_algebra_in_one_thread
 from pivident.validation.essential_parameters import EssentialParameters, essential_parameters
 
 #: What the demonstration compares, and on how many held-out blocks.
@@ -245,10 +246,11 @@ def write_results(
 
     One method's files lie in the folder itself, those of several in one folder each.
     """
-    found = {
-        name: replace(result, torque_sums=torque_sums(result))  # once for all files
-        for name, result in results.identifications.items()
-    }
+    with linear_algebra_in_one_thread():
+        found = {
+            name: replace(result, torque_sums=torque_sums(result))  # once for all files
+            for name, result in results.identifications.items()
+        }
     several = len(found) > 1
     with atomic_folder(folder) as build:
         for name, result in found.items():

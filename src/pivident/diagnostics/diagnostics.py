@@ -22,6 +22,7 @@ from pivident.model_errors.named_causes import ModelErrors, named_causes
 from pivident.model_errors.wider_intervals import with_model_errors
 from pivident.recording.recording import Recording
 from pivident.text.finding import Finding
+from pivident.threads import linear_algebra_in_one_thread
 from pivident.validation.held_out.out_of_sample import OutOfSample, compare_out_of_sample
 from pivident.validation.instruments.instrument_tests import InstrumentTests, instrument_tests
 from pivident.validation.residuals.model_error import ModelError, model_error
@@ -119,6 +120,20 @@ def diagnose(
             f"there is no method for the results {', '.join(unknown)}; give `methods` by the same "
             f"names, or use the names {', '.join(METHODS)}"
         )
+    with linear_algebra_in_one_thread():
+        return _diagnose(problem, identifications, methods, folds, gap, recordings, say)
+
+
+def _diagnose(
+    problem: Problem,
+    identifications: Mapping[str, Identification],
+    methods: Mapping[str, Method],
+    folds: int,
+    gap: float | None,
+    recordings: Sequence[Recording],
+    say: Callable[[str], None],
+) -> Diagnostics:
+    """One stage after the other."""
     say("asking for lost samples, delays and signs")
     log = recording_faults(problem.robot, problem.recordings)
     notes: list[str] = []
