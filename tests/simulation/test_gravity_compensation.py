@@ -12,9 +12,7 @@ from pivident.errors import ExperimentError
 from pivident.robot.gallery import load_robot
 from pivident.simulation.closed_loop import LoopSignals, simulate
 from pivident.simulation.controllers import PD, PythonController
-from pivident.simulation.counted_law import counted
 from pivident.simulation.gravity_compensation import GravityCompensated, GravityModel
-from pivident.simulation.noise import Noise
 from pivident.simulation.reference import point_to_point
 
 RATE = 1000.0
@@ -92,15 +90,23 @@ def test_the_loop_is_that_of_the_same_law_in_python(arm, at):
     assert np.abs(without.q - ours.q).max() > 1e-3
 
 
-def test_rounded_positions_reach_the_gravity_model(arm):
+def test_the_law_reads_whole_counts_as_the_same_law_in_python_does(arm):
     robot, model, signals = arm
+    count = np.array([2e-3, 1e-3])
     law = GravityCompensated(PD(KP, KD), GravityModel.nominal(robot))
-    noise = Noise(counts=1e7)
-    rounded = counted(law, noise, RATE, signals.q_ref, signals.dq_ref)
-    quiet = replace(signals, noise=None)
-    made = simulate(model, rounded, quiet, robot.joint_names)
-    smooth = simulate(model, law, quiet, robot.joint_names)
-    assert np.abs(made.q - smooth.q).max() < 1e-5
+    made = simulate(model, law, replace(signals, count=count), robot.joint_names)
+    own = in_python(robot, 1.0)
+
+    def rounded(k, q, q_ref, dq_ref):
+        return own.function(k, count * np.round(q / count), q_ref, dq_ref)
+
+    expected = simulate(model, PythonController(rounded, own.reset), signals, robot.joint_names)
+    assert np.abs(made.q - expected.q).max() < 1e-9
+    smooth = simulate(model, law, signals, robot.joint_names)
+    assert np.abs(made.q - smooth.q).max() > 1e-5
+    # the loop rounds for a law in Python, too
+    asked = simulate(model, own, replace(signals, count=count), robot.joint_names)
+    assert np.abs(asked.q - expected.q).max() < 1e-9
 
 
 def test_what_cannot_be_compensated_is_refused(arm):

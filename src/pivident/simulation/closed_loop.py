@@ -30,10 +30,12 @@ from pivident.simulation.controllers import (
 from pivident.simulation.integration import Q
 from pivident.simulation.loop_kernel import (
     CHANNELS,
+    COUNT,
     DISTANCE,
     DONE,
     GAIN,
     INDEFINITE,
+    LIMITS,
     OUTPUT,
     SPEED,
     TOO_FAR,
@@ -84,7 +86,7 @@ def run_python_loop(
         if controller.reset is not None:
             controller.reset()
         for k in range(samples):
-            measured = state.vectors[Q] + noise[k if len(noise) > 1 else 0]
+            measured = counted(state.vectors[Q] + noise[k if len(noise) > 1 else 0], limits[COUNT])
             said[k] = _checked(controller.function(k, measured, q_wanted[k], dq_wanted[k]), k, n)
             what, joint, _ = run_loop(
                 model, law, state, rate, delay, q_ref, inputs, heard, limits, steps, oracle,
@@ -93,6 +95,12 @@ def run_python_loop(
             if what != DONE:
                 return what, joint, k, on_path[-1]
     return DONE, -1, -1, on_path[-1]
+
+
+def counted(q: np.ndarray, count: np.ndarray) -> np.ndarray:
+    """Positions in whole counts [rad or m], shape (…, joints); those of a zero count unchanged."""
+    whole = np.rint(np.divide(q, count, out=np.zeros_like(q), where=count > 0.0))
+    return np.where(count > 0.0, count * whole, q)
 
 
 def _checked(answer: object, k: int, joints: int) -> np.ndarray:
@@ -146,6 +154,9 @@ class LoopSignals:
     bound: np.ndarray
     speed_bound: np.ndarray  # largest speed before the run counts as diverged, shape (joints,)
     drive_delay: float = 0.0  # time from a sample until the torque that answers it acts [s]
+    #: What the encoder counts in that the controller reads [rad or m], shape (joints,); None: it
+    #: reads positions without counts.
+    count: np.ndarray | None = None
 
 
 def simulate(
@@ -195,9 +206,11 @@ def simulate_blocks(
     noise = _signal("noise", signals.noise, samples, n)
     begin = (q_ref[0], np.zeros(n)) if start is None else start
     steps = max(1, int(np.ceil(1.0 / (rate * MAX_STEP) - 1e-9))) if oracle is None else 1
-    limits = np.empty((4, n))
+    limits = np.zeros((LIMITS, n))
     limits[GAIN], limits[OUTPUT] = signals.drive_gain, signals.limit
     limits[DISTANCE], limits[SPEED] = signals.bound, signals.speed_bound
+    if signals.count is not None:
+        limits[COUNT] = signals.count
     failure = np.zeros(1)
     controller.check(n)
     if isinstance(controller, PythonController):

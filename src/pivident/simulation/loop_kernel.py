@@ -39,8 +39,8 @@ from pivident.simulation.path_integration import AT_REST, SLOPE_ROWS, advance_on
 DONE, INDEFINITE, TOO_FAR, TOO_FAST = 0, 1, 2, 3
 
 # Rows of ``limits``: joint torque per controller output, largest output, largest distance from the
-# reference, largest speed.
-GAIN, OUTPUT, DISTANCE, SPEED = 0, 1, 2, 3
+# reference, largest speed, and what the law's encoder counts in, zero for no counts.
+GAIN, OUTPUT, DISTANCE, SPEED, COUNT, LIMITS = 0, 1, 2, 3, 4, 5
 
 # Layers of ``channels``: positions, speeds, accelerations right after the new torque was applied,
 # torques, limited outputs of the law.
@@ -131,10 +131,10 @@ def run_loop(
 
     ``delay``: time from a sample until the torque that answers it acts [s]; ``q_ref``: reference
     positions, shape (samples, joints); ``inputs``: added to the law's output, shape
-    (samples, joints) or (1, joints); ``limits``: gains and bounds, see above, shape (4, joints);
-    ``oracle``: None, or Runge–Kutta substeps per control period; ``channels``: receives the motion,
-    see above, shape (CHANNELS, rows, joints); ``failure``: receives the pivot, distance or speed
-    that ended the run, shape (1,).
+    (samples, joints) or (1, joints); ``limits``: gains, bounds and counts, see above, shape
+    (LIMITS, joints); ``oracle``: None, or Runge–Kutta substeps per control period; ``channels``:
+    receives the motion, see above, shape (CHANNELS, rows, joints); ``failure``: receives the pivot,
+    distance or speed that ended the run, shape (1,).
     """
     n = q_ref.shape[1]
     period = 1.0 / rate
@@ -166,6 +166,8 @@ def run_loop(
             given = k
         for j in range(n):
             measured[j] = vectors[Q, j] + noise[heard, j]
+            if limits[COUNT, j] > 0.0:
+                measured[j] = limits[COUNT, j] * np.rint(measured[j] / limits[COUNT, j])
         if masses.shape[0] > 0:
             gravity_torques(
                 parent, prismatic, rotation, translation, gravity, masses, measured, pose, place,

@@ -90,12 +90,14 @@ class Noise:
         white = stream(seed, COLOURED).standard_normal((settling + shape[0], *shape[1:]))
         return lfilter([1.0], self.denominator, white, axis=0)[settling:] / self.gain
 
+    @property
+    def count(self) -> float:
+        """What the encoder counts in [rad or m]; zero where it does not."""
+        return 2.0 * np.pi / self.counts if self.counts else 0.0
+
     def quantised(self, q: np.ndarray) -> np.ndarray:
         """Positions as the encoder counts them [rad or m]."""
-        if not self.counts:
-            return q
-        step = 2.0 * np.pi / self.counts
-        return step * np.round(q / step)
+        return self.count * np.round(q / self.count) if self.counts else q
 
 
 def stream(seed: Seed, number: int) -> np.random.Generator:

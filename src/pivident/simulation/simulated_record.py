@@ -149,12 +149,14 @@ def loop_motion(
     *,
     controller: Controller | None = None,
     noise: np.ndarray | None = None,
+    count: np.ndarray | None = None,
     clip: bool = False,
 ) -> Trajectory:
     """The closed loop with given parameters along a reference, from the reference's own start.
 
     ``reference``: q, dq, ddq, each (samples, joints); ``noise``: position noise that the control
-    law reads, shape (samples, joints) [rad or m].
+    law reads, shape (samples, joints) [rad or m]; ``count``: what its encoder counts in, shape
+    (joints,) [rad or m].
     """
     q_ref, dq_ref, _ = reference
     n = robot.size
@@ -168,6 +170,7 @@ def loop_motion(
         np.broadcast_to(np.asarray(loop.limit, float), n),
         np.full(n, FARTHEST),
         np.full(n, FASTEST),
+        count=count,
     )
     model = make_model(robot, parameters, theta, clip=clip)
     start = q_ref[0].copy(), dq_ref[0].copy()

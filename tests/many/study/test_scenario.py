@@ -105,10 +105,3 @@ def test_the_hash_is_of_what_the_numbers_depend_on():
 def test_methods_take_the_options_of_an_experiment_file():
     scenario = small(identify={"methods": ["piv"], "piv": {"noise": {"criterion": "bic"}}})
     assert scenario.methods["piv"].noise.criterion == "bic"
-
-
-def test_a_law_that_the_counted_loop_cannot_simulate_is_refused():
-    law = {"type": "pid", "ki": [900, 400], "limit": [50, 20]}
-    counts = {"counts": 3600, "rounding": "loop"}
-    with pytest.raises(ExperimentError, match="cannot be simulated with an integrator"):
-        small(controller=law | {"kp": [6000, 2500], "kd": [180, 60]}, noise=counts)

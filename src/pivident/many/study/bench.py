@@ -26,7 +26,6 @@ from pivident.robot.naming import nearest
 from pivident.simulation.closed_loop import Trajectory
 from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import Controller
-from pivident.simulation.counted_law import counted
 from pivident.simulation.excitation import FourierSeries
 from pivident.simulation.feed_forward import with_measured_gravity
 from pivident.simulation.noise import Noise, Spread, stream
@@ -240,8 +239,6 @@ class Bench:
         controller = with_measured_gravity(
             self.controller, scenario.robot, loop.drive_gain, loop.feed_forward
         )
-        if rounded:
-            controller = counted(controller, self.noise, rate, *reference[:2])
         return loop_motion(
             scenario.robot,
             loop,
@@ -251,6 +248,7 @@ class Bench:
             theta,
             controller=controller,
             noise=noise,
+            count=np.full(scenario.robot.size, self.noise.count) if rounded else None,
             clip=clip,
         )
 

@@ -22,8 +22,6 @@ def check_scenario(scenario: ScenarioTables) -> None:
     scenario.methods, bench.estimated, bench.noise, bench.loop  # noqa: B018 - making them checks
     bench.controller.check(scenario.robot.size)
     _check_motion(scenario)
-    if bench.noise.counts and bench.noise.rounding == "loop":
-        _check_counted_law(scenario)
 
 
 def _check_motion(scenario: ScenarioTables) -> None:
@@ -47,14 +45,4 @@ def _check_motion(scenario: ScenarioTables) -> None:
         raise ExperimentError(
             f"[trajectory] key 'duration' = {entry.duration:g} s gives a record of {samples} "
             f"samples at {rate:g} Hz; at least {MIN_RECORD} are needed"
-        )
-
-
-def _check_counted_law(scenario: ScenarioTables) -> None:
-    """Refuse an integrator with a limit behind an encoder that is rounded in the loop."""
-    entry = scenario.content.controller
-    if entry.limit is not None and np.any(entry.ki):
-        raise ExperimentError(
-            '[noise] rounding = "loop" cannot be simulated with an integrator (ki) and a limit; '
-            'leave one of them out, or use rounding = "record"'
         )
