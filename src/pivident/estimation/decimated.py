@@ -164,14 +164,14 @@ def decimate_record(
     factor, like = signals.factor(kinematics.recording.rate), signals.convention
     part = slice(kinematics.start, kinematics.stop)
     if earlier is None:
-        phi = _decimated_columns(regressor, kinematics, part, factor, like)
+        phi = decimated_columns(regressor, kinematics, part, factor, like)
         tau = parallel_decimation(kinematics.tau[:, part].T, factor, convention=like).T
         index = _kept_samples(part.stop - part.start, factor, like)
         t = kinematics.recording.start_time + (part.start + index) / kinematics.recording.rate
     else:
         phi, tau, t = earlier.phi, earlier.tau, earlier.t
     source = kinematics if motion is None else motion
-    z = None if motion is None else _decimated_columns(regressor, motion, part, factor, like)
+    z = None if motion is None else decimated_columns(regressor, motion, part, factor, like)
     dq = parallel_decimation(source.dq[:, part].T, factor, convention=like).T
     used = limits.moving(dq)
     if motion is not None and motion.valid is not None:
@@ -185,7 +185,7 @@ def _own(regressor: Regressor, joint: int) -> slice:
     return slice(regressor.offsets[joint], regressor.offsets[joint + 1])
 
 
-def _decimated_columns(
+def decimated_columns(
     regressor: Regressor,
     motion: Kinematics | SimulatedMotion,
     part: slice,

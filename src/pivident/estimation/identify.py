@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from pivident.errors import IdentificationError
+from pivident.estimation.counted_loop import identify_counted
 from pivident.estimation.didim import identify_didim
 from pivident.estimation.identification import Identification
 from pivident.estimation.instrumental_variables import identify_iv
@@ -62,7 +63,8 @@ def identify(
         if isinstance(method, InstrumentalVariables):
             return identify_iv(problem, method, say)
         if isinstance(method, PrefilteredIV) and method.regressor == "simulated":
-            return identify_didim(problem, method, say)
+            counted = problem.loop is not None and problem.loop.counts(problem.robot.size).any()
+            return (identify_counted if counted else identify_didim)(problem, method, say)
         if isinstance(method, PrefilteredIV):
             return identify_piv(problem, method, say)
     raise IdentificationError(f"{method!r} is not a method; use a name such as 'piv'")

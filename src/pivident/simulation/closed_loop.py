@@ -265,9 +265,9 @@ def _check_outcome(
 
 
 def _signal(name: str, signal: np.ndarray | None, samples: int, joints: int) -> np.ndarray:
-    """A signal as the compiled loop wants it; a single row of zeros where there is none."""
+    """A signal as the compiled loop wants it; a single row stands for all samples."""
     if signal is None:
         return read_only(np.zeros((1, joints)))
-    if np.shape(signal) != (samples, joints):
+    if np.shape(signal) not in ((samples, joints), (1, joints)):
         raise ShapeMismatch(name, np.shape(signal), (samples, joints))
     return read_only(np.ascontiguousarray(signal, dtype=float))

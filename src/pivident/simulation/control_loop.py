@@ -90,6 +90,8 @@ class Loop:
         feed_forward: ``gravity`` or ``computed_torque``: the controller adds the inverse
             dynamics of the reference with the robot's nominal parameters, at rest or in motion;
             ``gravity_measured``: it adds the weight of the nominal links at the measured position.
+        count: what the encoder counts in whose positions the law reads [rad or m], shape (joints,)
+            or a scalar; zero: no counts that would show in the motion.
         identified: where the law comes from, if it was identified.
         feedback: where it comes from, joint by joint, if it was identified from the noise in
             the loop.
@@ -102,6 +104,7 @@ class Loop:
     limit: np.ndarray | float = np.inf
     reference: Literal["recorded", "smoothed"] = "recorded"
     feed_forward: FeedForward = "none"
+    count: np.ndarray | float = 0.0
     identified: IdentifiedLaw | None = None
     feedback: tuple[Any, ...] = ()
     reconstructed: tuple[FoundReference, ...] = ()
@@ -122,6 +125,10 @@ class Loop:
                     f"{name} of the loop is {getattr(self, name)!r}; choose one of "
                     f"{', '.join(choices)}"
                 )
+
+    def counts(self, joints: int) -> np.ndarray:
+        """``count`` of each joint [rad or m], shape (joints,)."""
+        return np.broadcast_to(np.asarray(self.count, dtype=float), (joints,))
 
     def law_values(self) -> list[dict[str, Any]] | None:
         """The law that was found, one entry for each joint, as plain values; None: it was given."""
