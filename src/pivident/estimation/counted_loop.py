@@ -161,7 +161,7 @@ class CountedSteps:
 
 
 def offsets(problem: Problem, iteration: int) -> np.ndarray:
-    """Where the counts of each loop lie, evenly over a count, shape (2 LOOPS, joints) [rad or m]."""
+    """Where the counts of each loop lie, evenly over one, shape (2 LOOPS, joints) [rad or m]."""
     assert problem.loop is not None
     size, loops = problem.robot.size, 2 * LOOPS
     rng = np.random.default_rng(iteration)

@@ -129,10 +129,29 @@ def loop_of(
         made, loop = reconstruct_loop(
             robot, recordings, law, entry.source == "reconstruct", gain, limit
         )
-        return made, replace(loop, feed_forward=entry.feed_forward)
+        return made, replace(loop, feed_forward=entry.feed_forward, count=_count(entry, robot))
     return tuple(recordings), Loop(
-        law, gain, limit, reference=entry.source, feed_forward=entry.feed_forward
+        law,
+        gain,
+        limit,
+        reference=entry.source,
+        feed_forward=entry.feed_forward,
+        count=_count(entry, robot),
     )
+
+
+def _count(entry: ControllerEntry, robot: Robot) -> np.ndarray:
+    """What the law's encoder counts in, zero where it is fine, shape (joints,) [rad or m]."""
+    counts = np.zeros(robot.size)
+    if entry.counts is not None:
+        counts = _gains("counts", entry.counts, robot.size)
+    if (counts < 0).any():
+        raise ExperimentError(
+            f"controller: counts = {entry.counts} cannot be negative; give counts per revolution "
+            "of the joint, or per metre, and 0 for a joint whose encoder is fine"
+        ).about("counts")
+    whole = np.array([2.0 * np.pi if j.kind == "revolute" else 1.0 for j in robot.joints])
+    return np.divide(whole, counts, out=np.zeros(robot.size), where=counts > 0)
 
 
 def control_law(entry: ControllerEntry, joints: int) -> Controller:

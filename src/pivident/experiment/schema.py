@@ -22,7 +22,7 @@ from pivident.robot.mdh_schema import Entry, FrictionTerms, Gravity, JointRefere
 from pivident.simulation.controllers import FeedForward
 
 #: Keys that every real loop may have.
-LOOP_KEYS = {"drive_gain", "limit", "feed_forward"}
+LOOP_KEYS = {"drive_gain", "limit", "feed_forward", "counts"}
 
 #: Keys of each control law: those it needs, and those it may have besides.
 LAW_KEYS = {
@@ -30,7 +30,7 @@ LAW_KEYS = {
     "pid": ({"kp", "kd"}, LOOP_KEYS | {"ki", "derivative_time"}),
     "cascade": ({"kp", "kv"}, LOOP_KEYS | {"ki", "averaged", "speed_feed_forward"}),
     "virtual_pd": (set(), {"bandwidth", "damping"}),
-    "identify": (set(), {"drive_gain", "limit"}),
+    "identify": (set(), {"drive_gain", "limit", "counts"}),
 }
 
 #: Keys of a recording that a public record brings along.
@@ -170,6 +170,7 @@ class ControllerEntry(Entry):
     drive_gain: Numbers = 1.0
     limit: Numbers | None = None
     feed_forward: FeedForward = "none"
+    counts: Numbers | None = None
     bandwidth: PositiveFloat | None = None
     damping: PositiveFloat | None = None
     reference: Literal["recorded", "smoothed", "reconstruct"] | None = None

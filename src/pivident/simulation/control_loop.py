@@ -116,6 +116,12 @@ class Loop:
                 f"controller of the loop is {self.controller!r}; give a control law, such as "
                 "PD(kp=…, kd=…)"
             )
+        count = np.asarray(self.count, dtype=float)
+        if not (np.isfinite(count) & (count >= 0.0)).all():
+            raise ExperimentError(
+                f"count of the loop is {self.count}; give what the encoder counts in that the law "
+                "reads, in rad or m, not negative, as one number or as one for each joint"
+            )
         for name, choices in (
             ("reference", ("recorded", "smoothed")),
             ("feed_forward", get_args(FeedForward)),

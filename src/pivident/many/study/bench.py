@@ -108,6 +108,7 @@ class Bench:
             if entry.limit is None
             else per_joint("controller.limit", entry.limit, n),
             feed_forward=entry.feed_forward,
+            count=self.noise.count if self.noise.rounding == "loop" else 0.0,
         )
 
     @cached_property
@@ -248,7 +249,7 @@ class Bench:
             theta,
             controller=controller,
             noise=noise,
-            count=np.full(scenario.robot.size, self.noise.count) if rounded else None,
+            count=loop.counts(scenario.robot.size) if rounded else None,
             clip=clip,
         )
 
