@@ -68,7 +68,7 @@ def test_samples_that_remember_the_start_do_not_vote(coarse, found):
 
 
 def test_a_loop_that_does_not_forget_is_refused(coarse, monkeypatch):
-    monkeypatch.setattr(didim, "FORGOTTEN", 0.0)
+    monkeypatch.setattr(didim, "FORGOTTEN", -1.0)
     with pytest.raises(IdentificationError, match=r"coarse-2.*more than half the record.*piv"):
         identify(coarse[0], "didim")
 

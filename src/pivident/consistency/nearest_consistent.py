@@ -59,7 +59,7 @@ RELATIVE_ROOM = 1e-4
 #: Weak pull of the undetermined parameters to the reference, so that the first program has a unique
 #: solution; parameters z times the reference change d² by that times z². Stronger ones are tried if
 #: the solver fails.
-PULLS = (1e-8, 1e-6, 1e-4)
+PULLS = (1e-8, 1e-6, 1e-4, 1e-2)
 
 #: Largest violation of a constraint, on the scale of the reference.
 OUTSIDE = 1e-5
