@@ -26,7 +26,7 @@ def check_scenario(scenario: ScenarioTables) -> None:
 
 def _check_motion(scenario: ScenarioTables) -> None:
     entry, rate = scenario.content.trajectory, scenario.content.record.rate
-    if entry.type == "point_to_point":
+    if entry.type != "fourier":
         reach_of(entry, scenario.robot.size)
     speeds = scenario.robot.rated_speeds
     if not np.isfinite(speeds).all():

@@ -19,7 +19,7 @@ from pivident.files import regular_file
 from pivident.many.study.study_errors import StudyFolderError
 from pivident.simulation import excitation
 from pivident.simulation.excitation import FourierSeries, motion_limits, random_series
-from pivident.simulation.reference import point_to_point
+from pivident.simulation.reference import point_to_point, trapezoidal_moves
 
 if TYPE_CHECKING:
     from pivident.many.study.scenario_tables import ScenarioTables
@@ -47,13 +47,16 @@ def reference_of(
     """
     rate, robot = scenario.content.record.law_rate, scenario.robot
     samples = round(entry.duration * rate)
-    if entry.type == "point_to_point":
+    if entry.type != "fourier":
         reach = reach_of(entry, robot.size)
         count = POSTURES + int(entry.duration / MIN_MOVE)
         rng = np.random.default_rng(entry.seed)
         postures = rng.uniform(-reach, reach, (count, robot.size))
         speeds = entry.speed * robot.rated_speeds
-        return point_to_point(postures, speeds, rate, samples, entry.dwell)
+        if entry.type == "point_to_point":
+            return point_to_point(postures, speeds, rate, samples, entry.dwell)
+        largest = np.full(robot.size, entry.acceleration)
+        return trapezoidal_moves(postures, speeds, largest, rate, samples, entry.dwell)
     if series is None:
         limits = motion_limits(robot, entry.speed, entry.acceleration)
         series = random_series(limits, entry.harmonics, entry.frequency, entry.seed)

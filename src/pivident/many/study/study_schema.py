@@ -20,6 +20,7 @@ from pivident.robot.mdh_schema import Entry
 #: Keys that only one kind of trajectory has.
 OF_KIND = {
     "point_to_point": {"reach", "speed", "dwell"},
+    "trapezoidal": {"reach", "speed", "acceleration", "dwell"},
     "fourier": {"harmonics", "frequency", "speed", "acceleration", "optimise"},
 }
 
@@ -85,7 +86,7 @@ class RecordEntry(Entry):
 class TrajectoryEntry(Entry):
     """The reference motion."""
 
-    type: Literal["point_to_point", "fourier"] = "point_to_point"
+    type: Literal["point_to_point", "trapezoidal", "fourier"] = "point_to_point"
     duration: PositiveFloat = 6.9
     seed: Annotated[int, Field(ge=0)] = 0
     speed: Share = 0.8
@@ -104,6 +105,10 @@ class TrajectoryEntry(Entry):
             raise ValueError(
                 f"a {self.type} trajectory has no {', '.join(foreign)}; its keys are "
                 f"duration, seed, {', '.join(sorted(OF_KIND[self.type]))}"
+            )
+        if self.type == "trapezoidal" and self.acceleration is None:
+            raise ValueError(
+                "a trapezoidal trajectory needs its largest acceleration; give acceleration = 10"
             )
         return self
 
