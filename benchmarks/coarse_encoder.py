@@ -192,7 +192,7 @@ def main() -> None:
     parser.add_argument("--counts", type=int, default=3600)
     parser.add_argument("--cases", nargs="+", default=list(CASES), choices=list(CASES))
     options = parser.parse_args()
-    scenarios.NOISES["coarse"] = scenarios.Noise(counts=options.counts)
+    scenarios.NOISES["coarse"] = scenarios.Noise(count=2.0 * np.pi / options.counts)
     results: dict[str, object] = {case: table(case, options.runs) for case in options.cases}
     if "PIVIDENT_DATA" in os.environ:
         results["emps"] = list(emps())

@@ -1,4 +1,4 @@
-"""Moves with trapezoidal speeds: from posture to posture, within all limits, as fast as they allow."""
+"""Moves with trapezoidal speeds: from posture to posture, within all limits, fast as they allow."""
 
 import numpy as np
 import pytest

@@ -125,33 +125,40 @@ def loop_of(
         law = control_law(entry, n)
     gain = _gains("drive_gain", entry.drive_gain, n)
     limit = np.full(n, np.inf) if entry.limit is None else _gains("limit", entry.limit, n)
+    count = size_of_count("counts", entry.counts, robot)
     if law is None or entry.source == "reconstruct":
         made, loop = reconstruct_loop(
             robot, recordings, law, entry.source == "reconstruct", gain, limit
         )
-        return made, replace(loop, feed_forward=entry.feed_forward, count=_count(entry, robot))
+        return made, replace(
+            loop,
+            feed_forward=entry.feed_forward,
+            count=count,
+        )
     return tuple(recordings), Loop(
         law,
         gain,
         limit,
         reference=entry.source,
         feed_forward=entry.feed_forward,
-        count=_count(entry, robot),
+        count=count,
     )
 
 
-def _count(entry: ControllerEntry, robot: Robot) -> np.ndarray:
-    """What the law's encoder counts in, zero where it is fine, shape (joints,) [rad or m]."""
-    counts = np.zeros(robot.size)
-    if entry.counts is not None:
-        counts = _gains("counts", entry.counts, robot.size)
-    if (counts < 0).any():
+def size_of_count(key: str, counts: Any, robot: Robot) -> np.ndarray:
+    """What encoders count in, zero where they do not, shape (joints,) [rad or m].
+
+    ``counts``: per revolution of the joint, or per metre; of all joints or of each; ``key``: its
+    key in the file.
+    """
+    given = _gains(key, 0.0 if counts is None else counts, robot.size)
+    if (given < 0).any():
         raise ExperimentError(
-            f"controller: counts = {entry.counts} cannot be negative; give counts per revolution "
-            "of the joint, or per metre, and 0 for a joint whose encoder is fine"
-        ).about("counts")
+            f"{key} = {counts} cannot be negative; give counts per revolution of the joint, or per "
+            "metre, and 0 for a joint whose encoder is fine"
+        ).about(key)
     whole = np.array([2.0 * np.pi if j.kind == "revolute" else 1.0 for j in robot.joints])
-    return np.divide(whole, counts, out=np.zeros(robot.size), where=counts > 0)
+    return np.divide(whole, given, out=np.zeros(robot.size), where=given > 0)
 
 
 def control_law(entry: ControllerEntry, joints: int) -> Controller:

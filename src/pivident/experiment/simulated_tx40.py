@@ -43,7 +43,7 @@ NOISES = {
     "fine": Noise(),
     "loop": Noise(torque=0.0),
     "coloured": Noise(torque=0.0, coloured=3e-6),
-    "coarse": Noise(counts=3600),
+    "coarse": Noise(count=2.0 * np.pi / 3600.0),
 }
 
 

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from pivident.compiled import read_only
 from pivident.dynamics.forward import Model
@@ -86,7 +87,9 @@ def run_python_loop(
         if controller.reset is not None:
             controller.reset()
         for k in range(samples):
-            measured = counted(state.vectors[Q] + noise[k if len(noise) > 1 else 0], limits[COUNT])
+            measured = in_whole_counts(
+                state.vectors[Q] + noise[k if len(noise) > 1 else 0], limits[COUNT]
+            )
             said[k] = _checked(controller.function(k, measured, q_wanted[k], dq_wanted[k]), k, n)
             what, joint, _ = run_loop(
                 model, law, state, rate, delay, q_ref, inputs, heard, limits, steps, oracle,
@@ -97,10 +100,14 @@ def run_python_loop(
     return DONE, -1, -1, on_path[-1]
 
 
-def counted(q: np.ndarray, count: np.ndarray) -> np.ndarray:
-    """Positions in whole counts [rad or m], shape (…, joints); those of a zero count unchanged."""
-    whole = np.rint(np.divide(q, count, out=np.zeros_like(q), where=count > 0.0))
-    return np.where(count > 0.0, count * whole, q)
+def in_whole_counts(q: np.ndarray, count: ArrayLike) -> np.ndarray:
+    """Positions in whole counts [rad or m], shape (…, joints); those of a zero count unchanged.
+
+    ``count``: what is counted in, of all joints or of each [rad or m].
+    """
+    step = np.broadcast_to(np.asarray(count, dtype=float), q.shape[-1:])
+    whole = np.round(np.divide(q, step, out=np.zeros_like(q), where=step > 0.0))
+    return np.where(step > 0.0, step * whole, q)
 
 
 def _checked(answer: object, k: int, joints: int) -> np.ndarray:

@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 
 from pivident.errors import ExperimentError
+from pivident.simulation.closed_loop import in_whole_counts
 
 #: Streams of random numbers of a run.
 ENCODER, TORQUE, COLOURED = 0, 1, 2
@@ -37,9 +38,8 @@ class Noise:
     coloured: Spread = 0.0  # standard deviation of further position noise, AR(2) [rad or m]
     frequency: float = 600.0  # at which its spectrum peaks [Hz]
     radius: float = 0.998  # of the poles of its AR(2) model, of modulus below one
-    #: Encoder counts per joint revolution (or metre); positions are rounded to them. 0: they are
-    #: not.
-    counts: float = 0
+    #: What the encoders count in, to which positions are rounded [rad or m]; zero: they are not.
+    count: Spread = 0.0
     rate: float = 5000.0  # sampling rate of the encoder, that of the control law [Hz]
     #: ``loop``: the control law reads the position noise too; ``record``: it is on the record only,
     #: which another sensor has made.
@@ -90,14 +90,9 @@ class Noise:
         white = stream(seed, COLOURED).standard_normal((settling + shape[0], *shape[1:]))
         return lfilter([1.0], self.denominator, white, axis=0)[settling:] / self.gain
 
-    @property
-    def count(self) -> float:
-        """What the encoder counts in [rad or m]; zero where it does not."""
-        return 2.0 * np.pi / self.counts if self.counts else 0.0
-
     def quantised(self, q: np.ndarray) -> np.ndarray:
-        """Positions as the encoder counts them [rad or m]."""
-        return self.count * np.round(q / self.count) if self.counts else q
+        """Positions as the encoders count them [rad or m], shape (samples, joints)."""
+        return in_whole_counts(q, self.count)
 
 
 def stream(seed: Seed, number: int) -> np.random.Generator:

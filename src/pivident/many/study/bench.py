@@ -108,12 +108,14 @@ class Bench:
             if entry.limit is None
             else per_joint("controller.limit", entry.limit, n),
             feed_forward=entry.feed_forward,
-            count=self.noise.count if self.noise.rounding == "loop" else 0.0,
+            count=np.array(self.noise.count) if self.noise.rounding == "loop" else 0.0,
         )
 
     @cached_property
     def noise(self) -> Noise:
         """Noise of all runs."""
+        from pivident.experiment.recording_tables import size_of_count
+
         entry, n = self.scenario.content.noise, self.scenario.robot.size
         coloured: dict[str, Any] = {}
         if entry.coloured is not None:
@@ -127,7 +129,7 @@ class Bench:
         return Noise(
             encoder=_noise_std("noise.encoder", entry.encoder, n),
             torque=_noise_std("noise.torque", entry.torque, n),
-            counts=entry.counts,
+            count=tuple(size_of_count("counts", entry.counts, self.scenario.robot).tolist()),
             rate=rate,
             where=entry.where,
             rounding=entry.rounding,
@@ -194,7 +196,7 @@ class Bench:
             self.true_values,
             self.reference,
             added if noise.where == "loop" else None,
-            rounded=noise.counts > 0 and noise.rounding == "loop",
+            rounded=noise.rounding == "loop",
         )
         q, tau = (made.q + added)[:: entry.step], made.tau[:: entry.step]
         return Recording(

@@ -127,21 +127,22 @@ class NoiseEntry(Entry):
     encoder: Numbers = 0.0
     torque: Numbers = 0.0
     coloured: ColouredEntry | None = None
-    counts: NonNegativeFloat = 0.0
+    counts: Numbers = 0.0
     where: Literal["loop", "record"] = "loop"
     rounding: Literal["record", "loop"] = "record"
 
     @model_validator(mode="after")
     def _some_noise(self) -> NoiseEntry:
-        for key in ("encoder", "torque"):
+        for key in ("encoder", "torque", "counts"):
             value = getattr(self, key)
             if min(value) < 0 if isinstance(value, list) else value < 0:
-                raise ValueError(f"{key} = {value} is a standard deviation and cannot be negative")
-        if "rounding" in self.model_fields_set and not self.counts:
+                what = "a number of counts" if key == "counts" else "a standard deviation"
+                raise ValueError(f"{key} = {value} is {what} and cannot be negative")
+        if "rounding" in self.model_fields_set and not _positive(self.counts):
             raise ValueError(
                 "rounding is given, but no counts to round to; add counts or remove it"
             )
-        if not (self.counts or self.coloured or _positive(self.encoder) or _positive(self.torque)):
+        if not (self.coloured or any(map(_positive, (self.counts, self.encoder, self.torque)))):
             raise ValueError(
                 "there is no noise, so all runs would be identical; give encoder, torque, coloured "
                 "or counts"
