@@ -6,17 +6,27 @@ the references to them; this writes the number beside the formula.
 
 from __future__ import annotations
 
+import re
+
 from docutils.utils.math import MathError
 from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx.application import Sphinx
 from sphinx.errors import SphinxError
 from sphinx.util.math import get_node_equation_number
 
+#: A fraction without braces, whose parts are the next two signs; docutils wants braces.
+BARE_FRACTION = re.compile(r"(\\[dt]?frac)(\d)(\w)")
+
+
+def braced(formula: str) -> str:
+    r"""``\tfrac12`` as ``\tfrac{1}{2}``."""
+    return BARE_FRACTION.sub(r"\1{\2}{\3}", formula)
+
 
 def translated(self, node, as_block: bool) -> str:
     """The formula of a node as MathML; an error of the formula stops the build."""
     try:
-        return tex2mathml(node.astext().strip(), as_block=as_block)
+        return tex2mathml(braced(node.astext().strip()), as_block=as_block)
     except MathError as error:
         place = f"{node.source}:{node.line}"
         raise SphinxError(f"{place}: {error} in the formula {node.astext()!r}") from error

@@ -58,6 +58,12 @@ def test_equations_are_drawn_without_a_script(built):
     assert "cdn." not in text and 'src="http' not in text
 
 
+def test_a_fraction_without_braces_has_its_two_parts(built):
+    text = re.sub(r"\s+", "", (built / "theory" / "consistency.html").read_text("utf-8"))
+    assert "<mfrac><mn>1</mn><mn>2</mn></mfrac>" in re.sub(r"<mfrac[^>]*>", "<mfrac>", text)
+    assert "<mn>12</mn>" not in text
+
+
 def test_ties_lead_to_the_source(built):
     text = (built / "theory" / "prefiltered_iv.html").read_text("utf-8")
     assert "reference/implementation.html#pivident.signals.noise_models.fit_ar" in text
