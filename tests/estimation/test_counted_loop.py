@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pivident.diagnostics.verdict import verdict
 from pivident.errors import ExperimentError
 from pivident.estimation.counted_loop import LOOPS, offsets
 from pivident.estimation.identify import identify
@@ -70,10 +71,28 @@ def test_places_of_the_counts_are_spread_evenly_and_not_repeated(bench):
     assert np.abs(first - second).min() > 1e-3
 
 
-def test_other_methods_take_no_notice(bench):
+def test_other_methods_estimate_as_ever_and_say_what_they_leave_out(bench, found):
     problem = bench.problem(0)
     fine = replace(problem, loop=replace(problem.loop, count=0.0))
-    assert np.array_equal(identify(problem, "piv").theta, identify(fine, "piv").theta)
+    told, untold = identify(problem, "piv"), identify(fine, "piv")
+    assert np.array_equal(told.theta, untold.theta)
+    assert [w.kind for w in told.warnings if w.topic == "loop"] == ["counts"]
+    assert not any(w.topic == "loop" for w in (*untold.warnings, *found[0][0].warnings))
+    (finding,) = (s for s in verdict(told).statements if s.kind == "counts")
+    assert finding.severity == "warning" and "didim" in finding.next_step
+
+
+def test_the_result_says_how_it_was_made(found):
+    own = found[0][0]
+    assert own.method == "DIDIM (loops with counts)" and own.is_decimated
+    assert "filtered rows" in str(own)
+
+
+def test_a_virtual_loop_is_refused(bench):
+    problem = bench.problem(0)
+    virtual = replace(problem, loop=replace(problem.loop, reference="smoothed"))
+    with pytest.raises(ExperimentError, match="virtual one"):
+        identify(virtual, "didim")
 
 
 def test_a_negative_count_is_refused(bench):

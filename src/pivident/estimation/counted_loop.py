@@ -27,7 +27,7 @@ import numpy as np
 from pivident.estimation.answer import answer, law_findings
 from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.decimated import DecimatedRecord, decimate_record, decimated_columns
-from pivident.estimation.didim import settled_starts, simulated_kinematics
+from pivident.estimation.didim import check_loop, settled_starts, simulated_kinematics
 from pivident.estimation.identification import Identification
 from pivident.estimation.iteration import Pass, Say, Signals, Simulated, start_number
 from pivident.estimation.kinematics import settled_recipe
@@ -37,6 +37,20 @@ from pivident.estimation.prefiltered_iv import MIN_ESTIMATES, full_rate_start, p
 from pivident.estimation.problem import Problem
 from pivident.instruments.given_motion import InstrumentsUsed
 from pivident.motion.motion import SimulatedMotion, with_inner
+from pivident.text.finding import Finding
+
+#: Name of the result.
+LABEL = "DIDIM (loops with counts)"
+
+#: What every other estimate is told where the law reads whole counts.
+NOT_SIMULATED = Finding(
+    "warning",
+    "loop",
+    "counts",
+    "The control law reads whole counts and shakes the robot, which makes friction seem smaller: "
+    "the estimate may be biased by more than its standard errors.",
+    next_step="Compare with didim, which simulates the loop with its counts.",
+)
 
 #: Loops of each mean that an iteration adds.
 LOOPS = 3
@@ -49,8 +63,14 @@ NEAR = 2
 GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 
 
+def reads_counts(problem: Problem) -> bool:
+    """Whether the control law is known to read whole counts of some joint."""
+    return problem.loop is not None and bool(problem.loop.counts(problem.robot.size).any())
+
+
 def identify_counted(problem: Problem, method: PrefilteredIV, say: Say) -> Identification:
     """Iterate means over simulated loops and the estimate."""
+    check_loop(problem, method)
     say(f"{method.label}: the law reads whole counts; {2 * LOOPS} loops in each iteration")
     signals = Signals.of(problem, method)
     auxiliary = AuxiliaryModel(problem, differences=True, kinematics=signals.kinematics)
@@ -58,7 +78,8 @@ def identify_counted(problem: Problem, method: PrefilteredIV, say: Say) -> Ident
     assert isinstance(recipe, Bandpass)
     estimate, run = piv(CountedSteps(signals, method, auxiliary, recipe), say)
     notes, warnings = law_findings(problem.loop)
-    return answer(problem, method, estimate, run, [*notes, *warnings], InstrumentsUsed("loop"))
+    found = answer(problem, method, estimate, run, [*notes, *warnings], InstrumentsUsed("loop"))
+    return dataclasses.replace(found, method=LABEL)
 
 
 @dataclass(frozen=True, eq=False)

@@ -63,11 +63,7 @@ FAR_FROM_MEASURED = 2.0
 
 def identify_didim(problem: Problem, method: PrefilteredIV, say: Say) -> Identification:
     """Iterate simulation, noise models and estimate."""
-    if problem.loop is not None and problem.loop.reference == "smoothed":
-        raise ExperimentError(
-            f"{method.label} takes the motion from the simulated loop, which with reference = "
-            '"smoothed" is a virtual one; use piv, or give the recorded reference'
-        )
+    check_loop(problem, method)
     say(f"{method.label}: noise of the encoders")
     signals = Signals.of(problem, method)
     auxiliary = AuxiliaryModel(problem, differences=True, kinematics=signals.kinematics)
@@ -79,6 +75,15 @@ def identify_didim(problem: Problem, method: PrefilteredIV, say: Say) -> Identif
         *_far_from_measured(estimate.records),
     ]
     return answer(problem, method, estimate, run, warnings, InstrumentsUsed("loop"))
+
+
+def check_loop(problem: Problem, method: PrefilteredIV) -> None:
+    """Refuse a virtual loop, whose motion is not the machine's."""
+    if problem.loop is not None and problem.loop.reference == "smoothed":
+        raise ExperimentError(
+            f"{method.label} takes the motion from the simulated loop, which with reference = "
+            '"smoothed" is a virtual one; use piv, or give the recorded reference'
+        )
 
 
 @dataclass(frozen=True, eq=False)

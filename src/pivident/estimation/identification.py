@@ -130,6 +130,8 @@ class Identification:
     @property
     def is_decimated(self) -> bool:
         """Whether the method worked on low-passed and thinned rows rather than on all samples."""
+        if self.equations is not None:
+            return not self.equations.full_rate
         return self.method_used is not None and isinstance(self.method_used.signals, Bandpass)
 
     @property

@@ -8,7 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from pivident.errors import IdentificationError
-from pivident.estimation.counted_loop import identify_counted
+from pivident.estimation.counted_loop import (
+    LABEL,
+    NOT_SIMULATED,
+    identify_counted,
+    reads_counts,
+)
 from pivident.estimation.didim import identify_didim
 from pivident.estimation.identification import Identification
 from pivident.estimation.instrumental_variables import identify_iv
@@ -58,15 +63,22 @@ def identify(
         method = replace(method, signals=settled_recipe(method.signals, problem.recordings))
     say = progress or (lambda line: None)
     with linear_algebra_in_one_thread():
-        if isinstance(method, LeastSquares):
-            return identify_ls(problem, method, say)
-        if isinstance(method, InstrumentalVariables):
-            return identify_iv(problem, method, say)
-        if isinstance(method, PrefilteredIV) and method.regressor == "simulated":
-            counted = problem.loop is not None and problem.loop.counts(problem.robot.size).any()
-            return (identify_counted if counted else identify_didim)(problem, method, say)
-        if isinstance(method, PrefilteredIV):
-            return identify_piv(problem, method, say)
+        found = _estimate(problem, method, say)
+    if reads_counts(problem) and found.method != LABEL:
+        return replace(found, warnings=(*found.warnings, NOT_SIMULATED))
+    return found
+
+
+def _estimate(problem: Problem, method: Method, say: Progress) -> Identification:
+    """By the method's own function."""
+    if isinstance(method, LeastSquares):
+        return identify_ls(problem, method, say)
+    if isinstance(method, InstrumentalVariables):
+        return identify_iv(problem, method, say)
+    if isinstance(method, PrefilteredIV) and method.regressor == "simulated":
+        return (identify_counted if reads_counts(problem) else identify_didim)(problem, method, say)
+    if isinstance(method, PrefilteredIV):
+        return identify_piv(problem, method, say)
     raise IdentificationError(f"{method!r} is not a method; use a name such as 'piv'")
 
 
