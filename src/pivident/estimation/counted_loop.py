@@ -29,11 +29,12 @@ from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.decimated import DecimatedRecord, decimate_record, decimated_columns
 from pivident.estimation.didim import check_loop, settled_starts, simulated_kinematics
 from pivident.estimation.identification import Identification
+from pivident.estimation.instrumental_variables import UnfilteredSteps
 from pivident.estimation.iteration import Pass, Say, Signals, Simulated, start_number
 from pivident.estimation.kinematics import settled_recipe
 from pivident.estimation.methods import Bandpass, PrefilteredIV
 from pivident.estimation.noise_identification import Prefilters
-from pivident.estimation.prefiltered_iv import MIN_ESTIMATES, full_rate_start, piv
+from pivident.estimation.prefiltered_iv import piv
 from pivident.estimation.problem import Problem
 from pivident.instruments.given_motion import InstrumentsUsed
 from pivident.motion.motion import SimulatedMotion, with_inner
@@ -83,25 +84,11 @@ def identify_counted(problem: Problem, method: PrefilteredIV, say: Say) -> Ident
 
 
 @dataclass(frozen=True, eq=False)
-class CountedSteps:
+class CountedSteps(UnfilteredSteps):
     """The steps: Φ and Z are means over loops with counts, decimated; no prefilter."""
 
-    signals: Signals
-    method: PrefilteredIV
     auxiliary: AuxiliaryModel  # the loop without counts
     recipe: Bandpass
-
-    earliest = MIN_ESTIMATES + 1
-    always_by_window = True
-
-    def start(self) -> Pass:
-        """θ⁰: least squares on the measured motion."""
-        none = Prefilters.none(self.signals.problem)
-        return full_rate_start(self.signals, self.method, none)
-
-    def noise_models(self, last: Pass, theta: np.ndarray) -> Prefilters:
-        """None."""
-        return last.prefilters
 
     def equations(
         self, last: Pass, simulated: Simulated, prefilters: Prefilters
@@ -113,12 +100,11 @@ class CountedSteps:
         own = self._records(last, simulated) if again else earlier
         load = self.signals.load(last.number, simulated.theta)
         a, b = (self._means(simulated.theta, load, own, made, half) for half in range(2))
-        weight = 1.0 / max(1, made - NEAR + 2)  # of this iteration among those that are kept
+        kept = 1 if again else made - NEAR + 2  # iterations in the means
         records = []
         for record, phi, z in zip(own, a, b, strict=True):
-            if not again:
-                assert record.z is not None
-                phi, z = (x + weight * (new - x) for x, new in ((record.phi, phi), (record.z, z)))
+            if record.z is not None:  # that of the iterations before
+                phi, z = record.phi + (phi - record.phi) / kept, record.z + (z - record.z) / kept
             records.append(dataclasses.replace(record, phi=phi, z=z))
         return records, prefilters
 

@@ -30,7 +30,7 @@ from pivident.estimation.iteration import (
     least_squares_pass,
     start_number,
 )
-from pivident.estimation.methods import Bandpass, InstrumentalVariables
+from pivident.estimation.methods import Bandpass, InstrumentalVariables, PrefilteredIV
 from pivident.estimation.noise_identification import Prefilters
 from pivident.estimation.prefiltered_iv import (
     MIN_ESTIMATES,
@@ -108,11 +108,11 @@ class DecimatedSteps:
 
 
 @dataclass(frozen=True, eq=False)
-class FullRateSteps:
-    """No decimation and no prefilter: smoother and aligned torque do the work."""
+class UnfilteredSteps:
+    """What all steps have that begin at the full rate and go on without prefilters."""
 
     signals: Signals
-    method: InstrumentalVariables
+    method: InstrumentalVariables | PrefilteredIV
     auxiliary: InstrumentSource
 
     earliest = MIN_ESTIMATES + 1
@@ -126,6 +126,10 @@ class FullRateSteps:
     def noise_models(self, last: Pass, theta: np.ndarray) -> Prefilters:
         """None."""
         return last.prefilters
+
+
+class FullRateSteps(UnfilteredSteps):
+    """No decimation and no prefilter: smoother and aligned torque do the work."""
 
     def equations(
         self, last: Pass, simulated: Simulated, prefilters: Prefilters

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
+
+#: The way from a posture, speeds and accelerations, each (samples, joints).
+Stretch = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+#: A move over its time as a share of its duration, shape (samples,).
+Profile = Callable[[np.ndarray], Stretch]
 
 #: Peak speed of a quintic rest-to-rest move of unit length and duration.
 QUINTIC_PEAK = 1.875
@@ -22,22 +29,21 @@ def point_to_point(
     speed of each joint, shape (joints,) [rad/s or m/s]; ``dwell``: rest at each posture [s].
     Result: q, dq, ddq of the reference, each (samples, joints).
     """
-    q, dq, ddq = (np.zeros((samples, postures.shape[1])) for _ in range(3))
-    t = np.arange(samples) / rate
-    start = 0.0
-    q[:] = postures[0]
-    for here, there in pairwise(postures):
-        way = there - here
+
+    def quintic(way: np.ndarray) -> tuple[float, Profile]:
         duration = max(float((QUINTIC_PEAK * np.abs(way) / speeds).max()), 1.0 / rate)
-        x = ((t - start) / duration)[:, None]
-        moving = (x[:, 0] >= 0) & (x[:, 0] < 1)
-        x = x[moving]
-        q[moving] = here + way * x**3 * (10 - 15 * x + 6 * x**2)
-        dq[moving] = way / duration * 30 * x**2 * (1 - x) ** 2
-        ddq[moving] = way / duration**2 * 60 * x * (1 - x) * (1 - 2 * x)
-        q[t >= start + duration] = there
-        start += duration + dwell
-    return q, dq, ddq
+
+        def profile(x: np.ndarray) -> Stretch:
+            x = x[:, None]
+            return (
+                way * x**3 * (10 - 15 * x + 6 * x**2),
+                way / duration * 30 * x**2 * (1 - x) ** 2,
+                way / duration**2 * 60 * x * (1 - x) * (1 - 2 * x),
+            )
+
+        return duration, profile
+
+    return _moves(postures, quintic, rate, samples, dwell)
 
 
 def trapezoidal_moves(
@@ -71,24 +77,43 @@ def trapezoidal_moves(
     Returns:
         q, dq, ddq of the reference, each (samples, joints).
     """
+
+    def trapezoid(way: np.ndarray) -> tuple[float, Profile]:
+        slowest = float((np.abs(way) / speeds).max())
+        product = float((np.abs(way) / accelerations).max()) / (1.0 - edge)
+        cruise = max(slowest, float(np.sqrt(product)), 1.0 / rate)  # D
+        rise = max(product / cruise, 1e-9)  # T_a
+        duration = cruise + rise
+
+        def profile(x: np.ndarray) -> Stretch:
+            share, speed, acceleration = _trapezoid(x * duration, rise, cruise, edge)
+            return np.outer(share, way), np.outer(speed, way), np.outer(acceleration, way)
+
+        return duration, profile
+
+    return _moves(postures, trapezoid, rate, samples, dwell)
+
+
+def _moves(
+    postures: np.ndarray,
+    plan: Callable[[np.ndarray], tuple[float, Profile]],
+    rate: float,
+    samples: int,
+    dwell: float,
+) -> Stretch:
+    """Moves from posture to posture; ``plan``: duration [s] and profile of a way."""
     q, dq, ddq = (np.zeros((samples, postures.shape[1])) for _ in range(3))
     t = np.arange(samples) / rate
     start = 0.0
     q[:] = postures[0]
     for here, there in pairwise(postures):
-        way = there - here
-        slowest = float((np.abs(way) / speeds).max())
-        product = float((np.abs(way) / accelerations).max()) / (1.0 - edge)
-        cruise = max(slowest, float(np.sqrt(product)), 1.0 / rate)  # D
-        rise = max(product / cruise, 1e-9)  # T_a
-        moving = (t >= start) & (t < start + cruise + rise)
-        share, speed, acceleration = _trapezoid(t[moving] - start, rise, cruise, edge)
-        q[moving] = here + np.outer(share, way)
-        dq[moving] = np.outer(speed, way)
-        ddq[moving] = np.outer(acceleration, way)
-        start += cruise + rise
-        q[t >= start] = there
-        start += dwell
+        duration, profile = plan(there - here)
+        x = (t - start) / duration
+        moving = (x >= 0) & (x < 1)
+        way, dq[moving], ddq[moving] = profile(x[moving])
+        q[moving] = here + way
+        q[t >= start + duration] = there
+        start += duration + dwell
     return q, dq, ddq
 
 
