@@ -3,8 +3,9 @@
 Error and output are exact signals of the controller, so that a discrete ARX model by least squares
 is exact where the output is logged without noise. With noise or quantisation the refined
 instrumental variable method (RIV) is unbiased; the continuous-time search over orders (SRIVC) is
-that of Brunot et al. (2018, section 5.3). An integrator's pole is fixed at one: an estimated one
-lies slightly inside the unit circle and leaks.
+that of Brunot et al. (2018, section 5.3), who offer it the speed and acceleration of the reference
+besides. An integrator's pole is fixed at one: an estimated one lies slightly inside the unit circle
+and leaks; one this near to it is taken for an integrator.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from pivident.errors import ExperimentError, IdentificationError
 from pivident.recording.checks import clipped_samples
 from pivident.recording.recording import Recording
 from pivident.simulation.controllers import TAPS
+from pivident.simulation.linear_law import reference_derivatives
 from pivident.simulation.transfer_law import TransferLaw, split_integrator
 
 if TYPE_CHECKING:
@@ -28,6 +30,9 @@ FreeMethod = Literal["arx", "riv", "srivc"]
 #: Orders (numerator, denominator) of the continuous-time search.
 SEARCHED = ((0, 1, 2), (1, 2))
 
+#: Numerators of error, speed and acceleration of the reference that are searched with them. The
+#: speed has none but a constant: its derivative is the acceleration.
+SEARCHED_WITH_REFERENCE = (((1, 0, 0), (2, 0, 1)), (1, 2))
 
 #: Distance from one at which a pole is an integrator.
 INTEGRATOR = 1e-6
@@ -57,6 +62,7 @@ def identify_free_law(
     method: FreeMethod = "arx",
     orders: tuple[int, int] = (2, 1),
     integrator: bool = False,
+    reference_inputs: bool = False,
 ) -> FreeLaw:
     """Identify a transfer function from the position error to the controller's output.
 
@@ -68,6 +74,8 @@ def identify_free_law(
         method: ``arx``, ``riv``, or ``srivc``, which searches its orders itself.
         orders: degrees of numerator and denominator in z⁻¹, without the integrator.
         integrator: whether the law has a pole at one besides.
+        reference_inputs: whether ``srivc`` also tries laws into which speed and acceleration of the
+            reference enter besides the error.
 
     Returns:
         The law as a transfer function for each joint, with its fit.
@@ -83,11 +91,17 @@ def identify_free_law(
         )
     if not (0 <= orders[0] < TAPS and 0 <= orders[1] < TAPS):
         raise ExperimentError(f"orders of a control law go up to {TAPS - 1}, not {orders}")
+    if reference_inputs and method != "srivc":
+        raise ExperimentError(
+            f"{method} takes the error as its only input; use srivc with reference_inputs"
+        )
     joints = recording.joints
     gain = np.broadcast_to(np.asarray(drive_gain, float), (joints,))
     bound = np.broadcast_to(np.asarray(limit, float), (joints,))
     inputs = sum(recording.inputs.values(), np.zeros(recording.tau.shape))
     numerator, denominator = np.zeros((2, joints, TAPS))
+    of_reference = np.zeros((3, joints if reference_inputs else 0, TAPS))
+    of_reference[2, :, 0] = 1.0
     ki, estimates, errors = np.zeros(joints), [], []
     for j in range(joints):
         total = recording.tau[:, j] / gain[j]
@@ -95,26 +109,37 @@ def identify_free_law(
         left_out = (np.abs(total) >= bound[j] * (1.0 - 1e-9)) | clipped_samples(
             recording.tau[:, j], recording.q[:, j]
         )
+        seen = np.column_stack([e, *_reference_derivatives(recording, j)]) if reference_inputs else e
         estimate = _estimate(
-            e, u, 1.0 / recording.rate, left_out, method, orders, integrator,
+            seen, u, 1.0 / recording.rate, left_out, method, orders, integrator,
             recording.joint_names[j],
         )  # fmt: skip
-        b, a = _discrete(estimate)
+        (b, *others), a = _discrete(estimate)
+        if others:
+            for row, polynomial in zip(of_reference[:, j], [*others, a], strict=True):
+                row[: len(polynomial)] = polynomial
         if np.abs(np.roots(a) - 1.0).min(initial=1.0) < INTEGRATOR:
             free = np.polydiv(a, [1.0, -1.0])[0]
             b, residue = split_integrator(b, free)
             a, ki[j] = free, residue * recording.rate
         numerator[j, : len(b)], denominator[j, : len(a)] = b, a
         estimates.append(estimate)
-        model = estimate.simulate(e)
+        model = estimate.simulate(seen[:, : len(others) + 1] if reference_inputs else seen)
         usable = ~left_out
         errors.append(float(np.sqrt(np.sum((u - model)[usable] ** 2) / np.sum(u[usable] ** 2))))
-    law = TransferLaw(numerator, denominator, ki, recording.rate)
+    law = TransferLaw(numerator, denominator, ki, recording.rate, of_reference)
     return FreeLaw(law, tuple(estimates), tuple(errors))
 
 
+def _reference_derivatives(recording: Recording, j: int) -> tuple[np.ndarray, np.ndarray]:
+    """Speed and acceleration of a joint's reference, as the law forms them, (samples,)."""
+    assert recording.q_ref is not None
+    dq_ref = None if recording.dq_ref is None else recording.dq_ref[:, j]
+    return reference_derivatives(recording.q_ref[:, j], dq_ref, 0.0, False, recording.rate)
+
+
 def _estimate(
-    e: np.ndarray,
+    seen: np.ndarray,
     u: np.ndarray,
     dt: float,
     left_out: np.ndarray,
@@ -123,11 +148,18 @@ def _estimate(
     integrator: bool,
     name: str,
 ) -> LinearEstimate:
-    """One joint's linear model from error to output."""
+    """One joint's linear model from the error, or what else the law sees, to the output."""
     from pivident.linear.arx import arx
     from pivident.linear.order_selection import select_orders
     from pivident.linear.riv import riv
 
+    if seen.ndim > 1:
+        both = (seen[:, 0], SEARCHED), (seen, SEARCHED_WITH_REFERENCE)
+        return min(
+            (select_orders(x, u, dt, *orders_of, criterion="bic").best for x, orders_of in both),
+            key=lambda found: found.fit.bic,
+        )
+    e = seen
     poles = (1.0,) if integrator else ()
     degree = orders[1] + len(poles)
     if method == "arx":
@@ -147,12 +179,12 @@ def _estimate(
     return select_orders(e, u, dt, *SEARCHED, criterion="bic").best
 
 
-def _discrete(estimate: LinearEstimate) -> tuple[np.ndarray, np.ndarray]:
-    """B and A in z⁻¹; a continuous model is sampled with the hold it was identified with."""
-    b, a = estimate.numerator, estimate.denominator
+def _discrete(estimate: LinearEstimate) -> tuple[list[np.ndarray], np.ndarray]:
+    """B of each input and A in z⁻¹; a continuous model is sampled with the hold of its fit."""
+    a = estimate.denominator
     if not estimate.continuous:
-        return np.asarray(b), np.asarray(a)
+        return [np.asarray(b) for b in estimate.numerators], np.asarray(a)
     from scipy.signal import cont2discrete
 
-    discrete_b, discrete_a, _ = cont2discrete((b, a), estimate.dt, estimate.hold)
-    return np.ravel(discrete_b), np.ravel(discrete_a)
+    sampled = [cont2discrete((b, a), estimate.dt, estimate.hold) for b in estimate.numerators]
+    return [np.ravel(b) for b, _, _ in sampled], np.ravel(sampled[0][1])

@@ -153,7 +153,7 @@ class ResultsFolder:
                     f"delete it: its {self.rows_name} are then computed again",
                 ) from error
         if frames:
-            return pl.concat(frames)
+            return pl.concat(frames, how="diagonal")  # shards of older programs have fewer columns
         schema = self.schema()
         return pl.DataFrame(schema={name: schema[name] for name in columns or schema})
 

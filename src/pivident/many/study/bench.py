@@ -7,7 +7,7 @@ simulates the same record.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -138,8 +138,12 @@ class Bench:
 
     @cached_property
     def reference(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Reference q, dq, ddq at the control rate, each (samples, joints)."""
-        return reference_of(self.scenario, self.scenario.content.trajectory, self.series)
+        """Reference q, dq, ddq of the first motion at the control rate, each (samples, joints)."""
+        return self.reference_of_record(0)
+
+    def reference_of_record(self, record: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Reference of a record: the seeds of the trajectory take turns."""
+        return reference_of(self.scenario, self.scenario.content.trajectory, self.series, record)
 
     @cached_property
     def second_reference(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -147,7 +151,7 @@ class Bench:
         entry = self.scenario.content.validation
         if entry is None:
             first = self.scenario.content.trajectory
-            changes: dict[str, Any] = {"seed": first.seed + 1}
+            changes: dict[str, Any] = {"seed": max(first.seeds) + 1}
             if first.type == "fourier":
                 changes["optimise"] = False
             entry = first.model_copy(update=changes)
@@ -176,25 +180,37 @@ class Bench:
         """The identification problem of a run."""
         content = self.scenario.content
         parameters = content.identify.parameters or [p.name for p in self.heads]
+        recording = self.recording(self.record_of(run))
         return Problem(
             self.scenario.robot,
-            (self.recording(self.record_of(run)),),
-            self.loop,
+            (recording,),
+            self.loop if content.law == "known" else self.identified_loop(recording),
             tuple(parameters),
             mask=content.identify.mask,
             initial=self.start(self.start_of(run)),
         )
 
+    def identified_loop(self, recording: Recording) -> Loop:
+        """The loop with a law that is identified from the record, of unknown structure."""
+        from pivident.linear.free_law import identify_free_law
+
+        loop = self.loop
+        found = identify_free_law(
+            recording, loop.drive_gain, loop.limit, method="srivc", reference_inputs=True
+        )
+        return replace(loop, controller=found.law)
+
     def recording(self, record: int) -> Recording:
         """A simulated record."""
         entry, noise = self.scenario.content.record, self.noise
         seed = (record, self.scenario.content.seed)
-        q_ref, dq_ref, ddq_ref = self.reference
+        reference = self.reference_of_record(record)
+        q_ref, dq_ref, ddq_ref = reference
         added = noise.in_loop(seed, q_ref.shape)
         made = self.simulated(
             self.heads,
             self.true_values,
-            self.reference,
+            reference,
             added if noise.where == "loop" else None,
             rounded=noise.rounding == "loop",
         )

@@ -44,7 +44,9 @@ class Bounds:
 
 
 def efficiency_bounds(bench: Bench) -> Bounds:
-    """Bounds of a scenario's estimates."""
+    """Bounds of a scenario's estimates; none where the records move in several ways."""
+    if len(bench.scenario.content.trajectory.seeds) > 1:
+        return Bounds(None, None)
     noise, entry, n = bench.noise, bench.scenario.content.record, bench.scenario.robot.size
     q = bench.noise_free.q[:: entry.step]
     dq, ddq = central_differences(q, entry.rate)

@@ -39,18 +39,23 @@ _found: dict[str, FourierSeries] = {}
 
 
 def reference_of(
-    scenario: ScenarioTables, entry: TrajectoryEntry, series: FourierSeries | None = None
+    scenario: ScenarioTables,
+    entry: TrajectoryEntry,
+    series: FourierSeries | None = None,
+    number: int = 0,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Reference q, dq, ddq at the control rate, each (samples, joints).
 
-    ``series``: an optimised Fourier motion; None: a random one.
+    ``series``: an optimised Fourier motion; None: a random one; ``number``: which of the seeds, in
+    turns.
     """
     rate, robot = scenario.content.record.law_rate, scenario.robot
     samples = round(entry.duration * rate)
+    seed = entry.seeds[number % len(entry.seeds)]
     if entry.type != "fourier":
         reach = reach_of(entry, robot.size)
         count = POSTURES + int(entry.duration / MIN_MOVE)
-        rng = np.random.default_rng(entry.seed)
+        rng = np.random.default_rng(seed)
         postures = rng.uniform(-reach, reach, (count, robot.size))
         speeds = entry.speed * robot.rated_speeds
         if entry.type == "point_to_point":
@@ -59,7 +64,7 @@ def reference_of(
         return trapezoidal_moves(postures, speeds, largest, rate, samples, entry.dwell)
     if series is None:
         limits = motion_limits(robot, entry.speed, entry.acceleration)
-        series = random_series(limits, entry.harmonics, entry.frequency, entry.seed)
+        series = random_series(limits, entry.harmonics, entry.frequency, seed)
     return series.sampled(rate, samples)
 
 
@@ -103,7 +108,7 @@ def optimised_series(
         motion_limits(scenario.robot, entry.speed, entry.acceleration),
         entry.harmonics,
         entry.frequency,
-        entry.seed,
+        entry.seeds[0],
         progress=progress,
     )
     return _found[key]

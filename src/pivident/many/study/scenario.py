@@ -65,9 +65,16 @@ class Scenario(ScenarioTables):
         return made
 
     def with_runs(self, runs: int) -> Scenario:
-        """The same scenario with another number of runs."""
+        """The same scenario with another number of runs, in all conditions."""
         plain = self.plain | {"runs": runs}
-        made = Scenario(self.name, plain, self.source, self.alternatives, self.condition)
+        alternatives = {
+            group: {
+                name: {key: value for key, value in tables.items() if key != "runs"}
+                for name, tables in own.items()
+            }
+            for group, own in self.alternatives.items()
+        }
+        made = Scenario(self.name, plain, self.source, alternatives, self.condition)
         for condition in made.conditions:
             condition.content  # noqa: B018 - reading it is the check
         return made

@@ -25,6 +25,7 @@ OF_KIND = {
 }
 
 Share = Annotated[float, Field(gt=0, le=1)]
+Seed = Annotated[int, Field(ge=0)]
 
 
 class TruthEntry(Entry):
@@ -88,7 +89,7 @@ class TrajectoryEntry(Entry):
 
     type: Literal["point_to_point", "trapezoidal", "fourier"] = "point_to_point"
     duration: PositiveFloat = 6.9
-    seed: Annotated[int, Field(ge=0)] = 0
+    seed: Seed | Annotated[list[Seed], Field(min_length=1)] = 0
     speed: Share = 0.8
     reach: Numbers | None = None
     dwell: NonNegativeFloat = 0.05
@@ -106,11 +107,21 @@ class TrajectoryEntry(Entry):
                 f"a {self.type} trajectory has no {', '.join(foreign)}; its keys are "
                 f"duration, seed, {', '.join(sorted(OF_KIND[self.type]))}"
             )
+        if self.type == "fourier" and isinstance(self.seed, list):
+            raise ValueError(
+                "several seeds need several motions, and a fourier trajectory is optimised once; "
+                "give one seed, or a table [vary]"
+            )
         if self.type == "trapezoidal" and self.acceleration is None:
             raise ValueError(
                 "a trapezoidal trajectory needs its largest acceleration; give acceleration = 10"
             )
         return self
+
+    @property
+    def seeds(self) -> list[int]:
+        """One seed for each motion."""
+        return self.seed if isinstance(self.seed, list) else [self.seed]
 
 
 class ColouredEntry(Entry):
@@ -159,7 +170,7 @@ class ScenarioFile(Entry):
 
     description: str = ""
     runs: Annotated[int, Field(gt=0, le=10_000_000)] = 100
-    seed: Annotated[int, Field(ge=0)] = 0
+    seed: Seed = 0
     robot: RobotEntry
     truth: TruthEntry = TruthEntry()
     start: StartEntry = StartEntry()
@@ -168,6 +179,7 @@ class ScenarioFile(Entry):
     trajectory: TrajectoryEntry = TrajectoryEntry()
     validation: TrajectoryEntry | None = None
     noise: NoiseEntry
+    law: Literal["known", "identified"] = "known"
     identify: IdentifyEntry = Field(default_factory=lambda: IdentifyEntry.model_validate({}))
     vary: dict[str, dict[str, dict[str, Any]]] = Field(default_factory=dict)
 

@@ -41,6 +41,9 @@ def row_schema() -> dict[str, Any]:
         "d_q": pl.Float64,
         "d_beta": pl.Float64,
         "seconds": pl.Float64,
+        "noise_order": pl.List(pl.Int64),  # of each joint's noise model, zero without one
+        # share of each joint's autocorrelations beyond ±2/√n, of white noise 0.05
+        "correlated": numbers,
         "error": text,
         "message": text,
     }
