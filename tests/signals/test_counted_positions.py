@@ -66,3 +66,18 @@ def test_positions_without_visible_counts_are_left_to_the_whole_record():
     assert not has_visible_counts(np.round(q, 6)[: int(0.5 * RATE)][100:])
     assert nvr_of_counts(np.full(1000, 0.3), RATE) is None  # at rest all the time
     assert nvr_of_counts(counts(1e-3 * np.arange(4000) / RATE), RATE) is None  # creeping
+
+
+@pytest.mark.parametrize(("speed", "stretches"), [(0.25, 0), (0.4, 3)])
+def test_the_steps_of_a_slow_joint_are_no_motion(speed, stretches):
+    """Counts of a slow joint last as long as quick ones may, or longer; likelihood follows them."""
+    rate = 5000.0
+    postures = np.array([[0.0], [0.5], [0.1], [0.6]])
+    q, _, ddq = (x[:, 0] for x in point_to_point(postures, np.array([speed]), rate, 30_000))
+    y = counts(q)
+    parts = counting_stretches(y, rate)
+    assert len(parts) == stretches
+    assert all(smooth(y[part], rate).f50 > 200.0 for part in parts)
+    found = smooth(y, rate, nvr=nvr_of_counts(y, rate))
+    assert 3.0 < found.f50 < 30.0
+    assert np.std((found.ddq - ddq)[100:-100]) < 0.7 * np.std(ddq)

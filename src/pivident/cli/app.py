@@ -28,6 +28,7 @@ from pivident.cli.flexibility import flexibility
 from pivident.cli.friction import friction
 from pivident.cli.gains import gains
 from pivident.cli.laws import laws
+from pivident.cli.paper import paper
 from pivident.cli.payload import payload
 from pivident.cli.predict import predict
 from pivident.cli.study import study
@@ -59,6 +60,7 @@ datasets_app = App(
 app.command(datasets_app)
 app.command(check)
 app.command(study)
+app.command(paper)
 app.command(fleet)
 app.command(friction)
 app.command(flexibility)

@@ -103,6 +103,11 @@ class ControllerIdentification:
         return tuple(as_seen_by_the_drive(r, self.setpoints) for r in recordings)
 
     @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints."""
+        return tuple(joint.name for joint in self.joints)
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """What a reader should know of the laws' structure, whole sentences."""
         return gravity_notes([j.name for j in self.joints], [j.gravity for j in self.joints])

@@ -10,7 +10,7 @@ repeated until it stands still: the iteration of IDIM-PIV with prefilters of one
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
@@ -54,6 +54,11 @@ def identify_iv(problem: Problem, method: InstrumentalVariables, say: Say) -> Id
     full_rate = not isinstance(recipe, Bandpass)
     _, estimate, run, used = with_instruments(signals, method, steps, say, full_rate)
     return answer(problem, method, estimate, run, loop_warnings(problem, estimate, used), used)
+
+
+#: Estimates after which rows no longer come and go with the speeds of the simulated joints: of few
+#: decimated rows a single one may move the estimate, which takes it in and leaves it out for ever.
+KEEPS_ROWS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +109,8 @@ class DecimatedSteps:
                 strict=True,
             )
         ]
+        if last.number - start_number(self.method) >= KEEPS_ROWS:
+            records = [replace(r, used=old.used) for r, old in zip(records, made, strict=True)]
         return records, prefilters
 
 

@@ -42,6 +42,9 @@ from pivident.signals.prefilter import Prefilter
 from pivident.text import display
 from pivident.text.finding import Finding, Quantity
 
+#: Share of a step that the next one takes back where an iteration alternates between two estimates.
+TAKEN_BACK = 0.8
+
 #: Change of an estimate, in standard errors, below which its load has settled; and relative to
 #: the largest parameter, for records without noise.
 LOAD_SETTLED, ROUNDING = 0.01, 1e-12
@@ -236,13 +239,18 @@ def least_squares_pass(signals: Signals, nominal: Pass, records: Sequence[Equati
     return Pass(1, theta, nominal.theta, records, nominal.prefilters)
 
 
-def simulate(steps: Steps, last: Pass) -> Simulated:
+def simulate(steps: Steps, last: Pass, run: Run) -> Simulated:
     """Step (a): simulate θ, or the first point of half the way to it that can be simulated.
 
-    Where none can, the error tells what an audit has against the log, then what the motion lacks.
+    An iteration that alternates goes half the way: it still ends only where the estimate is what it
+    was simulated with. Where no point can be simulated, the error tells what an audit has against
+    the log, then what the motion lacks.
     """
+    theta = last.theta
+    if run.alternates and last.simulated is not None:
+        theta = 0.5 * (last.simulated + theta)
     try:
-        return Simulated(*steps.auxiliary.simulate_or_halve(last.simulated, last.theta))
+        return Simulated(*steps.auxiliary.simulate_or_halve(last.simulated, theta))
     except (SimulationDiverged, MassMatrixNotPositiveDefinite) as error:
         problem = steps.signals.problem
         faults = display.provided("log_faults")(problem.robot, problem.recordings)
@@ -275,6 +283,7 @@ class Run:
 
     history: tuple[Iteration, ...] = ()
     converged: bool = False
+    alternates: bool = False  # whether a step has taken back most of the one before
 
     def after(self, steps: Steps, estimate: Estimate, halvings: int) -> Run:
         """With one more iteration.
@@ -298,7 +307,8 @@ class Run:
         made = Iteration(theta, change, residual, halvings, estimate.prefilters.orders)
         still = change < method.tolerance and settled and may_be_last
         converged = still and abs(residual - before) < method.tolerance * residual
-        return Run((*self.history, made), bool(converged))
+        history = (*self.history, made)
+        return Run(history, bool(converged), self.alternates or _takes_back(history))
 
     def __str__(self) -> str:
         last = self.history[-1]
@@ -306,6 +316,16 @@ class Run:
             f"iteration {len(self.history)}: parameters change by {100 * last.change:.3g} %, "
             f"residual {100 * last.residual:.3g} %"
         )
+
+
+def _takes_back(history: Sequence[Iteration]) -> bool:
+    """Whether the last step goes back at least ``TAKEN_BACK`` of the one before."""
+    if len(history) < 3:
+        return False
+    before, middle, now = (made.theta for made in history[-3:])
+    size = np.maximum(np.abs(now) + np.abs(middle), 1e-300)
+    first, second = (middle - before) / size, (now - middle) / size
+    return bool(first @ second < -TAKEN_BACK * (first @ first))
 
 
 def poor_motion(solution: Solution) -> list[Finding]:

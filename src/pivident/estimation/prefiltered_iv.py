@@ -76,7 +76,7 @@ def piv(steps: Steps, say: Say) -> tuple[Estimate, Run]:
     with ThreadPoolExecutor(1) as beside:
         noise = beside.submit(steps.noise_models, last, last.theta)
         for _ in range(steps.method.max_iterations):
-            simulated = simulate(steps, last)  # (a)
+            simulated = simulate(steps, last, run)  # (a)
             prefilters = noise.result()
             if simulated.halvings:  # θ could not be simulated: the residual is that of another one
                 prefilters = steps.noise_models(last, simulated.theta)

@@ -23,8 +23,13 @@ POINTS = 2400
 
 
 def chosen_joints(result: Identification, joints: Sequence[str | int] | None) -> list[int]:
-    """Indices of joints by name or by number from 1."""
-    names = list(result.robot.joint_names)
+    """Indices of joints of a result by name or by number from 1; all without any."""
+    return joints_named(result.robot.joint_names, joints)
+
+
+def joints_named(known: Sequence[str], joints: Sequence[str | int] | None) -> list[int]:
+    """Indices among the known joints by name or by number from 1; all without any."""
+    names = list(known)
     if joints is None:
         return list(range(len(names)))
     if isinstance(joints, str | int):

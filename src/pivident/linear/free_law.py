@@ -45,6 +45,10 @@ class FreeLaw:
     law: TransferLaw  # the controller, ready for a ``Loop``
     estimates: tuple[LinearEstimate, ...]  # one linear model per joint
     relative_error: tuple[float, ...]  # rms of the residual over that of the output
+    joint_names: tuple[str, ...]  # names of the joints
+    output: np.ndarray  # recorded output without known inputs, shape (samples, joints) [u]
+    model: np.ndarray  # output of the law, likewise
+    rate: float  # sampling rate [Hz]
 
     def __str__(self) -> str:
         return "\n\n".join(
@@ -103,13 +107,16 @@ def identify_free_law(
     of_reference = np.zeros((3, joints if reference_inputs else 0, TAPS))
     of_reference[2, :, 0] = 1.0
     ki, estimates, errors = np.zeros(joints), [], []
+    output, model = np.zeros((2, *recording.q.shape))
     for j in range(joints):
         total = recording.tau[:, j] / gain[j]
         u, e = total - inputs[:, j], recording.q_ref[:, j] - recording.q[:, j]
         left_out = (np.abs(total) >= bound[j] * (1.0 - 1e-9)) | clipped_samples(
             recording.tau[:, j], recording.q[:, j]
         )
-        seen = np.column_stack([e, *_reference_derivatives(recording, j)]) if reference_inputs else e
+        seen = (
+            np.column_stack([e, *_reference_derivatives(recording, j)]) if reference_inputs else e
+        )
         estimate = _estimate(
             seen, u, 1.0 / recording.rate, left_out, method, orders, integrator,
             recording.joint_names[j],
@@ -124,11 +131,14 @@ def identify_free_law(
             a, ki[j] = free, residue * recording.rate
         numerator[j, : len(b)], denominator[j, : len(a)] = b, a
         estimates.append(estimate)
-        model = estimate.simulate(seen[:, : len(others) + 1] if reference_inputs else seen)
-        usable = ~left_out
-        errors.append(float(np.sqrt(np.sum((u - model)[usable] ** 2) / np.sum(u[usable] ** 2))))
+        output[:, j] = u
+        model[:, j] = estimate.simulate(seen[:, : len(others) + 1] if reference_inputs else seen)
+        squares = (u - model[:, j])[~left_out] ** 2
+        errors.append(float(np.sqrt(np.sum(squares) / np.sum(u[~left_out] ** 2))))
     law = TransferLaw(numerator, denominator, ki, recording.rate, of_reference)
-    return FreeLaw(law, tuple(estimates), tuple(errors))
+    return FreeLaw(
+        law, tuple(estimates), tuple(errors), recording.joint_names, output, model, recording.rate
+    )
 
 
 def _reference_derivatives(recording: Recording, j: int) -> tuple[np.ndarray, np.ndarray]:

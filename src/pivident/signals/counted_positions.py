@@ -9,7 +9,8 @@ accelerations, and an estimator that uses them may not converge.
 
 The ratio is therefore estimated where counts change quickly, and used for the whole record; it is
 raised where the smoothed record would then be further from the positions than rounding explains,
-because a reversal, whose counts change slowly, needs more bandwidth.
+because a reversal, whose counts change slowly, needs more bandwidth. Where counts never change
+quickly the ratio begins with one that hardly lets anything through, and is raised likewise.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import math
 import numpy as np
 
 from pivident.signals.random_walk_likelihood import MAX_NVR, diffuse_fit, estimate_nvr
-from pivident.signals.random_walk_model import nvr_from_f50
+from pivident.signals.random_walk_model import f50_from_nvr, nvr_from_f50
 
 #: Fraction of samples that repeat the one before, above which counts are visible.
 REPEATED = 0.5
@@ -38,6 +39,9 @@ MIN_SAMPLES = 3
 
 #: Shortest stretch for a ratio [s], several periods of what a smoother keeps, and in samples.
 MIN_STRETCH, MIN_STRETCH_SAMPLES = 0.1, 100
+
+#: Half-power frequency with which the ratio of a slow joint begins [Hz].
+SLOWEST = 1.0
 
 
 def has_visible_counts(y: np.ndarray) -> bool:
@@ -74,21 +78,15 @@ def nvr_of_counts(
 
     The median of the ratios of largest likelihood of the stretches, weighted by their length, is
     doubled as long as the smoothed record is further from the positions than Δ/√12 (rms, without
-    standstill). None where counts are not visible or never change quickly for long enough: then the
-    whole record decides.
+    standstill). None where counts are not visible or all last long: then the whole record decides.
     """
-    if not has_visible_counts(y):
+    moving = _moving(y, rate)
+    if not has_visible_counts(y) or not moving.any():
         return None
-    parts = [np.ascontiguousarray(y[s] - y[s].mean()) for s in counting_stretches(y, rate)]
-    if not parts:
-        return None
-    ratios = np.array([estimate_nvr(part, rate, order, f50_max).nvr for part in parts])
-    ascending = np.argsort(ratios)
-    reached = np.cumsum([parts[k].size for k in ascending])
-    nvr = float(ratios[ascending[np.searchsorted(reached, reached[-1] / 2)]])
+    nvr = _nvr_of_stretches(y, rate, order, f50_max)
     steps = np.abs(np.diff(y))
     rounding = float(steps[steps > 0].min()) / math.sqrt(12.0)
-    centred, moving = np.ascontiguousarray(y - y.mean()), _moving(y, rate)
+    centred = np.ascontiguousarray(y - y.mean())
     limit = MAX_NVR if f50_max is None else nvr_from_f50(f50_max, order, rate)
     while nvr < limit:
         error = (centred - diffuse_fit(centred, nvr, order).level)[moving]
@@ -96,6 +94,27 @@ def nvr_of_counts(
             break
         nvr = min(2.0 * nvr, limit)
     return nvr
+
+
+def _nvr_of_stretches(y: np.ndarray, rate: float, order: int, f50_max: float | None) -> float:
+    """Median of the ratios of stretches in which counts change quickly.
+
+    A smoother that is faster than the counts of its stretch follows their steps; such a ratio says
+    nothing of the motion. Where none is left, that of ``SLOWEST``.
+    """
+    ratios, sizes = [], []
+    for part in counting_stretches(y, rate):
+        own = np.ascontiguousarray(y[part] - y[part].mean())
+        counted = np.count_nonzero(np.diff(own)) * rate / own.size  # counts per second
+        nvr = estimate_nvr(own, rate, order, f50_max).nvr
+        if f50_from_nvr(nvr, order, rate) < 0.5 * counted:
+            ratios.append(nvr)
+            sizes.append(own.size)
+    if not ratios:
+        return nvr_from_f50(SLOWEST if f50_max is None else min(SLOWEST, f50_max), order, rate)
+    ascending = np.argsort(ratios)
+    reached = np.cumsum(np.array(sizes)[ascending])
+    return float(ratios[ascending[np.searchsorted(reached, reached[-1] / 2)]])
 
 
 def _moving(y: np.ndarray, rate: float) -> np.ndarray:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -30,6 +30,9 @@ from pivident.simulation.excitation import FourierSeries
 from pivident.simulation.feed_forward import with_measured_gravity
 from pivident.simulation.noise import Noise, Spread, stream
 from pivident.simulation.simulated_record import loop_motion
+
+if TYPE_CHECKING:
+    from pivident.linear.free_law import FreeLaw
 
 #: Random stream of the starts, beside those of the noise.
 STARTS = 3
@@ -184,21 +187,22 @@ class Bench:
         return Problem(
             self.scenario.robot,
             (recording,),
-            self.loop if content.law == "known" else self.identified_loop(recording),
+            self.loop
+            if content.law == "known"
+            else replace(self.loop, controller=self.identified_law(recording).law),
             tuple(parameters),
             mask=content.identify.mask,
             initial=self.start(self.start_of(run)),
         )
 
-    def identified_loop(self, recording: Recording) -> Loop:
-        """The loop with a law that is identified from the record, of unknown structure."""
+    def identified_law(self, recording: Recording) -> FreeLaw:
+        """A law of unknown structure, identified from a record."""
         from pivident.linear.free_law import identify_free_law
 
         loop = self.loop
-        found = identify_free_law(
+        return identify_free_law(
             recording, loop.drive_gain, loop.limit, method="srivc", reference_inputs=True
         )
-        return replace(loop, controller=found.law)
 
     def recording(self, record: int) -> Recording:
         """A simulated record."""

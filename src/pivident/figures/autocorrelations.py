@@ -1,0 +1,70 @@
+"""Autocorrelations of the residuals that were made white, with the band of white noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pivident.estimation.identification import Identification
+from pivident.figures.joint_panels import chosen_joints, chosen_recording, legend_above
+from pivident.figures.paper_style import FigureError, new_figure, paper_style, plain
+from pivident.validation.residuals.autocorrelation import autocorrelation
+from pivident.validation.residuals.whitened_residual import joint_residuals
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Lags that are drawn.
+LAGS = 50
+
+
+def figure_of_autocorrelations(
+    results: Identification | Sequence[Identification],
+    joints: Sequence[str | int] | None = None,
+    *,
+    lags: int = LAGS,
+    columns: int = 2,
+) -> Figure:
+    """Autocorrelations of each joint's residual, one row for each joint, and ±2/√n around zero.
+
+    The residual is that of the equation which was solved: decimated, or prefiltered. Results stand
+    side by side. Of white noise 95 % lie within the band.
+
+    Args:
+        results: identifications with their signals.
+        joints: names or numbers from 1; None: all.
+        lags: number of lags.
+        columns: width, 1 or 2 columns of a page.
+
+    Returns:
+        The figure; `save_figure` writes it.
+
+    Raises:
+        FigureError: there are no signals, or no such joint.
+    """
+    made = [results] if isinstance(results, Identification) else list(results)
+    if not made:
+        raise FigureError("there is no result to draw; give at least one")
+    chosen = chosen_joints(made[0], joints)
+    with paper_style():
+        figure, axes = new_figure(len(chosen), len(made), columns=columns, row_height=1.3)
+        for k, result in enumerate(made):
+            chosen_recording(result, 0)
+            residuals = joint_residuals(result)
+            for ax, j in zip(axes[k :: len(made)], chosen, strict=True):
+                found = autocorrelation(residuals[j], lags)
+                lag = np.arange(1, lags + 1)
+                ax.plot(
+                    lag, found.rho, "o", color="#D55E00", markersize=2.2, label="autocorrelation"
+                )
+                for side in (1.0, -1.0):
+                    ax.plot(lag, side * found.band, color="#0072B2", linewidth=0.9,
+                            label="±2/√n" if side > 0 else None)  # fmt: skip
+                ax.set_ylabel(plain(result.robot.joint_names[j]) if k == 0 else "")
+                ax.set_xlim(0, lags + 1)
+            axes[k].set_title(plain(result.method))
+            axes[-len(made) + k].set_xlabel("lag [samples]")
+        legend_above(figure, axes[0], 2)
+    return figure

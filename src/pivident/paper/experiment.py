@@ -1,0 +1,140 @@
+"""One experiment of the paper on its twin: a record to estimate from, another to validate on.
+
+The scenario ``paper`` has three readings of "3600 points per revolution"; each is one condition.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from pivident.errors import PividentError
+from pivident.estimation.identification import Identification
+from pivident.estimation.identify import identify
+from pivident.estimation.kinematics import estimate_kinematics
+from pivident.estimation.methods import METHODS, Method, PrefilteredIV, RandomWalk
+from pivident.linear.free_law import FreeLaw
+from pivident.many.study.bench import Bench
+from pivident.many.study.scenario import Scenario, load_scenario
+from pivident.prediction.predict import predict
+from pivident.prediction.prediction import Prediction
+from pivident.recording.recording import Recording
+
+#: Readings of the encoder's resolution, and what each means.
+READINGS = {
+    "joint": "3600 per revolution of the joint, and the control law reads them",
+    "motor": "3600 per revolution of the motor, and the control law reads them",
+    "log": "3600 per revolution of the joint, on the record only",
+}
+
+#: Forms of the estimate by the name of the method; with ``IDENTIFIED`` behind it, the control law
+#: was identified from the record.
+FORMS = {
+    "ls": "IDIM-LS",
+    "iv": "IDIM-IV",
+    "piv-as-printed": "IDIM-PIV as printed",
+    "piv": "IDIM-PIV as recommended",
+    "didim": "DIDIM",
+}
+IDENTIFIED = ", law identified"
+
+#: Number of the record that validates: another motion than the first one.
+VALIDATION = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """One experiment: its bench, and what every form of the estimate made of its first record."""
+
+    name: str  # key of ``READINGS``
+    bench: Bench
+    recording: Recording
+    validation: Recording
+    results: Mapping[str, Identification]  # by form
+    failures: Mapping[str, str]  # message of the forms that gave no estimate
+    law: FreeLaw | None = None  # the identified control law, where one was asked for
+
+    @cached_property
+    def predictions(self) -> dict[str, Prediction]:
+        """Torques of the validation by each form."""
+        return {form: predict(found, self.validation) for form, found in self.results.items()}
+
+    @cached_property
+    def smoothed_as_printed(self) -> np.ndarray:
+        """Half-power frequencies that the smoother of the paper finds, shape (joints,) [Hz]."""
+        recipe = METHODS["piv-as-printed"]
+        assert isinstance(recipe, PrefilteredIV) and isinstance(recipe.signals, RandomWalk)
+        return estimate_kinematics(self.recording, recipe.signals).f50
+
+
+@dataclass
+class _Attempt:
+    """Results and failures of a reading while they are made."""
+
+    results: dict[str, Identification] = field(default_factory=dict)
+    failures: dict[str, str] = field(default_factory=dict)
+
+
+def condition(reading: str, way: str = "known") -> Scenario:
+    """The condition of the scenario ``paper``: known law, its DIDIM, or identified law."""
+    (found,) = load_scenario("paper").chosen_conditions([f"{reading}-{way}"])
+    return found
+
+
+def run_reading(
+    reading: str,
+    *,
+    didim: bool = True,
+    identified: bool = True,
+    say: Callable[[str], None] = lambda line: None,
+) -> Reading:
+    """Simulate one experiment and estimate with every form.
+
+    Args:
+        reading: key of ``READINGS``.
+        didim: whether DIDIM is among the forms.
+        identified: whether the forms with an identified control law are.
+        say: progress.
+
+    Returns:
+        The experiment; forms that gave no estimate are in its failures.
+
+    Raises:
+        ExperimentError: there is no such reading.
+    """
+    scenario = condition(reading)
+    bench = Bench(scenario)
+    problem = bench.problem(0)
+    made = _Attempt()
+
+    def attempt(form: str, method: Method, own=problem) -> None:
+        say(f"{reading}: {form}")
+        try:
+            made.results[form] = identify(own, method)
+        except PividentError as error:
+            made.failures[form] = str(error)
+
+    methods = dict(scenario.methods)
+    if didim:
+        methods |= condition(reading, "didim").methods
+    for name, method in methods.items():
+        attempt(FORMS[name], method)
+    law = None
+    if identified:
+        say(f"{reading}: control law")
+        law = bench.identified_law(problem.recordings[0])
+        loop = replace(bench.loop, controller=law.law)
+        for name in ("iv", "piv-as-printed", "piv"):
+            attempt(FORMS[name] + IDENTIFIED, scenario.methods[name], replace(problem, loop=loop))
+    return Reading(
+        reading,
+        bench,
+        problem.recordings[0],
+        bench.recording(VALIDATION),
+        made.results,
+        made.failures,
+        law,
+    )

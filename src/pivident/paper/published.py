@@ -1,0 +1,44 @@
+"""Table 1 of Brunot, Janot, Young and Carrillo (2018), as numbers.
+
+M. Brunot, A. Janot, P. C. Young, F. Carrillo, An improved instrumental variable method for
+industrial robot model identification, Control Engineering Practice 74 (2018) 107-117, Table 1:
+estimates of 28 parameters of a Stäubli TX40 and their relative standard deviations.
+"""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+
+#: Columns of the table by the key of its file.
+COLUMNS = {
+    "ls": "IDIM-LS",
+    "iv": "IDIM-IV",
+    "piv": "IDIM-PIV",
+    "piv_identified_controller": "IDIM-PIV, law identified",
+}
+
+
+@dataclass(frozen=True)
+class PublishedParameter:
+    """One row of the table; both dictionaries are by the keys of ``COLUMNS``."""
+
+    name: str  # base parameter, as in results
+    value: dict[str, float]  # estimates [SI unit of the parameter]
+    relative_std: dict[str, float]  # relative standard deviations [%]
+
+
+@cache
+def published_table() -> tuple[PublishedParameter, ...]:
+    """The 28 rows of Table 1, in its order."""
+    text = (resources.files(__package__) / "table1.csv").read_text("utf-8")
+    return tuple(
+        PublishedParameter(
+            row["parameter"],
+            {key: float(row[key]) for key in COLUMNS},
+            {key: float(row[f"{key}_relative_std_percent"]) for key in COLUMNS},
+        )
+        for row in csv.DictReader(text.splitlines())
+    )
