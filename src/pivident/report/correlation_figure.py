@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+from typing import Any
 
 import numpy as np
 
@@ -28,7 +29,8 @@ def correlation_figure(correlation: ParameterCorrelation) -> Figure:
     matrix = correlation.matrix.copy()
     np.fill_diagonal(matrix, np.nan)
     plot = empty_plot("")
-    plot.add_heatmap(
+    plot.add(
+        "heatmap",
         z=np.round(matrix, 3).astype(np.float32),
         x=names,
         y=names,
@@ -40,9 +42,14 @@ def correlation_figure(correlation: ParameterCorrelation) -> Figure:
         hoverongaps=False,
     )
     size = next((size for most, size in _FONTS if len(names) <= most), _SMALLEST_FONT)
-    ticks = {"dtick": 1, "tickfont": {"size": size}, "automargin": True, "showgrid": False}
-    plot.update_xaxes(tickangle=-90, **ticks)
-    plot.update_yaxes(autorange="reversed", **ticks)
+    ticks: dict[str, Any] = {
+        "dtick": 1,
+        "tickfont": {"size": size},
+        "automargin": True,
+        "showgrid": False,
+    }
+    plot.x_axis(tickangle=-90, **ticks)
+    plot.y_axis(autorange="reversed", **ticks)
     pairs = correlation.largest(_LISTED)
     listed = ", ".join(f"{a} and {b} {rho:+.2f}" for a, b, rho in pairs)
     strong = f"{correlation.strong} pair{'s' if correlation.strong != 1 else ''}"
