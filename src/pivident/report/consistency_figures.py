@@ -20,10 +20,7 @@ VIEWS = (("Side view", (0, 2)), ("Top view", (0, 1)))
 
 
 def bodies_figure(
-    robot: Robot,
-    inertial: Sequence[np.ndarray],
-    q: np.ndarray,
-    view: tuple[str, tuple[int, int]],
+    robot: Robot, inertial: Sequence[np.ndarray], q: np.ndarray, view: tuple[str, tuple[int, int]]
 ) -> Figure:
     """The arm's joints as a line, and the mass of each link as an ellipsoid.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-from typing import Any
 
 import numpy as np
 
@@ -42,14 +41,8 @@ def correlation_figure(correlation: ParameterCorrelation) -> Figure:
         hoverongaps=False,
     )
     size = next((size for most, size in _FONTS if len(names) <= most), _SMALLEST_FONT)
-    ticks: dict[str, Any] = {
-        "dtick": 1,
-        "tickfont": {"size": size},
-        "automargin": True,
-        "showgrid": False,
-    }
-    plot.x_axis(tickangle=-90, **ticks)
-    plot.y_axis(autorange="reversed", **ticks)
+    ticks = {"dtick": 1, "tickfont": {"size": size}, "automargin": True, "showgrid": False}
+    plot.update(xaxis={"tickangle": -90} | ticks, yaxis={"autorange": "reversed"} | ticks)
     pairs = correlation.largest(_LISTED)
     listed = ", ".join(f"{a} and {b} {rho:+.2f}" for a, b, rho in pairs)
     strong = f"{correlation.strong} pair{'s' if correlation.strong != 1 else ''}"

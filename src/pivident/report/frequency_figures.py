@@ -241,11 +241,7 @@ def _stacked(upper: str, lower: str) -> Plot:
     plot.x_axis(anchor="y2")
     plot.update(
         yaxis={"domain": [0.46, 1.0], "zeroline": False},
-        yaxis2={
-            "domain": [0.0, 0.38],
-            "title": {"text": lower, "standoff": 4},
-            "zeroline": False,
-        },
+        yaxis2={"domain": [0.0, 0.38], "title": {"text": lower, "standoff": 4}, "zeroline": False},
         showlegend=True,
         legend=LEGEND,
     )

@@ -56,11 +56,7 @@ def colour(method: int) -> str:
 
 
 def torque_figure(
-    identification: Identification,
-    recording: FittedRecording,
-    joint: int,
-    method: int,
-    points: int,
+    identification: Identification, recording: FittedRecording, joint: int, method: int, points: int
 ) -> Figure:
     """Measured and reconstructed torque of one joint, and their difference."""
     fit = identification.joints[joint]
@@ -129,11 +125,7 @@ def law_figure(found: IdentifiedLaw, joint: int, method: int, points: int) -> Fi
 
 
 def reference_figure(
-    identification: Identification,
-    recording: FittedRecording,
-    joint: int,
-    method: int,
-    points: int,
+    identification: Identification, recording: FittedRecording, joint: int, method: int, points: int
 ) -> Figure:
     """Measured position of one joint with its reference, and their difference below."""
     assert recording.q_ref is not None
@@ -182,11 +174,7 @@ def residual_figure(tests: JointResidualTests, method: int) -> Figure:
 
 
 def signal_figure(
-    identification: Identification,
-    recording: FittedRecording,
-    joint: int,
-    method: int,
-    points: int,
+    identification: Identification, recording: FittedRecording, joint: int, method: int, points: int
 ) -> Figure:
     """Position, speed and acceleration of one joint below each other."""
     fit, unit = identification.joints[joint], identification.robot.joints[joint].position_unit

@@ -221,11 +221,7 @@ def excitation_figures(audit: Audit) -> list[Figure]:
             name=kind,
             marker={"color": METHOD_COLOURS[k]},
         )
-    ranges.update(
-        barmode="group",
-        showlegend=True,
-        legend=LEGEND,
-    )
+    ranges.update(barmode="group", showlegend=True, legend=LEGEND)
     note = (
         "share of position limits, rated speed, and of the acceleration that reaches it in 0.15 s"
     )
