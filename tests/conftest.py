@@ -31,6 +31,24 @@ def shared_folder(name: str) -> Path:
     )
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _figures_are_checked():
+    """Pages write their figures as they are; in tests plotly first checks each attribute."""
+    import plotly.graph_objects as go
+
+    from pivident.report import builder
+
+    written = builder.to_json
+
+    def checked(content, **options):
+        go.Figure(content)
+        return written(content, **options)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(builder, "to_json", checked)
+        yield
+
+
 @pytest.fixture(scope="session")
 def data_dir() -> Path:
     """Public records: ``$PIVIDENT_DATA``, its subfolder ``data``, or ``../shared/data``."""

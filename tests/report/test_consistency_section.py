@@ -73,18 +73,20 @@ def test_bodies_are_drawn_where_they_are():
     robot = load_robot("planar_2r")
     inertial = [link.inertia for link in robot.links]
     figure = bodies_figure(robot, inertial, np.zeros(2), VIEWS[0])
-    (own,) = [t for t in figure.plot.data if t.name == "upper_arm, 4 kg" and t.mode == "lines"]
+    (own,) = [
+        t for t in figure.plot.data if t["name"] == "upper_arm, 4 kg" and t["mode"] == "lines"
+    ]
     base = robot.joints[0].rotation @ (robot.links[0].inertia[6:9] / 4.0)
-    middle = [(np.max(x) + np.min(x)) / 2.0 for x in (own.x, own.y)]
+    middle = [(np.max(x) + np.min(x)) / 2.0 for x in (own["x"], own["y"])]
     np.testing.assert_allclose(middle, base[[0, 2]], atol=2e-3)
-    assert figure.plot.layout.yaxis.scaleanchor == "x"
+    assert figure.plot.layout["yaxis"]["scaleanchor"] == "x"
 
 
 def test_moved_parameters_stand_where_they_moved_to():
     moved = np.array([0.5, -1.5])
     figure = moved_figure(["a", "b"], moved, moved - 1, moved + 1, 0, left_out=3)
     points = figure.plot.data[-1]
-    np.testing.assert_allclose(points.x, moved)
+    np.testing.assert_allclose(points["x"], moved)
     assert "b moved most, by 1.5 σ" in figure.label and "3 base parameters" in figure.note
 
 
@@ -116,7 +118,7 @@ def test_table_and_figure_show_the_same_step():
         assert row.moved * row.spread / 1.96 == pytest.approx(row.consistent - row.free)
     (figure,) = [f for f in _figures(found, 0) if f.title == "Free and consistent intervals"]
     points = figure.plot.data[-1]
-    np.testing.assert_allclose(points.x, [step[name] for name in points.y], atol=1e-5)
+    np.testing.assert_allclose(points["x"], [step[name] for name in points["y"]], atol=1e-5)
 
 
 @cache

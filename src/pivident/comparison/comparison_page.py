@@ -14,9 +14,8 @@ from pivident.comparison.comparison_text import difference_text, estimate_text, 
 from pivident.comparison.friction_curves import FrictionCurve, JointFriction
 from pivident.comparison.remarks import findings, level_sentence, rows_text, share_text
 from pivident.report.builder import page_environment, page_of
-from pivident.report.drawing_library import go
 from pivident.report.intervals import Interval, IntervalDrawing
-from pivident.report.plot_parts import LEGEND, band, packed
+from pivident.report.plot_parts import LEGEND, Trace, band, packed
 from pivident.report.plotly_figures import Figure, colour, empty_plot
 from pivident.text.numbers import with_spread
 
@@ -71,10 +70,10 @@ def friction_figure(comparison: ComparedResults, joint: JointFriction) -> Figure
     """Friction against speed of one joint by all results, each with its ±2σ band."""
     quantity = "torque" if joint.torque_unit == "N m" else "force"
     plot = empty_plot(f"friction {quantity} [{joint.torque_unit}]")
-    plot.update_xaxes(title_text=f"speed [{joint.speed_unit}]")
+    plot.x_axis(f"speed [{joint.speed_unit}]")
     for curve in joint.curves:
-        plot.add_traces(_band_and_line(comparison, joint, curve))
-    plot.update_layout(showlegend=True, legend=LEGEND)
+        plot.data += _band_and_line(comparison, joint, curve)
+    plot.update(showlegend=True, legend=LEGEND)
     missing = [
         f"{comparison.labels[c.entry]} without {', '.join(c.left_out)}"
         for c in joint.curves
@@ -93,20 +92,21 @@ def friction_figure(comparison: ComparedResults, joint: JointFriction) -> Figure
 
 def _band_and_line(
     comparison: ComparedResults, joint: JointFriction, curve: FrictionCurve
-) -> list[go.Scatter]:
+) -> list[Trace]:
     """One result's curve over its band; the band stays out where there is none."""
     own, traces = colour(curve.entry), []
     if np.isfinite(curve.std).all():
         upper, lower = curve.torque + 2.0 * curve.std, curve.torque - 2.0 * curve.std
         traces.append(band(joint.speed, lower, upper, own))
     traces.append(
-        go.Scatter(
-            x=packed(joint.speed),
-            y=packed(curve.torque),
-            mode="lines",
-            line={"color": own, "width": 1.8, "dash": DASHES[curve.entry % len(DASHES)]},
-            name=html.escape(comparison.labels[curve.entry], quote=False),
-        )
+        {
+            "type": "scatter",
+            "x": packed(joint.speed),
+            "y": packed(curve.torque),
+            "mode": "lines",
+            "line": {"color": own, "width": 1.8, "dash": DASHES[curve.entry % len(DASHES)]},
+            "name": html.escape(comparison.labels[curve.entry], quote=False),
+        }
     )
     return traces
 

@@ -18,8 +18,7 @@ from pivident.flexibility.joint_study import JointFlexibility
 from pivident.flexibility.resonance import Resonance
 from pivident.report.audit.audit_figures import audit_plot
 from pivident.report.builder import page_environment, page_of, write_page
-from pivident.report.drawing_library import go
-from pivident.report.plot_parts import LEGEND
+from pivident.report.plot_parts import LEGEND, Plot
 from pivident.report.plotly_figures import MEASURED, METHOD_COLOURS, Figure
 
 #: Points of one trace.
@@ -76,7 +75,7 @@ def deflection_figure(compliance: Compliance, sliding: bool = False) -> Figure:
         (measured, "recorded, without transmission error", MEASURED),
         (model, "model", METHOD_COLOURS[0]),
     ):
-        plot.add_scatter(
+        plot.add(
             x=torque[kept].astype(np.float32),
             y=(1e3 * values[kept]).astype(np.float32),
             mode="markers",
@@ -84,7 +83,7 @@ def deflection_figure(compliance: Compliance, sliding: bool = False) -> Figure:
             marker={"color": colour, "size": 3, "opacity": 0.6},
         )
     quantity = "force" if sliding else "torque"
-    plot.update_xaxes(title_text=of_kind(f"{quantity} through the spring [N m]", sliding))
+    plot.x_axis(of_kind(f"{quantity} through the spring [N m]", sliding))
     _with_legend(plot)
     stiffness = of_kind(str(compliance.stiffness), sliding)
     note = f"stiffness {stiffness}; lag and offset of the encoders are not removed"
@@ -99,22 +98,22 @@ def response_figure(resonance: Resonance, sliding: bool = False) -> Figure:
     quantity = "force" if sliding else "torque"
     conclusion = of_kind(resonance.conclusion, sliding)
     plot = audit_plot(of_kind(f"speed over {quantity} [rad/s per N m]", sliding))
-    plot.add_scatter(
+    plot.add(
         x=frequency,
         y=measured,
         mode="markers",
         name="measured",
         marker={"color": MEASURED, "size": 3},
     )
-    plot.add_scatter(
+    plot.add(
         x=frequency,
         y=fitted,
         mode="lines",
         name="fitted",
         line={"color": METHOD_COLOURS[0], "width": 1.4},
     )
-    plot.update_xaxes(title_text="frequency [Hz]", type="log")
-    plot.update_yaxes(type="log", exponentformat="power")
+    plot.x_axis("frequency [Hz]", type="log")
+    plot.y_axis(type="log", exponentformat="power")
     _with_legend(plot)
     return Figure(
         plot,
@@ -125,8 +124,8 @@ def response_figure(resonance: Resonance, sliding: bool = False) -> Figure:
     )
 
 
-def _with_legend(plot: go.Figure) -> None:
-    plot.update_layout(showlegend=True, legend=LEGEND)
+def _with_legend(plot: Plot) -> None:
+    plot.update(showlegend=True, legend=LEGEND)
 
 
 def write_study(found: Sequence[JointFlexibility], folder: str | Path) -> Path:

@@ -161,7 +161,7 @@ def page_environment(*packages: str) -> Environment:
 
 def _script_json(figure: Figure) -> Markup:
     """A figure as JSON that is safe inside a script element."""
-    return htmlsafe_json_dumps(figure.plot, to_json, validate=False)
+    return htmlsafe_json_dumps(figure.plot.content(), to_json, validate=False)
 
 
 def _method_class(method: int) -> str:

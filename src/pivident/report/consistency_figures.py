@@ -10,7 +10,7 @@ import numpy as np
 from pivident.consistency.ellipsoid import link_frames, outline
 from pivident.consistency.pseudo_inertia import link_body
 from pivident.consistency.significance import HALF_INTERVAL
-from pivident.report.drawing_library import go
+from pivident.report.plot_parts import Plot
 from pivident.report.plotly_figures import MEASURED, Figure, colour, empty_plot
 from pivident.robot.description import Robot
 from pivident.robot.frames import Pose
@@ -20,10 +20,7 @@ VIEWS = (("Side view", (0, 2)), ("Top view", (0, 1)))
 
 
 def bodies_figure(
-    robot: Robot,
-    inertial: Sequence[np.ndarray],
-    q: np.ndarray,
-    view: tuple[str, tuple[int, int]],
+    robot: Robot, inertial: Sequence[np.ndarray], q: np.ndarray, view: tuple[str, tuple[int, int]]
 ) -> Figure:
     """The arm's joints as a line, and the mass of each link as an ellipsoid.
 
@@ -33,9 +30,9 @@ def bodies_figure(
     title, plane = view
     frames = link_frames(robot, q)
     plot = empty_plot(f"{'xyz'[plane[1]]} [m]")
-    plot.update_xaxes(title_text=f"{'xyz'[plane[0]]} [m]")
-    plot.update_yaxes(scaleanchor="x", scaleratio=1)
-    plot.update_layout(showlegend=True, legend={"orientation": "h", "y": -0.16, "yanchor": "top"})
+    plot.x_axis(f"{'xyz'[plane[0]]} [m]")
+    plot.y_axis(scaleanchor="x", scaleratio=1)
+    plot.update(showlegend=True, legend={"orientation": "h", "y": -0.16, "yanchor": "top"})
     for joint, frame in zip(robot.joints, frames, strict=True):
         start = np.zeros(3) if joint.parent < 0 else frames[joint.parent].translation
         ends = np.stack([start, frame.translation])[:, list(plane)]
@@ -80,8 +77,8 @@ def moved_figure(
         )
     labels = [html.escape(name, quote=False) for name in names]
     plot = empty_plot("")
-    plot.update_xaxes(title_text="distance from the free estimate [σ]", zeroline=True)
-    plot.update_yaxes(autorange="reversed", automargin=True, dtick=1, tickfont={"size": 11})
+    plot.x_axis("distance from the free estimate [σ]", zeroline=True)
+    plot.y_axis(autorange="reversed", automargin=True, dtick=1, tickfont={"size": 11})
     for title, ends, own, width in (
         ("free", (-HALF_INTERVAL, HALF_INTERVAL), MEASURED, 7),
         ("consistent", (low, high), colour(method), 3),
@@ -91,10 +88,10 @@ def moved_figure(
         for label, a, b in zip(labels, left, right, strict=True):
             x += [float(a), float(b), None]
             y += [label, label, None]
-        plot.add_scatter(
+        plot.add(
             x=x, y=y, mode="lines", name=title, line={"color": own, "width": width}, opacity=0.75
         )
-    plot.add_scatter(
+    plot.add(
         x=np.asarray(moved, dtype=np.float32),
         y=labels,
         mode="markers",
@@ -113,7 +110,7 @@ def moved_figure(
 
 
 def _body(
-    plot: go.Figure,
+    plot: Plot,
     inertial: np.ndarray,
     frame: Pose,
     plane: tuple[int, int],
@@ -130,7 +127,7 @@ def _body(
     fill = look.get("fill", "none")
     _line(plot, points, own, width=1.6, dash=dash, name=name, fill=fill, legend=fill != "none")
     center = (frame.rotation @ link.center_of_mass + frame.translation)[list(plane)]
-    plot.add_scatter(
+    plot.add(
         x=[float(center[0])],
         y=[float(center[1])],
         mode="markers",
@@ -141,7 +138,7 @@ def _body(
 
 
 def _line(
-    plot: go.Figure,
+    plot: Plot,
     points: np.ndarray,
     own: str,
     *,
@@ -152,7 +149,7 @@ def _line(
     fill: str = "none",
     legend: bool = False,
 ) -> None:
-    plot.add_scatter(
+    plot.add(
         x=points[:, 0].astype(np.float32),
         y=points[:, 1].astype(np.float32),
         mode=mode,

@@ -28,7 +28,8 @@ def correlation_figure(correlation: ParameterCorrelation) -> Figure:
     matrix = correlation.matrix.copy()
     np.fill_diagonal(matrix, np.nan)
     plot = empty_plot("")
-    plot.add_heatmap(
+    plot.add(
+        "heatmap",
         z=np.round(matrix, 3).astype(np.float32),
         x=names,
         y=names,
@@ -41,8 +42,7 @@ def correlation_figure(correlation: ParameterCorrelation) -> Figure:
     )
     size = next((size for most, size in _FONTS if len(names) <= most), _SMALLEST_FONT)
     ticks = {"dtick": 1, "tickfont": {"size": size}, "automargin": True, "showgrid": False}
-    plot.update_xaxes(tickangle=-90, **ticks)
-    plot.update_yaxes(autorange="reversed", **ticks)
+    plot.update(xaxis={"tickangle": -90} | ticks, yaxis={"autorange": "reversed"} | ticks)
     pairs = correlation.largest(_LISTED)
     listed = ", ".join(f"{a} and {b} {rho:+.2f}" for a, b, rho in pairs)
     strong = f"{correlation.strong} pair{'s' if correlation.strong != 1 else ''}"

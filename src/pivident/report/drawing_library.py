@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 from pivident.extras import require
 
 if TYPE_CHECKING:
-    import plotly.graph_objects as go
+    from plotly.colors import get_colorscale as colour_scale
     from plotly.io import to_json
 else:
     _FIGURES = {"extra": "report", "purpose": "a page with figures"}
-    go = require("plotly.graph_objects", **_FIGURES)
+    colour_scale = require("plotly.colors", **_FIGURES).get_colorscale
     to_json = require("plotly.io", **_FIGURES).to_json
 
-__all__ = ["DrawingLibrary", "drawing_library", "go", "to_json"]
+__all__ = ["DrawingLibrary", "colour_scale", "drawing_library", "to_json"]
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,7 @@ import numpy as np
 
 from pivident.estimation.methods import Bandpass
 from pivident.estimation.summary_tables import frequencies_text
-from pivident.report.drawing_library import go
-from pivident.report.plot_parts import LEGEND, band, packed
+from pivident.report.plot_parts import LEGEND, Plot, band, packed
 from pivident.report.plotly_figures import (
     ERROR,
     MEASURED,
@@ -55,7 +54,7 @@ def bandpass_figure(signals: Bandpass, names: Sequence[str], rate: float, method
     for value in np.unique(cutoffs):
         _mark(plot, value, f"cut-off {format_significant(value)} Hz")
     top = 20 * np.log10((2 * np.pi * cutoff) ** 2)
-    plot.update_layout(yaxis={"range": [-80, top + 20]}, yaxis2={"tickvals": [0, 90, 180]})
+    plot.update(yaxis={"range": [-80, top + 20]}, yaxis2={"tickvals": [0, 90, 180]})
     fine = np.linspace(frequency[0], 0.5 * rate, 20_000)
     peaks = [
         fine[np.abs(bandpass_response(fine, rate, cutoff, signals.order, n)).argmax()]
@@ -85,7 +84,7 @@ def decimation_figure(signals: Bandpass, rate: float, method: int) -> Figure:
     line = {"color": colour(method), "width": 1.8}
     _gain(plot, frequency, gain, "decimation", line)
     _mark(plot, nyquist, f"new Nyquist {format_significant(nyquist)} Hz")
-    plot.update_yaxes(range=[FLOOR, 10])
+    plot.y_axis(range=[FLOOR, 10])
     fine = np.linspace(0.2 * nyquist, nyquist, 4000)
     half = fine[int(np.argmax(decimation_gain(fine, rate, stages) < 0.5))]
     split = " · ".join(map(str, stages))
@@ -115,9 +114,9 @@ def smoother_figure(
         gain = smoother_gain(2 * np.pi * frequency / rate, nvr_from_f50(f, order, rate), order)
         line = _joint_line(k) if several else {"color": colour(method), "width": 1.8}
         _gain(plot, frequency, gain, f"{name}, f₅₀ {format_significant(f)} Hz", line)
-    plot.add_hline(20 * np.log10(0.5), line={"color": ERROR, "width": 1, "dash": "dash"})
-    plot.update_yaxes(range=[-80, 5])
-    plot.update_layout(showlegend=True, legend=LEGEND)
+    plot.horizontal(20 * np.log10(0.5), {"color": ERROR, "width": 1, "dash": "dash"})
+    plot.y_axis(range=[-80, 5])
+    plot.update(showlegend=True, legend=LEGEND)
     half = ", ".join(f"{name} {format_significant(f)} Hz" for name, f in known)
     note = (
         f"integrated random walk of order {order}, no phase; dashed: one half (-6 dB), reached at "
@@ -176,14 +175,11 @@ def loop_figure(joint: IdentifiedJointLoop, method: int) -> Figure:
     ):
         low, high = (_decibel(x) for x in joint.band(quantity, frequency))
         if (high - low).max() > 0.02:
-            plot.add_trace(band(frequency, low, high, own, axis=axis))
+            plot.data.append(band(frequency, low, high, own, axis=axis))
         gain = np.abs(getattr(loop, quantity)(frequency))
         _curve(plot, frequency, _decibel(gain), title, {"color": own, "width": 1.8}, axis)
-    plot.add_shape(
-        type="line", xref="paper", x0=0, x1=1, y0=-3.01, y1=-3.01, yref="y",
-        line={"color": MEASURED, "width": 1, "dash": "dot"},
-    )  # fmt: skip
-    plot.update_layout(yaxis={"range": [-60, 15]})
+    plot.horizontal(-3.01, {"color": MEASURED, "width": 1, "dash": "dot"})
+    plot.update(yaxis={"range": [-60, 15]})
     i = joint.inertia
     inertia = f"J = {_interval(i.mean, i.std[1])} {joint.inertia_unit}"
     if i.highest - i.lowest > 1e-6 * abs(i.mean):
@@ -232,36 +228,32 @@ def _joint_line(k: int) -> dict[str, object]:
     return {"color": colour(k), "width": 1.6, "dash": dashes[k % len(dashes)]}
 
 
-def _bode(gain_title: str) -> go.Figure:
+def _bode(gain_title: str) -> Plot:
     """Gain above, phase below, over one logarithmic axis of frequency."""
     plot = _stacked(gain_title, "phase [°]")
-    plot.update_layout(yaxis={"domain": [0.42, 1.0]}, yaxis2={"domain": [0.0, 0.34]})
+    plot.update(yaxis={"domain": [0.42, 1.0]}, yaxis2={"domain": [0.0, 0.34]})
     return plot
 
 
-def _stacked(upper: str, lower: str) -> go.Figure:
+def _stacked(upper: str, lower: str) -> Plot:
     plot = empty_plot(upper)
     _log_frequency(plot)
-    plot.update_xaxes(anchor="y2")
-    plot.update_layout(
+    plot.x_axis(anchor="y2")
+    plot.update(
         yaxis={"domain": [0.46, 1.0], "zeroline": False},
-        yaxis2={
-            "domain": [0.0, 0.38],
-            "title": {"text": lower, "standoff": 4},
-            "zeroline": False,
-        },
+        yaxis2={"domain": [0.0, 0.38], "title": {"text": lower, "standoff": 4}, "zeroline": False},
         showlegend=True,
         legend=LEGEND,
     )
     return plot
 
 
-def _log_frequency(plot: go.Figure) -> None:
-    plot.update_xaxes(title_text="frequency [Hz]", type="log")
+def _log_frequency(plot: Plot) -> None:
+    plot.x_axis("frequency [Hz]", type="log")
 
 
 def _gain(
-    plot: go.Figure,
+    plot: Plot,
     frequency: np.ndarray,
     gain: np.ndarray,
     name: str,
@@ -275,7 +267,7 @@ def _gain(
 
 
 def _curve(
-    plot: go.Figure,
+    plot: Plot,
     x: np.ndarray,
     y: np.ndarray,
     name: str,
@@ -283,7 +275,7 @@ def _curve(
     axis: str,
     legend: bool = True,
 ) -> None:
-    plot.add_scatter(
+    plot.add(
         x=packed(x),
         y=packed(y),
         yaxis=axis,
@@ -294,13 +286,11 @@ def _curve(
     )
 
 
-def _mark(plot: go.Figure, frequency: float, text: str) -> None:
+def _mark(plot: Plot, frequency: float, text: str) -> None:
     """A vertical line with words; annotations of a logarithmic axis count in decades."""
-    plot.add_shape(
-        type="line", x0=frequency, x1=frequency, yref="paper", y0=0, y1=1,
-        line={"color": ERROR, "width": 1, "dash": "dash"},
-    )  # fmt: skip
-    plot.add_annotation(
-        x=float(np.log10(frequency)), xref="x", yref="paper", y=1.0, yanchor="top",
-        xanchor="left", text=f" {text}", showarrow=False, font={"size": 11},
-    )  # fmt: skip
+    plot.vertical(frequency, {"color": ERROR, "width": 1, "dash": "dash"})
+    words = {
+        "x": float(np.log10(frequency)), "xref": "x", "yref": "paper", "y": 1.0, "yanchor": "top",
+        "xanchor": "left", "text": f" {text}", "showarrow": False, "font": {"size": 11},
+    }  # fmt: skip
+    plot.update(annotations=[*plot.layout.get("annotations", []), words])

@@ -1,17 +1,73 @@
-"""Parts of drawings that several of them have: packed numbers, bands, legends."""
+"""Drawings as plotly.js takes them, and parts that several have: bands, legends, packed numbers.
+
+plotly's own classes check each attribute whenever one changes, which would take longer than the
+rest of a page. What is gathered here is written as it is.
+"""
 
 from __future__ import annotations
 
+import base64
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 
-from pivident.report.drawing_library import go
+#: A curve, a row of bars, a map: its kind and attributes.
+Trace = dict[str, Any]
 
 #: A legend in one row above the axes.
 LEGEND = {"orientation": "h", "y": 1.02, "yanchor": "bottom"}
 
 
+class Plot:
+    """Traces over a layout; their attributes are those of plotly.js.
+
+    Attributes:
+        data: the traces, the last on top.
+        layout: axes, legend, shapes and the rest.
+    """
+
+    def __init__(self, **layout: Any) -> None:
+        self.data: list[Trace] = []
+        self.layout: dict[str, Any] = layout
+
+    def add(self, kind: str = "scatter", **attributes: Any) -> None:
+        """One more trace; attributes that are None keep their default."""
+        known = {name: value for name, value in attributes.items() if value is not None}
+        self.data.append({"type": kind} | known)
+
+    def update(self, **layout: Any) -> None:
+        """Change parts of the layout; dictionaries are merged, all else is replaced."""
+        self.layout = _merged(self.layout, layout)
+
+    def x_axis(self, title: str | None = None, **attributes: Any) -> None:
+        """Change the first x axis."""
+        self.update(xaxis=attributes | _titled(title))
+
+    def y_axis(self, title: str | None = None, **attributes: Any) -> None:
+        """Change the first y axis."""
+        self.update(yaxis=attributes | _titled(title))
+
+    def add_shape(self, kind: str, **attributes: Any) -> None:
+        """A line or a rectangle in coordinates of the axes."""
+        shape = {"type": kind} | attributes
+        self.update(shapes=[*self.layout.get("shapes", []), shape])
+
+    def horizontal(self, y: float, line: Mapping[str, Any]) -> None:
+        """A line from edge to edge."""
+        self.add_shape("line", xref="paper", x0=0, x1=1, y0=y, y1=y, line=line)
+
+    def vertical(self, x: float, line: Mapping[str, Any]) -> None:
+        """A line from bottom to top."""
+        self.add_shape("line", yref="paper", x0=x, x1=x, y0=0, y1=1, line=line)
+
+    def content(self) -> dict[str, Any]:
+        """Traces and layout, arrays as plotly.js unpacks them."""
+        return {"data": [_written(trace) for trace in self.data], "layout": self.layout}
+
+
 def packed(x: np.ndarray) -> np.ndarray:
-    """Single precision: plotly writes it in 5 characters per number."""
+    """Single precision: a page has it in 5 characters per number."""
     return np.asarray(x, dtype=np.float32)
 
 
@@ -23,17 +79,45 @@ def band(
     *,
     opacity: float = 0.18,
     axis: str = "y",
-) -> go.Scatter:
+) -> Trace:
     """Filled between two curves; neither the legend nor the pointer shows it."""
-    return go.Scatter(
-        x=packed(np.concatenate([x, x[::-1]])),
-        y=packed(np.concatenate([high, low[::-1]])),
-        yaxis=axis,
-        mode="lines",
-        fill="toself",
-        fillcolor=colour,
-        opacity=opacity,
-        line={"width": 0},
-        hoverinfo="skip",
-        showlegend=False,
-    )
+    return {
+        "type": "scatter",
+        "x": packed(np.concatenate([x, x[::-1]])),
+        "y": packed(np.concatenate([high, low[::-1]])),
+        "yaxis": axis,
+        "mode": "lines",
+        "fill": "toself",
+        "fillcolor": colour,
+        "opacity": opacity,
+        "line": {"width": 0},
+        "hoverinfo": "skip",
+        "showlegend": False,
+    }
+
+
+def _titled(title: str | None) -> dict[str, Any]:
+    """A title as attribute of an axis."""
+    return {} if title is None else {"title": {"text": title}}
+
+
+def _merged(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
+    """Both, the new one where they differ."""
+    both = {
+        name: _merged(old[name], value)
+        for name, value in new.items()
+        if isinstance(value, Mapping) and isinstance(old.get(name), Mapping)
+    }
+    return {**old, **new, **both}
+
+
+def _written(value: Any) -> Any:
+    """Arrays of numbers as bytes in base64, wherever a trace has them."""
+    if isinstance(value, Mapping):
+        return {name: _written(own) for name, own in value.items()}
+    if not isinstance(value, np.ndarray) or value.dtype.kind not in "if" or not value.size:
+        return value
+    kind = np.dtype("i4") if value.dtype.kind == "i" else value.dtype
+    numbers = value.astype(kind.newbyteorder("<")).tobytes()
+    written = {"dtype": kind.str[1:], "bdata": base64.b64encode(numbers).decode("ascii")}
+    return written if value.ndim == 1 else written | {"shape": str(value.shape)[1:-1]}

@@ -12,8 +12,7 @@ import numpy as np
 from pivident.control_law.law_equations import START
 from pivident.estimation.identification import FittedRecording, Identification
 from pivident.report.downsampling import kept_samples, stretches
-from pivident.report.drawing_library import go
-from pivident.report.plot_parts import LEGEND, packed
+from pivident.report.plot_parts import LEGEND, Plot, Trace, packed
 from pivident.simulation.control_loop import IdentifiedLaw
 from pivident.text.numbers import format_significant, percent
 from pivident.validation.residuals.residual_tests import JointResidualTests
@@ -41,7 +40,7 @@ DARK_COLOURS = {
 class Figure:
     """A drawing with its words."""
 
-    plot: go.Figure
+    plot: Plot
     height: int  # height on the page [px]
     title: str  # what stands above it, plain text
     label: str  # the drawing in words, for those who do not see it
@@ -57,18 +56,14 @@ def colour(method: int) -> str:
 
 
 def torque_figure(
-    identification: Identification,
-    recording: FittedRecording,
-    joint: int,
-    method: int,
-    points: int,
+    identification: Identification, recording: FittedRecording, joint: int, method: int, points: int
 ) -> Figure:
     """Measured and reconstructed torque of one joint, and their difference."""
     fit = identification.joints[joint]
     measured, model = recording.tau[:, joint], recording.tau_model[:, joint]
     t = _time(recording)
     plot = _torque_plot(fit.torque_unit)
-    plot.add_traces(_compared(t, measured, model, points, "reconstructed", colour(method)))
+    plot.data += _compared(t, measured, model, points, "reconstructed", colour(method))
     _shade(plot, _excluded(recording, joint), t)
     error = f"relative error {percent(100.0 * fit.relative_error)}"
     rms = f"rms error {format_significant(fit.rms_error)} {fit.torque_unit}"
@@ -96,19 +91,19 @@ def compared_figure(
     """Measured and predicted torque of one joint, and their difference; or the predicted alone."""
     plot, own = _torque_plot(unit), t - t[0]
     if measured is None:
-        plot.add_trace(_line(own, model, points, "predicted", colour(0), width=1.2))
+        plot.data.append(_line(own, model, points, "predicted", colour(0), width=1.2))
     else:
-        plot.add_traces(_compared(own, measured, model, points, "predicted", colour(0)))
+        plot.data += _compared(own, measured, model, points, "predicted", colour(0))
     what = "Predicted" if measured is None else "Measured and predicted"
     label = f"{what} torque of {name} over {format_significant(own[-1])} s"
     label += f": {note}" if note else ""
     return Figure(plot, 250, name, label, note, recording="log", start=float(t[0]))
 
 
-def _torque_plot(unit: str) -> go.Figure:
+def _torque_plot(unit: str) -> Plot:
     """Axes of torque and time."""
     plot = empty_plot(f"torque [{unit}]" if unit != "N" else "force [N]")
-    plot.update_xaxes(title_text="time [s]")
+    plot.x_axis("time [s]")
     return plot
 
 
@@ -118,8 +113,8 @@ def law_figure(found: IdentifiedLaw, joint: int, method: int, points: int) -> Fi
     measured, model = found.output[used, joint], found.model[used, joint]
     t = np.arange(len(found.output))[used] / found.rate
     plot = empty_plot(f"{found.compared} [{found.unit}]")
-    plot.update_xaxes(title_text="time [s]")
-    plot.add_traces(_compared(t, measured, model, points, "law", colour(method)))
+    plot.x_axis("time [s]")
+    plot.data += _compared(t, measured, model, points, "law", colour(method))
     rms = f"rms {format_significant(law.rms)} {found.unit}"
     note = f"not explained {percent(100.0 * law.relative_error)}, {rms}"
     span = f"over {format_significant(t[-1])} s"
@@ -130,11 +125,7 @@ def law_figure(found: IdentifiedLaw, joint: int, method: int, points: int) -> Fi
 
 
 def reference_figure(
-    identification: Identification,
-    recording: FittedRecording,
-    joint: int,
-    method: int,
-    points: int,
+    identification: Identification, recording: FittedRecording, joint: int, method: int, points: int
 ) -> Figure:
     """Measured position of one joint with its reference, and their difference below."""
     assert recording.q_ref is not None
@@ -143,9 +134,9 @@ def reference_figure(
     measured, reference = recording.q_measured[:, joint], recording.q_ref[:, joint]
     plot = empty_plot("")
     lines = _compared(t, measured, reference, points, "reference", colour(method))
-    plot.add_traces([lines[0], lines[1], lines[2].update(yaxis="y2")])
+    plot.data += [*lines[:2], lines[2] | {"yaxis": "y2"}]
     _stack(plot, [f"q [{unit}]", f"difference [{unit}]"])
-    plot.update_layout(yaxis2={"automargin": True})
+    plot.update(yaxis2={"automargin": True})
     rms = format_significant(float(np.sqrt(np.mean((measured - reference) ** 2))))
     label = f"Measured position of {name} and its reference over {format_significant(t[-1])} s"
     note = f"measured less reference: rms {rms} {unit}"
@@ -159,12 +150,16 @@ def residual_figure(tests: JointResidualTests, method: int) -> Figure:
     found = tests.autocorrelation
     lags = np.arange(1, found.rho.size + 1)
     plot = empty_plot("autocorrelation")
-    plot.update_xaxes(title_text=f"lag [samples of {format_significant(1e3 / found.rate)} ms]")
-    plot.add_bar(
-        x=packed(lags), y=packed(found.rho), marker_color=colour(method), name="autocorrelation"
+    plot.x_axis(f"lag [samples of {format_significant(1e3 / found.rate)} ms]")
+    plot.add(
+        "bar",
+        x=packed(lags),
+        y=packed(found.rho),
+        marker={"color": colour(method)},
+        name="autocorrelation",
     )
     for sign in (-1.0, 1.0):
-        plot.add_scatter(
+        plot.add(
             x=packed(lags),
             y=packed(sign * found.band),
             mode="lines",
@@ -172,18 +167,14 @@ def residual_figure(tests: JointResidualTests, method: int) -> Figure:
             name="±2/√n",
         )
     reach = 1.15 * max(float(np.nanmax(np.abs(found.rho))), 2.0 * float(np.median(found.band)))
-    plot.update_yaxes(range=[-reach, reach])
+    plot.y_axis(range=[-reach, reach])
     note = f"{percent(100.0 * found.outside)} outside ±2/√n. {tests.whiteness}"
     label = f"Autocorrelation of the residual of {tests.name} at lags 1 to {lags[-1]}: {note}"
     return Figure(plot, height=220, title=tests.name, label=label, note=note)
 
 
 def signal_figure(
-    identification: Identification,
-    recording: FittedRecording,
-    joint: int,
-    method: int,
-    points: int,
+    identification: Identification, recording: FittedRecording, joint: int, method: int, points: int
 ) -> Figure:
     """Position, speed and acceleration of one joint below each other."""
     fit, unit = identification.joints[joint], identification.robot.joints[joint].position_unit
@@ -194,13 +185,13 @@ def signal_figure(
         ("ddq", f"{unit}/s²", recording.ddq),
     )
     plot = empty_plot("")
-    plot.add_trace(
+    plot.data.append(
         _line(t, recording.q_measured[:, joint], points, "measured", MEASURED, width=2.4)
     )
     for k, (name, _, signal) in enumerate(rows, start=1):
         axis = "y" if k == 1 else f"y{k}"
         line = _line(t, signal[:, joint], points, f"{name} estimated", colour(method), width=1.2)
-        plot.add_trace(line.update(yaxis=axis))
+        plot.data.append(line | {"yaxis": axis})
     _stack(plot, [f"{name} [{row_unit}]" for name, row_unit, _ in rows])
     _shade(plot, _excluded(recording, joint), t)
     note = (
@@ -220,11 +211,11 @@ def distance_figure(identification: Identification) -> Figure:
         distance = np.abs(theta - identification.theta) / identification.std
     distance[~(np.isfinite(distance) & (distance > 0.0))] = np.nan
     plot = empty_plot("distance from the estimate [σ]")
-    plot.update_xaxes(title_text="iteration", dtick=1, range=[0.8, len(history) + 0.2])
-    plot.update_yaxes(type="log", exponentformat="power", dtick=1)
+    plot.x_axis("iteration", dtick=1, range=[0.8, len(history) + 0.2])
+    plot.y_axis(type="log", exponentformat="power", dtick=1)
     columns = zip(identification.names, identification.parameters, distance.T, strict=True)
     for name, parameter, values in columns:
-        plot.add_scatter(
+        plot.add(
             x=packed(np.arange(1, len(history) + 1)),
             y=packed(values),
             name=html.escape(name, quote=False),
@@ -232,7 +223,7 @@ def distance_figure(identification: Identification) -> Figure:
             line={"color": colour(parameter.joint), "width": 1.2},
             marker={"size": 4},
         )
-    plot.add_hline(1.0, line={"color": ERROR, "width": 1, "dash": "dash"})
+    plot.horizontal(1.0, {"color": ERROR, "width": 1, "dash": "dash"})
     label = (
         f"Distance of {len(identification.names)} parameters from their estimate over "
         f"{len(history)} iterations, in standard errors"
@@ -245,20 +236,20 @@ def change_figure(identification: Identification) -> Figure:
     """Largest relative change and relative error of the torque over the iterations."""
     history = identification.history
     plot = empty_plot("%")
-    plot.update_xaxes(title_text="iteration", dtick=1, range=[0.8, len(history) + 0.2])
-    plot.update_yaxes(type="log", exponentformat="power")
+    plot.x_axis("iteration", dtick=1, range=[0.8, len(history) + 0.2])
+    plot.y_axis(type="log", exponentformat="power")
     for name, line_colour, values in (
         ("largest relative change", METHOD_COLOURS[0], [i.change for i in history]),
         ("relative error of the torque", METHOD_COLOURS[1], [i.residual for i in history]),
     ):
-        plot.add_scatter(
+        plot.add(
             x=packed(np.arange(1, len(history) + 1)),
             y=packed(100.0 * np.array(values, dtype=float)),
             name=name,
             mode="lines+markers",
             line={"color": line_colour, "width": 1.6},
         )
-    plot.update_layout(showlegend=True, legend=LEGEND)
+    plot.update(showlegend=True, legend=LEGEND)
     last = history[-1]
     label = (
         f"Largest relative change and relative error over {len(history)} iterations; at the end "
@@ -267,36 +258,34 @@ def change_figure(identification: Identification) -> Figure:
     return Figure(plot, height=300, title="Criteria", label=label)
 
 
-def empty_plot(y_title: str) -> go.Figure:
-    """Axes without decoration; the template stays out, it is 7 kB per figure."""
-    return go.Figure(
-        layout={
-            "template": "none",
-            "margin": {"l": 58, "r": 12, "t": 8, "b": 42},
-            "showlegend": False,
-            "hovermode": "closest",
-            "xaxis": {"automargin": False, "zeroline": False},
-            "yaxis": {"title": {"text": y_title, "standoff": 4}, "zeroline": True},
-        }
+def empty_plot(y_title: str) -> Plot:
+    """Axes without decoration."""
+    return Plot(
+        margin={"l": 58, "r": 12, "t": 8, "b": 42},
+        showlegend=False,
+        hovermode="closest",
+        xaxis={"automargin": False, "zeroline": False},
+        yaxis={"title": {"text": y_title, "standoff": 4}, "zeroline": True},
     )
 
 
 def _line(
     t: np.ndarray, y: np.ndarray, points: int, name: str, line_colour: str, *, width: float
-) -> go.Scatter:
+) -> Trace:
     kept = kept_samples(np.asarray(y, dtype=float), points)
-    return go.Scatter(
-        x=packed(t[kept]),
-        y=packed(y[kept]),
-        mode="lines",
-        name=name,
-        line={"color": line_colour, "width": width},
-    )
+    return {
+        "type": "scatter",
+        "x": packed(t[kept]),
+        "y": packed(y[kept]),
+        "mode": "lines",
+        "name": name,
+        "line": {"color": line_colour, "width": width},
+    }
 
 
 def _compared(
     t: np.ndarray, measured: np.ndarray, model: np.ndarray, points: int, name: str, own: str
-) -> list[go.Scatter]:
+) -> list[Trace]:
     """What was measured, what a model makes of it, and the error, as three lines."""
     return [
         _line(t, measured, points, "measured", MEASURED, width=2.4),
@@ -305,7 +294,7 @@ def _compared(
     ]
 
 
-def _stack(plot: go.Figure, titles: Sequence[str]) -> None:
+def _stack(plot: Plot, titles: Sequence[str]) -> None:
     """Axes y, y2, … below each other, over one axis of time."""
     gap = 0.065
     height = (1.0 - gap * (len(titles) - 1)) / len(titles)
@@ -318,12 +307,12 @@ def _stack(plot: go.Figure, titles: Sequence[str]) -> None:
             "domain": [max(top - height, 0.0), top],
             "title": {"text": title, "standoff": 4},
         }
-    plot.update_layout(axes)
+    plot.update(**axes)
 
 
-def _shade(plot: go.Figure, excluded: np.ndarray, t: np.ndarray) -> None:
+def _shade(plot: Plot, excluded: np.ndarray, t: np.ndarray) -> None:
     """Grey background where rows were not used."""
-    plot.update_layout(
+    plot.update(
         shapes=[
             {
                 "type": "rect",

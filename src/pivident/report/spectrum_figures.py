@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pivident.report.plot_parts import LEGEND, packed
+from pivident.report.plot_parts import LEGEND, Plot, packed
 from pivident.report.plotly_figures import ERROR, MEASURED, SHADE, Figure, colour, empty_plot
 from pivident.text.numbers import format_significant, percent
 from pivident.validation.residuals.residual_spectrum import ResidualSpectra, Spectrum
@@ -14,30 +14,23 @@ def spectra_figure(spectra: ResidualSpectra, method: int) -> Figure:
     """Torque residual with its noise model above, whitened residual in its band below."""
     white, level = spectra.white, spectra.white_level
     plot = empty_plot("")
-    plot.update_xaxes(title_text="frequency [Hz]", type="log")
-    plot.update_layout(showlegend=True, legend=LEGEND)
+    plot.x_axis("frequency [Hz]", type="log")
+    plot.update(showlegend=True, legend=LEGEND)
     below = {"title": {"text": "re white", "standoff": 4}, "type": "log", "dtick": 1}
     below["exponentformat"] = "power"
     both = spectra.model is not None
     if both:
-        plot.update_layout(
-            yaxis={"domain": [0.44, 1.0], "type": "log", "exponentformat": "power"},
-            yaxis2={"domain": [0.0, 0.36], **below},
-        )
-        plot.update_yaxes(
-            title_text=f"residual [({spectra.torque_unit})²/Hz]",
-            title_standoff=4,
-            selector={"domain": (0.44, 1.0)},
-        )
-        plot.update_xaxes(anchor="y2")
+        residual = f"residual [({spectra.torque_unit})²/Hz]"
+        plot.y_axis(residual, domain=[0.44, 1.0], type="log", exponentformat="power")
+        plot.update(yaxis2={"domain": [0.0, 0.36], **below}, xaxis={"anchor": "y2"})
         _line(plot, spectra.torque, spectra.torque.density, "residual", MEASURED, 1.4, "y")
         assert spectra.model is not None
         _line(plot, spectra.torque, spectra.model, "noise model", colour(method), 1.8, "y")
     else:
-        plot.update_layout(yaxis=below | {"title": {"text": "residual, re white", "standoff": 4}})
+        plot.update(yaxis=below | {"title": {"text": "residual, re white", "standoff": 4}})
     axis = "y2" if both else "y"
     low, high = white.band(1.0)
-    plot.add_scatter(
+    plot.add(
         x=packed(np.r_[white.frequency, white.frequency[::-1]]),
         y=packed(np.r_[high, low[::-1]]),
         yaxis=axis,
@@ -65,9 +58,9 @@ def spectra_figure(spectra: ResidualSpectra, method: int) -> Figure:
 
 
 def _line(
-    plot, spectrum: Spectrum, values: np.ndarray, name: str, own: str, width: float, axis: str
+    plot: Plot, spectrum: Spectrum, values: np.ndarray, name: str, own: str, width: float, axis: str
 ) -> None:
-    plot.add_scatter(
+    plot.add(
         x=packed(spectrum.frequency),
         y=packed(values),
         yaxis=axis,

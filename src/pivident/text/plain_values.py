@@ -7,25 +7,25 @@ import io
 import json
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, is_dataclass
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
 
 def plain(value: Any) -> Any:
     """Lists, dictionaries, texts and finite numbers; anything else as its text."""
+    if isinstance(value, float):  # most values are
+        return float(value) if math.isfinite(value) else None
+    if value is None or isinstance(value, bool | int | str):
+        return value
     if hasattr(value, "tolist"):  # an array or number of NumPy, which is heavy to import
-        value = value.tolist()
+        return plain(value.tolist())
     if is_dataclass(value) and not isinstance(value, type):
-        value = asdict(value)
+        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
     if isinstance(value, Mapping):
         return {str(key): plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
         return [plain(entry) for entry in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if value is None or isinstance(value, bool | int | str):
-        return value
     return str(value)
 
 

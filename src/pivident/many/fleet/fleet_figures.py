@@ -9,8 +9,7 @@ import numpy as np
 
 from pivident.many.fleet.control_chart import Chart
 from pivident.many.fleet.judgement import Judgement
-from pivident.report.drawing_library import go
-from pivident.report.plot_parts import LEGEND
+from pivident.report.plot_parts import LEGEND, Plot
 from pivident.report.plotly_figures import ERROR, MEASURED, SHADE, Figure, colour, empty_plot
 
 #: Blue for a decrease, red for an increase, transparent for no change; legible on white and black.
@@ -47,16 +46,17 @@ def overview_figure(judgement: Judgement) -> Figure | None:
         words[at] = f"{percent:+.3g} % ({chart.mean[-1]:+.3g} {html.escape(chart.series.unit)})"
     limit = max(chart.limit for chart in charts)
     plot = empty_plot("")
-    plot.add_heatmap(
+    plot.add(
+        "heatmap",
         z=np.round(drift, 3).tolist(), x=[html.escape(p) for p in parameters],
         y=[html.escape(r) for r in robots], text=words.tolist(),
         hovertemplate="%{y} %{x}: %{z:.2f} standard errors<br>%{text}<extra></extra>",
         zmin=-2 * limit, zmax=2 * limit, colorscale=DIVERGING,
         colorbar={"title": {"text": "standard errors"}, "thickness": 12}, xgap=1, ygap=1,
     )  # fmt: skip
-    plot.update_layout(margin={"l": 110, "r": 12, "t": 8, "b": 52})
-    plot.update_yaxes(type="category", automargin=True)
-    plot.update_xaxes(type="category")
+    plot.update(margin={"l": 110, "r": 12, "t": 8, "b": 52})
+    plot.y_axis(type="category", automargin=True)
+    plot.x_axis(type="category")
     height = min(TALLEST, max(160, 90 + ROW * len(robots)))
     return Figure(
         plot,
@@ -76,7 +76,7 @@ def chart_figure(chart: Chart, number: int = 0) -> Figure:
     plot = empty_plot(f"{html.escape(series.parameter)} [{html.escape(series.unit)}]")
     half = chart.limit * chart.std
     for sign, fill in ((1.0, None), (-1.0, "tonexty")):
-        plot.add_scatter(
+        plot.add(
             x=x[first:], y=(chart.level + sign * half).tolist(), mode="lines",
             line={"color": MEASURED, "width": 1, "dash": "dot"}, fill=fill, fillcolor=SHADE,
             hoverinfo="skip", showlegend=False,
@@ -86,18 +86,18 @@ def chart_figure(chart: Chart, number: int = 0) -> Figure:
     _points(plot, x[first:], judged, series.std[first:], colour(number), "records")
     outside = np.flatnonzero(chart.outside).tolist()
     if outside:
-        plot.add_scatter(
+        plot.add(
             x=[x[first + k] for k in outside], y=judged[outside].tolist(), mode="markers",
             name="alarm",
             marker={"color": ERROR, "size": 13, "symbol": "circle-open", "line": {"width": 2}},
         )  # fmt: skip
-    plot.add_scatter(
+    plot.add(
         x=x[first:], y=(chart.level + chart.mean).tolist(), mode="lines", name="weighted mean",
         line={"color": colour(number), "width": 1.6},
     )  # fmt: skip
-    plot.add_hline(chart.level, line={"color": MEASURED, "width": 1})
-    plot.update_layout(showlegend=True, legend=LEGEND)
-    plot.update_xaxes(type="date" if "-" in series.times[0][1:] else "category")
+    plot.horizontal(chart.level, {"color": MEASURED, "width": 1})
+    plot.update(showlegend=True, legend=LEGEND)
+    plot.x_axis(type="date" if "-" in series.times[0][1:] else "category")
     last = f"last record {chart.sudden[-1]:+.2f} σ, weighted mean {chart.slow[-1]:+.2f} σ"
     return Figure(
         plot,
@@ -109,9 +109,9 @@ def chart_figure(chart: Chart, number: int = 0) -> Figure:
 
 
 def _points(
-    plot: go.Figure, x: Sequence[object], y: np.ndarray, std: np.ndarray, tint: str, name: str
+    plot: Plot, x: Sequence[object], y: np.ndarray, std: np.ndarray, tint: str, name: str
 ) -> None:
-    plot.add_scatter(
+    plot.add(
         x=list(x), y=np.asarray(y).tolist(), mode="markers", name=name,
         marker={"color": tint, "size": 6},
         error_y={"type": "data", "array": (2.0 * std).tolist(), "thickness": 1, "width": 0},

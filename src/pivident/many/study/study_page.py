@@ -14,8 +14,7 @@ from pivident.many.study.bench import Bench
 from pivident.many.study.study_text import number, percent
 from pivident.many.study.summary import NOMINAL_COVERAGE, MethodSummary, Summary
 from pivident.report.builder import page_environment, page_of
-from pivident.report.drawing_library import go
-from pivident.report.plot_parts import LEGEND
+from pivident.report.plot_parts import LEGEND, Plot
 from pivident.report.plotly_figures import ERROR, SHADE, Figure, colour
 from pivident.report.plotly_figures import empty_plot as empty_plot
 from pivident.text.numbers import percent as two_digits
@@ -75,7 +74,7 @@ def coverage_figure(summary: Summary) -> Figure:
         share = np.array([p.coverage for p in method.parameters])
         ends = np.array([p.coverage_interval for p in method.parameters]).reshape(-1, 2)
         _points(plot, method, name, k, 100 * share, 100 * ends)
-    plot.add_hline(100 * NOMINAL_COVERAGE, line={"color": ERROR, "width": 1, "dash": "dash"})
+    plot.horizontal(100 * NOMINAL_COVERAGE, {"color": ERROR, "width": 1, "dash": "dash"})
     return Figure(
         plot,
         height=300,
@@ -91,8 +90,8 @@ def ratio_figure(summary: Summary) -> Figure:
     plot = empty_plot("reported/found")
     for k, (name, method) in enumerate(summary.methods.items()):
         _points(plot, method, name, k, [p.predicted_over_empirical for p in method.parameters])
-    plot.add_hline(1.0, line={"color": ERROR, "width": 1, "dash": "dash"})
-    plot.update_yaxes(type="log")
+    plot.horizontal(1.0, {"color": ERROR, "width": 1, "dash": "dash"})
+    plot.y_axis(type="log")
     return Figure(
         plot,
         height=300,
@@ -112,11 +111,11 @@ def standard_error_figure(summary: Summary) -> Figure:
     for label, key, dash in (("bound (P-23)", "bound", "solid"), ("sensor", "sensor_bound", "dot")):
         bound = [_relative(getattr(p, key), p.truth) for p in first.parameters]
         if any(map(math.isfinite, bound)):
-            plot.add_scatter(
+            plot.add(
                 x=names, y=bound, name=label, mode="lines",
                 line={"color": ERROR, "width": 1.2, "dash": dash, "shape": "hvh"},
             )  # fmt: skip
-    plot.update_yaxes(type="log", exponentformat="power")
+    plot.y_axis(type="log", exponentformat="power")
     return Figure(
         plot,
         height=320,
@@ -140,8 +139,9 @@ def bias_figure(summary: Summary) -> Figure:
             bias = np.array([p.bias for p in method.parameters]) / spread
             error = 2 * np.array([p.bias_std for p in method.parameters]) / spread
         _points(plot, method, name, k, bias, np.stack([bias - error, bias + error], axis=1))
-    plot.add_hrect(-0.5, 0.5, line_width=0, fillcolor=SHADE)
-    plot.update_yaxes(autorangeoptions={"include": [-1.0, 1.0]})  # the band is always visible
+    ends = {"xref": "paper", "x0": 0, "x1": 1, "y0": -0.5, "y1": 0.5}
+    plot.add_shape("rect", **ends, line={"width": 0}, fillcolor=SHADE)
+    plot.y_axis(autorangeoptions={"include": [-1.0, 1.0]})  # the band is always visible
     return Figure(
         plot,
         height=320,
@@ -163,13 +163,14 @@ def errors_figures(summary: Summary, bench: Bench, rows: pl.DataFrame) -> list[F
         plot = empty_plot("error/reported σ")
         for j, parameter in enumerate(bench.estimated):
             low, first, middle, third, high = np.percentile(errors[:, j], [2.3, 25, 50, 75, 97.7])
-            plot.add_box(
+            plot.add(
+                "box",
                 name=html.escape(parameter), x=[html.escape(parameter)], lowerfence=[low],
                 q1=[first], median=[middle], q3=[third], upperfence=[high],
-                marker_color=colour(k), showlegend=False,
+                marker={"color": colour(k)}, showlegend=False,
             )  # fmt: skip
         for line in (-2.0, 2.0):
-            plot.add_hline(line, line={"color": ERROR, "width": 1, "dash": "dash"})
+            plot.horizontal(line, {"color": ERROR, "width": 1, "dash": "dash"})
         drawn.append(
             Figure(
                 plot,
@@ -183,7 +184,7 @@ def errors_figures(summary: Summary, bench: Bench, rows: pl.DataFrame) -> list[F
 
 
 def _points(
-    plot: go.Figure,
+    plot: Plot,
     method: MethodSummary,
     name: str,
     k: int,
@@ -202,7 +203,7 @@ def _points(
             "thickness": 1,
             "width": 0,
         }
-    plot.add_scatter(
+    plot.add(
         x=[html.escape(p.name) for p in method.parameters],
         y=y,
         error_y=bars,
@@ -210,7 +211,7 @@ def _points(
         mode="markers",
         marker={"color": colour(k), "size": 6},
     )
-    plot.update_layout(showlegend=True, legend=LEGEND)
+    plot.update(showlegend=True, legend=LEGEND)
 
 
 def _relative(value: float, truth: float) -> float:

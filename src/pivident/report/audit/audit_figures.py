@@ -6,8 +6,8 @@ import numpy as np
 
 from pivident.audit.audit import Audit
 from pivident.report.downsampling import kept_samples
-from pivident.report.drawing_library import go
-from pivident.report.plot_parts import LEGEND
+from pivident.report.drawing_library import colour_scale
+from pivident.report.plot_parts import LEGEND, Plot
 from pivident.report.plotly_figures import ERROR, MEASURED, METHOD_COLOURS, Figure, empty_plot
 from pivident.text.numbers import with_spread
 
@@ -27,14 +27,15 @@ def interval_figure(audit: Audit) -> Figure | None:
     counts, edges = np.histogram(intervals, bins=min(81, max(11, intervals.size // 50)))
     if np.ptp(intervals) < 1e-9 * abs(intervals[0]):
         counts, edges = np.array([intervals.size]), np.array([0.99, 1.01]) * intervals[0]
-    plot.add_bar(
+    plot.add(
+        "bar",
         x=0.5 * (edges[1:] + edges[:-1]),
         y=counts,
         width=np.diff(edges),
-        marker_color=METHOD_COLOURS[0],
+        marker={"color": METHOD_COLOURS[0]},
     )
-    plot.update_xaxes(title_text="interval [ms]")
-    plot.update_yaxes(type="log")
+    plot.x_axis("interval [ms]")
+    plot.y_axis(type="log")
     low, high = intervals.min(), intervals.max()
     note = f"median {np.median(intervals):.6g} ms, from {low:.6g} to {high:.6g} ms"
     label = f"Histogram of {intervals.size} intervals between time stamps: {note}"
@@ -53,10 +54,10 @@ def clock_figure(audit: Audit) -> Figure | None:
     apart = 1e3 * (t - t[0] - (k - k[0]) * (t[-1] - t[0]) / (k[-1] - k[0]))
     kept = kept_samples(apart, POINTS)
     plot = audit_plot("deviation [ms]")
-    plot.add_scatter(
+    plot.add(
         x=k[kept], y=apart[kept], mode="lines", line={"color": METHOD_COLOURS[0], "width": 1.2}
     )
-    plot.update_xaxes(title_text="sample")
+    plot.x_axis("sample")
     period = 1e3 * (t[-1] - t[0]) / (k[-1] - k[0])
     note = f"largest {np.abs(apart).max():.3g} ms from a clock of {period:.6g} ms"
     return Figure(plot, 260, "Stamps against a uniform clock", f"Deviation of stamps: {note}", note)
@@ -68,10 +69,13 @@ def grid_figure(audit: Audit) -> Figure | None:
     if not grids:
         return None
     plot = audit_plot("levels over the range")
-    plot.add_bar(
-        x=[g.name for g in grids], y=[g.levels for g in grids], marker_color=METHOD_COLOURS[2]
+    plot.add(
+        "bar",
+        x=[g.name for g in grids],
+        y=[g.levels for g in grids],
+        marker={"color": METHOD_COLOURS[2]},
     )
-    plot.update_yaxes(type="log", rangemode="tozero")
+    plot.y_axis(type="log", rangemode="tozero")
     note = "steps of the grid that the values lie on; fewer levels make rougher derivatives"
     label = f"Levels of {len(grids)} quantised signals"
     return Figure(plot, 280, "Quantisation", label, note)
@@ -90,13 +94,13 @@ def steps_figures(audit: Audit) -> list[Figure]:
         )
         part = slice(max(0, middle - 100), middle + 100)
         plot = audit_plot("steps")
-        plot.add_scatter(
+        plot.add(
             x=np.arange(part.start, part.start + len(values[part])),
             y=(values[part] - np.nanmean(values[part])) / grid.step,
             mode="lines",
             line={"color": METHOD_COLOURS[2], "width": 1.2, "shape": "hv"},
         )
-        plot.update_xaxes(title_text="sample")
+        plot.x_axis("sample")
         label = f"Slow part of {grid.name} in steps of {grid.step:.4g}"
         figures.append(Figure(plot, 220, grid.name, label, f"one step is {grid.step:.4g}"))
     return figures
@@ -112,13 +116,13 @@ def torque_speed_figures(audit: Audit) -> list[Figure]:
     figures = []
     for j, joint in enumerate(model.robot.joints):
         plot = audit_plot(f"torque [{joint.torque_unit}]")
-        plot.add_scatter(
+        plot.add(
             x=model.dq[kept, j].astype(np.float32),
             y=tau[kept, j].astype(np.float32),
             mode="markers",
             marker={"color": METHOD_COLOURS[0], "size": 3, "opacity": 0.6},
         )
-        plot.update_xaxes(title_text=f"speed [{joint.position_unit}/s]")
+        plot.x_axis(f"speed [{joint.position_unit}/s]")
         note = ""
         if audit.power is not None and np.isfinite(audit.power.friction[j]):
             taken, error = audit.power.friction[j], audit.power.standard_errors[j]
@@ -138,20 +142,20 @@ def shift_figure(audit: Audit) -> Figure | None:
     for j, joint in enumerate(audit.log.robot.joints):
         if not np.isfinite(delay.errors[:, j]).all():
             continue
-        plot.add_scatter(
+        plot.add(
             x=1e3 * delay.shifts,
             y=100 * delay.errors[:, j],
             name=joint.name,
             mode="lines",
             line={"color": METHOD_COLOURS[j % len(METHOD_COLOURS)], "width": 1.6},
         )
-    plot.update_xaxes(title_text="delay of the torque [ms]")
-    plot.update_yaxes(type="log")
-    plot.update_layout(showlegend=True, legend=LEGEND)
+    plot.x_axis("delay of the torque [ms]")
+    plot.y_axis(type="log")
+    plot.update(showlegend=True, legend=LEGEND)
     mean, error = delay.common
     note = "the lowest point of each line is the delay of that joint"
     if np.isfinite(mean):
-        plot.add_vline(1e3 * mean, line={"color": ERROR, "width": 1, "dash": "dash"})
+        plot.vertical(1e3 * mean, {"color": ERROR, "width": 1, "dash": "dash"})
         note += "; together {} ± {} ms".format(*with_spread(1e3 * mean, 2e3 * error))
     label = (
         f"Relative error of the inverse model over the shift between torque and position; {note}"
@@ -166,19 +170,20 @@ def order_figure(audit: Audit) -> Figure | None:
     assert audit.log.robot is not None
     names = list(audit.log.robot.joint_names)
     plot = audit_plot("joint")
-    plot.add_heatmap(
+    plot.add(
+        "heatmap",
         x=names,
         y=names,
         z=100 * audit.order.errors,
-        colorscale="Blues",
+        colorscale=colour_scale("Blues"),
         reversescale=True,
         zmin=0,
         zmax=100,
-        colorbar={"title": "%", "thickness": 10},
+        colorbar={"title": {"text": "%"}, "thickness": 10},
         texttemplate="%{z:.0f}",
     )
-    plot.update_xaxes(title_text="torque column")
-    plot.update_yaxes(autorange="reversed")
+    plot.x_axis("torque column")
+    plot.y_axis(autorange="reversed")
     note = (
         "relative error of each torque column on each joint's model; the diagonal should be lowest"
     )
@@ -193,12 +198,13 @@ def excitation_figures(audit: Audit) -> list[Figure]:
     share = 100 * np.minimum(excitation.open_torque, 10.0)
     worst = np.argsort(-share)[:MAX_PARAMETERS]
     plot = audit_plot("undetermined torque [%]")
-    plot.add_bar(
+    plot.add(
+        "bar",
         x=[excitation.names[k] for k in worst],
         y=share[worst],
-        marker_color=[ERROR if share[k] > 20 else METHOD_COLOURS[0] for k in worst],
+        marker={"color": [ERROR if share[k] > 20 else METHOD_COLOURS[0] for k in worst]},
     )
-    plot.update_yaxes(type="log")
+    plot.y_axis(type="log")
     note = (
         f"rank {excitation.rank} of {len(excitation.names)}, condition {excitation.condition:.4g}; "
         "share of the torque of full motion that the uncertainty of each parameter alone leaves "
@@ -208,30 +214,27 @@ def excitation_figures(audit: Audit) -> list[Figure]:
     ranges = audit_plot("used [%]")
     kinds = ("range", "rated speed", "acceleration")
     for k, kind in enumerate(kinds):
-        ranges.add_bar(
+        ranges.add(
+            "bar",
             x=list(model.robot.joint_names),
             y=100 * excitation.ranges[:, k],
             name=kind,
-            marker_color=METHOD_COLOURS[k],
+            marker={"color": METHOD_COLOURS[k]},
         )
-    ranges.update_layout(
-        barmode="group",
-        showlegend=True,
-        legend=LEGEND,
-    )
+    ranges.update(barmode="group", showlegend=True, legend=LEGEND)
     note = (
         "share of position limits, rated speed, and of the acceleration that reaches it in 0.15 s"
     )
     spectrum = audit_plot("singular value")
-    spectrum.add_scatter(
+    spectrum.add(
         x=np.arange(1, len(excitation.singular_values) + 1),
         y=np.maximum(excitation.singular_values, 1e-12),
         mode="lines+markers",
         line={"color": MEASURED, "width": 1.2},
         marker={"size": 4},
     )
-    spectrum.update_yaxes(type="log", exponentformat="power")
-    spectrum.update_xaxes(title_text="number")
+    spectrum.y_axis(type="log", exponentformat="power")
+    spectrum.x_axis("number")
     return [
         first,
         Figure(ranges, 300, "Use of the limits", f"Use of the limits by joint; {note}", note),
@@ -245,9 +248,9 @@ def excitation_figures(audit: Audit) -> list[Figure]:
     ]
 
 
-def audit_plot(y_title: str) -> go.Figure:
+def audit_plot(y_title: str) -> Plot:
     """Axes of the report; numbers of any size, as 4 × 10⁻¹³ and not 400f, have room."""
     plot = empty_plot(y_title)
-    plot.update_xaxes(automargin=True)
-    plot.update_yaxes(automargin=True, exponentformat="power")
+    plot.x_axis(automargin=True)
+    plot.y_axis(automargin=True, exponentformat="power")
     return plot

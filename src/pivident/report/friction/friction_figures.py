@@ -8,8 +8,8 @@ from pivident.friction.contrasts import common_speeds
 from pivident.friction.friction_findings import FrictionFinding, pm
 from pivident.friction.friction_map import FrictionMap
 from pivident.friction.friction_study import JointFriction
-from pivident.report.drawing_library import go
-from pivident.report.plot_parts import LEGEND, band, packed
+from pivident.report.drawing_library import colour_scale
+from pivident.report.plot_parts import LEGEND, Plot, band, packed
 from pivident.report.plotly_figures import MEASURED, METHOD_COLOURS, Figure, empty_plot
 
 FORWARDS, BACKWARDS = METHOD_COLOURS[0], METHOD_COLOURS[1]
@@ -119,20 +119,21 @@ def plane_figure(joint: JointFriction) -> Figure:
         ["" if not ok else pm(v, 0.5 * s) for v, s, ok in zip(*row, strict=True)]
         for row in zip(plane.value, plane.spread, seen, strict=True)
     ]
-    plot.add_heatmap(
+    plot.add(
+        "heatmap",
         x=plane.x,
         y=plane.y,
         z=plane.value,
         text=text,
         hovertemplate=f"%{{x:.3g}}, %{{y:.3g}}: %{{text}} {unit}<extra></extra>",
         hoverongaps=False,
-        colorscale="RdBu",
+        colorscale=colour_scale("RdBu"),
         reversescale=True,
         zmin=-reach,
         zmax=reach,
         colorbar={"title": {"text": unit}, "thickness": 10},
     )
-    plot.update_layout(margin={"r": 4})
+    plot.update(margin={"r": 4})
     note = (
         f"what the functions of speed, load and time leave; {seen.sum()} of {seen.size} cells have "
         "two independent passes or more"
@@ -150,7 +151,8 @@ def gain_figure(joints: tuple[JointFriction, ...]) -> Figure:
         ("all functions", METHOD_COLOURS[2], "full"),
     ):
         gains = [getattr(j.held_out, which).gain(j.held_out.constant) for j in joints]
-        plot.add_bar(
+        plot.add(
+            "bar",
             x=[str(_escaped(n)) for n in names],
             y=np.array([g for g, _ in gains]),
             error_y={
@@ -159,11 +161,11 @@ def gain_figure(joints: tuple[JointFriction, ...]) -> Figure:
                 "thickness": 1.2,
             },
             name=words,
-            marker_color=colour,
+            marker={"color": colour},
         )
-    plot.update_layout(barmode="group", bargap=0.3 if len(joints) > 2 else 0.7)
-    ends = [float(np.min(bar.y - bar.error_y.array)) for bar in plot.data]
-    plot.update_yaxes(range=[max(min(-2.0, 1.1 * min(ends)), -100.0), 100.0])
+    plot.update(barmode="group", bargap=0.3 if len(joints) > 2 else 0.7)
+    ends = [float(np.min(bar["y"] - bar["error_y"]["array"])) for bar in plot.data]
+    plot.y_axis(range=[max(min(-2.0, 1.1 * min(ends)), -100.0), 100.0])
     note = (
         f"rms error below {joints[0].held_out.band:g} Hz on held-out blocks, against viscous and "
         "Coulomb friction with an offset fitted to the same blocks; bars: 2σ by jackknife"
@@ -171,30 +173,30 @@ def gain_figure(joints: tuple[JointFriction, ...]) -> Figure:
     return Figure(plot, 300, "What functions gain over constants", note, note)
 
 
-def _plot(y_title: str, x_title: str, *, legend: bool = False) -> go.Figure:
+def _plot(y_title: str, x_title: str, *, legend: bool = False) -> Plot:
     """Axes without decoration, in the look of the report."""
     plot = empty_plot(y_title)
-    plot.update_layout(margin={"t": 26 if legend else 8}, showlegend=legend, legend=LEGEND)
-    plot.update_xaxes(title_text=x_title, automargin=True)
-    plot.update_yaxes(automargin=True)
+    plot.update(margin={"t": 26 if legend else 8}, showlegend=legend, legend=LEGEND)
+    plot.x_axis(x_title, automargin=True)
+    plot.y_axis(automargin=True)
     return plot
 
 
 def _band(
-    plot: go.Figure, x: np.ndarray, y: np.ndarray, std: np.ndarray, colour: str, name: str
+    plot: Plot, x: np.ndarray, y: np.ndarray, std: np.ndarray, colour: str, name: str
 ) -> None:
     """A function with its 2σ band."""
-    plot.add_trace(band(x, y - 2.0 * std, y + 2.0 * std, colour))
-    plot.add_scatter(
+    plot.data.append(band(x, y - 2.0 * std, y + 2.0 * std, colour))
+    plot.add(
         x=packed(x), y=packed(y), mode="lines", name=name, line={"color": colour, "width": 1.6}
     )
 
 
-def _points(plot: go.Figure, found: FrictionMap, colour: str, name: str) -> None:
+def _points(plot: Plot, found: FrictionMap, colour: str, name: str) -> None:
     """Bins with their intervals; open where there are too few passes for one."""
     seen = np.isfinite(found.value)
     known = np.isfinite(found.upper) & seen
-    plot.add_scatter(
+    plot.add(
         x=packed(found.centre[seen]),
         y=packed(found.value[seen]),
         error_y={
@@ -216,18 +218,18 @@ def _points(plot: go.Figure, found: FrictionMap, colour: str, name: str) -> None
     )
 
 
-def _within(plot: go.Figure) -> go.Figure:
+def _within(plot: Plot) -> Plot:
     """Axis that shows functions, bands and points; intervals of few passes may reach beyond."""
-    values = np.concatenate([np.asarray(trace.y, dtype=float) for trace in plot.data])
+    values = np.concatenate([np.asarray(trace["y"], dtype=float) for trace in plot.data])
     values = values[np.isfinite(values)]
     if values.size:
         low, high = float(values.min()), float(values.max())
         room = 0.25 * ((high - low) or 1.0)
-        plot.update_yaxes(range=[low - room, high + room])
+        plot.y_axis(range=[low - room, high + room])
     return plot
 
 
-def _law(plot: go.Figure, joint: JointFriction) -> None:
+def _law(plot: Plot, joint: JointFriction) -> None:
     """The estimate's own law, mean over both directions of |speed|, on its bins."""
     torque = joint.torque
     for sign in (1.0, -1.0):
@@ -240,7 +242,7 @@ def _law(plot: go.Figure, joint: JointFriction) -> None:
             x = np.bincount(place, speed, POINTS) / count
             y = np.bincount(place, law, POINTS) / count
         seen = count > 0
-        plot.add_scatter(
+        plot.add(
             x=packed(x[seen]),
             y=packed(y[seen]),
             mode="lines",

@@ -33,7 +33,7 @@ def order_figure(joint: JointRipple, angle: int = 0) -> Figure | None:
         scale, title = gears[0][1], f"order [cycles per revolution of the {gears[0][0]}]"
     plot = empty_plot(f"amplitude [{joint.unit}]")
     kept = kept_samples(amplitude, POINTS)
-    plot.add_scatter(
+    plot.add(
         x=orders[kept] / scale,
         y=amplitude[kept],
         mode="lines",
@@ -41,7 +41,7 @@ def order_figure(joint: JointRipple, angle: int = 0) -> Figure | None:
         line={"color": METHOD_COLOURS[0], "width": 1.0},
     )
     few = np.unique(np.linspace(0, orders.size - 1, min(orders.size, 300)).astype(int))
-    plot.add_scatter(
+    plot.add(
         x=orders[few] / scale,
         y=limit[few],
         mode="lines",
@@ -50,7 +50,7 @@ def order_figure(joint: JointRipple, angle: int = 0) -> Figure | None:
     )
     lines = [line for line in joint.lines if line.angle.name == over.name]
     if lines:
-        plot.add_scatter(
+        plot.add(
             x=[line.order / scale for line in lines],
             y=[line.amplitude for line in lines],
             error_y={
@@ -66,8 +66,8 @@ def order_figure(joint: JointRipple, angle: int = 0) -> Figure | None:
             text=[str(line) for line in lines],
             marker={"color": ERROR, "size": 7},
         )
-    plot.update_xaxes(title_text=title)
-    plot.update_yaxes(rangemode="tozero")
+    plot.x_axis(title)
+    plot.y_axis(rangemode="tozero")
     listed = ", ".join(
         f"{format_significant(line.amplitude)} {joint.unit} at {line.order / scale:.4g}"
         for line in lines
@@ -95,16 +95,16 @@ def turn_figure(joint: JointRipple, angle: int = 0) -> Figure | None:
         phase = line.order * position
         own = line.cosine * np.cos(phase) + line.sine * np.sin(phase)
         total += own
-        plot.add_scatter(
+        plot.add(
             x=position, y=own, mode="lines", name=f"{line.order:.5g}",
             line={"color": MEASURED, "width": 1.0},
         )  # fmt: skip
-    plot.add_scatter(
+    plot.add(
         x=position, y=total, mode="lines", name="sum",
         line={"color": METHOD_COLOURS[0], "width": 2.0},
     )  # fmt: skip
     unit = "rad" if joint.unit == "N m" else "m"
-    plot.update_xaxes(title_text=f"{over.name} [{unit}]")
+    plot.x_axis(f"{over.name} [{unit}]")
     what = "one revolution of the motor" if gears else "one period of the slowest line"
     height = format_significant(float(np.ptp(total)))
     note = f"{what}, sum of {len(lines)} line(s), peak to peak {height} {joint.unit}"
