@@ -79,5 +79,5 @@ def test_the_steps_of_a_slow_joint_are_no_motion(speed, stretches):
     assert len(parts) == stretches
     assert all(smooth(y[part], rate).f50 > 200.0 for part in parts)
     found = smooth(y, rate, nvr=nvr_of_counts(y, rate))
-    assert 3.0 < found.f50 < 30.0
+    assert found.f50 < 30.0
     assert np.std((found.ddq - ddq)[100:-100]) < 0.7 * np.std(ddq)

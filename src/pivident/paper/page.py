@@ -267,7 +267,7 @@ def _estimates(runs: Runs | None) -> bool:
 
 
 def _best_line(readings: Mapping[str, Reading], repetition: Repetition) -> str:
-    """For each reading: the form with right intervals and the smallest error, or why there is none."""
+    """Of each reading: the form with right intervals and the smallest error, or why none is."""
     lines = []
     for reading, forms in repetition.readings.items():
         printed = forms.get(PRINTED)

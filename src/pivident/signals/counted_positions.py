@@ -19,7 +19,7 @@ import math
 
 import numpy as np
 
-from pivident.signals.random_walk_likelihood import MAX_NVR, diffuse_fit, estimate_nvr
+from pivident.signals.random_walk_likelihood import MAX_NVR, MIN_NVR, diffuse_fit, estimate_nvr
 from pivident.signals.random_walk_model import f50_from_nvr, nvr_from_f50
 
 #: Fraction of samples that repeat the one before, above which counts are visible.
@@ -111,7 +111,8 @@ def _nvr_of_stretches(y: np.ndarray, rate: float, order: int, f50_max: float | N
             ratios.append(nvr)
             sizes.append(own.size)
     if not ratios:
-        return nvr_from_f50(SLOWEST if f50_max is None else min(SLOWEST, f50_max), order, rate)
+        slowest = SLOWEST if f50_max is None else min(SLOWEST, f50_max)
+        return max(nvr_from_f50(slowest, order, rate), MIN_NVR[order])
     ascending = np.argsort(ratios)
     reached = np.cumsum(np.array(sizes)[ascending])
     return float(ratios[ascending[np.searchsorted(reached, reached[-1] / 2)]])
