@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pivident.figures.joint_panels import legend_above
 from pivident.figures.paper_style import line_style, new_figure, paper_style
 
 if TYPE_CHECKING:
@@ -50,5 +51,5 @@ def figure_of_bandpass(rate: float, cutoff: float, order: int = 4, *, columns: i
             phase.semilogx(frequency, np.degrees(np.angle(response)), **line_style(k))
         gain.set(ylabel="gain [dB]", ylim=(-60.0, 90.0))
         phase.set(ylabel="phase [°]", xlabel="frequency [Hz]", ylim=(-10.0, 100.0))
-        gain.legend(ncols=2, loc="lower left")
+        legend_above(figure, gain, 2)
     return figure

@@ -15,7 +15,7 @@ from pivident.errors import PividentError
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
 from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.methods import METHODS, Method, PrefilteredIV, RandomWalk
+from pivident.estimation.methods import METHODS, Bandpass, Method, PrefilteredIV, RandomWalk
 from pivident.linear.free_law import FreeLaw
 from pivident.many.study.bench import Bench
 from pivident.many.study.scenario import Scenario, load_scenario
@@ -76,6 +76,23 @@ class _Attempt:
 
     results: dict[str, Identification] = field(default_factory=dict)
     failures: dict[str, str] = field(default_factory=dict)
+
+
+def condition_numbers(bench: Bench) -> list[float]:
+    """Condition number of the observation matrix along the reference of each motion.
+
+    Columns are as they are, in SI units, at one row in each decimation of the band-pass.
+    """
+    numbers = []
+    content = bench.scenario.content
+    recipe = bench.scenario.methods["ls"].signals
+    assert isinstance(recipe, Bandpass)
+    step = int(np.prod(recipe.factor(content.record.rate)))
+    for motion in range(len(content.trajectory.seeds)):
+        q, dq, ddq = (x[::step] for x in bench.reference_of_record(motion))
+        phi = bench.regressor.matrix(q, dq, ddq)
+        numbers.append(float(np.linalg.cond(phi.reshape(-1, phi.shape[-1]))))
+    return numbers
 
 
 def condition(reading: str, way: str = "known") -> Scenario:

@@ -1,0 +1,225 @@
+"""What the page says: rows of its tables, and sentences with numbers of the run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from pivident.paper.claims import PIV, PRINTED, Claim, claims, percent, verdicts
+from pivident.paper.equations import EQUATIONS
+from pivident.paper.experiment import FORMS, READINGS, Reading, condition_numbers
+from pivident.paper.figures import DRAWN_BY
+from pivident.paper.markdown import code
+from pivident.paper.public_record import PublicRecord
+from pivident.paper.published import published_table
+from pivident.paper.repetition import Repetition, Runs
+from pivident.paper.side_by_side import all_forms, beside_table_1, head_of, public_tables
+from pivident.simulation.joint_loop import joint_feedbacks
+from pivident.text.numbers import format_significant
+
+#: A form is right enough if its intervals cover this share.
+RIGHT = 0.90
+
+
+def page_content(
+    readings: Mapping[str, Reading],
+    repetition: Repetition,
+    record: PublicRecord | None,
+    figures_of: str,
+) -> dict[str, Any]:
+    """Everything that the page says, as text and rows of tables."""
+    judged = claims(readings, repetition)
+    forms = [f for f in all_forms() if any(f in own.results for own in readings.values())]
+    return {
+        "lead": _lead(judged),
+        "experiment": _experiment(readings),
+        "readings": [
+            (name, meaning, _torques(readings[name])) for name, meaning in _known(readings)
+        ],
+        "claims": judged,
+        "verdict_line": _verdict_line(judged),
+        "parameters": len(published_table()),
+        "runs": repetition.runs,
+        "motions": repetition.motions,
+        "accuracy": _accuracy(repetition),
+        "best_line": _best_line(readings, repetition),
+        "tables": {name: beside_table_1(own.results, forms) for name, own in readings.items()},
+        "table_head": head_of(forms),
+        "failures": {
+            name: [f"{form}: no estimate; {text}." for form, text in own.failures.items()]
+            for name, own in readings.items()
+        },
+        "reading_of_figures": figures_of,
+        "equations": [(f"({e.number})", e.says, code(*e.code)) for e in EQUATIONS],
+        "drawn_by": ", ".join(
+            f"{code(f'{draw.__module__}.{draw.__name__}')} ({number})"
+            for number, draw in DRAWN_BY.items()
+        ),
+        **public_tables(record),
+    }
+
+
+def _known(readings: Mapping[str, Reading]) -> list[tuple[str, str]]:
+    return [(name, meaning) for name, meaning in READINGS.items() if name in readings]
+
+
+def _lead(judged: Sequence[Claim]) -> str:
+    counts = verdicts(judged)
+    told = ", ".join(f"{number} {kind}" for kind, number in counts.items())
+    return (
+        "*An improved instrumental variable method for industrial robot model identification*, "
+        "Control Engineering Practice 74 (2018), introduces IDIM-PIV. Of its claims, as we read "
+        f"them: {told}."
+    )
+
+
+def _verdict_line(judged: Sequence[Claim]) -> str:
+    return (
+        f"{len(judged)} claims, each judged for every reading: a claim *holds* if it does for all, "
+        "*holds with a condition* if it does for those that are named."
+    )
+
+
+def _experiment(readings: Mapping[str, Reading]) -> list[tuple[str, str, str]]:
+    """What was done here, and what in the paper."""
+    reading = next(iter(readings.values()))
+    content = reading.bench.scenario.content
+    loops = reading.bench.loop
+    law, gain = content.controller, np.atleast_1d(loops.drive_gain)
+    stiff = ", ".join(format_significant(x) for x in np.atleast_1d(np.asarray(law.kp)) * gain)
+    samples = reading.recording.samples
+    others = condition_numbers(reading.bench)
+    band = content.identify.bandpass
+    return [
+        ("robot", "Stäubli TX40 with the coupling of its wrist", "the same"),
+        (
+            "truth",
+            f"{len(published_table())} parameters of Table 1, column IDIM-PIV",
+            "unknown",
+        ),
+        (
+            "control law",
+            f"one PID per axis, kp {stiff} N m/rad, derivative filter "
+            f"{1e3 * law.derivative_time:.2g} ms",
+            "one PID per axis, gains not given",
+        ),
+        (
+            "motion",
+            "trapezoidal speeds with smoothed bang-bang accelerations through postures",
+            "the same",
+        ),
+        (
+            "condition number",
+            f"{others[0]:.0f} of this motion, {min(others):.0f} to {max(others):.0f} of all",
+            "200",
+        ),
+        (
+            "samples",
+            f"{samples} at {reading.recording.rate:g} Hz to estimate, {samples} of another motion "
+            "to validate",
+            "34500 at 5000 Hz, and a second part",
+        ),
+        (
+            "band-pass",
+            f"{band.cutoff:g} Hz, decimation to {band.bandwidth:g} Hz",
+            "50 Hz, 20 Hz",
+        ),
+        ("torque", "from the control signal", "the same"),
+        (
+            "start",
+            f"inertias {100 * (content.start.inertia - 1):.0f} % off, no friction; the forms other "
+            "than the printed one start from least squares",
+            "CAD values, no friction",
+        ),
+    ]
+
+
+def _torques(reading: Reading) -> str:
+    return ", ".join(format_significant(x, 2) for x in reading.recording.tau.std(axis=0))
+
+
+def _accuracy(repetition: Repetition) -> list[tuple[object, ...]]:
+    """Coverage and errors of every form."""
+    rows: list[tuple[object, ...]] = []
+    for reading, forms in repetition.readings.items():
+        printed = forms.get(PRINTED)
+        for form in all_forms():
+            if form not in forms:
+                continue
+            own = forms[form]
+            if not len(own.theta):
+                rows.append((reading, form, "–", "–", "–", "–", own.failed, "–", own.count))
+                continue
+            low, high = own.coverage_interval
+            share = np.nan
+            if printed is not None and _estimates(printed):
+                share = own.median_error / printed.median_error
+            rows.append(
+                (
+                    reading,
+                    form,
+                    percent(own.coverage),
+                    "–" if np.isnan(low) else f"{percent(low)} to {percent(high)}",
+                    percent(own.median_error),
+                    format_significant(share, 2),
+                    own.failed,
+                    f"{np.median(own.iterations):.0f}",
+                    own.count,
+                )
+            )
+    return rows
+
+
+def _estimates(runs: Runs | None) -> bool:
+    return runs is not None and len(runs.theta) > 0
+
+
+def _best_line(readings: Mapping[str, Reading], repetition: Repetition) -> str:
+    """Of each reading: the form with right intervals and the smallest error, or why none is."""
+    lines = []
+    for reading, forms in repetition.readings.items():
+        printed = forms.get(PRINTED)
+        usable = {
+            name: own
+            for name, own in forms.items()
+            if name != PRINTED and _estimates(own) and own.coverage >= RIGHT and not own.failed
+        }
+        if usable:
+            name, own = min(usable.items(), key=lambda item: item[1].median_error)
+            beside = "IDIM-PIV as printed gives no estimate"
+            if printed is not None and _estimates(printed):
+                ratio = own.median_error / printed.median_error
+                beside = f"{format_significant(ratio, 2)} of the error of IDIM-PIV as printed"
+                if printed.failed:
+                    beside += f", which gives no estimate on {printed.failed} of {printed.count}"
+            lines.append(
+                f"In the reading *{reading}* the best form is {name}: {percent(own.coverage)} "
+                f"covered, median error {percent(own.median_error)}; {beside}."
+            )
+        else:
+            lines.append(_why_none(reading, readings[reading], forms))
+    return "\n\n".join(lines)
+
+
+def _why_none(reading: str, own: Reading, forms: Mapping[str, Runs]) -> str:
+    """What keeps every form from being right."""
+    parts = [
+        f"{name} covers {percent(runs.coverage)} and gives no estimate on {runs.failed} of "
+        f"{runs.count}"
+        for name, runs in forms.items()
+        if _estimates(runs) and name in (PIV, FORMS["didim"])
+    ]
+    loop = own.bench.loop
+    law = joint_feedbacks(loop.controller, own.recording.rate, own.recording.joints)[0]
+    count = float(loop.counts(own.recording.joints)[0])
+    step = float(np.atleast_1d(loop.drive_gain)[0]) * count * float(law.feedback[0])
+    size = float(own.bench.noise_free.tau[:, 0].std())
+    return (
+        f"In the reading *{reading}* no form covers {percent(RIGHT)} on all records: "
+        f"{'; '.join(parts) or 'none gives an estimate'}. One count of the encoder makes the law "
+        f"of axis 1 answer with {step:.0f} N m, and the motion itself takes {size:.0f} N m (rms): "
+        "the machine shakes. Smoothed positions take a part of that for motion and leave a part of "
+        "the motion; simulated loops shake likewise, but not in step with it."
+    )
