@@ -21,6 +21,7 @@ COMMANDS = {
     "payload": ["payload", "experiment.toml"],
     "flexibility": ["flexibility", "experiment.toml"],
     "many": ["study", "fine", "--runs", "1"],
+    "paper": ["paper", "--quick"],
 }
 
 

@@ -40,6 +40,19 @@ def test_simulated_tx40(tmp_path, capsys):
     assert "within 2σ" in capsys.readouterr().out
 
 
+def test_one_experiment_of_the_paper(capsys):
+    path = EXAMPLES / "paper" / "one_experiment.py"
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    found = module.main()
+    error = np.abs(found.results["IDIM-PIV as recommended"].theta / found.bench.expected - 1.0)
+    assert not found.failures and np.median(error) < 1e-3
+    said = capsys.readouterr().out
+    assert "zz3r         0.14" in said and "% within 2σ" in said
+    assert "(paper)" in (EXAMPLES / "README.md").read_text(encoding="utf-8")
+
+
 @pytest.mark.record
 def test_emps(public_data, capsys):
     rows = script("emps").main()

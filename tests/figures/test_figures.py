@@ -4,6 +4,7 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,9 @@ from pivident import figures
 from pivident.errors import PividentError
 from pivident.experiment.experiment import load_experiment
 from pivident.figures.paper_style import LINES, STYLE, WIDTHS
+from pivident.validation.residuals.autocorrelation import autocorrelation
 from pivident.validation.residuals.residual_spectrum import residual_spectra, welch_spectrum
+from pivident.validation.residuals.whitened_residual import joint_residuals
 from tests.planar_log import write_experiment
 from tests.synthetic_identification import synthetic_identification
 
@@ -60,6 +63,77 @@ def test_torques_are_drawn_as_they_are(result):
     assert measured.get_ydata().max() == record.tau[:, 1].max()
     assert error.get_ydata().max() == (record.tau - record.tau_model)[:, 1].max()
     assert "elbow" in ax.get_title() and ax.get_ylabel() == "torque [N m]"
+
+
+def test_autocorrelations_are_those_of_the_report(result):
+    figure = figures.figure_of_autocorrelations([result, result], ["elbow"], lags=20)
+    left, right = axes_of(figure)
+    found = autocorrelation(joint_residuals(result)[1], 20)
+    points, upper, lower = left.get_lines()
+    np.testing.assert_array_equal(points.get_ydata(), found.rho)
+    np.testing.assert_array_equal(upper.get_ydata(), found.band)
+    np.testing.assert_array_equal(lower.get_ydata(), -found.band)
+    assert right.get_title() == result.method and not right.get_ylabel()
+    with pytest.raises(figures.FigureError, match="give at least one"):
+        figures.figure_of_autocorrelations([])
+
+
+def test_predictions_are_drawn_as_they_are(result):
+    record = result.recordings[0]
+    log = pv.Recording.from_arrays(
+        record.q_measured, record.tau, record.whitened_rate, joint_names=result.robot.joint_names
+    )
+    own = pv.predict(result, log)
+    figure = figures.figure_of_predictions([own, own], [2], columns=2)
+    left, _ = axes_of(figure)
+    measured, predicted, error = left.get_lines()
+    part = own.moving
+    assert measured.get_ydata().max() == own.tau[part, 1].max()
+    assert predicted.get_ydata().min() == own.tau_model[part, 1].min()
+    assert error.get_ydata().max() == (own.tau - own.tau_model)[part, 1].max()
+    assert left.get_ylabel() == "elbow [N m]"
+    with pytest.raises(figures.FigureError, match="no torques to compare with"):
+        figures.figure_of_predictions(replace(own, tau=None))
+
+
+def test_the_bandpass_is_a_derivative_below_its_cutoff():
+    gain, phase = axes_of(figures.figure_of_bandpass(2000.0, 50.0))
+    curves = {line.get_label(): line for line in gain.get_lines()}
+    frequency = curves["band-pass"].get_xdata()
+    low = frequency < 20.0
+    apart = curves["band-pass"].get_ydata() - curves["derivative"].get_ydata()
+    assert np.abs(apart[low]).max() < 0.1
+    at = np.argmin(np.abs(frequency - 50.0))
+    assert curves["low-pass, both ways"].get_ydata()[at] == pytest.approx(-6.02, abs=0.2)
+    assert all(set(np.round(line.get_ydata())) <= {0.0, 90.0} for line in phase.get_lines())
+
+
+def test_reference_and_control_law(result):
+    record = result.recordings[0]
+    log = pv.Recording.from_arrays(
+        record.q_measured,
+        record.tau,
+        500.0,
+        joint_names=result.robot.joint_names,
+        q_ref=record.q_measured,
+        dq_ref=2.0 * record.dq,
+    )
+    axes = axes_of(figures.figure_of_reference(log, "elbow"))
+    assert [ax.get_ylabel() for ax in axes] == [
+        "position [rad]", "speed [rad/s]", "acceleration [rad/s²]",
+    ]  # fmt: skip
+    assert axes[1].get_lines()[0].get_ydata().max() == 2.0 * record.dq[:, 1].max()
+    speed = np.gradient(2.0 * record.dq[:, 1], 1.0 / 500.0)
+    assert axes[2].get_lines()[0].get_ydata().max() == speed.max()
+    with pytest.raises(figures.FigureError, match="has no reference"):
+        figures.figure_of_reference(replace(log, q_ref=None, dq_ref=None), 1)
+    output = np.outer(np.arange(1.0, 101.0), [1.0, 2.0])
+    law = SimpleNamespace(
+        output=output, model=0.9 * output, rate=100.0, joint_names=("shoulder", "elbow")
+    )
+    above, below = axes_of(figures.figure_of_control_law(law, 2))
+    assert above.get_title() == "elbow: 10.0 % left unexplained"
+    np.testing.assert_allclose(below.get_lines()[0].get_ydata(), 0.1 * output[:, 1])
 
 
 def test_intervals_say_their_numbers(result):

@@ -64,7 +64,7 @@ def test_all_motions_have_the_condition_number_and_length_of_the_paper(bench):
     numbers = condition_numbers(bench)
     assert len(numbers) == 20
     assert 150.0 <= min(numbers) and max(numbers) <= 250.0
-    q, dq, ddq = bench.reference_of_record(3)
+    q, *_ = bench.reference_of_record(3)
     assert len(q) == 34_500
     first = bench.reference_of_record(0)[0]
     assert not np.array_equal(q, first)

@@ -11,7 +11,7 @@ from tests.many.study.small import TEXT, small
 
 
 def test_shipped_scenarios_are_named():
-    assert shipped_scenarios() == ("birdy", "coarse", "coloured", "fine", "loop")
+    assert shipped_scenarios() == ("birdy", "coarse", "coloured", "fine", "loop", "paper")
 
 
 @pytest.mark.parametrize("name", ["fine", "loop", "coloured", "coarse"])
