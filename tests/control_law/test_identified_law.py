@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from scipy.signal import lfilter, lfilter_zi
 
 from pivident.control_law.identified_law import identify_controller
 from pivident.errors import ExperimentError, IdentificationError
@@ -137,3 +137,50 @@ def test_the_law_of_one_emps_file_makes_the_voltage_of_the_other(public_data):
     pulses = sum(x[:, 0] for x in second.inputs.values())
     error = (second.tau[:, 0] / EMPS_GAIN - pulses - u)[3:]
     assert np.sqrt(np.mean(error**2)) < 0.01
+
+
+def reference_fed_record(samples=20_000):
+    """A PID whose derivative sees the reference's own speed: kp e + kd (dq_ref - D q) + ki ∫e."""
+    t = np.arange(samples) / RATE
+    rising = np.clip(t / 0.5, 0.0, 1.0) ** 3  # from rest, without an error
+    r = 0.4 + rising * (np.sin(2 * np.pi * 0.7 * t) + 0.3 * np.sin(2 * np.pi * 2.1 * t))
+    dr = np.diff(r, prepend=r[0]) * RATE
+    lags = ((0.2, 4e-3), (1.3, 1e-3), (5.0, 2e-3), (30.0, 2e-3))
+    q = r - rising * sum(size * np.sin(2 * np.pi * f * t + f) for f, size in lags)
+    law = PID(np.array([KP]), np.array([KD]), np.array([KI]), LAG)
+    u = output_of(law.law(RATE, r[:, None], dr[:, None]), q)
+    return law, Recording(
+        "fed", ("axis",), q[:, None], u[:, None], RATE, q_ref=r[:, None], dq_ref=dr[:, None]
+    )
+
+
+def output_of(law, q):
+    """r - B/A q + I of a sampled law whose filters have been at rest at q[0]."""
+    pole = law.pole[0]
+
+    def filtered(numerator):
+        zi = lfilter_zi(numerator, pole) * q[0]
+        return lfilter(numerator, pole, q, zi=zi)[0]
+
+    error = law.integrand_reference[:, 0] - filtered(law.integrand[0])
+    summed = np.cumsum(law.integral_gain[0] / RATE * error)
+    return law.reference[:, 0] - filtered(law.feedback[0]) + summed
+
+
+def test_a_law_that_sees_the_reference_needs_its_derivatives():
+    """Its derivative acts on the speed of the reference; the error alone does not explain it."""
+    law, record = reference_fed_record()
+    alone = identify_free_law(record, method="srivc")
+    found = identify_free_law(record, method="srivc", reference_inputs=True)
+    assert alone.relative_error[0] > 20 * found.relative_error[0]
+    assert found.relative_error[0] < 1e-4 and len(found.estimates[0].numerators) == 3
+    np.testing.assert_allclose(found.output, record.tau)
+    wanted = law.law(RATE, record.q_ref, record.dq_ref)
+    made = found.law.law(RATE, record.q_ref, record.dq_ref)
+    np.testing.assert_allclose(made.feedback, wanted.feedback, rtol=1e-3)
+    np.testing.assert_allclose(made.integral_gain, wanted.integral_gain, rtol=1e-3)
+    size = record.tau.std()
+    apart = output_of(made, record.q[:, 0]) - record.tau[:, 0]
+    assert np.abs(apart[200:]).max() < 1e-2 * size
+    with pytest.raises(ExperimentError, match="use srivc with reference_inputs"):
+        identify_free_law(record, reference_inputs=True)

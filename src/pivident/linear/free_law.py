@@ -32,7 +32,7 @@ SEARCHED = ((0, 1, 2), (1, 2))
 
 #: Numerators of error, speed and acceleration of the reference that are searched with them. The
 #: speed has none but a constant: its derivative is the acceleration.
-SEARCHED_WITH_REFERENCE = (((1, 0, 0), (2, 0, 1)), (1, 2))
+SEARCHED_WITH_REFERENCE = (((1, 0, 1), (2, 0, 2)), (1, 2))
 
 #: Distance from one at which a pole is an integrator.
 INTEGRATOR = 1e-6

@@ -3,10 +3,15 @@
 import numpy as np
 import pytest
 
+from pivident.errors import ExperimentError
 from pivident.many.study.bench import Bench
+from pivident.many.study.bound import efficiency_bounds
+from pivident.many.study.run import Task, execute
+from pivident.many.study.scenario import read_scenario
 from pivident.many.study.starts import is_physical
 from pivident.simulation.noise import Noise
-from tests.many.study.small import small
+from pivident.simulation.transfer_law import TransferLaw
+from tests.many.study.small import TEXT, small
 
 
 def made(**tables):
@@ -135,3 +140,45 @@ def test_noise_of_a_run_has_streams_of_its_own():
     one, other = noise.in_loop((1, 5), (50, 2)), noise.in_loop((1, 6), (50, 2))
     assert np.abs(np.corrcoef(one.ravel(), other.ravel())[0, 1]) < 0.4
     assert np.array_equal(noise.in_loop(4, (50, 2)), noise.in_loop((4, 0), (50, 2)))
+
+
+def test_records_move_in_turns_along_the_motions_of_several_seeds():
+    bench = Bench(small(trajectory={"seed": [4, 9]}))
+    first, second, third = (bench.reference_of_record(k)[0] for k in range(3))
+    alone = Bench(small(trajectory={"seed": 9})).reference[0]
+    assert np.array_equal(first, third) and np.array_equal(second, alone)
+    assert not np.array_equal(first, second)
+    assert np.array_equal(bench.recording(1).q_ref, second)
+    other = Bench(small(trajectory={"seed": 10})).reference[0]
+    assert np.array_equal(bench.second_reference[0], other), "a seed that none of them has"
+    bounds = efficiency_bounds(bench)
+    assert bounds.equation is None and bounds.torque_sensor is None, "bounds are of one motion"
+    fourier = {"type": "fourier", "duration": 2.0, "seed": [1, 2], "reach": None}
+    with pytest.raises(ExperimentError, match="several seeds need several motions"):
+        small(trajectory={k: v for k, v in fourier.items() if v is not None})
+
+
+def test_a_law_may_be_identified_from_each_record():
+    known, found = (Bench(small(law=law)).problem(0) for law in ("known", "identified"))
+    assert isinstance(found.loop.controller, TransferLaw)
+    assert not isinstance(known.loop.controller, TransferLaw)
+    q = known.recordings[0].q
+    np.testing.assert_array_equal(q, found.recordings[0].q)
+    rate, q_ref, dq_ref = 500.0, known.recordings[0].q_ref, known.recordings[0].dq_ref
+    given, own = (p.loop.controller.law(rate, q_ref, dq_ref) for p in (known, found))
+    np.testing.assert_allclose(own.feedback.sum(axis=1), given.feedback.sum(axis=1), rtol=0.05)
+
+
+def test_rows_tell_orders_and_what_the_residual_keeps():
+    scenario = small(identify={"methods": ["ls", "piv"]})
+    ls, piv = execute(Task.of(scenario, None), 0)
+    assert ls["noise_order"] == [0, 0] and min(piv["noise_order"]) > 0
+    for row in (ls, piv):
+        assert len(row["correlated"]) == 2 and all(0.0 <= x <= 1.0 for x in row["correlated"])
+    assert max(piv["correlated"]) < 0.3
+
+
+def test_another_number_of_runs_holds_in_all_conditions():
+    scenario = read_scenario(TEXT + "[vary.way]\nall = {}\nfew = {runs = 2}\n", "varied")
+    assert [c.content.runs for c in scenario.conditions] == [6, 2]
+    assert [c.content.runs for c in scenario.with_runs(3).conditions] == [3, 3]
