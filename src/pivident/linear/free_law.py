@@ -165,10 +165,9 @@ def _estimate(
 
     if seen.ndim > 1:
         both = (seen[:, 0], SEARCHED), (seen, SEARCHED_WITH_REFERENCE)
-        return min(
-            (select_orders(x, u, dt, *orders_of, criterion="bic").best for x, orders_of in both),
-            key=lambda found: found.fit.bic,
-        )
+        tables = [select_orders(x, u, dt, *searched, criterion="bic") for x, searched in both]
+        accepted = [table.best for table in tables if not table.rows[0].rejected]
+        return min(accepted or [tables[0].best], key=lambda found: found.fit.bic)
     e = seen
     poles = (1.0,) if integrator else ()
     degree = orders[1] + len(poles)
