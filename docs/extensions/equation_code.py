@@ -7,38 +7,14 @@ tied objects (`reference/implementation.md`) is filled here from all pages.
 
 from __future__ import annotations
 
-import importlib
 import inspect
 import re
 from pathlib import Path
 
+from pivident.paper.code_objects import MissingObject as MissingObject
+from pivident.paper.code_objects import object_named
+
 TIE = re.compile(r"\{code\}`(pivident[\w.]*)`")
-
-
-class MissingObject(LookupError):
-    """A page names code that does not exist."""
-
-
-def object_named(name: str) -> object:
-    """The object of a dotted name.
-
-    Raises:
-        MissingObject: there is none.
-    """
-    parts = name.split(".")
-    for count in range(len(parts), 0, -1):
-        try:
-            found: object = importlib.import_module(".".join(parts[:count]))
-        except ModuleNotFoundError as error:
-            if error.name and not ".".join(parts[:count]).startswith(error.name):
-                raise
-            continue
-        for part in parts[count:]:
-            if not hasattr(found, part):
-                raise MissingObject(f"{name}: {'.'.join(parts[:count])} has no {part!r}")
-            found = getattr(found, part)
-        return found
-    raise MissingObject(f"there is no {name}")
 
 
 def tied_names(folder: Path) -> dict[str, list[str]]:

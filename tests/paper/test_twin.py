@@ -7,7 +7,7 @@ from pivident.dynamics.forward import mass_matrix
 from pivident.many.study.bench import Bench
 from pivident.paper.claims import FRICTION
 from pivident.paper.experiment import READINGS, condition, condition_numbers
-from pivident.paper.published import COLUMNS, published_table
+from pivident.paper.published import COLUMNS, published_table, stated
 from pivident.simulation.joint_loop import JointLoop, joint_feedbacks
 
 
@@ -42,7 +42,7 @@ def test_gains_are_those_of_the_stated_bandwidth(bench):
     inertia = mass_matrix(robot, bench.heads, bench.true_values, postures)
     assert np.linalg.eigvalsh(inertia).min() > 0.0
     largest = np.diagonal(inertia, axis1=1, axis2=2).max(axis=0)
-    omega = 2.0 * np.pi * 10.0
+    omega = 2.0 * np.pi * stated()["bandwidth"]
     np.testing.assert_allclose(content.controller.kp, largest * omega**2, rtol=0.01)
     np.testing.assert_allclose(content.controller.kd, 1.4 * largest * omega, rtol=0.01)
     np.testing.assert_allclose(content.controller.ki, 2.0 * np.array(content.controller.kp))
@@ -61,11 +61,16 @@ def test_counts_of_the_motor_are_those_of_the_joint_times_the_gear(bench):
 
 
 def test_all_motions_have_the_condition_number_and_length_of_the_paper(bench):
-    numbers = condition_numbers(bench)
+    said, content = stated(), bench.scenario.content
+    numbers = np.array(condition_numbers(bench)) / said["condition_number"]
     assert len(numbers) == 20
-    assert 150.0 <= min(numbers) and max(numbers) <= 250.0
+    assert 0.75 <= min(numbers) and max(numbers) <= 1.25
     q, *_ = bench.reference_of_record(3)
-    assert len(q) == 34_500
+    assert len(q) == said["samples"] and content.record.rate == said["rate"]
+    band = content.identify.bandpass
+    assert (band.cutoff, band.bandwidth) == (said["cutoff"], said["decimation"])
+    assert len(q) * 2 * band.bandwidth / said["rate"] == said["rows"]
+    assert content.noise.counts == said["points_per_revolution"]
     first = bench.reference_of_record(0)[0]
     assert not np.array_equal(q, first)
     np.testing.assert_array_equal(bench.reference_of_record(20)[0], first)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.paper.experiment import FORMS, IDENTIFIED, READINGS, Reading
-from pivident.paper.published import published_table
+from pivident.paper.published import published_table, stated
 from pivident.paper.repetition import Repetition, Runs, ratio_of_deviations
 from pivident.text.numbers import plus_minus
 
@@ -20,9 +20,6 @@ LS, IV, PRINTED, PIV = (FORMS[name] for name in ("ls", "iv", "piv-as-printed", "
 
 #: Pairs of viscous and dry friction of one joint or motor.
 FRICTION = tuple((f"fv{j}", f"fc{j}") for j in ("1", "2", "3", "4", "5", "6", "m6"))
-
-#: The paper's iterations of IV and PIV, and how many parameters become more precise.
-ITERATIONS = {IV: 3, PRINTED: 5}
 
 #: Intervals that cover less than this share are wrong; errors this many times larger are worse.
 FEW_COVERED, CLEARLY = 0.85, 2.0
@@ -83,7 +80,7 @@ def claims(readings: Mapping[str, Reading], repetition: Repetition) -> tuple[Cla
         readings: one experiment of each reading.
         repetition: the experiment repeated.
     """
-    table = published_table()
+    table, said = published_table(), stated()
     ratios = np.array([row.relative_std["piv"] / row.relative_std["iv"] for row in table])
     fell, mean = int(np.sum(ratios < 1.0)), float(np.exp(np.mean(np.log(ratios))))
     rows: list[tuple[str, str, Callable[[Reading, Mapping[str, Runs]], Judged]]] = [
@@ -97,8 +94,8 @@ def claims(readings: Mapping[str, Reading], repetition: Repetition) -> tuple[Cla
         ("5.2", "IDIM-LS takes dry friction for viscous friction (Table 1).", _friction_biased),
         (
             "5.2",
-            f"IDIM-IV and IDIM-PIV converge, in {ITERATIONS[IV]} and {ITERATIONS[PRINTED]} "
-            "iterations.",
+            f"IDIM-IV and IDIM-PIV converge, in {said['iterations_iv']} and "
+            f"{said['iterations_piv']} iterations.",
             _converge,
         ),
         ("5.2", "Torques of another motion fit as well by IDIM-PIV as by IDIM-IV.", _fit_as_well),
@@ -206,7 +203,7 @@ def _friction_biased(reading: Reading, forms: Mapping[str, Runs]) -> Judged:
 
 def _converge(reading: Reading, forms: Mapping[str, Runs]) -> Judged:
     parts, good = [], []
-    for name, most in ITERATIONS.items():
+    for name, most in ((IV, stated()["iterations_iv"]), (PRINTED, stated()["iterations_piv"])):
         if name not in forms:
             return _unknown()
         own, steps = forms[name], np.inf
@@ -336,10 +333,16 @@ def _bias(mean: float, half: float) -> str:
     return f"{plus_minus(100 * mean, 100 * half, sign=True)} %"
 
 
+#: Kinds of verdicts, and how several claims are said to have them.
+KINDS = {
+    "holds": "hold",
+    "holds with a condition": "hold with a condition",
+    "does not hold": "do not hold",
+    "not judged": "were not judged",
+}
+
+
 def verdicts(judged: Iterable[Claim]) -> dict[str, int]:
     """How many claims hold, hold with a condition, do not, or were not judged."""
-    counts: dict[str, int] = {}
-    for claim in judged:
-        kind = claim.verdict.partition(":")[0]
-        counts[kind] = counts.get(kind, 0) + 1
-    return counts
+    kinds = [claim.verdict.partition(":")[0] for claim in judged]
+    return {kind: kinds.count(kind) for kind in KINDS if kind in kinds}

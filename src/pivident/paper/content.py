@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from pivident.paper.claims import PIV, PRINTED, Claim, claims, percent, verdicts
+from pivident.paper.claims import KINDS, PIV, PRINTED, Claim, claims, percent, verdicts
 from pivident.paper.equations import EQUATIONS
 from pivident.paper.experiment import FORMS, READINGS, Reading, condition_numbers
 from pivident.paper.figures import DRAWN_BY
 from pivident.paper.markdown import code
 from pivident.paper.public_record import PublicRecord
-from pivident.paper.published import published_table
+from pivident.paper.published import published_table, stated
 from pivident.paper.repetition import Repetition, Runs
 from pivident.paper.side_by_side import all_forms, beside_table_1, head_of, public_tables
 from pivident.simulation.joint_loop import joint_feedbacks
@@ -34,6 +34,7 @@ def page_content(
     forms = [f for f in all_forms() if any(f in own.results for own in readings.values())]
     return {
         "lead": _lead(judged),
+        "points": stated()["points_per_revolution"],
         "experiment": _experiment(readings),
         "readings": [
             (name, meaning, _torques(readings[name])) for name, meaning in _known(readings)
@@ -67,7 +68,7 @@ def _known(readings: Mapping[str, Reading]) -> list[tuple[str, str]]:
 
 def _lead(judged: Sequence[Claim]) -> str:
     counts = verdicts(judged)
-    told = ", ".join(f"{number} {kind}" for kind, number in counts.items())
+    told = ", ".join(f"{number} {KINDS[kind]}" for kind, number in counts.items())
     return (
         "*An improved instrumental variable method for industrial robot model identification*, "
         "Control Engineering Practice 74 (2018), introduces IDIM-PIV. Of its claims, as we read "
@@ -91,7 +92,7 @@ def _experiment(readings: Mapping[str, Reading]) -> list[tuple[str, str, str]]:
     stiff = ", ".join(format_significant(x) for x in np.atleast_1d(np.asarray(law.kp)) * gain)
     samples = reading.recording.samples
     others = condition_numbers(reading.bench)
-    band = content.identify.bandpass
+    band, said = content.identify.bandpass, stated()
     return [
         ("robot", "Stäubli TX40 with the coupling of its wrist", "the same"),
         (
@@ -103,7 +104,7 @@ def _experiment(readings: Mapping[str, Reading]) -> list[tuple[str, str, str]]:
             "control law",
             f"one PID per axis, kp {stiff} N m/rad, derivative filter "
             f"{1e3 * law.derivative_time:.2g} ms",
-            "one PID per axis, gains not given",
+            f"one PID per axis, gains not given, bandwidth {said['bandwidth']} Hz",
         ),
         (
             "motion",
@@ -113,18 +114,18 @@ def _experiment(readings: Mapping[str, Reading]) -> list[tuple[str, str, str]]:
         (
             "condition number",
             f"{others[0]:.0f} of this motion, {min(others):.0f} to {max(others):.0f} of all",
-            "200",
+            f"{said['condition_number']}",
         ),
         (
             "samples",
             f"{samples} at {reading.recording.rate:g} Hz to estimate, {samples} of another motion "
             "to validate",
-            "34500 at 5000 Hz, and a second part",
+            f"{said['samples']} at {said['rate']} Hz, and a second part",
         ),
         (
             "band-pass",
             f"{band.cutoff:g} Hz, decimation to {band.bandwidth:g} Hz",
-            "50 Hz, 20 Hz",
+            f"{said['cutoff']} Hz, {said['decimation']} Hz",
         ),
         ("torque", "from the control signal", "the same"),
         (
@@ -211,15 +212,20 @@ def _why_none(reading: str, own: Reading, forms: Mapping[str, Runs]) -> str:
         for name, runs in forms.items()
         if _estimates(runs) and name in (PIV, FORMS["didim"])
     ]
+    text = (
+        f"In the reading *{reading}* no form covers {percent(RIGHT)} on all records: "
+        f"{'; '.join(parts) or 'none gives an estimate'}."
+    )
     loop = own.bench.loop
-    law = joint_feedbacks(loop.controller, own.recording.rate, own.recording.joints)[0]
     count = float(loop.counts(own.recording.joints)[0])
+    if count == 0.0:
+        return text
+    law = joint_feedbacks(loop.controller, own.recording.rate, own.recording.joints)[0]
     step = float(np.atleast_1d(loop.drive_gain)[0]) * count * float(law.feedback[0])
     size = float(own.bench.noise_free.tau[:, 0].std())
     return (
-        f"In the reading *{reading}* no form covers {percent(RIGHT)} on all records: "
-        f"{'; '.join(parts) or 'none gives an estimate'}. One count of the encoder makes the law "
-        f"of axis 1 answer with {step:.0f} N m, and the motion itself takes {size:.0f} N m (rms): "
-        "the machine shakes. Smoothed positions take a part of that for motion and leave a part of "
-        "the motion; simulated loops shake likewise, but not in step with it."
+        f"{text} One count of the encoder makes the law of axis 1 answer with {step:.0f} N m, and "
+        f"the motion itself takes {size:.0f} N m (rms): the machine shakes. Smoothed positions "
+        "take a part of that for motion and leave a part of the motion; simulated loops shake "
+        "likewise, but not in step with it."
     )

@@ -23,11 +23,11 @@ from pivident.prediction.predict import predict
 from pivident.prediction.prediction import Prediction
 from pivident.recording.recording import Recording
 
-#: Readings of the encoder's resolution, and what each means.
+#: Readings of the resolution of the encoders, and what each means.
 READINGS = {
-    "joint": "3600 per revolution of the joint, and the control law reads them",
-    "motor": "3600 per revolution of the motor, and the control law reads them",
-    "log": "3600 per revolution of the joint, on the record only",
+    "joint": "per revolution of the joint, and the control law reads them",
+    "motor": "per revolution of the motor, and the control law reads them",
+    "log": "per revolution of the joint, on the record only",
 }
 
 #: Forms of the estimate by the name of the method; with ``IDENTIFIED`` behind it, the control law

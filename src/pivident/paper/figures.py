@@ -14,12 +14,10 @@ from pivident.figures import (
 )
 from pivident.paper.claims import IV, PIV, PRINTED
 from pivident.paper.experiment import Reading
+from pivident.paper.published import stated
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-#: Figure 3 of the paper: Nyquist frequency of 1 kHz, cut-off of 50 Hz.
-_RATE, _CUTOFF = 2000.0, 50.0
 
 #: Joints of the figures of the text, and of those of the appendix.
 _FIRST, _LAST = (1, 2, 3), (4, 5, 6)
@@ -34,7 +32,9 @@ def paper_figures(reading: Reading) -> Iterator[tuple[str, str, Figure]]:
     IDIM-PIV is the form as printed where it gave an estimate, and else the recommended one.
     """
     prefiltered = PRINTED if PRINTED in reading.results else PIV
-    yield "figure_3", "Figure 3: the band-pass filters", figure_of_bandpass(_RATE, _CUTOFF)
+    said = stated()
+    bandpass = figure_of_bandpass(2.0 * said["nyquist"], float(said["cutoff"]))
+    yield "figure_3", "Figure 3: the band-pass filters", bandpass
     pair = [form for form in (IV, prefiltered) if form in reading.results]
     for number, joints in (("4", _FIRST), ("A_7", _LAST)):
         if pair:

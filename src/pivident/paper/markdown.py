@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import base64
-import importlib
-import inspect
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -13,6 +11,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
+from pivident.paper.code_objects import source_of
 from pivident.version import __version__
 
 #: A reference to code in the documentation.
@@ -61,33 +60,12 @@ def html_of(markdown: str, figures: Path) -> str:
         r"\(figures/(\w+\.png)\)", lambda found: f"({_data(figures / found[1])})", linked
     )
     body = MarkdownIt("commonmark", {"html": False}).enable("table").render(linked)
-    sources = [(_anchor(name), name, _source(name)) for name in names]
+    sources = [(_anchor(name), name, source_of(name)) for name in names]
     return (
         page_environment(__package__)
         .get_template("paper.html")
         .render(body=Markup(body), sources=sources, version=__version__)
     )
-
-
-def object_named(name: str) -> Any:
-    """The object of a dotted name."""
-    parts = name.split(".")
-    for count in range(len(parts), 0, -1):
-        try:
-            found: Any = importlib.import_module(".".join(parts[:count]))
-        except ModuleNotFoundError:
-            continue
-        for part in parts[count:]:
-            found = getattr(found, part)
-        return found
-    raise LookupError(f"there is no {name}")
-
-
-def _source(name: str) -> str:
-    """Source of an object, with the module and the line where it stands."""
-    found = inspect.unwrap(getattr(object_named(name), "py_func", object_named(name)))
-    lines, first = inspect.getsourcelines(found)
-    return f"# {found.__module__}, line {first}\n{''.join(lines).rstrip()}"
 
 
 def _short(name: str) -> str:

@@ -1,8 +1,9 @@
-"""Table 1 of Brunot, Janot, Young and Carrillo (2018), as numbers.
+"""What Brunot, Janot, Young and Carrillo (2018) state: Table 1, and figures of the text.
 
 M. Brunot, A. Janot, P. C. Young, F. Carrillo, An improved instrumental variable method for
 industrial robot model identification, Control Engineering Practice 74 (2018) 107-117, Table 1:
-estimates of 28 parameters of a Stäubli TX40 and their relative standard deviations.
+estimates of 28 parameters of a Stäubli TX40 and their relative standard deviations. Figures of the
+text are in ``stated.toml``, with their sections.
 """
 
 from __future__ import annotations
@@ -11,6 +12,8 @@ import csv
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
+
+from pivident.text.toml import parse_toml
 
 #: Columns of the table by the key of its file.
 COLUMNS = {
@@ -42,3 +45,10 @@ def published_table() -> tuple[PublishedParameter, ...]:
         )
         for row in csv.DictReader(text.splitlines())
     )
+
+
+@cache
+def stated() -> dict[str, int]:
+    """Figures of the text by name, see ``stated.toml`` for units and sections."""
+    text = (resources.files(__package__) / "stated.toml").read_text("utf-8")
+    return {name: int(value) for name, value in parse_toml(text).items()}
