@@ -21,6 +21,7 @@ from pivident.recording.recording import Recording
 from pivident.simulation.controllers import TAPS
 from pivident.simulation.linear_law import reference_derivatives
 from pivident.simulation.transfer_law import TransferLaw, split_integrator
+from pivident.threads import run_in_threads
 
 if TYPE_CHECKING:
     from pivident.linear.estimate import LinearEstimate
@@ -102,43 +103,92 @@ def identify_free_law(
     joints = recording.joints
     gain = np.broadcast_to(np.asarray(drive_gain, float), (joints,))
     bound = np.broadcast_to(np.asarray(limit, float), (joints,))
-    inputs = sum(recording.inputs.values(), np.zeros(recording.tau.shape))
-    numerator, denominator = np.zeros((2, joints, TAPS))
-    of_reference = np.zeros((3, joints if reference_inputs else 0, TAPS))
-    of_reference[2, :, 0] = 1.0
-    ki, estimates, errors = np.zeros(joints), [], []
-    output, model = np.zeros((2, *recording.q.shape))
-    for j in range(joints):
-        total = recording.tau[:, j] / gain[j]
-        u, e = total - inputs[:, j], recording.q_ref[:, j] - recording.q[:, j]
-        left_out = (np.abs(total) >= bound[j] * (1.0 - 1e-9)) | clipped_samples(
-            recording.tau[:, j], recording.q[:, j]
-        )
-        seen = (
-            np.column_stack([e, *_reference_derivatives(recording, j)]) if reference_inputs else e
-        )
-        estimate = _estimate(
-            seen, u, 1.0 / recording.rate, left_out, method, orders, integrator,
-            recording.joint_names[j],
+    found: dict[int, _JointLaw] = {}
+
+    def work(j: int) -> None:
+        found[j] = _joint_law(
+            recording, j, float(gain[j]), float(bound[j]), method, orders, integrator,
+            reference_inputs,
         )  # fmt: skip
-        (b, *others), a = _discrete(estimate)
-        if others:
-            for row, polynomial in zip(of_reference[:, j], [*others, a], strict=True):
-                row[: len(polynomial)] = polynomial
-        if np.abs(np.roots(a) - 1.0).min(initial=1.0) < INTEGRATOR:
-            free = np.polydiv(a, [1.0, -1.0])[0]
-            b, residue = split_integrator(b, free)
-            a, ki[j] = free, residue * recording.rate
-        numerator[j, : len(b)], denominator[j, : len(a)] = b, a
-        estimates.append(estimate)
-        output[:, j] = u
-        model[:, j] = estimate.simulate(seen[:, : len(others) + 1] if reference_inputs else seen)
-        squares = (u - model[:, j])[~left_out] ** 2
-        errors.append(float(np.sqrt(np.sum(squares) / np.sum(u[~left_out] ** 2))))
-    law = TransferLaw(numerator, denominator, ki, recording.rate, of_reference)
-    return FreeLaw(
-        law, tuple(estimates), tuple(errors), recording.joint_names, output, model, recording.rate
+
+    run_in_threads(work, range(joints))
+    laws = [found[j] for j in range(joints)]
+    law = TransferLaw(
+        np.array([own.numerator for own in laws]),
+        np.array([own.denominator for own in laws]),
+        np.array([own.ki for own in laws]),
+        recording.rate,
+        np.stack([own.of_reference for own in laws], axis=1)
+        if reference_inputs
+        else np.zeros((3, 0, TAPS)),
     )
+    return FreeLaw(
+        law,
+        tuple(own.estimate for own in laws),
+        tuple(own.relative_error for own in laws),
+        recording.joint_names,
+        np.stack([own.output for own in laws], axis=1),
+        np.stack([own.model for own in laws], axis=1),
+        recording.rate,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _JointLaw:
+    """One joint's law, in the terms of `TransferLaw`."""
+
+    numerator: np.ndarray  # (TAPS,)
+    denominator: np.ndarray  # (TAPS,)
+    ki: float
+    of_reference: np.ndarray  # B_v, B_a and A_r, (3, TAPS)
+    estimate: LinearEstimate
+    relative_error: float
+    output: np.ndarray  # (samples,)
+    model: np.ndarray  # (samples,)
+
+
+def _joint_law(
+    recording: Recording,
+    j: int,
+    gain: float,
+    bound: float,
+    method: FreeMethod,
+    orders: tuple[int, int],
+    integrator: bool,
+    reference_inputs: bool,
+) -> _JointLaw:
+    """One joint's transfer functions, with an integrator of the error apart."""
+    assert recording.q_ref is not None
+    total = recording.tau[:, j] / gain
+    u = total - sum(inputs[:, j] for inputs in recording.inputs.values())
+    left_out = (np.abs(total) >= bound * (1.0 - 1e-9)) | clipped_samples(
+        recording.tau[:, j], recording.q[:, j]
+    )
+    seen = recording.q_ref[:, j] - recording.q[:, j]
+    if reference_inputs:
+        seen = np.column_stack([seen, *_reference_derivatives(recording, j)])
+    estimate = _estimate(
+        seen, u, 1.0 / recording.rate, left_out, method, orders, integrator,
+        recording.joint_names[j],
+    )  # fmt: skip
+    (b, *others), a = _discrete(estimate)
+    of_reference = [*others, a] if others else [np.zeros(1), np.zeros(1), np.ones(1)]
+    ki = 0.0
+    if np.abs(np.roots(a) - 1.0).min(initial=1.0) < INTEGRATOR:
+        free = np.polydiv(a, [1.0, -1.0])[0]
+        b, residue = split_integrator(b, free)
+        a, ki = free, residue * recording.rate
+    model = estimate.simulate(seen[:, : len(others) + 1] if reference_inputs else seen)
+    left = np.sum((u - model)[~left_out] ** 2) / np.sum(u[~left_out] ** 2)
+    return _JointLaw(
+        _taps(b), _taps(a), ki, np.array([_taps(own) for own in of_reference]), estimate,
+        float(np.sqrt(left)), u, model,
+    )  # fmt: skip
+
+
+def _taps(polynomial: np.ndarray) -> np.ndarray:
+    """Coefficients of z⁰, z⁻¹, …, with zeros behind, shape (TAPS,)."""
+    return np.concatenate([polynomial, np.zeros(TAPS - len(polynomial))])
 
 
 def _reference_derivatives(recording: Recording, j: int) -> tuple[np.ndarray, np.ndarray]:
