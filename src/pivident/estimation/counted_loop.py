@@ -90,6 +90,8 @@ class CountedSteps(UnfilteredSteps):
     auxiliary: AuxiliaryModel  # the loop without counts
     recipe: Bandpass
 
+    repeatable = False  # other loops each time
+
     def equations(
         self, last: Pass, simulated: Simulated, prefilters: Prefilters
     ) -> tuple[Sequence[DecimatedRecord], Prefilters]:

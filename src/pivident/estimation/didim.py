@@ -96,6 +96,7 @@ class SimulatedSteps:
     whitening: Whitening
 
     always_by_window = False
+    repeatable = True
 
     @property
     def earliest(self) -> int:

@@ -72,6 +72,7 @@ class DecimatedSteps:
 
     earliest = MIN_ESTIMATES + 1
     always_by_window = True
+    repeatable = True
 
     def start(self) -> Pass:
         """θ⁰: least squares on the decimated equations."""
@@ -124,6 +125,7 @@ class UnfilteredSteps:
 
     earliest = MIN_ESTIMATES + 1
     always_by_window = True
+    repeatable = True
 
     def start(self) -> Pass:
         """θ⁰: least squares at the full rate."""
