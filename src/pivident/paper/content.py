@@ -72,7 +72,7 @@ def _lead(judged: Sequence[Claim]) -> str:
     return (
         "*An improved instrumental variable method for industrial robot model identification*, "
         "Control Engineering Practice 74 (2018), introduces IDIM-PIV. Of its claims, as we read "
-        f"them: {told}."
+        f"them, on the twin below: {told}."
     )
 
 
