@@ -107,3 +107,26 @@ def test_cited_sources_are_in_the_bibliography():
     assert len(cited) > 8
     for name, year in cited:
         assert any(name in entry and year in entry for entry in entries), (name, year)
+
+
+def test_every_equation_of_the_paper_leads_to_its_code(built):
+    """One click from the row of an equation to the source's entry, which exists."""
+    from pivident.paper.equations import EQUATIONS
+
+    page = built / "paper" / "index.html"
+    text = page.read_text("utf-8")
+    for equation in EQUATIONS:
+        row = re.search(rf"<td><p>\({equation.number}\)</p></td>.*?</tr>", text, re.DOTALL)
+        assert row, equation
+        links = re.findall(r'href="([^"#]*)#(pivident[^"]+)"', row[0])
+        assert [name for _, name in links] == list(equation.code)
+        for target, name in links:
+            assert f'id="{name}"' in (page.parent / target).resolve().read_text("utf-8"), name
+
+
+def test_the_page_of_the_paper_has_its_figures_and_no_gaps(built):
+    text = (DOCS / "paper" / "index.md").read_text("utf-8")
+    drawn = re.findall(r"!\[[^\]]+\]\(figures/(\w+\.png)\)", text)
+    assert len(drawn) == 7 and all((DOCS / "paper" / "figures" / f).is_file() for f in drawn)
+    assert not re.search(r"\b(?:nan|None|inf)\b", text)
+    assert "100 records of 20 motions" in text and "## A real arm" in text

@@ -45,6 +45,7 @@ def page_content(
         "runs": repetition.runs,
         "motions": repetition.motions,
         "accuracy": _accuracy(repetition),
+        "no_estimates": _no_estimates(repetition),
         "best_line": _best_line(readings, repetition),
         "tables": {name: beside_table_1(own.results, forms) for name, own in readings.items()},
         "table_head": head_of(forms),
@@ -171,6 +172,16 @@ def _accuracy(repetition: Repetition) -> list[tuple[object, ...]]:
                 )
             )
     return rows
+
+
+def _no_estimates(repetition: Repetition) -> list[str]:
+    """Why forms give no estimate on any record."""
+    return [
+        f"{form} in the reading *{reading}*, first record: {own.message}."
+        for reading, forms in repetition.readings.items()
+        for form, own in forms.items()
+        if own.failed and not _estimates(own)
+    ]
 
 
 def _estimates(runs: Runs | None) -> bool:
