@@ -47,15 +47,25 @@ VALIDATION = 1
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """One experiment: its bench, and what every form of the estimate made of its first record."""
+    """One experiment: its bench, and what every form of the estimate made of its first record.
 
-    name: str  # key of ``READINGS``
+    Attributes:
+        name: key of ``READINGS``.
+        bench: truth, loop, motions and noise.
+        recording: what was estimated from.
+        validation: another motion of the same loop.
+        results: estimates by form.
+        failures: message of the forms that gave no estimate.
+        law: the identified control law, where one was asked for.
+    """
+
+    name: str
     bench: Bench
     recording: Recording
     validation: Recording
-    results: Mapping[str, Identification]  # by form
-    failures: Mapping[str, str]  # message of the forms that gave no estimate
-    law: FreeLaw | None = None  # the identified control law, where one was asked for
+    results: Mapping[str, Identification]
+    failures: Mapping[str, str]
+    law: FreeLaw | None = None
 
     @cached_property
     def predictions(self) -> dict[str, Prediction]:

@@ -26,11 +26,17 @@ COLUMNS = {
 
 @dataclass(frozen=True)
 class PublishedParameter:
-    """One row of the table; both dictionaries are by the keys of ``COLUMNS``."""
+    """One row of the table; both dictionaries are by the keys of ``COLUMNS``.
 
-    name: str  # base parameter, as in results
-    value: dict[str, float]  # estimates [SI unit of the parameter]
-    relative_std: dict[str, float]  # relative standard deviations [%]
+    Attributes:
+        name: base parameter, as in results.
+        value: estimates [SI unit of the parameter].
+        relative_std: relative standard deviations [%].
+    """
+
+    name: str
+    value: dict[str, float]
+    relative_std: dict[str, float]
 
 
 @cache

@@ -30,21 +30,35 @@ WAYS = {"known": "", "didim": "", "identified": IDENTIFIED}
 
 @dataclass(frozen=True, eq=False)
 class Runs:
-    """All runs of one form: arrays over the runs that gave an estimate."""
+    """All runs of one form: arrays over the runs that gave an estimate.
 
-    names: tuple[str, ...]  # parameters
-    truth: np.ndarray  # (parameters,)
-    runs: np.ndarray  # their numbers, shape (runs,)
-    motions: np.ndarray  # which motion each moved along
-    theta: np.ndarray  # estimates, (runs, parameters)
-    std: np.ndarray  # reported standard errors, likewise
-    converged: np.ndarray  # (runs,)
-    iterations: np.ndarray  # (runs,)
-    condition: np.ndarray  # of the observation matrix, (runs,)
-    correlated: np.ndarray  # share of autocorrelations beyond ±2/√n, (runs, joints)
-    orders: np.ndarray  # of the noise models, (runs, joints)
-    failed: int  # runs without an estimate
-    message: str  # of the first of them
+    Attributes:
+        names: parameters.
+        truth: their true values, shape (parameters,).
+        runs: numbers of the runs, shape (runs,).
+        motions: which motion each moved along, shape (runs,).
+        theta: estimates, shape (runs, parameters).
+        std: reported standard errors, likewise.
+        converged: whether the iteration converged, shape (runs,).
+        iterations: how many there were, shape (runs,).
+        correlated: share of autocorrelations beyond ±2/√n, shape (runs, joints).
+        orders: of the noise models, shape (runs, joints).
+        failed: number of runs without an estimate.
+        message: of the first of them.
+    """
+
+    names: tuple[str, ...]
+    truth: np.ndarray
+    runs: np.ndarray
+    motions: np.ndarray
+    theta: np.ndarray
+    std: np.ndarray
+    converged: np.ndarray
+    iterations: np.ndarray
+    correlated: np.ndarray
+    orders: np.ndarray
+    failed: int
+    message: str
 
     @property
     def count(self) -> int:
@@ -87,19 +101,23 @@ class Runs:
         return np.median(self.std / np.abs(self.theta), axis=0)
 
     def relative_bias(self, name: str) -> tuple[float, float]:
-        """Mean of θ̂/θ - 1 of a parameter, and half its 95 % interval."""
+        """Mean of θ̂/θ - 1 of a parameter, and half its 95 % interval.
+
+        Args:
+            name: of the parameter.
+        """
         k = self.names.index(name)
         means = record_means(self.theta[:, k] / self.truth[k] - 1.0, self.motions)
         return float(means.mean()), half_interval(means)
 
-    def mean(self, name: str) -> float:
-        """Mean estimate of a parameter."""
-        return float(self.theta[:, self.names.index(name)].mean())
-
 
 @dataclass(frozen=True, eq=False)
 class Repetition:
-    """All forms of all readings: ``readings[reading][form]``."""
+    """All forms of all readings.
+
+    Attributes:
+        readings: runs by reading and form: ``readings[reading][form]``.
+    """
 
     readings: Mapping[str, Mapping[str, Runs]]
 
@@ -187,7 +205,6 @@ def _forms(folder: Path, reading: str, way: str, behind: str) -> dict[str, Runs]
                 std=stacked("std", size),
                 converged=good["converged"].to_numpy().astype(bool),
                 iterations=good["iterations"].to_numpy(),
-                condition=good["condition"].to_numpy(),
                 correlated=stacked("correlated", joints),
                 orders=stacked("noise_order", joints),
                 failed=len(bad),

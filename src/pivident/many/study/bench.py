@@ -196,7 +196,11 @@ class Bench:
         )
 
     def identified_law(self, recording: Recording) -> FreeLaw:
-        """A law of unknown structure, identified from a record."""
+        """A law of unknown structure, identified from a record.
+
+        Args:
+            recording: a record of the bench.
+        """
         from pivident.linear.free_law import identify_free_law
 
         loop = self.loop
