@@ -82,7 +82,7 @@ _ROWS: tuple[tuple[int, str, tuple[str, ...]], ...] = (
     (
         24,
         "residual of the instrumental variable estimate",
-        (f"{_ESTIMATION}.noise_identification.Whitening.fitted",),
+        (f"{_ESTIMATION}.full_rate.FullRateRecord.residual",),
     ),
     (
         25,
