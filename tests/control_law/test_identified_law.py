@@ -184,3 +184,11 @@ def test_a_law_that_sees_the_reference_needs_its_derivatives():
     assert np.abs(apart[200:]).max() < 1e-2 * size
     with pytest.raises(ExperimentError, match="use srivc with reference_inputs"):
         identify_free_law(record, reference_inputs=True)
+
+
+def test_a_joint_without_error_is_named():
+    record = pid_record(samples=2000)
+    still = dataclasses.replace(record, q_ref=record.q.copy())
+    with pytest.raises(IdentificationError) as caught:
+        identify_free_law(still, method="srivc")
+    assert "in the law of joint 'axis'" in caught.value.__notes__

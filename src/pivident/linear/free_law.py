@@ -167,10 +167,14 @@ def _joint_law(
     seen = recording.q_ref[:, j] - recording.q[:, j]
     if reference_inputs:
         seen = np.column_stack([seen, *_reference_derivatives(recording, j)])
-    estimate = _estimate(
-        seen, u, 1.0 / recording.rate, left_out, method, orders, integrator,
-        recording.joint_names[j],
-    )  # fmt: skip
+    name = recording.joint_names[j]
+    try:
+        estimate = _estimate(
+            seen, u, 1.0 / recording.rate, left_out, method, orders, integrator, name
+        )
+    except IdentificationError as error:
+        error.add_note(f"in the law of joint {name!r}")
+        raise
     (b, *others), a = _discrete(estimate)
     of_reference = [*others, a] if others else [np.zeros(1), np.zeros(1), np.ones(1)]
     ki = 0.0
