@@ -139,7 +139,7 @@ def test_the_law_of_one_emps_file_makes_the_voltage_of_the_other(public_data):
     assert np.sqrt(np.mean(error**2)) < 0.01
 
 
-def reference_fed_record(samples=20_000):
+def reference_fed_record(samples=8_000):
     """A PID whose derivative sees the reference's own speed: kp e + kd (dq_ref - D q) + ki ∫e."""
     t = np.arange(samples) / RATE
     rising = np.clip(t / 0.5, 0.0, 1.0) ** 3  # from rest, without an error

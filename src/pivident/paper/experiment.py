@@ -6,7 +6,7 @@ The scenario ``paper`` has three readings of "3600 points per revolution"; each 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -80,14 +80,6 @@ class Reading:
         return estimate_kinematics(self.recording, recipe.signals).f50
 
 
-@dataclass
-class _Attempt:
-    """Results and failures of a reading while they are made."""
-
-    results: dict[str, Identification] = field(default_factory=dict)
-    failures: dict[str, str] = field(default_factory=dict)
-
-
 def condition_numbers(bench: Bench) -> list[float]:
     """Condition number of the observation matrix along the reference of each motion.
 
@@ -135,14 +127,15 @@ def run_reading(
     scenario = condition(reading)
     bench = Bench(scenario)
     problem = bench.problem(0)
-    made = _Attempt()
+    results: dict[str, Identification] = {}
+    failures: dict[str, str] = {}
 
     def attempt(form: str, method: Method, own=problem) -> None:
         say(f"{reading}: {form}")
         try:
-            made.results[form] = identify(own, method)
+            results[form] = identify(own, method)
         except PividentError as error:
-            made.failures[form] = str(error)
+            failures[form] = str(error)
 
     methods = dict(scenario.methods)
     if didim:
@@ -161,7 +154,7 @@ def run_reading(
         bench,
         problem.recordings[0],
         bench.recording(VALIDATION),
-        made.results,
-        made.failures,
+        results,
+        failures,
         law,
     )
