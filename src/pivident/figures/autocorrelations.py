@@ -10,21 +10,18 @@ import numpy as np
 from pivident.estimation.identification import Identification
 from pivident.figures.joint_panels import chosen_joints, chosen_recording, legend_above
 from pivident.figures.paper_style import FigureError, new_figure, paper_style, plain
-from pivident.validation.residuals.autocorrelation import autocorrelation
+from pivident.validation.residuals.autocorrelation import COUNTED_LAGS, autocorrelation
 from pivident.validation.residuals.whitened_residual import joint_residuals
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-#: Lags that are drawn.
-LAGS = 50
 
 
 def figure_of_autocorrelations(
     results: Identification | Sequence[Identification],
     joints: Sequence[str | int] | None = None,
     *,
-    lags: int = LAGS,
+    lags: int = COUNTED_LAGS,
     columns: int = 2,
 ) -> Figure:
     """Autocorrelations of each joint's residual, one row for each joint, and ±2/√n around zero.

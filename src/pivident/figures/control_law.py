@@ -2,39 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pivident.figures.joint_panels import draw_trace, joints_named, legend_above
 from pivident.figures.paper_style import new_figure, paper_style, plain
+from pivident.simulation.control_loop import FittedLaw
 from pivident.text.numbers import percent
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-class IdentifiedLaw(Protocol):
-    """What `identify_controller` and `identify_free_law` return."""
-
-    @property
-    def output(self) -> np.ndarray:
-        """Recorded output, shape (samples, joints) [u]."""
-
-    @property
-    def model(self) -> np.ndarray:
-        """Output of the identified law, likewise."""
-
-    @property
-    def rate(self) -> float:
-        """Sampling rate [Hz]."""
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Names of the joints."""
-
-
-def figure_of_control_law(law: IdentifiedLaw, joint: str | int, *, columns: int = 1) -> Figure:
+def figure_of_control_law(law: FittedLaw, joint: str | int, *, columns: int = 1) -> Figure:
     """Recorded output of one joint's law, that of the identified law, and their difference.
 
     Args:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pivident.many.study.summary import NOMINAL_COVERAGE, geometric_mean
 from pivident.paper.experiment import FORMS, IDENTIFIED, READINGS, Reading
 from pivident.paper.published import published_table, stated
 from pivident.paper.repetition import Repetition, Runs, ratio_of_deviations
@@ -83,9 +84,9 @@ def claims(readings: Mapping[str, Reading], repetition: Repetition) -> tuple[Cla
     table, said = published_table(), stated()
     ls = {row.name: 100.0 * (row.value["ls"] / row.value["piv"] - 1.0) for row in table}
     ratios = np.array([row.relative_std["piv"] / row.relative_std["iv"] for row in table])
-    fell, mean = int(np.sum(ratios < 1.0)), float(np.exp(np.mean(np.log(ratios))))
+    fell, mean = int(np.sum(ratios < 1.0)), geometric_mean(ratios)
     rows: list[tuple[str, str, Callable[[Reading, Mapping[str, Runs]], Judged]]] = [
-        ("5.1", "The motion excites all 28 parameters.", _excited),
+        ("5.1", f"The motion excites all {len(table)} parameters.", _excited),
         ("5.1", "The AIC selects noise models of very high order.", _high_orders),
         (
             "5.2",
@@ -276,9 +277,12 @@ def _reliable(reading: Reading, forms: Mapping[str, Runs]) -> Judged:
     present = [name for name in (IV, PRINTED, PIV) if _has(forms, name)]
     if IV not in present or len(present) < 2:
         return _unknown()
-    off = {name: abs(forms[name].coverage - 0.954) for name in present}
+    off = {name: abs(forms[name].coverage - NOMINAL_COVERAGE) for name in present}
     text = ", ".join(_coverage(name, forms[name]) for name in present)
-    return Judged(off[present[1]] < off[IV], f"the truth lies within ±2σ: {text}; 95.4 % is right")
+    return Judged(
+        off[present[1]] < off[IV],
+        f"the truth lies within ±2σ: {text}; {percent(NOMINAL_COVERAGE)} is right",
+    )
 
 
 def _coverage(name: str, own: Runs) -> str:

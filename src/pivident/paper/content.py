@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from pivident.many.study.summary import NOMINAL_COVERAGE
 from pivident.paper.claims import KINDS, PIV, PRINTED, Claim, claims, percent, verdicts
 from pivident.paper.equations import EQUATIONS
 from pivident.paper.experiment import FORMS, READINGS, Reading, condition_numbers
@@ -42,6 +43,7 @@ def page_content(
         "claims": judged,
         "verdict_line": _verdict_line(judged),
         "parameters": len(published_table()),
+        "nominal": percent(NOMINAL_COVERAGE),
         "runs": repetition.runs,
         "motions": repetition.motions,
         "accuracy": _accuracy(repetition),

@@ -18,14 +18,10 @@ from pivident.estimation.identify import identify
 from pivident.experiment.experiment import load_experiment
 from pivident.paper.experiment import FORMS
 from pivident.recording.datasets import dataset_files
-from pivident.validation.residuals.autocorrelation import autocorrelation
-from pivident.validation.residuals.whitened_residual import joint_residuals
+from pivident.validation.residuals.autocorrelation import correlated_shares
 
 #: Name of the record.
 DATASET = "staubli_tx40"
-
-#: Lags of the autocorrelations that are counted.
-LAGS = 50
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +33,7 @@ class PublicRecord:
 
     def correlated(self, form: str) -> float:
         """Share of the autocorrelations of all joints beyond ±2/√n."""
-        residuals = joint_residuals(self.results[form])
-        return float(np.mean([autocorrelation(r, LAGS).outside for r in residuals]))
+        return float(np.mean(correlated_shares(self.results[form])))
 
 
 def run_public_record(say: Callable[[str], None] = lambda line: None) -> PublicRecord | None:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from pivident.estimation.identification import Identification
+from pivident.many.study.summary import geometric_mean
 from pivident.paper.claims import IV, LS, PIV, PRINTED, percent
 from pivident.paper.experiment import FORMS, IDENTIFIED
 from pivident.paper.public_record import PublicRecord
@@ -79,10 +80,9 @@ def _public_lines(record: PublicRecord) -> list[str]:
             ratio = found[form].relative_std / found[IV].relative_std
             names = [found[form].names.index(row.name) for row in published_table()]
             own = ratio[names]
-            mean = float(np.exp(np.mean(np.log(own))))
             lines.append(
                 f"Relative standard errors fall from IDIM-IV to {form} for {np.sum(own < 1)} of "
-                f"{own.size} parameters (geometric mean of the ratios {mean:.2g})."
+                f"{own.size} parameters (geometric mean of the ratios {geometric_mean(own):.2g})."
             )
     shares = [f"{form} {percent(record.correlated(form))}" for form in found]
     lines.append(f"Autocorrelations beyond ±2/√n: {', '.join(shares)}.")

@@ -35,16 +35,12 @@ class FoundReference(FoundInRecord, Protocol):
         """That over each joint's range, shape (joints,)."""
 
 
-class IdentifiedLaw(Protocol):
-    """Control laws of all joints, identified from reference, positions and torques."""
+class FittedLaw(Protocol):
+    """What control laws were fitted to, and what they make of it."""
 
     @property
-    def joints(self) -> Sequence[Any]:
-        """One law for each joint."""
-
-    @property
-    def recordings(self) -> Sequence[str]:
-        """Names of the recordings."""
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints."""
 
     @property
     def output(self) -> np.ndarray:
@@ -57,6 +53,18 @@ class IdentifiedLaw(Protocol):
     @property
     def rate(self) -> float:
         """Sampling rate [Hz]."""
+
+
+class IdentifiedLaw(FittedLaw, Protocol):
+    """Control laws of all joints, identified from reference, positions and torques."""
+
+    @property
+    def joints(self) -> Sequence[Any]:
+        """One law for each joint."""
+
+    @property
+    def recordings(self) -> Sequence[str]:
+        """Names of the recordings."""
 
     @property
     def compared(self) -> str:

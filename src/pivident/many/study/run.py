@@ -20,11 +20,7 @@ from pivident.many.study.bench import Bench
 from pivident.many.study.merit import figures_of_merit
 from pivident.many.study.scenario import Scenario
 from pivident.simulation.excitation import FourierSeries
-from pivident.validation.residuals.autocorrelation import autocorrelation
-from pivident.validation.residuals.whitened_residual import joint_residuals
-
-#: Lags of the residual's autocorrelation that a row counts.
-LAGS = 50
+from pivident.validation.residuals.autocorrelation import correlated_shares
 
 #: The bench that this process used last: robot, motion and truth are the same for all runs.
 _last_bench: dict[str, Bench] = {}
@@ -100,7 +96,7 @@ def _values(bench: Bench, found: Identification, begin: float) -> Row:
         "d_beta": merit.d_beta,
         "seconds": seconds,
         "noise_order": [fit.ar_order for fit in found.joints],
-        "correlated": [autocorrelation(r, LAGS).outside for r in joint_residuals(found)],
+        "correlated": correlated_shares(found),
     }
 
 

@@ -32,11 +32,13 @@ from functools import lru_cache
 
 import numpy as np
 
+from pivident.estimation.identification import Identification
 from pivident.signals.noise_models import LaggedSums, lagged_sums
 from pivident.validation.residuals.whitened_residual import (
     MIN_PAIRS,
     SIGNIFICANCE,
     JointResidual,
+    joint_residuals,
     probability,
     reading,
 )
@@ -46,6 +48,9 @@ EXTRA_LAGS = 40
 
 #: Lags drawn, at least.
 MIN_LAGS = 100
+
+#: Lags of which the share beyond the band is counted, and that figures for papers show.
+COUNTED_LAGS = 50
 
 #: Correlation below which a single lag does not matter.
 PRACTICAL_CORRELATION = 0.05
@@ -167,6 +172,12 @@ def autocorrelation(
         sums = lagged_sums(residual.pieces, lags)
     band = 2.0 / np.sqrt(np.maximum(sums.pairs[1:], 1.0))
     return Autocorrelation(_correlations(sums)[1:], band, residual.rate)
+
+
+def correlated_shares(identification: Identification) -> list[float]:
+    """Share of each joint's autocorrelations beyond ±2/√n; of white noise 0.05."""
+    residuals = joint_residuals(identification)
+    return [autocorrelation(residual, COUNTED_LAGS).outside for residual in residuals]
 
 
 def ljung_box(
