@@ -86,7 +86,7 @@ def trapezoidal_moves(
         duration = cruise + rise
 
         def profile(x: np.ndarray) -> Stretch:
-            share, speed, acceleration = _trapezoid(x * duration, rise, cruise, edge)
+            share, speed, acceleration, _ = trapezoidal_move(x * duration, rise, cruise, edge)
             return np.outer(share, way), np.outer(speed, way), np.outer(acceleration, way)
 
         return duration, profile
@@ -117,20 +117,21 @@ def _moves(
     return q, dq, ddq
 
 
-def _trapezoid(
-    t: np.ndarray, rise: float, cruise: float, edge: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Share of the way, its speed and acceleration: a ramp up at 0 less one at D, over D."""
+def trapezoidal_move(t: np.ndarray, rise: float, cruise: float, edge: float = 0.25) -> np.ndarray:
+    """Share of the way of a trapezoidal move, its speed, acceleration and jerk: (4, samples).
+
+    It is a ramp up at 0 less one at D, over D.
+
+    ``t``: time since the move began [s]; ``rise``: T_a [s]; ``cruise``: D, the duration less T_a
+    [s]; ``edge``: as for `trapezoidal_moves`.
+    """
     up, down = _ramp(t / rise, edge), _ramp((t - cruise) / rise, edge)
-    scales = rise, 1.0, 1.0 / rise
-    way, speed, acceleration = (
-        scale * (a - b) / cruise for scale, a, b in zip(scales, up, down, strict=True)
-    )
-    return way, speed, acceleration
+    scales = np.array([rise, 1.0, 1.0 / rise, 1.0 / rise**2]) / cruise
+    return scales[:, None] * (up - down)
 
 
-def _ramp(x: np.ndarray, edge: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A speed that goes from 0 to 1 while x does, its integral, and its slope, a trapezoid."""
+def _ramp(x: np.ndarray, edge: float) -> np.ndarray:
+    """A speed that goes from 0 to 1 while x does: its integral, itself, and two derivatives."""
     inside = np.clip(x, 0.0, 1.0)
     near = np.minimum(inside, 1.0 - inside)  # the second half is the first one turned
     flat = np.maximum(near - edge, 0.0)
@@ -140,6 +141,7 @@ def _ramp(x: np.ndarray, edge: float) -> tuple[np.ndarray, np.ndarray, np.ndarra
     speed = height * (rising**2 / (2.0 * edge) + flat)
     way = height * (rising**3 / (6.0 * edge) + edge * flat / 2.0 + flat**2 / 2.0)
     late = inside > 0.5
+    bend = np.where((x > 0.0) & (x < 1.0) & (near < edge), height / edge, 0.0)
     speed = np.where(late, 1.0 - speed, speed)
     way = np.where(late, inside - 0.5 + way, way) + np.maximum(x - 1.0, 0.0)
-    return way, speed, slope
+    return np.stack([way, speed, slope, np.where(late, -bend, bend)])

@@ -1,0 +1,3 @@
+from .design import Design as Design
+from .motions import ExcitingMotion as ExcitingMotion
+from .motions import MotionFamily as MotionFamily

@@ -1,0 +1,153 @@
+"""A designed motion, with everything that is known of it before the robot moves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from pivident.excitation.motions import ExcitingMotion
+from pivident.robot.description import Robot
+
+
+@dataclass(frozen=True)
+class LimitUse:
+    """How far a motion goes towards one limit of a joint, on the fine grid.
+
+    Attributes:
+        joint: name of the joint.
+        quantity: ``position``, ``speed``, ``acceleration``, ``jerk``, ``torque`` or
+            ``rms torque``.
+        unit: of the values.
+        low: least value allowed, -inf for none.
+        high: largest value allowed, inf for none.
+        least: least value of the motion; of a torque with two standard errors of the model.
+        largest: largest value of the motion, likewise.
+        t: instant at which it comes nearest to a limit [s].
+        source: where the limit comes from: ``description``, ``file`` or ``assumed``.
+    """
+
+    joint: str
+    quantity: str
+    unit: str
+    low: float
+    high: float
+    least: float
+    largest: float
+    t: float
+    source: str
+
+    @property
+    def share(self) -> float:
+        """Share of the limit that is used, 0 to 1; more than 1 breaks it.
+
+        Of positions it is counted from the middle of their range.
+        """
+        if self.quantity == "position":
+            middle, half = 0.5 * (self.low + self.high), 0.5 * (self.high - self.low)
+            return max(self.largest - middle, middle - self.least) / half
+        return max(self.largest / self.high, self.least / self.low if self.low else 0.0)
+
+
+@dataclass(frozen=True)
+class ClearanceUse:
+    """How near two bodies come to each other, or the tool to the side of its box.
+
+    Attributes:
+        name: such as ``forearm and table``.
+        least: least clearance of the motion, on the fine grid [m].
+        needed: clearance that is asked for [m].
+        t: instant of the least clearance [s].
+    """
+
+    name: str
+    least: float
+    needed: float
+    t: float
+
+
+@dataclass(frozen=True)
+class PredictedError:
+    """What the motion will tell about one parameter.
+
+    Attributes:
+        name: of the parameter, such as ``zz1r``.
+        unit: of its value.
+        value: present value, from an earlier result or the description; NaN where none is known.
+        std: standard error that the record of this motion will give, infinite where the motion
+            does not determine the parameter.
+        before: standard error of the earlier records alone; infinite without them.
+        wanted: whether it was asked for by name.
+        remark: why it remains undetermined, empty otherwise.
+    """
+
+    name: str
+    unit: str
+    value: float
+    std: float
+    before: float
+    wanted: bool = False
+    remark: str = ""
+
+    @property
+    def relative(self) -> float:
+        """σ/|θ|; infinite for a value of zero, NaN for an unknown one."""
+        if np.isnan(self.value):
+            return float("nan")
+        return self.std / abs(self.value) if self.value else float("inf")
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """A motion that excites, and what its record is expected to tell.
+
+    Attributes:
+        robot: the robot.
+        motion: the motion; `ExcitingMotion.sampled` gives it at any rate.
+        criterion: what was made small: ``d``, ``a``, ``worst`` or ``cond``, and the names of the
+            parameters where only some counted.
+        cost: its value at the start of the search and at its end, in the words of ``cost_words``.
+        cost_words: what the two numbers are, such as ``largest relative standard error``.
+        condition: condition number of the observation matrix with columns of unit length, at the
+            start of the search and at its end.
+        predicted: standard errors, one entry for each base parameter, in order.
+        correlation: of the estimates, shape (parameters, parameters).
+        limits: use of each limit of each joint.
+        clearances: use of the room between bodies, the nearest first.
+        noise: what noise the standard errors rest on, one sentence.
+        notes: reservations and assumptions, complete sentences.
+        settings: what was asked for, as plain values.
+        bodies: capsules of the robot in their links' frames, to draw it; see `Body`.
+        obstacles: solid bodies around the robot, to draw them.
+        seconds: time that the search took [s].
+    """
+
+    robot: Robot
+    motion: ExcitingMotion
+    criterion: str
+    cost: tuple[float, float]
+    cost_words: str
+    condition: tuple[float, float]
+    predicted: tuple[PredictedError, ...]
+    correlation: np.ndarray
+    limits: tuple[LimitUse, ...]
+    clearances: tuple[ClearanceUse, ...]
+    noise: str
+    notes: tuple[str, ...] = ()
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    bodies: tuple[Any, ...] = ()
+    obstacles: tuple[Any, ...] = ()
+    seconds: float = 0.0
+
+    @property
+    def undetermined(self) -> tuple[PredictedError, ...]:
+        """Parameters that the record of this motion will not determine."""
+        return tuple(p for p in self.predicted if p.remark)
+
+    @property
+    def binding(self) -> tuple[LimitUse | ClearanceUse, ...]:
+        """Limits that the motion uses to 95 % or more, and bodies that come within 5 mm of theirs."""
+        limits = [use for use in self.limits if use.share >= 0.95]
+        return (*limits, *(c for c in self.clearances if c.least <= c.needed + 5e-3))
