@@ -15,6 +15,7 @@ from pivident.estimation.covariance.stationary_noise import (
     covariance_by_test,
     stationary_covariance,
 )
+from pivident.estimation.equation_noise import EquationNoise
 from pivident.estimation.exogeneity import durbin_wu_hausman
 from pivident.estimation.identification import Identification, JointFit
 from pivident.estimation.iteration import Estimate, Run
@@ -61,6 +62,7 @@ def answer(
         record.fitted(regressor, theta, residual, white)
         for record, residual, white in zip(records, residuals, whitened, strict=True)
     )
+    equations = Equations(regressor, tuple(records), tuple(filters), variance, method.weight_power)
     return Identification(
         method=method_label(problem, method, used),
         robot=problem.robot,
@@ -85,9 +87,8 @@ def answer(
         readings=_readings(problem),
         loop=simulated_loop(problem, used),
         instruments=used,
-        equations=Equations(
-            regressor, tuple(records), tuple(filters), variance, method.weight_power
-        ),
+        equations=equations,
+        equation_noise=EquationNoise.of(problem, equations, fitted[0].whitened_rate),
     )
 
 

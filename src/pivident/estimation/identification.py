@@ -10,6 +10,7 @@ from scipy.special import ndtri
 
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor import Regressor
+from pivident.estimation.equation_noise import EquationNoise
 from pivident.estimation.equation_record import FittedRecording, MotionRange
 from pivident.estimation.methods import Bandpass, Method
 from pivident.estimation.solved_equations import Equations, TorqueSums
@@ -90,6 +91,8 @@ class Identification:
         equations: what the last pass was made of, for tests of instruments and covariances.
         torque_sums: sums of the fitted record from which the torque error of other parameters
             follows; those of a loaded identification, whose signals are not there.
+        equation_noise: noise of the equations by joint, for the design of the next motion; None
+            in files of versions that did not write it.
         loop_values: ``controller`` and ``reference`` as the file of a loaded identification
             holds them; None for an identification that was made here.
     """
@@ -120,6 +123,7 @@ class Identification:
     instruments: InstrumentsUsed | None = None
     equations: Equations | None = field(default=None, repr=False)
     torque_sums: TorqueSums | None = field(default=None, repr=False)
+    equation_noise: EquationNoise | None = field(default=None, repr=False)
     loop_values: dict[str, Any] | None = field(default=None, repr=False)
 
     @property

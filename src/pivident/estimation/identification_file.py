@@ -42,7 +42,7 @@ def to_dict(identification: Identification) -> dict[str, Any]:
     ]
     loop = identification.loop_values or _loop_values(identification.loop)
     instruments = identification.instruments
-    fitted = identification.fitted_range
+    fitted, noise = identification.fitted_range, identification.equation_noise
     content = {
         "schema": SCHEMA,
         "method": identification.method,
@@ -68,6 +68,7 @@ def to_dict(identification: Identification) -> dict[str, Any]:
         "motion": None if fitted is None else fitted.to_values(),
         "robot_description": robot_values(identification.robot),
         "torque_sums": torque_sums_values(identification),
+        "equation_noise": noise and noise.to_values(),
     }
     return {key: plain(value) for key, value in content.items()}
 

@@ -21,6 +21,7 @@ from pydantic_core import from_json
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters, regrouped_name
 from pivident.dynamics.grouping.closed_form import closed_form_base_parameters
 from pivident.errors import IdentificationFileError, PividentError
+from pivident.estimation.equation_noise import EquationNoise
 from pivident.estimation.equation_record import MotionRange
 from pivident.estimation.identification import Identification, Iteration, JointFit
 from pivident.estimation.identification_file import SCHEMA
@@ -165,6 +166,7 @@ class FileContent(Values):
     motion: dict[str, list[Finite]] | None = None
     robot_description: RobotValues | None = None
     torque_sums: dict[str, Any] | None = None
+    equation_noise: dict[str, Any] | None = None
 
 
 def load_identification(path: str | PathLike[str], robot: Robot | None = None) -> Identification:
@@ -299,6 +301,7 @@ def _identification(content: FileContent, robot: Robot | None) -> Identification
         readings=tuple(r.model_dump(exclude_unset=True) for r in content.readings),
         motion=_motion(content.motion, robot.size),
         torque_sums=_torque_sums(content.torque_sums, base),
+        equation_noise=_equation_noise(content.equation_noise, robot.size),
         instruments=_instruments(content.instruments),
         loop_values={"controller": content.controller, "reference": content.reference},
     )
@@ -386,6 +389,10 @@ def _torque_sums(values: dict[str, Any] | None, base: BaseParameters) -> Any:
     from pivident.estimation.solved_equations import TorqueSums
 
     return TorqueSums.from_values(values, base)
+
+
+def _equation_noise(values: dict[str, Any] | None, joints: int) -> EquationNoise | None:
+    return None if values is None else EquationNoise.from_values(values, joints)
 
 
 def _instruments(values: InstrumentsValues | None) -> InstrumentsUsed | None:

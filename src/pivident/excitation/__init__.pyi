@@ -1,3 +1,10 @@
+from .design import ClearanceUse as ClearanceUse
 from .design import Design as Design
+from .design import LimitUse as LimitUse
+from .design import PredictedError as PredictedError
+from .design_motion import design_motion as design_motion
+from .limits import JointLimits as JointLimits
+from .limits import joint_limits as joint_limits
 from .motions import ExcitingMotion as ExcitingMotion
 from .motions import MotionFamily as MotionFamily
+from .request import DesignRequest as DesignRequest

@@ -1,4 +1,4 @@
-"""The room that a robot takes and the room that it has: capsules, solid obstacles, floor, tool box."""
+"""The room that a robot takes: capsules."""
 
 from __future__ import annotations
 

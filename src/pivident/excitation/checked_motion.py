@@ -1,0 +1,166 @@
+"""The last word on a motion: every limit on a grid ten times finer than that of the search."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pivident.excitation.constraints import Constraints
+from pivident.excitation.design import ClearanceUse, LimitUse
+from pivident.robot.description import Robot
+
+#: The grid is so many times finer than that of the search.
+FINER = 10
+
+#: Shares to which a motion that breaks a limit between samples is made smaller, one after another.
+SHRINKING = tuple(0.995**k for k in range(1, 60))
+
+#: Ratio up to which a limit counts as kept: rounding.
+ROUNDING = 1.0 + 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class FineCheck:
+    """Constraints on the fine grid."""
+
+    constraints: Constraints
+
+    @classmethod
+    def of(cls, search: Constraints, *, limits=None) -> FineCheck:
+        """The constraints of a search, on its finer grid, with the user's own limits."""
+        return cls(
+            Constraints.of(
+                search.family,
+                FINER * search.rate,
+                limits or search.limits,
+                search.torques,
+                search.clearances,
+            )
+        )
+
+    def keeps_all(self, coefficients: np.ndarray) -> bool:
+        """Whether no sample breaks a limit."""
+        return self.constraints.largest_ratio(coefficients) <= ROUNDING
+
+    def repaired(self, coefficients: np.ndarray) -> np.ndarray | None:
+        """The motion itself, or made smaller about its ends until it keeps all limits; or None."""
+        if self.keeps_all(coefficients):
+            return coefficients
+        for share in SHRINKING:
+            smaller = share * coefficients
+            smaller[0] = coefficients[0]
+            if self.keeps_all(smaller):
+                return smaller
+        return None
+
+    @property
+    def times(self) -> np.ndarray:
+        """Instants of the grid [s]."""
+        samples = self.constraints.functions.shape[1]
+        return np.linspace(0.0, self.constraints.family.duration, samples)
+
+    def limit_uses(self, robot: Robot, coefficients: np.ndarray) -> tuple[LimitUse, ...]:
+        """Use of each limit of each joint."""
+        c, t = self.constraints, self.times
+        moved = c.motion(coefficients)
+        limits = c.limits
+        quantities = [
+            ("position", moved[0], limits.low, limits.high, "{}"),
+            ("speed", moved[1], -limits.speed, limits.speed, "{}/s"),
+            ("acceleration", moved[2], -limits.acceleration, limits.acceleration, "{}/s²"),
+            ("jerk", moved[3], -limits.jerk, limits.jerk, "{}/s³"),
+        ]
+        uses: list[LimitUse] = []
+        for j, joint in enumerate(robot.joints):
+            for name, signal, low, high, unit in quantities:
+                if np.isinf(high[j]):
+                    continue
+                own = signal[:, j]
+                middle = 0.5 * (low[j] + high[j])
+                nearest = t[int(np.argmax(np.abs(own - middle)))]
+                uses.append(
+                    LimitUse(
+                        joint.name,
+                        name,
+                        unit.format(joint.position_unit),
+                        float(low[j]),
+                        float(high[j]),
+                        float(own.min()),
+                        float(own.max()),
+                        float(nearest),
+                        limits.source.get(name, ("description",) * robot.size)[j],
+                    )
+                )
+        uses += self._torque_uses(robot, moved)
+        order = {joint.name: j for j, joint in enumerate(robot.joints)}
+        return tuple(sorted(uses, key=lambda use: order[use.joint]))
+
+    def _torque_uses(self, robot: Robot, moved: np.ndarray) -> list[LimitUse]:
+        """Use of the torque limits, with the margin of the model."""
+        c = self.constraints
+        if c.torques is None:
+            return []
+        torque, margin = c.torques.torque_and_margin((moved[0], moved[1], moved[2]))
+        uses = []
+        for j, joint in enumerate(robot.joints):
+            limit, rms = c.limits.torque[j], c.limits.rms_torque[j]
+            if np.isfinite(limit):
+                size = np.abs(torque[:, j]) + margin[:, j]
+                uses.append(
+                    LimitUse(
+                        joint.name,
+                        "torque",
+                        joint.torque_unit,
+                        -float(limit),
+                        float(limit),
+                        float((torque - margin)[:, j].min()),
+                        float((torque + margin)[:, j].max()),
+                        float(self.times[int(np.argmax(size))]),
+                        c.limits.source.get("torque", ("description",) * robot.size)[j],
+                    )
+                )
+            if np.isfinite(rms):
+                reached = float(np.sqrt(np.mean(torque[:, j] ** 2)))
+                uses.append(
+                    LimitUse(
+                        joint.name,
+                        "rms torque",
+                        joint.torque_unit,
+                        0.0,
+                        float(rms),
+                        0.0,
+                        reached,
+                        float("nan"),
+                        c.limits.source.get("rms_torque", ("file",) * robot.size)[j],
+                    )
+                )
+        return uses
+
+    def clearance_uses(self, coefficients: np.ndarray) -> tuple[ClearanceUse, ...]:
+        """Least clearance of each pair of bodies, the nearest first."""
+        c = self.constraints
+        if c.clearances is None:
+            return ()
+        q = c.functions[0] @ coefficients
+        distances = c.clearances.distances(q)
+        uses = [
+            ClearanceUse(
+                name,
+                float(row.min()),
+                c.clearances.needed,
+                float(self.times[int(np.argmin(row))]),
+            )
+            for name, row in zip(c.clearances.names, distances, strict=True)
+        ]
+        return tuple(sorted(uses, key=lambda use: use.least))
+
+
+def with_more_room(constraints: Constraints, share: float, room: float) -> Constraints:
+    """The same constraints, of which a search uses only a share, and keeps more room [m].
+
+    Between its samples a motion may go a little further.
+    """
+    clearances = constraints.clearances
+    wider = None if clearances is None else clearances.with_needed(clearances.needed + room)
+    return replace(constraints, limits=constraints.limits.within(share), clearances=wider)

@@ -1,0 +1,183 @@
+"""What is known before a motion is designed: values, their covariance, the noise to expect."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.dynamics.base_parameters import BaseParameters, base_parameters
+from pivident.dynamics.parameters import nominal_values
+from pivident.dynamics.regressor import Regressor
+from pivident.errors import ExperimentError
+from pivident.estimation.equation_noise import EquationNoise
+from pivident.estimation.identification import Identification
+from pivident.excitation.information import assumed_noise
+from pivident.excitation.limits import JointLimits
+from pivident.robot.description import Robot
+from pivident.text.lists import listed
+
+#: Noise of the torque where no result tells it: this share of the largest torque, in so many
+#: independent rows per second.
+NOISE_SHARE, NOISE_RATE = 0.01, 40.0
+
+#: A parameter matters from the size on at which its torque reaches this share of the largest one.
+SIGNIFICANT = 0.01
+
+#: Random states in the limits at which columns are measured.
+STATES = 200
+
+
+@dataclass(frozen=True, eq=False)
+class Knowledge:
+    """What is known of a robot.
+
+    Attributes:
+        base: its base parameters.
+        regressor: their observation matrix.
+        values: present values, NaN where none is known, shape (base,).
+        sizes: size of each parameter that matters, shape (base,).
+        covariance: covariance of ``values``, or None.
+        earlier: information of the earlier records, shape (base, base).
+        noise: noise of the equations to expect.
+        noise_words: where it comes from, one sentence.
+        notes: reservations, complete sentences.
+    """
+
+    base: BaseParameters
+    regressor: Regressor
+    values: np.ndarray
+    sizes: np.ndarray
+    covariance: np.ndarray | None
+    earlier: np.ndarray
+    noise: EquationNoise
+    noise_words: str
+    notes: tuple[str, ...]
+
+    @property
+    def has_masses(self) -> bool:
+        """Whether any inertial parameter has a value, so that torques can be told."""
+        inertial = np.array([p.is_inertial for p in self.base.parameters])
+        return bool(np.isfinite(self.values[inertial]).any())
+
+    @property
+    def model_values(self) -> np.ndarray:
+        """Values for torques: zero where none is known, shape (base,)."""
+        return np.nan_to_num(self.values)
+
+
+def knowledge(robot: Robot, limits: JointLimits, after: Sequence[Identification] = ()) -> Knowledge:
+    """What a description and earlier results tell about a robot.
+
+    Args:
+        robot: the robot.
+        limits: of its joints.
+        after: earlier results, the last one first; their information adds up, values and noise are
+            those of the first one.
+
+    Raises:
+        ExperimentError: a result of another robot.
+    """
+    base = base_parameters(robot)
+    regressor = Regressor.build(robot, base.parameters)
+    notes: list[str] = []
+    values = base.values(nominal_values(robot, base.standard))
+    values = np.where(values == 0.0, np.nan, values)
+    covariance, earlier = None, np.zeros((len(base), len(base)))
+    for result in after:
+        earlier += _information_of(base, result)
+    if after:
+        values = _values_of(base, after[0], values)
+        covariance = _covariance_of(base, after[0])
+    lengths = _column_lengths(regressor, limits)
+    torque = _largest_torques(robot, limits, lengths, values)
+    noise = after[0].equation_noise if after else None
+    if noise is not None:
+        words = f"Noise as {after[0].method} found it."
+    else:
+        noise = assumed_noise(NOISE_SHARE * torque, NOISE_RATE)
+        words = (
+            f"The noise is assumed: {100 * NOISE_SHARE:g} % of the largest torque of each joint, "
+            f"in {NOISE_RATE:g} independent rows per second. Standard errors are as good as that; "
+            "their ratios hold for any noise of one share of all torques."
+        )
+        if after:
+            notes.append(
+                "The earlier result does not hold its noise, because it was written by an older "
+                "version; identify again for standard errors that rest on the noise of your robot."
+            )
+    with np.errstate(divide="ignore"):
+        significant = SIGNIFICANT * (torque[:, None] / lengths).min(axis=0)
+    sizes = np.fmax(np.abs(values), significant)
+    return Knowledge(
+        base, regressor, values, sizes, covariance, earlier, noise, words, tuple(notes)
+    )
+
+
+def _places(base: BaseParameters, result: Identification) -> list[int]:
+    """Places of a result's parameters among the base parameters."""
+    if result.robot.joint_names != base.robot.joint_names:
+        raise ExperimentError(
+            f"the earlier result is of another robot, with the joints "
+            f"{listed(result.robot.joint_names)}; this one has {listed(base.robot.joint_names)}"
+        ).about("after")
+    known = {name: k for k, name in enumerate(base.names)}
+    foreign = [name for name in result.names if name not in known]
+    if foreign:
+        raise ExperimentError(
+            f"the earlier result has parameters that this robot has not: {listed(foreign)}; "
+            "design for the robot and friction law of the result, by naming the result itself"
+        ).about("after")
+    return [known[name] for name in result.names]
+
+
+def _information_of(base: BaseParameters, result: Identification) -> np.ndarray:
+    """P⁻¹ of an earlier estimate, at its places."""
+    places = _places(base, result)
+    out = np.zeros((len(base), len(base)))
+    std = result.std
+    if np.isfinite(result.covariance).all() and (std > 0.0).all():
+        correlation = result.covariance / np.outer(std, std)
+        inverse = np.linalg.pinv(correlation, rcond=1e-12, hermitian=True)
+        out[np.ix_(places, places)] = inverse / np.outer(std, std)
+    return out
+
+
+def _values_of(base: BaseParameters, result: Identification, nominal: np.ndarray) -> np.ndarray:
+    values = nominal.copy()
+    values[_places(base, result)] = result.theta
+    return values
+
+
+def _covariance_of(base: BaseParameters, result: Identification) -> np.ndarray | None:
+    """Covariance of the values; parameters that were not estimated have none."""
+    if not np.isfinite(result.covariance).all():
+        return None
+    places = _places(base, result)
+    out = np.zeros((len(base), len(base)))
+    out[np.ix_(places, places)] = result.covariance
+    return out
+
+
+def _column_lengths(regressor: Regressor, limits: JointLimits) -> np.ndarray:
+    """Rms of each column by joint in random states within the limits, shape (joints, base)."""
+    rng = np.random.default_rng(1991)
+    shape = (STATES, limits.low.size)
+    q = rng.uniform(limits.low, limits.high, shape)
+    dq = rng.uniform(-limits.speed, limits.speed, shape)
+    ddq = rng.uniform(-limits.acceleration, limits.acceleration, shape)
+    matrix = regressor.matrix(q, dq, ddq, inner=regressor.levels(dq.T))
+    return np.sqrt(np.mean(matrix**2, axis=0))
+
+
+def _largest_torques(
+    robot: Robot, limits: JointLimits, lengths: np.ndarray, values: np.ndarray
+) -> np.ndarray:
+    """Largest torque of each joint, by its limit or else by the values, shape (joints,)."""
+    described = np.array(
+        [np.nan if j.torque_limit is None else j.torque_limit for j in robot.joints]
+    )
+    limit = np.where(np.isfinite(limits.torque), limits.torque, described)
+    of_values = np.sqrt(((lengths * np.nan_to_num(values)) ** 2).sum(axis=1))
+    return np.where(np.isfinite(limit), limit, np.where(of_values > 0.0, of_values, 1.0))

@@ -1,0 +1,149 @@
+"""What a user asks of a design."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, get_args
+
+import numpy as np
+
+from pivident.dynamics.base_parameters import BaseParameters
+from pivident.errors import ExperimentError
+from pivident.excitation.criteria import CriterionName
+from pivident.excitation.limits import JointLimits
+from pivident.excitation.motions import MotionFamily, MotionKind
+from pivident.robot.naming import nearest
+
+#: Duration where none is given, and the shortest and longest that are designed [s].
+USUAL_DURATION, MIN_DURATION, MAX_DURATION = 20.0, 2.0, 300.0
+
+#: Harmonics of a Fourier motion, at least and at most, and moves between postures.
+HARMONICS, MOVES = (3, 12), (5, 24)
+
+#: Splines have as many functions as a Fourier motion, at most.
+SPLINES = (7, 30)
+
+#: Time of a move that every joint can make over half its range, over that at its largest speed.
+UNHURRIED = 1.6
+
+
+@dataclass(frozen=True)
+class DesignRequest:
+    """What is asked of a motion.
+
+    Attributes:
+        duration: of the motion [s]; with a ``goal`` the longest that is tried.
+        motion: ``fourier``, ``splines`` or ``postures``.
+        criterion: ``d``, ``a``, ``worst`` or ``cond``; None: ``a``, with parameters ``worst``.
+        parameters: names of those that count; empty for all.
+        goal: standard error over the value that each of ``parameters`` must reach, 0 to 1; None:
+            as small as possible within ``duration``.
+        seconds: time for the search [s].
+        seed: of the random starts.
+        start: posture at both ends, shape (joints,) [rad or m]; None: free.
+    """
+
+    duration: float = USUAL_DURATION
+    motion: MotionKind = "fourier"
+    criterion: CriterionName | None = None
+    parameters: tuple[str, ...] = ()
+    goal: float | None = None
+    seconds: float = 20.0
+    seed: int = 0
+    start: tuple[float, ...] | None = None
+
+    def __post_init__(self) -> None:
+        if not MIN_DURATION <= self.duration <= MAX_DURATION:
+            raise ExperimentError(
+                f"the duration is {self.duration:g} s; motions of {MIN_DURATION:g} to "
+                f"{MAX_DURATION:g} s are designed"
+            ).about("duration")
+        for key, value, known in (
+            ("motion", self.motion, get_args(MotionKind)),
+            ("criterion", self.criterion or "a", get_args(CriterionName)),
+        ):
+            if value not in known:
+                raise ExperimentError(
+                    f"there is no {key} {value!r}; {nearest(str(value), known)}"
+                ).about(key)
+        if self.goal is not None and not (0.0 < self.goal < 1.0):
+            raise ExperimentError(
+                f"the goal is a standard error of {100 * self.goal:g} %; give more than 0 % and "
+                "less than 100 %, such as 2%"
+            ).about("to")
+        if self.goal is not None and not self.parameters:
+            raise ExperimentError(
+                "a goal needs the parameters that must reach it, such as --for zz3r,fc5 --to 2%"
+            ).about("to")
+        if not (math.isfinite(self.seconds) and self.seconds > 0.0):
+            raise ExperimentError(f"the search cannot take {self.seconds:g} s").about("seconds")
+
+    @property
+    def criterion_used(self) -> CriterionName:
+        """The criterion, where none was named."""
+        return self.criterion or ("worst" if self.parameters else "a")
+
+    def plain(self) -> dict[str, Any]:
+        """As plain values."""
+        return asdict(self)
+
+
+def chosen_parameters(base: BaseParameters, names: Sequence[str]) -> np.ndarray | None:
+    """Indices of base parameters by name; None for all.
+
+    Args:
+        base: the base parameters.
+        names: with or without the trailing ``r``.
+
+    Raises:
+        ExperimentError: an unknown name, with the nearest ones; one that is part of another group.
+    """
+    if not names:
+        return None
+    found = []
+    for name in names:
+        try:
+            found.append(base.index(name))
+        except KeyError:
+            raise ExperimentError(_unknown(base, name)).about("for") from None
+    return np.array(sorted(set(found)))
+
+
+def _unknown(base: BaseParameters, name: str) -> str:
+    """Why a name is none of a base parameter."""
+    own = {p.name.lower(): i for i, p in enumerate(base.standard)}
+    index = own.get(name.lower())
+    if index is None:
+        return f"the robot has no parameter {name!r}; {nearest(name, base.names)}"
+    if index in base.without_effect:
+        return f"{name} has no effect on any torque: no motion can tell it"
+    column = list(base.dropped).index(index)
+    heads = [base.names[k] for k in np.flatnonzero(base.regrouping[:, column])]
+    return f"{name} cannot be told from others: it is a part of {', '.join(heads)}; ask for those"
+
+
+def motion_family(kind: MotionKind, duration: float, limits: JointLimits) -> MotionFamily:
+    """A family with as many functions as the joints can follow.
+
+    A joint that swings between its largest speed and acceleration does so at a/(2π v).
+
+    Args:
+        kind: ``fourier``, ``splines`` or ``postures``.
+        duration: of the motion [s].
+        limits: of the joints.
+
+    Raises:
+        ExperimentError: no joint can move to anywhere in that time.
+    """
+    highest = float(np.median(limits.acceleration / limits.speed)) / (2.0 * np.pi)
+    swings = int(np.clip(round(duration * highest), *HARMONICS))
+    if kind == "fourier":
+        return MotionFamily(kind, duration, 1 + 2 * swings)
+    if kind == "splines":
+        return MotionFamily(kind, duration, int(np.clip(round(2 * duration * highest), *SPLINES)))
+    way = UNHURRIED * float(np.median(limits.half / limits.speed))
+    rise = float(np.median(limits.speed / limits.acceleration))
+    moves = round(duration / (way + 2.0 * rise))
+    return MotionFamily(kind, duration, int(np.clip(moves, *MOVES)))
