@@ -148,6 +148,6 @@ class Design:
 
     @property
     def binding(self) -> tuple[LimitUse | ClearanceUse, ...]:
-        """Limits that the motion uses to 94 % or more, and bodies within 15 mm of their clearance."""
+        """Limits that the motion uses to 94 % or more, bodies within 15 mm of theirs."""
         limits = [use for use in self.limits if use.share >= 0.94]
         return (*limits, *(c for c in self.clearances if c.least <= c.needed + 0.015))

@@ -89,7 +89,11 @@ class DesignTask:
             return Information(known.regressor, noise, rate, np.zeros((size, size)), question)
         earlier = np.zeros((size, size))
         earlier[: len(known.base), : len(known.base)] = known.earlier
-        return Information(known.regressor, known.noise, rate, earlier, self.question)
+        noise = known.noise
+        if self.request.motion != "postures":
+            # at rest a joint's speed is noise, and its friction any; one that turns round is not
+            noise = replace(noise, standstill=np.zeros(self.robot.size))
+        return Information(known.regressor, noise, rate, earlier, self.question)
 
     def objective(self, constraints: Constraints) -> Objective:
         """The criterion of motions under constraints."""
