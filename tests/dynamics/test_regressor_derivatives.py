@@ -107,8 +107,8 @@ LAWS = [
 
 @pytest.mark.parametrize("law", LAWS, ids=str)
 def test_slopes_of_every_friction_term(law):
-    from pivident.robot.modified_dh import friction_law
     from pivident.robot.mdh_schema import FrictionEntry
+    from pivident.robot.modified_dh import friction_law
 
     entries = [FrictionEntry.model_validate({"term": t} if isinstance(t, str) else t) for t in law]
     robot = load_robot("planar_2r").with_friction(friction_law(entries))

@@ -235,8 +235,6 @@ def test_load_columns_are_those_of_a_heavier_last_link():
 
     body = np.array([0.02, 0.001, 0.002, 0.02, 0.003, 0.01, 0.02, 0.02, 0.2, 2.0])
     last = robot.links[-1]
-    heavier = replace(
-        robot, links=(*robot.links[:-1], replace(last, inertia=last.inertia + body))
-    )
+    heavier = replace(robot, links=(*robot.links[:-1], replace(last, inertia=last.inertia + body)))
     before, after = (base.values(nominal_values(r, base.standard)) for r in (robot, heavier))
     np.testing.assert_allclose(load_columns(base) @ body, after - before, atol=1e-12)

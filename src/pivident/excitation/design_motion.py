@@ -36,6 +36,12 @@ PREDICTION_RATE = 200.0
 #: Durations between which a goal is looked for: no nearer than this share.
 DURATION_SHARE = 0.1
 
+#: Share of its range that a joint must be able to move over in half the time.
+LEAST_TRAVEL = 0.01
+
+#: Postures that are tried where no motion was found, and the share of them that says why.
+TRIED_POSTURES, MOST_POSTURES = 500, 0.8
+
 Say = Callable[[str], None]
 
 
@@ -117,6 +123,7 @@ def design_motion(
     after: Sequence[Identification] = (),
     clearances: Clearances | None = None,
     question: Callable[[Knowledge], Question] | None = None,
+    torque_noise: np.ndarray | None = None,
     progress: Say | None = None,
 ) -> Design:
     """Find the motion whose record determines the parameters best, within all limits.
@@ -128,6 +135,8 @@ def design_motion(
         after: earlier results, the last one first: their noise and information count.
         clearances: what bodies must keep from each other; None: nothing is looked at.
         question: makes what is asked from what is known; None: the parameters of ``request``.
+        torque_noise: standard deviation of the torque where ``after`` does not tell it, shape
+            (joints,) [N m or N]; None: a share of the largest torques.
         progress: called with one line at each improvement.
 
     Returns:
@@ -140,7 +149,7 @@ def design_motion(
     say = progress or (lambda line: None)
     request = request or DesignRequest()
     limits = limits or joint_limits(robot)
-    known = knowledge(robot, limits, after)
+    known = knowledge(robot, limits, after, torque_noise)
     if question is None:
         asked = chosen_parameters(known.base, request.parameters)
         made = robot_question(known.base, known.values, asked)
@@ -148,6 +157,7 @@ def design_motion(
         made = question(known)
     task = DesignTask(robot, request, limits, known, made, clearances)
     _check_start(task)
+    _check_travel(task)
     if request.goal is None:
         return _designed(task, request.duration, request.seconds, say)
     return _shortest(task, request.goal, say)
@@ -269,41 +279,49 @@ def _check_start(task: DesignTask) -> None:
             ).about("start")
 
 
+def _check_travel(task: DesignTask) -> None:
+    """Refuse a duration in which a joint hardly moves."""
+    travel = 0.5 * task.limits.speed * task.request.duration / (2.0 * task.limits.half)
+    slowest = int(np.argmin(travel))
+    if travel[slowest] < LEAST_TRAVEL:
+        joint = task.robot.joints[slowest]
+        raise ExperimentError(
+            f"in {task.request.duration:g} s {joint.name} moves over less than "
+            f"{100 * LEAST_TRAVEL:g} % of its range at its largest speed, "
+            f"{task.limits.speed[slowest]:g} {joint.position_unit}/s; give it more time, or a "
+            "higher limit of the speed"
+        ).about("duration")
+
+
 def _why_none(task: DesignTask, allowed: Constraints, duration: float) -> str:
     """Why no motion was found."""
-    family = allowed.family
+    rng = np.random.default_rng(task.request.seed)
+    shape = (TRIED_POSTURES, task.robot.size)
+    postures = task.limits.middle + rng.uniform(-0.9, 0.9, shape) * task.limits.half
     if task.clearances is not None:
-        rng = np.random.default_rng(task.request.seed)
-        postures = task.limits.middle + rng.uniform(-0.9, 0.9, (500, task.robot.size)) * (
-            task.limits.half
-        )
         distances = task.clearances.distances(postures)
-        free = (distances >= task.clearances.needed + ROOM).all(axis=0)
-        if not free.any():
-            worst = int(np.argmax((distances < task.clearances.needed).mean(axis=1)))
+        near = distances < (np.asarray(task.clearances.needed) + ROOM)[..., None]
+        if near.any(axis=0).all():
+            worst = task.clearances.names[int(np.argmax(near.mean(axis=1)))]
             return (
-                "no posture keeps all clearances: most often it is "
-                f"{task.clearances.names[worst]}; check the bodies, obstacles, floor and tool box"
+                f"no posture keeps all clearances: most often it is {worst}; check the bodies, "
+                "obstacles, floor and tool box"
             )
     if task.torques is not None:
-        rng = np.random.default_rng(task.request.seed)
-        postures = task.limits.middle + rng.uniform(-0.7, 0.7, (500, task.robot.size)) * (
-            task.limits.half
-        )
         still = np.zeros_like(postures)
         torque, margin = task.torques.torque_and_margin((postures, still, still))
         over = (np.abs(torque) + margin > task.limits.torque).mean(axis=0)
-        if over.min(initial=1.0) >= 1.0 or over.max() > 0.99:
+        if over.max() > MOST_POSTURES:
             joint = task.robot.joints[int(np.argmax(over))].name
             return (
-                f"the torque limit of {joint} does not hold the arm against gravity in most "
-                "postures; check the limit and the masses"
+                f"the torque limit of {joint} does not hold the arm against gravity in "
+                f"{100 * over.max():.0f} % of its postures; check the limit and the masses"
             )
     return (
         f"no motion of {duration:g} s within the limits of position, speed, acceleration and "
-        f"torque determines all {task.question.size} parameters ({family.size} functions for each "
-        "joint); give it more time, such as --duration "
-        f"{2 * duration:g}, or relax the limits"
+        f"torque determines all {task.question.size} parameters ({allowed.family.size} functions "
+        f"for each joint); give it more time, such as --duration {2 * duration:g}, or relax the "
+        "limits"
     )
 
 

@@ -67,7 +67,12 @@ class Knowledge:
         return np.nan_to_num(self.values)
 
 
-def knowledge(robot: Robot, limits: JointLimits, after: Sequence[Identification] = ()) -> Knowledge:
+def knowledge(
+    robot: Robot,
+    limits: JointLimits,
+    after: Sequence[Identification] = (),
+    torque_noise: np.ndarray | None = None,
+) -> Knowledge:
     """What a description and earlier results tell about a robot.
 
     Args:
@@ -75,6 +80,8 @@ def knowledge(robot: Robot, limits: JointLimits, after: Sequence[Identification]
         limits: of its joints.
         after: earlier results, the last one first; their information adds up, values and noise are
             those of the first one.
+        torque_noise: standard deviation of the torque where no result tells it, in rows that are
+            independent at 40 Hz, shape (joints,) [N m or N]; None: a share of the largest torques.
 
     Raises:
         ExperimentError: a result of another robot.
@@ -95,6 +102,9 @@ def knowledge(robot: Robot, limits: JointLimits, after: Sequence[Identification]
     noise = after[0].equation_noise if after else None
     if noise is not None:
         words = f"Noise as {after[0].method} found it."
+    elif torque_noise is not None:
+        noise = assumed_noise(torque_noise, NOISE_RATE)
+        words = f"Noise as given, in {NOISE_RATE:g} independent rows per second."
     else:
         noise = assumed_noise(NOISE_SHARE * torque, NOISE_RATE)
         words = (

@@ -14,6 +14,7 @@ from pydantic.functional_validators import PlainValidator
 
 from pivident.errors import ExperimentError
 from pivident.experiment.consistency_keys import ConsistencyEntry  # consistency
+from pivident.experiment.excite_keys import ExciteEntry  # excite
 from pivident.experiment.method_keys import IdentifyEntry
 from pivident.experiment.table_values import Folder, Interval, Names, Numbers, Paths, PerJoint
 from pivident.recording.recording import Saturation, TorqueTiming
@@ -296,6 +297,7 @@ class ExperimentFile(Entry):
     gains: GainsEntry = GainsEntry()  # drive gains
     consistency: ConsistencyEntry | None = None  # consistency
     payload: LoadEntry | None = None  # payload
+    excite: ExciteEntry | None = None  # excite
 
     @property
     def torque_side(self) -> TorqueSide:

@@ -1,0 +1,190 @@
+"""The command ``pivident excite``: the motion whose record determines the parameters best."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from pivident.cli.console import Progress
+from pivident.errors import ExperimentError
+from pivident.text.lists import separated
+
+if TYPE_CHECKING:
+    from pivident.estimation.identification import Identification
+    from pivident.experiment.excite_keys import ExciteEntry
+    from pivident.robot.description import Robot
+
+#: Rate of the samples that are written where none is asked for [Hz].
+USUAL_RATE = 1000.0
+
+
+def excite(
+    subject: str,
+    /,
+    *,
+    duration: Annotated[float | None, Parameter(show_default=False)] = None,
+    motion: Annotated[str | None, Parameter(show_default=False)] = None,
+    criterion: Annotated[str | None, Parameter(show_default=False)] = None,
+    parameters: Annotated[
+        tuple[str, ...], Parameter(name="--for", negative=(), show_default=False)
+    ] = (),
+    to: Annotated[str | None, Parameter(show_default=False)] = None,
+    after: Annotated[tuple[Path, ...], Parameter(negative=(), show_default=False)] = (),
+    cell: Path | None = None,
+    start: Annotated[str | None, Parameter(show_default=False)] = None,
+    rate: Annotated[float | None, Parameter(show_default=False)] = None,
+    seconds: Annotated[float | None, Parameter(show_default=False)] = None,
+    seed: Annotated[int | None, Parameter(show_default=False)] = None,
+    out: Path = Path("motion"),
+) -> int:
+    """Design a motion that determines the parameters, within all limits, and say how well it will.
+
+    Ctrl-C ends the search with the best motion so far.
+
+    Parameters
+    ----------
+    subject
+        The robot: URDF, .toml or gallery name; an experiment file, whose table [excite] may say
+        all of this too; or a result, after which the motion is the next one.
+    duration
+        Duration of the motion in s. Default: 20. With --to the longest that is tried.
+    motion
+        fourier, splines or postures (moves from posture to posture, for teach pendants). Default:
+        fourier.
+    criterion
+        a (mean squared relative standard error), d (determinant), worst (largest standard error) or
+        cond (condition number). Default: a, and worst with --for.
+    parameters
+        Parameters that count, separated by commas: zz3r,fc5. Default: all.
+    to
+        Relative standard error that each of them must reach, such as 2%; the shortest motion that
+        gives it is designed.
+    after
+        Earlier results, the last one first: their noise and what they know already count.
+    cell
+        File with a table [excite]: limits, obstacles, floor, box of the tool. Default: that of the
+        experiment file.
+    start
+        Posture at both ends in rad or m, one number for each joint, separated by commas. Default:
+        chosen with the motion.
+    rate
+        Rate of the samples in motion.csv and motion.npz in Hz. Default: 1000.
+    seconds
+        Time for the search in s. Default: 20.
+    seed
+        Seed of the random starts. Default: 0.
+    out
+        Folder for the design, its files and its page.
+    """
+    from pivident.cli.workflow import check_output
+    from pivident.excitation.clearances import clearances_of_room
+    from pivident.excitation.design_files import write_design
+    from pivident.excitation.design_motion import design_motion
+    from pivident.excitation.excite_table import limits_of, question_of, torque_noise_of
+
+    check_output(out)
+    with Progress() as progress:
+        progress.say(f"reading {subject}")
+        robot, table, known = _subject(subject)
+        if cell is not None:
+            from pivident.excitation.excite_table import read_cell
+
+            table = read_cell(cell)
+        earlier = [*_results(after), *known]
+        given = {
+            "duration": duration,
+            "motion": motion,
+            "criterion": criterion,
+            "parameters": tuple(separated(parameters)) or None,
+            "goal": None if to is None else relative_error(to),
+            "start": None if start is None else _numbers(start),
+            "seconds": seconds,
+            "seed": seed,
+        }
+        request = _request(table, given)
+        limits = limits_of(robot, table)
+        progress.say("looking at bodies and obstacles")
+        clearances = clearances_of_room(robot, table)
+        progress.say(f"searching for {request.seconds:g} s (Ctrl-C keeps the best motion so far)")
+        design = design_motion(
+            robot,
+            request,
+            limits=limits,
+            after=earlier,
+            clearances=clearances,
+            question=question_of(table),
+            torque_noise=torque_noise_of(robot, table),
+            progress=progress.say,
+        )
+        progress.say("writing the design")
+        written = write_design(design, out, rate or table.rate or USUAL_RATE)
+    print(design)
+    print(f"\nFiles: {', '.join(path.name for path in written)} in {out}")
+    return 0
+
+
+def _subject(subject: str) -> tuple[Robot, ExciteEntry, list[Identification]]:
+    """Robot, table ``[excite]`` and result of what was named."""
+    from pivident.diagnostics.verdict_file import result_of
+    from pivident.estimation.stored_identification import load_identification
+    from pivident.experiment.excite_keys import ExciteEntry
+    from pivident.experiment.experiment import load_experiment
+    from pivident.experiment.toml_file import toml_content
+    from pivident.robot.gallery import load_robot
+
+    empty, path = ExciteEntry.model_validate({}), Path(subject)
+    if path.is_dir() or path.suffix == ".json":
+        found = load_identification(result_of(path))
+        return found.robot, empty, [found]
+    if path.suffix == ".toml" and "joints" not in toml_content(path):
+        experiment = load_experiment(path)
+        return experiment.robot, experiment.content.excite or empty, []
+    return load_robot(subject), empty, []
+
+
+def _results(paths: tuple[Path, ...]) -> list[Identification]:
+    """Earlier results from their files or folders."""
+    from pivident.diagnostics.verdict_file import result_of
+    from pivident.estimation.stored_identification import load_identification
+
+    return [load_identification(result_of(path)) for path in paths]
+
+
+def _request(table: ExciteEntry, given: dict[str, Any]) -> Any:
+    """What is asked: the command line before the file."""
+    from pivident.excitation.request import DesignRequest
+
+    written = {
+        "duration": table.duration,
+        "motion": table.motion,
+        "criterion": table.criterion,
+        "parameters": tuple(table.parameters) or None,
+        "goal": table.to,
+        "start": None if table.start is None else tuple(table.start),
+        "seconds": table.seconds,
+        "seed": table.seed,
+    }
+    chosen = {key: given[key] if given[key] is not None else written[key] for key in written}
+    return DesignRequest(**{key: value for key, value in chosen.items() if value is not None})
+
+
+def relative_error(text: str) -> float:
+    """A relative standard error, written as 2% or 0.02."""
+    number, percent = text.strip().removesuffix("%").strip(), text.strip().endswith("%")
+    try:
+        value = float(number)
+    except ValueError:
+        raise ExperimentError(f"--to {text} is no number; write it as 2% or 0.02") from None
+    return value / 100.0 if percent else value
+
+
+def _numbers(text: str) -> tuple[float, ...]:
+    """Numbers separated by commas."""
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise ExperimentError(
+            f"--start {text} is not a list of numbers; write one for each joint, such as 0,-1.2,0.5"
+        ) from None

@@ -1,0 +1,226 @@
+"""Designs as a user asks for them."""
+
+import threading
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pivident.dynamics.base_parameters import base_parameters
+from pivident.errors import ExperimentError
+from pivident.excitation import DesignRequest, design_motion, joint_limits
+from pivident.excitation.checked_motion import FineCheck
+from pivident.excitation.constraints import Constraints
+from pivident.excitation.questions import gain_question, load_question
+from pivident.robot.gallery import load_robot
+from tests.excitation.test_constraints import Wall
+
+PLANAR = load_robot("planar_2r")
+LOAD = np.array([0.0, 0.0, 0.0, 0.01, 0.0, 0.01, 0.1, 0.0, 0.0, 1.0])
+
+
+def request(**wishes):
+    return DesignRequest(**({"duration": 6.0, "seconds": 1.0} | wishes))
+
+
+@pytest.fixture(scope="module")
+def planar():
+    return design_motion(PLANAR, request())
+
+
+def fine_ratio(robot, design, limits, clearances=None):
+    """Largest ratio of a design on its fine grid, through constraints made anew."""
+    rate = 120.0 / design.motion.family.time_scale
+    made = Constraints.of(design.motion.family, rate, limits, None, clearances)
+    return made.largest_ratio(design.motion.coefficients)
+
+
+@pytest.mark.parametrize("motion", ["fourier", "splines", "postures"])
+def test_a_design_is_better_than_its_start_and_keeps_every_limit(motion):
+    design = design_motion(PLANAR, request(motion=motion))
+    assert design.cost[1] < 0.9 * design.cost[0]
+    limits = joint_limits(PLANAR)
+    assert fine_ratio(PLANAR, design, limits) <= 1.0
+    q, dq, ddq = design.motion.sampled(2000.0)
+    uses = {(u.joint, u.quantity): u for u in design.limits}
+    for j, joint in enumerate(PLANAR.joints):
+        for quantity, signal in (("position", q), ("speed", dq), ("acceleration", ddq)):
+            use = uses[joint.name, quantity]
+            assert use.low <= signal[:, j].min() and signal[:, j].max() <= use.high
+            assert use.largest == pytest.approx(signal[:, j].max(), rel=2e-3, abs=1e-3)
+        tau = design.robot and uses[joint.name, "torque"]
+        assert tau.share <= 1.0
+
+
+def test_predicted_errors_are_those_of_least_squares_with_that_noise(planar):
+    """Against the covariance of a regression on the motion's own rows, by hand."""
+    base = base_parameters(PLANAR)
+    q, dq, ddq = planar.motion.sampled(40.0)
+    from pivident.dynamics.regressor import Regressor
+
+    phi = Regressor.build(PLANAR, base.parameters).matrix(q, dq, ddq)
+    deviation = 0.01 * np.array([80.0, 40.0])
+    rows = (phi / deviation[:, None]).reshape(-1, len(base))
+    expected = np.sqrt(np.diag(np.linalg.inv(rows.T @ rows)))
+    np.testing.assert_allclose([p.std for p in planar.predicted], expected, rtol=0.05)
+    assert [p.name for p in planar.predicted] == list(base.names)
+
+
+def test_a_design_for_chosen_parameters_beats_the_others_for_them():
+    names = ("fc1", "fc2")
+    chosen = design_motion(PLANAR, request(parameters=names, seconds=2.0))
+    d_optimal = design_motion(PLANAR, request(criterion="d", seconds=2.0))
+
+    def worst(design):
+        return max(p.relative for p in design.predicted if p.name in names)
+
+    assert worst(chosen) < worst(d_optimal)
+    assert [p.name for p in chosen.predicted if p.wanted] == list(names)
+
+
+def test_a_goal_gives_a_shorter_motion_that_reaches_it():
+    loose = design_motion(PLANAR, request(parameters=("fv1",), goal=0.05, duration=20.0))
+    assert loose.motion.duration < 15.0
+    assert next(p.relative for p in loose.predicted if p.wanted) <= 0.05
+
+
+def test_a_goal_that_no_motion_reaches_says_what_is_reached_and_what_binds():
+    design = design_motion(PLANAR, request(parameters=("fv1",), goal=1e-5))
+    note = next(n for n in design.notes if n.startswith("No motion"))
+    assert "fv1 to" in note and "What binds: " in note
+
+
+def test_an_obstacle_is_kept_clear_of():
+    design = design_motion(PLANAR, request(), clearances=Wall(0.1))
+    q, *_ = design.motion.sampled(2000.0)
+    assert Wall().distances(q).min() >= 0.1
+    assert design.clearances[0].least == pytest.approx(Wall().distances(q).min(), abs=1e-3)
+
+
+def test_motions_begin_where_they_are_told_to():
+    start = (0.3, -0.4)
+    design = design_motion(PLANAR, request(start=start))
+    np.testing.assert_array_equal(design.motion.start, start)
+
+
+def test_a_second_motion_adds_what_the_first_one_lacked():
+    """After a result that knows the first joint well, the second one counts."""
+    from tests.planar_results import planar_results
+
+    (first,) = planar_results("piv")
+    blind = design_motion(PLANAR, request())
+    after = design_motion(first.robot, request(), after=[first])
+    assert all(p.std <= p.before * (1 + 1e-9) for p in after.predicted)
+    assert len(after.predicted) == len(blind.predicted)
+    assert "found it" in after.noise
+
+
+@pytest.mark.parametrize("make", [load_question, gain_question])
+def test_questions_about_a_load_and_about_drive_gains(make):
+    robot = load_robot("staubli_tx40")
+    body = np.array([0.02, 0, 0, 0.02, 0, 0.01, 0.02, 0.02, 0.2, 2.0])
+    design = design_motion(
+        robot,
+        request(duration=10.0, seconds=2.0),
+        question=lambda known: make(known.base, known.model_values, body),
+    )
+    wanted = [p for p in design.predicted if p.wanted]
+    assert len(wanted) == (10 if make is load_question else 6)
+    assert all(np.isfinite(p.std) for p in wanted)
+    assert design.cost[1] < design.cost[0]
+
+
+def test_an_interruption_keeps_the_best_so_far(monkeypatch):
+    """Ctrl-C while the starts are searched."""
+    from concurrent.futures import Future
+
+    from pivident.excitation import search
+
+    result, interrupted = Future.result, threading.Event()
+
+    def once(self, timeout=None):
+        if not interrupted.is_set():
+            interrupted.set()
+            search.time.sleep(0.8)
+            raise KeyboardInterrupt
+        return result(self, timeout)
+
+    monkeypatch.setattr(Future, "result", once)
+    said = []
+    begin = search.time.perf_counter()
+    design = design_motion(PLANAR, request(seconds=60.0), progress=said.append)
+    assert search.time.perf_counter() - begin < 30.0
+    assert interrupted.is_set() and any("kept" in line for line in said)
+    assert design.cost[1] < design.cost[0]
+
+
+def test_a_motion_that_breaks_a_limit_between_samples_is_made_smaller(planar):
+    limits = joint_limits(PLANAR)
+    tight = replace(limits, speed=0.97 * np.array([
+        max(abs(u.least), u.largest) for u in planar.limits if u.quantity == "speed"
+    ]))  # fmt: skip
+    made = Constraints.of(planar.motion.family, 12.0, tight, None, None)
+    fine = FineCheck.of(made)
+    assert not fine.keeps_all(planar.motion.coefficients)
+    smaller = fine.repaired(planar.motion.coefficients)
+    assert fine.keeps_all(smaller)
+    np.testing.assert_array_equal(smaller[0], planar.motion.coefficients[0])
+
+
+@pytest.mark.parametrize(
+    ("wishes", "message"),
+    [
+        ({"parameters": ("fc3",)}, "no parameter 'fc3'; did you mean 'fc"),
+        ({"parameters": ("yy1",)}, "has no effect|part of"),
+        ({"start": (0.0,)}, "start has 1 positions; one finite number for each of the 2"),
+        ({"start": (9.0, 0.0)}, "the start has shoulder at 9 rad, outside of its limits"),
+        ({"duration": 1.0}, "the duration is 1 s"),
+        ({"duration": 2.0, "speed": 1e-3}, "in 2 s shoulder moves over less than 1 % of its range"),
+        ({"motion": "sine"}, "no motion 'sine'; did you mean 'splines'"),
+        ({"criterion": "e"}, "no criterion 'e'"),
+        ({"goal": 0.02}, "needs the parameters"),
+        ({"goal": 2.0, "parameters": ("fc1",)}, "standard error of 200 %"),
+    ],
+)
+def test_what_cannot_be_asked(wishes, message):
+    speed = wishes.pop("speed", None)
+    given = {j.name: {"speed": speed} for j in PLANAR.joints} if speed else {}
+    with pytest.raises(ExperimentError, match=message):
+        design_motion(PLANAR, request(**wishes), limits=joint_limits(PLANAR, given))
+
+
+def test_a_start_in_collision_is_refused():
+    with pytest.raises(ExperimentError, match=r"at the start arm and wall have a clearance of"):
+        design_motion(PLANAR, request(start=(1.55, 0.0)), clearances=Wall())
+
+
+def test_joints_without_limits_are_asked_for_by_name():
+    joints = tuple(
+        replace(j, position_limits=None) if j.name == "elbow" else j for j in PLANAR.joints
+    )
+    robot = replace(PLANAR, joints=joints)
+    with pytest.raises(ExperimentError, match=r"no position limits are known of elbow.*\[excite"):
+        design_motion(robot, request())
+    limits = joint_limits(robot, {"elbow": {"position": (-1.0, 1.0)}})
+    assert limits.source["position"] == ("description", "file")
+    slow = replace(PLANAR, joints=tuple(replace(j, rated_speed=None) for j in PLANAR.joints))
+    with pytest.raises(ExperimentError, match="no speed limits are known of shoulder, elbow"):
+        joint_limits(slow)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"elbow": {"position": (1.0, -1.0)}}, "position limits of elbow, 1 to -1 rad, contradict"),
+        ({"elbow": {"speed": -1.0}}, "speed limit of elbow is -1; a positive"),
+    ],
+)
+def test_limits_that_contradict(given, message):
+    with pytest.raises(ExperimentError, match=message):
+        joint_limits(PLANAR, given)
+
+
+def test_torques_too_small_for_gravity_are_named():
+    weak = joint_limits(PLANAR, {"shoulder": {"torque": 0.5}})
+    with pytest.raises(ExperimentError, match="torque limit of shoulder does not hold the arm"):
+        design_motion(PLANAR, request(), limits=weak)
