@@ -1,8 +1,8 @@
 """The room that a robot takes: a capsule for each body that moves, and for the base.
 
 Where the capsules come from, the first that there is: what the caller gives for a link, the
-``<collision>`` elements of the robot's URDF, a published outline of a gallery robot, and otherwise a
-skeleton from joint to joint, whose radius is an assumption.
+``<collision>`` elements of the robot's URDF, a published outline of a gallery robot, and otherwise
+a skeleton from joint to joint, whose radius is an assumption.
 """
 
 from __future__ import annotations

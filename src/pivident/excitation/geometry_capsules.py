@@ -1,9 +1,9 @@
 """The smallest capsule around a shape.
 
-A shape is what balls span: the corners of a box or the vertices of a mesh (balls of radius zero), a
-sphere (one ball), a capsule (two). A capsule is convex, so it encloses the shape once it encloses
-its balls. For a given axis with axial positions z_i, distances r_i from it and radii b_i, a capsule of
-radius ρ ≥ max(r_i + b_i) encloses all balls if its segment reaches from
+A shape is what balls span: the corners of a box or the vertices of a mesh (balls of radius zero),
+a sphere (one ball), a capsule (two). A capsule is convex, so it encloses the shape once it encloses
+its balls. For a given axis with axial positions z_i, distances r_i from it and radii b_i, a capsule
+of radius ρ ≥ max(r_i + b_i) encloses all balls if its segment reaches from
 
     z_low = min_i (z_i + √((ρ - b_i)² - r_i²))    to    z_high = max_i (z_i - √((ρ - b_i)² - r_i²))
 

@@ -1,10 +1,10 @@
 """Meshes of a URDF: where their files are, and their vertices.
 
 A mesh is looked for beside the URDF and never further away than its package: ``package://name/…``
-below the nearest folder ``name`` that holds the URDF or stands beside one of the folders above it, at
-most `MAX_LEVELS` up, or below one of those folders itself where the package's folder was renamed; any
-other path from the URDF's folder, at most `MAX_CLIMB` folders up. Links inside these folders are
-followed, as build tools of ROS make them.
+below the nearest folder ``name`` that holds the URDF or stands beside one of the folders above it,
+at most `MAX_LEVELS` up, or below one of those folders itself where the package's has another name;
+any other path from the URDF's folder, at most `MAX_CLIMB` folders up. Links inside these folders
+are followed, as build tools of ROS make them.
 """
 
 from __future__ import annotations
@@ -72,8 +72,8 @@ class MeshFiles:
             )
         if path.suffix.lower() not in SUFFIXES:
             raise RobotDescriptionError(
-                f"mesh {reference!r}: {path.suffix or 'a file without ending'} is not read; convert "
-                f"it to one of {', '.join(SUFFIXES)}"
+                f"mesh {reference!r}: {path.suffix or 'a file without ending'} is not read; "
+                f"convert it to one of {', '.join(SUFFIXES)}"
             )
         try:
             size = regular_file(path).stat().st_size

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 
-import numpy as np
-
 from pivident.errors import RobotDescriptionError
 from pivident.excitation.bodies import BY_HAND, Body, Outline, numbered
 from pivident.excitation.geometry_capsules import Balls, Capsule, enclosing_capsule
@@ -90,7 +88,7 @@ def link_shapes(robot: Robot, without: Collection[int] = ()) -> list[LinkShape]:
                     mesh = files.found(own.mesh) if own.shape == "mesh" else None
                 except RobotDescriptionError as error:
                     raise RobotDescriptionError(
-                        f"link {owner!r}: {error}, or give a capsule for the link by hand: {BY_HAND}"
+                        f"link {owner!r}: {error}, or give the link a capsule by hand: {BY_HAND}"
                     ) from error
                 shapes.append(LinkShape(owner, link, pose @ own.origin, own, mesh))
     return shapes
@@ -125,7 +123,7 @@ def urdf_outline(robot: Robot, without: Collection[int] = ()) -> Outline | None:
             )
     covered = {body.link for body in bodies} | set(without)
     bare = [robot.links[i].name for i in range(robot.size) if i not in covered]
-    remarks = ()
+    remarks: tuple[str, ...] = ()
     if bare:
         plural = "s" * (len(bare) > 1)
         remarks = (
@@ -157,8 +155,7 @@ def link_capsules(shapes: list[Balls]) -> list[Capsule]:
                 both = Balls.together([parts[a][0], parts[b][0]])
                 merged[a, b] = (both, _volume(both))
         loss = {
-            (a, b): merged[a, b][1] - parts[a][1] - parts[b][1]
-            for a, b in combinations(parts, 2)
+            (a, b): merged[a, b][1] - parts[a][1] - parts[b][1] for a, b in combinations(parts, 2)
         }
         a, b = min(loss, key=lambda pair: loss[pair])
         if loss[a, b] > 0.0 and len(parts) <= MAX_CAPSULES:

@@ -1,8 +1,8 @@
 """The text of a URDF as plain records: every element, attribute and number checked.
 
 `parse_model` reads what dynamics needs: links with their inertials, joints with their frames, axes,
-limits and friction. `parse_collisions` reads the shapes of the links; a mistake in one is no obstacle
-to an identification. Visuals, transmissions and simulator extensions are ignored.
+limits and friction. `parse_collisions` reads the shapes of the links, without which a robot can be
+identified. Visuals, transmissions and simulator extensions are ignored.
 """
 
 from __future__ import annotations
@@ -157,21 +157,18 @@ def parse_model(content: bytes | str) -> UrdfModel:
 
 def parse_collisions(content: bytes | str) -> dict[str, tuple[UrdfCollision, ...]]:
     """Shapes of each link of a URDF, by the link's name."""
-    found: dict[str, tuple[UrdfCollision, ...]] = {}
-    for link in _root(content).findall("link"):
-        name = _attribute(link, "name", "link")
-        where = f"link {name!r}: collision"
-        found[name] = tuple(_collision(element, where) for element in link.findall("collision"))
-    return found
+    links = {_attribute(e, "name", "link"): e for e in _root(content).findall("link")}
+    return {
+        name: tuple(_collision(e, f"link {name!r}: collision") for e in link.findall("collision"))
+        for name, link in links.items()
+    }
 
 
 def _collision(element: ElementTree.Element, where: str) -> UrdfCollision:
     geometry = element.find("geometry")
     shapes = [] if geometry is None else [e for e in geometry if e.tag in SHAPES]
     if len(shapes) != 1:
-        raise RobotDescriptionError(
-            f"{where}: <geometry> has {len(shapes)} shapes, one of {', '.join(SHAPES)} is needed"
-        )
+        raise RobotDescriptionError(f"{where}: <geometry> needs one of {', '.join(SHAPES)}")
     (shape,) = shapes
     where, origin = f"{where}: {shape.tag}", _origin(element, where)
     if shape.tag == "mesh":
@@ -182,14 +179,10 @@ def _collision(element: ElementTree.Element, where: str) -> UrdfCollision:
     if shape.tag == "box":
         size = _numbers(_attribute(shape, "size", where), 3, f"{where} size")
         if not size.min() > 0.0:
-            raise RobotDescriptionError(
-                f"{where} size = {shape.get('size')!r}: all three edges must be positive"
-            )
+            raise RobotDescriptionError(f"{where} size = {shape.get('size')!r} must be positive")
         return UrdfCollision(origin, "box", size)
     length = 0.0 if shape.tag == "sphere" else _positive(shape, "length", where)
-    return UrdfCollision(
-        origin, shape.tag, np.ones(3), radius=_positive(shape, "radius", where), length=length
-    )
+    return UrdfCollision(origin, shape.tag, np.ones(3), _positive(shape, "radius", where), length)
 
 
 def _root(content: bytes | str) -> ElementTree.Element:
