@@ -23,8 +23,8 @@ from scipy.spatial import ConvexHull, QhullError
 #: Corners of the polygon around the rims of a cylinder; it is 0.2 % wider than the circle.
 RIM_CORNERS = 48
 
-#: Excess of ρ over the least possible radius that the search of the axis starts from.
-FIRST_EXCESS = 0.05
+#: Excesses of ρ over the least possible radius, as shares of it, that the search may start from.
+FIRST_EXCESSES = (0.0, 0.05, 0.2)
 
 #: Radius added to every capsule, against rounding [m].
 ROUNDING = 1e-9
@@ -121,8 +121,9 @@ def enclosing_capsule(balls: Balls, *, searched: bool = True) -> Capsule:
     for k in range(3):
         turned = local.centres @ np.roll(np.eye(3), k, axis=1)
         extent = 0.5 * (turned.max(axis=0) + turned.min(axis=0))
-        unknowns = np.array([extent[0], extent[1], 0.0, 0.0, FIRST_EXCESS])
-        starts.append((_along(unknowns, turned, local.radii)[0], k, unknowns))
+        for excess in FIRST_EXCESSES:
+            unknowns = np.array([extent[0], extent[1], 0.0, 0.0, excess])
+            starts.append((_along(unknowns, turned, local.radii)[0], k, unknowns))
     _, k, unknowns = min(starts, key=lambda start: start[0])
     turn = np.roll(np.eye(3), k, axis=1)
     turned = local.centres @ turn

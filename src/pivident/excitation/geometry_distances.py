@@ -27,6 +27,9 @@ SEGMENT, BOX, CYLINDER = 0, 1, 2
 #: Halvings of the axis; 2⁻⁴⁰ of a metre is 10⁻¹² m.
 HALVINGS = 40
 
+#: Gradient of s by the place of the axis below which a direction is chosen instead.
+LEAST_GRADIENT = 0.1
+
 
 @inner
 def signed_distance(kind, solid, x, y, z):
@@ -101,19 +104,53 @@ def axis_distances(kind, start, end, solid, far, distance, normal, point):
                 point[k, c] = 0.0
             continue
         if length > 0.0:
-            low, high = 0.0, 1.0
-            for _ in range(HALVINGS):
-                if nx * ux + ny * uy + nz * uz > 0.0:
-                    high = t
-                else:
-                    low = t
-                t = 0.5 * (low + high)
-                s, nx, ny, nz = signed_distance(kind, own, ax + t * ux, ay + t * uy, az + t * uz)
-        if kind == SEGMENT and nx == 0.0 and ny == 0.0 and nz == 0.0:
+            t, s, nx, ny, nz = _lowest(kind, own, ax, ay, az, ux, uy, uz)
+        if kind == SEGMENT and nx * nx + ny * ny + nz * nz < LEAST_GRADIENT**2:
             nx, ny, nz = _across(ux, uy, uz, own)
         distance[k] = s
         normal[k, 0], normal[k, 1], normal[k, 2] = nx, ny, nz
         point[k, 0], point[k, 1], point[k, 2] = ax + t * ux, ay + t * uy, az + t * uz
+
+
+@inner
+def _lowest(kind, solid, ax, ay, az, ux, uy, uz):
+    """Where s is least along an axis: t, s, and the gradient of that least s by the axis' place.
+
+    Inside a box or cylinder s has edges, where the gradient jumps and the slope changes its sign.
+    There the gradient of the least s is the mean of both sides whose slope is zero. It vanishes
+    where the axis runs through the middle of the solid, from which no small step leads out; the
+    normal at the end nearer to the surface then says which way is the shorter. Where the axis lies
+    level, all of it is nearest; its middle stands for it.
+    """
+    s, lx, ly, lz = signed_distance(kind, solid, ax, ay, az)
+    left = lx * ux + ly * uy + lz * uz
+    e, hx, hy, hz = signed_distance(kind, solid, ax + ux, ay + uy, az + uz)
+    right = hx * ux + hy * uy + hz * uz
+    if left >= 0.0 and right > 0.0:
+        return 0.0, s, lx, ly, lz
+    if right <= 0.0 and left < 0.0:
+        return 1.0, e, hx, hy, hz
+    wx, wy, wz = (lx, ly, lz) if s > e else (hx, hy, hz)
+    low, high, t = 0.0, 1.0, 0.5
+    for _ in range(HALVINGS):
+        t = 0.5 * (low + high)
+        s, nx, ny, nz = signed_distance(kind, solid, ax + t * ux, ay + t * uy, az + t * uz)
+        slope = nx * ux + ny * uy + nz * uz
+        if slope == 0.0:
+            return t, s, nx, ny, nz
+        if slope > 0.0:
+            high, right, hx, hy, hz = t, slope, nx, ny, nz
+        else:
+            low, left, lx, ly, lz = t, slope, nx, ny, nz
+    share = right / (right - left)
+    nx, ny, nz = (
+        share * lx + (1.0 - share) * hx,
+        share * ly + (1.0 - share) * hy,
+        share * lz + (1.0 - share) * hz,
+    )
+    if kind != SEGMENT and nx * nx + ny * ny + nz * nz < LEAST_GRADIENT**2:
+        return t, s, wx, wy, wz
+    return t, s, nx, ny, nz
 
 
 @inner
