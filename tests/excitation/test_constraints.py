@@ -29,10 +29,10 @@ class Wall:
     names = ("arm and wall",)
 
     def __init__(self, needed=0.02):
-        self.needed = needed
+        self.needed = np.array([needed])
 
-    def with_needed(self, needed):
-        return Wall(needed)
+    def with_more(self, room):
+        return Wall(self.needed[0] + room)
 
     def distances(self, q):
         return (1.5 - q[:, 0] - q[:, 1] ** 2)[None]

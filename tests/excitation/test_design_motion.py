@@ -190,7 +190,7 @@ def test_what_cannot_be_asked(wishes, message):
 
 
 def test_a_start_in_collision_is_refused():
-    with pytest.raises(ExperimentError, match=r"at the start arm and wall have a clearance of"):
+    with pytest.raises(ExperimentError, match=r"at the start, arm and wall: the clearance is"):
         design_motion(PLANAR, request(start=(1.55, 0.0)), clearances=Wall())
 
 

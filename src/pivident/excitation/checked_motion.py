@@ -148,12 +148,14 @@ class FineCheck:
             ClearanceUse(
                 name,
                 float(row.min()),
-                c.clearances.needed,
+                float(needed),
                 float(self.times[int(np.argmin(row))]),
             )
-            for name, row in zip(c.clearances.names, distances, strict=True)
+            for name, row, needed in zip(
+                c.clearances.names, distances, c.clearances.needed, strict=True
+            )
         ]
-        return tuple(sorted(uses, key=lambda use: use.least))
+        return tuple(sorted(uses, key=lambda use: use.least - use.needed))
 
 
 def with_more_room(constraints: Constraints, share: float, room: float) -> Constraints:
@@ -162,5 +164,5 @@ def with_more_room(constraints: Constraints, share: float, room: float) -> Const
     Between its samples a motion may go a little further.
     """
     clearances = constraints.clearances
-    wider = None if clearances is None else clearances.with_needed(clearances.needed + room)
+    wider = None if clearances is None else clearances.with_more(room)
     return replace(constraints, limits=constraints.limits.within(share), clearances=wider)

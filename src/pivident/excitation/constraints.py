@@ -34,11 +34,11 @@ class Clearances(Protocol):
         """One for each clearance."""
 
     @property
-    def needed(self) -> float:
-        """Clearance that is asked for [m]."""
+    def needed(self) -> np.ndarray:
+        """Clearances that are asked for [m], shape (clearances,)."""
 
-    def with_needed(self, needed: float) -> Clearances:
-        """The same with another clearance [m]."""
+    def with_more(self, room: float) -> Clearances:
+        """The same with more room between all [m]."""
 
     def distances(self, q: np.ndarray) -> np.ndarray:
         """Clearances along a motion, shape (clearances, samples) [m]."""
@@ -127,7 +127,7 @@ class Constraints:
 
     def _clearance_ratio(self, distances: np.ndarray) -> np.ndarray:
         assert self.clearances is not None
-        return 1.0 - (distances - self.clearances.needed) / CLEARANCE_SCALE
+        return 1.0 - (distances - self.clearances.needed[:, None]) / CLEARANCE_SCALE
 
     def ratios_and_gradients(self, coefficients: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Smooth ratios, shape (constraints,), and their gradients by the coefficients.
@@ -195,7 +195,7 @@ class Constraints:
     def _clearance_constraints(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """One for each pair of bodies."""
         assert self.clearances is not None
-        below = self.clearances.needed + CLEARANCE_SCALE
+        below = float(self.clearances.needed.max(initial=0.0)) + CLEARANCE_SCALE
         distances, slopes = self.clearances.with_gradients(q, below)
         ratios, weights = smooth_maximum(self._clearance_ratio(distances).T)
         net = -weights.T[:, :, None] * slopes / CLEARANCE_SCALE

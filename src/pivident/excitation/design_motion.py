@@ -269,13 +269,13 @@ def _check_start(task: DesignTask) -> None:
                 f"its limits {limits.low[j]:g} to {limits.high[j]:g}; choose a posture inside"
             ).about("start")
     if task.clearances is not None:
-        distances = task.clearances.distances(posture[None])[:, 0]
-        nearest = int(np.argmin(distances))
-        if distances[nearest] < task.clearances.needed:
+        distances, needed = task.clearances.distances(posture[None])[:, 0], task.clearances.needed
+        nearest = int(np.argmin(distances - needed)) if needed.size else 0
+        if needed.size and distances[nearest] < needed[nearest]:
             raise ExperimentError(
-                f"at the start {task.clearances.names[nearest]} have a clearance of "
-                f"{1e3 * distances[nearest]:.3g} mm, {1e3 * task.clearances.needed:.3g} mm is "
-                "needed; choose another start, or a smaller clearance"
+                f"at the start, {task.clearances.names[nearest]}: the clearance is "
+                f"{1e3 * distances[nearest]:.3g} mm, {1e3 * needed[nearest]:.3g} mm is needed; "
+                "choose another start, or a smaller clearance"
             ).about("start")
 
 
@@ -300,7 +300,7 @@ def _why_none(task: DesignTask, allowed: Constraints, duration: float) -> str:
     postures = task.limits.middle + rng.uniform(-0.9, 0.9, shape) * task.limits.half
     if task.clearances is not None:
         distances = task.clearances.distances(postures)
-        near = distances < (np.asarray(task.clearances.needed) + ROOM)[..., None]
+        near = distances < (task.clearances.needed + ROOM)[:, None]
         if near.any(axis=0).all():
             worst = task.clearances.names[int(np.argmax(near.mean(axis=1)))]
             return (

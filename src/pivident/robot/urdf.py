@@ -121,6 +121,42 @@ def parse_urdf(
         return replace(robot, friction_nominal=_nominal_friction(robot, model))
 
 
+def link_places(content: bytes | str, robot: Robot) -> dict[str, tuple[int, Pose]]:
+    """Where the links of a URDF are in the robot that was read from it.
+
+    Args:
+        content: text of the file.
+        robot: the robot; its joints are those that move, all others are fixed or frozen.
+
+    Returns:
+        For each link of the file the index of the moving link that carries it (-1: the base), and
+        the pose of its URDF frame in that link's frame, by the frame rule.
+
+    Raises:
+        RobotDescriptionError: the file cannot be used, or a joint of the robot is not in it.
+    """
+    model = parse_model(content)
+    order, _ = _tree(model)
+    missing = set(robot.joint_names) - {joint.name for joint in model.joints}
+    if missing:
+        raise RobotDescriptionError(
+            f"has no joint {', '.join(map(repr, sorted(missing)))} of robot {robot.name!r}; give "
+            "the file that the robot was read from"
+        )
+    frozen = {} if robot.urdf is None else robot.urdf.frozen
+    children = {joint.child for joint in model.joints}
+    places = {name: (-1, Pose.identity()) for name in model.links if name not in children}
+    for joint in (model.joints[i] for i in order):
+        if joint.name in robot.joint_names:
+            back = Pose(rotation_from_z_to(joint.axis).T, np.zeros(3))
+            places[joint.child] = robot.joint_names.index(joint.name), back
+        else:
+            carrier, pose = places[joint.parent]
+            moved_by = joint_motion(joint, frozen.get(joint.name, 0.0))
+            places[joint.child] = carrier, pose @ joint.origin @ moved_by
+    return places
+
+
 def text_digest(content: bytes | str) -> str:
     """SHA-256 of the unpacked text of a URDF, as kept in `UrdfFile`."""
     text = content.encode("utf-8", "surrogatepass") if isinstance(content, str) else content

@@ -1,7 +1,8 @@
 """The text of a URDF as plain records: every element, attribute and number checked.
 
-Only what dynamics needs is read: links with their inertials, joints with their frames, axes,
-limits and friction. Visuals, collisions, transmissions and simulator extensions are ignored.
+`parse_model` reads what dynamics needs: links with their inertials, joints with their frames, axes,
+limits and friction. `parse_collisions` reads the shapes of the links, without which a robot can be
+identified. Visuals, transmissions and simulator extensions are ignored.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ MAXIMUM_SIZE = 8 * 2**20
 #: Maximum number of elements, and of links or joints; real files have thousands and hundreds.
 MAX_ELEMENTS, MAX_LINKS = 100_000, 1000
 
+SHAPES = ("box", "sphere", "cylinder", "capsule", "mesh")
 MOVING = ("revolute", "continuous", "prismatic")
 JOINT_TYPES = (*MOVING, "fixed", "floating", "planar")
 GZIP_MAGIC = b"\x1f\x8b"
@@ -57,6 +59,18 @@ class UrdfModel:
     name: str
     links: dict[str, np.ndarray]  # ten inertial parameters of each link in its URDF frame
     joints: tuple[UrdfJoint, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class UrdfCollision:
+    """A ``<collision>`` of a link: one shape, centred on its own frame."""
+
+    origin: Pose  # pose of the shape's frame in the link's URDF frame
+    shape: str  # box, sphere, cylinder, capsule or mesh
+    size: np.ndarray  # edges of a box, or the scale of a mesh [m], shape (3,)
+    radius: float = 0.0  # [m]
+    length: float = 0.0  # of a cylinder or capsule along z, without the capsule's caps [m]
+    mesh: str = ""  # file as it is written
 
 
 class _BoundedTree(ElementTree.TreeBuilder):
@@ -139,6 +153,36 @@ def parse_model(content: bytes | str) -> UrdfModel:
         for name, element in zip(joint_names, joint_elements, strict=True)
     ]
     return UrdfModel(root.get("name", "robot"), links, tuple(joints))
+
+
+def parse_collisions(content: bytes | str) -> dict[str, tuple[UrdfCollision, ...]]:
+    """Shapes of each link of a URDF, by the link's name."""
+    links = {_attribute(e, "name", "link"): e for e in _root(content).findall("link")}
+    return {
+        name: tuple(_collision(e, f"link {name!r}: collision") for e in link.findall("collision"))
+        for name, link in links.items()
+    }
+
+
+def _collision(element: ElementTree.Element, where: str) -> UrdfCollision:
+    geometry = element.find("geometry")
+    shapes = [] if geometry is None else [e for e in geometry if e.tag in SHAPES]
+    if len(shapes) != 1:
+        raise RobotDescriptionError(f"{where}: <geometry> needs one of {', '.join(SHAPES)}")
+    (shape,) = shapes
+    where, origin = f"{where}: {shape.tag}", _origin(element, where)
+    if shape.tag == "mesh":
+        scale = _numbers(shape.get("scale", "1 1 1"), 3, f"{where} scale")
+        if not np.abs(scale).min() > 0.0:
+            raise RobotDescriptionError(f"{where} scale = {shape.get('scale')!r} flattens the mesh")
+        return UrdfCollision(origin, "mesh", scale, mesh=_attribute(shape, "filename", where))
+    if shape.tag == "box":
+        size = _numbers(_attribute(shape, "size", where), 3, f"{where} size")
+        if not size.min() > 0.0:
+            raise RobotDescriptionError(f"{where} size = {shape.get('size')!r} must be positive")
+        return UrdfCollision(origin, "box", size)
+    length = 0.0 if shape.tag == "sphere" else _positive(shape, "length", where)
+    return UrdfCollision(origin, shape.tag, np.ones(3), _positive(shape, "radius", where), length)
 
 
 def _root(content: bytes | str) -> ElementTree.Element:
@@ -275,6 +319,13 @@ def _non_negative(element: ElementTree.Element | None, key: str, where: str) -> 
         raise RobotDescriptionError(
             f"{where} {key} = {value:g} is negative; give its magnitude or remove it"
         )
+    return value
+
+
+def _positive(element: ElementTree.Element, key: str, where: str) -> float:
+    value = _number(_attribute(element, key, where), f"{where} {key}")
+    if not value > 0.0:
+        raise RobotDescriptionError(f"{where} {key} = {value:g} must be positive, in metres")
     return value
 
 

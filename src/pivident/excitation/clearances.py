@@ -1,0 +1,351 @@
+"""Distances between the bodies of a robot and all that they must not touch, with their gradients.
+
+With n the unit vector from the nearest point of one body to that of the other, and J the Jacobians
+of these two points as carried by their links,
+
+    ∂d/∂q = nᵀ (J_a - J_b)
+
+wherever the nearest points are unique. The gradient is that of d itself, no matter that the points
+slide along the surfaces as the robot moves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pivident.errors import ExperimentError
+from pivident.excitation.bodies import Body, bodies_of_entries, outline_of
+from pivident.excitation.geometry_distances import SEGMENT, axis_distances, gradient_by_joints
+from pivident.excitation.geometry_pairs import Pair, candidate_pairs, random_postures, swept_ball
+from pivident.excitation.geometry_poses import LinkPoses
+from pivident.excitation.obstacles import (
+    Obstacle,
+    ToolBox,
+    obstacles_of_entries,
+    tool_box_of_entry,
+    upward,
+)
+from pivident.robot.description import Robot
+
+if TYPE_CHECKING:
+    from pivident.experiment.room_keys import RoomEntry
+
+#: Share of these postures from which on two bodies touch because they are built so.
+STRUCTURAL_SHARE = 0.95
+
+#: Change over all postures below which a distance is a constant [m].
+CONSTANT = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Clearances:
+    """What must stay apart, and how far apart it is; made by `Clearances.of`.
+
+    Attributes:
+        robot: the robot.
+        pairs: what is checked, one for each row.
+        floor: height of the floor above the base's origin [m], None without one.
+        tool_box: where the tool has to stay, None where it may go anywhere.
+        remarks: what is not checked and why, complete sentences.
+    """
+
+    robot: Robot
+    pairs: tuple[Pair, ...]
+    floor: float | None = None
+    tool_box: ToolBox | None = None
+    remarks: tuple[str, ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        robot: Robot,
+        bodies: Sequence[Body],
+        obstacles: Sequence[Obstacle] = (),
+        *,
+        floor: float | None = None,
+        tool_box: ToolBox | None = None,
+        clearance: float = 0.02,
+    ) -> Clearances:
+        """Everything that must stay apart.
+
+        Checked are bodies of links that are not neighbours, and moving bodies against obstacles and
+        floor. Left out, with a remark, are pairs that are nearer than the clearance in nearly all
+        of some hundred random postures, because they are built so; and silently, what no posture
+        brings together. Neighbouring links are kept apart by the limits of their joint.
+
+        Args:
+            robot: the robot.
+            bodies: its bodies, see `pivident.excitation.outline_of`.
+            obstacles: what stands around it.
+            floor: height of the floor above the base's origin, against gravity [m]; None: none.
+            tool_box: where a point of the tool has to stay; None: anywhere.
+            clearance: distance that bodies keep [m].
+
+        Returns:
+            The pairs to check.
+
+        Raises:
+            ExperimentError: a name is used twice, a value is not finite, a tool's link does not
+                exist, or the robot has no gravity that says where the floor is.
+        """
+        if floor is not None and not np.isfinite(floor):
+            raise ExperimentError(f"floor = {floor} must be a height in metres").about("floor")
+        if floor is not None:
+            upward(robot)
+        if not 0.0 <= clearance < np.inf:
+            raise ExperimentError(f"clearance = {clearance} must not be negative, in metres").about(
+                "clearance"
+            )
+        if tool_box is not None and tool_box.link is None:
+            tool_box = replace(tool_box, link=robot.size - 1)
+        if tool_box is not None and not 0 <= (tool_box.link or 0) < robot.size:
+            raise ExperimentError(
+                f"tool: link {tool_box.link} does not exist; the links of {robot.name!r} count "
+                f"from 0 to {robot.size - 1}"
+            )
+        pairs = candidate_pairs(
+            robot,
+            bodies,
+            obstacles,
+            clearance,
+            floor=floor is not None,
+            tool=tool_box is not None,
+        )
+        return cls(robot, tuple(pairs), floor, tool_box)._without_constant_pairs()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the rows."""
+        return tuple(pair.name for pair in self.pairs)
+
+    @property
+    def needed(self) -> np.ndarray:
+        """Distance that is asked for in each row [m], shape (rows,)."""
+        return np.array([pair.needed for pair in self.pairs])
+
+    def with_more(self, room: float) -> Clearances:
+        """The same with more room between all.
+
+        Args:
+            room: beyond the distances asked for [m].
+        """
+        pairs = tuple(replace(pair, needed=pair.needed + room) for pair in self.pairs)
+        return replace(self, pairs=pairs)
+
+    def distances(self, q: np.ndarray) -> np.ndarray:
+        """All distances, negative where bodies penetrate each other.
+
+        Args:
+            q: joint positions [rad or m], shape (samples, joints).
+
+        Returns:
+            Distances [m], shape (rows, samples).
+
+        Raises:
+            ExperimentError: q has another shape, or is not finite.
+        """
+        return self._evaluated(q, np.inf, gradients=False)[0]
+
+    def with_gradients(self, q: np.ndarray, below: float) -> tuple[np.ndarray, np.ndarray]:
+        """Distances and their gradients by the joint positions.
+
+        Args:
+            q: joint positions [rad or m], shape (samples, joints).
+            below: of pairs that are further apart, a distance of at least this [m] is returned,
+                which may be less than the true one, and a gradient of zero.
+
+        Returns:
+            Distances [m], shape (rows, samples), and gradients [m/rad or 1], shape (rows, samples,
+            joints).
+
+        Raises:
+            ExperimentError: q has another shape, or is not finite.
+        """
+        return self._evaluated(q, float(below), gradients=True)
+
+    def _evaluated(
+        self, q: np.ndarray, below: float, gradients: bool
+    ) -> tuple[np.ndarray, np.ndarray]:
+        q = self._checked(q)
+        poses = LinkPoses.of(self.robot, q)
+        rows, samples = len(self.pairs), len(q)
+        distance = np.empty((rows, samples))
+        gradient = np.empty((rows if gradients else 0, samples, self.robot.size))
+        axes = np.ascontiguousarray(poses.rotation[:-1, :, :, 2])
+        prismatic = np.array([joint.kind == "prismatic" for joint in self.robot.joints])
+        moved_by = _moved_by(self.robot)
+        ends: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+        for row, pair in enumerate(self.pairs):
+            for body in (pair.body, pair.other):
+                if isinstance(body, Body) and body.name not in ends:
+                    ends[body.name] = (
+                        poses.points(body.link, body.start),
+                        poses.points(body.link, body.end),
+                    )
+            if pair.body is None:
+                distance[row], normal, point = self._tool(poses)
+            elif pair.other is None:
+                distance[row], normal, point = self._above_floor(pair.body, *ends[pair.body.name])
+            else:
+                distance[row], normal, point = _apart(pair.body, pair.other, ends, below)
+            if gradients:
+                first, second = self._links(pair)
+                gradient_by_joints(
+                    moved_by[first] - moved_by[second], prismatic, axes, poses.origin, normal,
+                    point, gradient[row],
+                )  # fmt: skip
+        return distance, gradient
+
+    def _links(self, pair: Pair) -> tuple[int, int]:
+        """Links that carry the two sides of a pair, -1 for what stands still."""
+        if pair.body is None:
+            assert self.tool_box is not None and self.tool_box.link is not None
+            return self.tool_box.link, -1
+        return pair.body.link, pair.other.link if isinstance(pair.other, Body) else -1
+
+    def _above_floor(
+        self, body: Body, start: np.ndarray, end: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        assert self.floor is not None
+        up = upward(self.robot)
+        heights = np.stack([start @ up, end @ up])
+        lower = (heights[1] < heights[0])[:, None]
+        normal = np.broadcast_to(up, start.shape).copy()
+        return (
+            heights.min(axis=0) - self.floor - body.radius,
+            normal,
+            np.where(lower, end, start),
+        )
+
+    def _tool(self, poses: LinkPoses) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Distance of the tool from the nearest side of its box, negative outside."""
+        box = self.tool_box
+        assert box is not None and box.link is not None
+        point = poses.points(box.link, np.asarray(box.point, dtype=float))
+        room = np.hstack([point - box.low, box.high - point])
+        nearest = room.argmin(axis=1)
+        normal = np.vstack([np.eye(3), -np.eye(3)])[nearest]
+        return room.min(axis=1), normal, point
+
+    def _checked(self, q: np.ndarray) -> np.ndarray:
+        q = np.ascontiguousarray(q, dtype=float)
+        if q.ndim != 2 or q.shape[1] != self.robot.size:
+            raise ExperimentError(
+                f"positions have shape {q.shape}; (samples, {self.robot.size}) is needed for robot "
+                f"{self.robot.name!r}"
+            )
+        if not np.isfinite(q).all():
+            sample, joint = np.argwhere(~np.isfinite(q))[0]
+            raise ExperimentError(
+                f"position of joint {self.robot.joints[joint].name!r} is {q[sample, joint]} at "
+                f"sample {sample}; a finite number is needed"
+            )
+        return q
+
+    def _without_constant_pairs(self) -> Clearances:
+        """The pairs that a motion can bring together and take apart, and remarks on the others."""
+        found = self.distances(random_postures(self.robot))
+        kept, always = [], []
+        for pair, distance in zip(self.pairs, found, strict=True):
+            share = float(np.mean(distance < pair.needed))
+            if share > STRUCTURAL_SHARE and pair.body is not None:
+                always.append(pair)
+            elif pair.body is None or (
+                np.ptp(distance) > CONSTANT and not self._is_out_of_reach(pair)
+            ):
+                kept.append(pair)
+        remarks = []
+        own = [pair.name for pair in always if isinstance(pair.other, Body)]
+        if own:
+            remarks.append(
+                f"Not checked, because they are nearer than the clearance in nearly every posture "
+                f"as they are built: {'; '.join(own)}."
+            )
+        remarks += (
+            f"Not checked: {pair.name}, which is nearer than the clearance in nearly every "
+            "posture; move or shrink one of the two if that is not how the robot stands."
+            for pair in always
+            if not isinstance(pair.other, Body)
+        )
+        return replace(self, pairs=tuple(kept), remarks=(*self.remarks, *remarks))
+
+    def _is_out_of_reach(self, pair: Pair) -> bool:
+        """Whether no posture brings a body as near as the clearance to what stands still."""
+        if pair.body is None or isinstance(pair.other, Body):
+            return False
+        centre, radius = swept_ball(self.robot, pair.body)
+        if not np.isfinite(radius):
+            return False
+        ball = Body(pair.body.name, -1, centre, centre, radius)
+        if pair.other is None:
+            (distance,), _, _ = self._above_floor(ball, centre[None, :], centre[None, :])
+        else:
+            ends = {ball.name: (centre[None, :], centre[None, :])}
+            (distance,), _, _ = _apart(ball, pair.other, ends, np.inf)
+        return bool(distance >= pair.needed)
+
+
+def clearances_of_room(robot: Robot, room: RoomEntry) -> Clearances:
+    """What must stay apart, by the tables of a file.
+
+    Args:
+        robot: the robot.
+        room: the checked tables.
+
+    Returns:
+        The clearances; their remarks say where the bodies come from.
+
+    Raises:
+        ExperimentError: the tables contradict each other or the robot.
+        RobotDescriptionError: a body names no link, or a mesh of the URDF cannot be found.
+        MissingExtra: the URDF has meshes, and coal is not installed.
+    """
+    outline = outline_of(robot, bodies_of_entries(robot, room.body))
+    found = Clearances.of(
+        robot,
+        outline.bodies,
+        obstacles_of_entries(room.obstacle),
+        floor=room.floor,
+        tool_box=tool_box_of_entry(room),
+        clearance=room.clearance,
+    )
+    return replace(found, remarks=(*outline.remarks, *found.remarks))
+
+
+def _apart(
+    body: Body,
+    other: Body | Obstacle,
+    ends: dict[str, tuple[np.ndarray, np.ndarray]],
+    below: float,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Distance of a body from another or an obstacle, with normal and point in the base frame."""
+    start, end = ends[body.name]
+    if isinstance(other, Body):
+        kind, skin, solid = SEGMENT, other.radius, np.hstack(ends[other.name])
+    else:
+        kind, skin, solid = other.kind, other.skin, other.solid
+    if not isinstance(other, Body) and kind != SEGMENT:
+        start, end = (
+            (points - other.translation) @ np.asarray(other.rotation, dtype=float)
+            for points in (start, end)
+        )
+    distance = np.empty(len(start))
+    normal, point = np.empty_like(start), np.empty_like(start)
+    radii = body.radius + skin
+    axis_distances(kind, start, end, solid, below + radii, distance, normal, point)
+    if not isinstance(other, Body) and kind != SEGMENT:
+        normal = normal @ np.asarray(other.rotation).T
+        point = point @ np.asarray(other.rotation).T + other.translation
+    return distance - radii, normal, point
+
+
+def _moved_by(robot: Robot) -> np.ndarray:
+    """1 where a joint moves a link, shape (links + 1, joints); the base, last, is moved by none."""
+    moved = np.zeros((robot.size + 1, robot.size))
+    for link in range(robot.size):
+        moved[link, list(robot.ancestors(link))] = 1.0
+    return moved

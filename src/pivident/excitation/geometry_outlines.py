@@ -1,0 +1,111 @@
+"""Bodies of robots without collision shapes: outlines of gallery robots, and skeletons."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+
+from pivident.excitation.bodies import BASE, Body, Outline, numbered
+from pivident.robot.description import Robot
+
+#: Radius of a skeleton's capsules as a share of the robot's reach. Industrial arms and cobots have
+#: 5 to 10 % in their arms, and more in the shoulder.
+RADIUS_SHARE = 0.08
+
+#: Shortest way between two joints that a skeleton gives a capsule, as a share of its radius.
+SHORTEST = 0.05
+
+_Row = tuple[str, int, tuple[float, float, float], tuple[float, float, float], float]
+
+#: Name of a robot → name, link, ends of the segment and radius of its bodies [m].
+#:
+#: TX40: from its published outline, shoulder 320 mm above the floor, upper arm and forearm 225 mm,
+#: wrist to flange 65 mm; the diameters are those of the covers, rounded up.
+GALLERY: dict[str, tuple[_Row, ...]] = {
+    "Stäubli TX40": (
+        ("base", -1, (0.0, 0.0, -0.24), (0.0, 0.0, -0.16), 0.09),
+        ("shoulder", 0, (0.0, 0.0, -0.06), (0.0, 0.0, 0.01), 0.095),
+        ("upper arm", 1, (0.0, 0.0, 0.05), (0.225, 0.0, 0.05), 0.09),
+        ("elbow", 2, (0.0, 0.0, 0.0), (0.0, 0.0, 0.05), 0.085),
+        ("forearm", 3, (0.0, 0.0, -0.16), (0.0, 0.0, -0.01), 0.065),
+        ("wrist", 4, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.055),
+        ("flange", 5, (0.0, 0.0, 0.03), (0.0, 0.0, 0.04), 0.03),
+    ),
+}
+
+
+def gallery_outline(robot: Robot, without: Collection[int] = ()) -> Outline | None:
+    """Approximate outline of a robot of the gallery.
+
+    Args:
+        robot: the robot, known by its name and number of joints.
+        without: links that are given by hand.
+
+    Returns:
+        Its bodies, or None where its outline is not known.
+    """
+    rows = GALLERY.get(robot.name)
+    if rows is None or max(row[1] for row in rows) >= robot.size:
+        return None
+    bodies = tuple(
+        Body(name, link, np.array(start), np.array(end), radius)
+        for name, link, start, end, radius in rows
+        if link not in without
+    )
+    return Outline(
+        bodies,
+        "gallery",
+        (
+            f"The bodies of {robot.name} are an approximate outline without cables and tools; give "
+            "bodies by hand where it matters.",
+        ),
+    )
+
+
+def skeleton(robot: Robot, without: Collection[int] = ()) -> Outline:
+    """Capsules from joint to joint, of one assumed radius.
+
+    Args:
+        robot: the robot.
+        without: links that are given by hand.
+
+    Returns:
+        A capsule from the origin of each link to the next joint on it, a ball at the end of an arm;
+        none for a robot without reach.
+    """
+    radius = RADIUS_SHARE * reach(robot)
+    bodies: list[Body] = []
+    for link in range(-1, robot.size if radius > 0.0 else -1):
+        if link in without:
+            continue
+        ends = [j.translation for j in robot.joints if j.parent == link]
+        ends = [end for end in ends if np.linalg.norm(end) > SHORTEST * radius]
+        if link >= 0 and not any(j.parent == link for j in robot.joints):
+            ends = [np.zeros(3)]
+        name = BASE if link < 0 else robot.links[link].name
+        bodies += (
+            Body(each, link, np.zeros(3), np.array(end, dtype=float), radius)
+            for each, end in zip(numbered(name, len(ends)), ends, strict=True)
+        )
+    if not bodies:
+        remark = (
+            f"No bodies of {robot.name} are known; nothing keeps its links apart. Give bodies by "
+            "hand."
+        )
+    else:
+        remark = (
+            f"No shapes of {robot.name} are known: its bodies are capsules from joint to joint of "
+            f"radius {radius:.3f} m, an assumption ({100 * RADIUS_SHARE:.0f} % of the reach). Give "
+            "bodies by hand, or a URDF with <collision> elements."
+        )
+    return Outline(tuple(bodies), "skeleton", (remark,))
+
+
+def reach(robot: Robot) -> float:
+    """Length of the longest chain from the first joint to the last, stretched [m]."""
+    lengths: list[float] = []
+    for joint in robot.joints:
+        own = float(np.linalg.norm(joint.translation))
+        lengths.append(lengths[joint.parent] + own if joint.parent >= 0 else 0.0)
+    return max(lengths)

@@ -1,0 +1,142 @@
+"""What has to stay apart: pairs of bodies, obstacles, the floor and the sides of the tool's box."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from pivident.errors import ExperimentError
+from pivident.excitation.bodies import Body
+from pivident.excitation.obstacles import Obstacle
+from pivident.robot.description import Robot
+from pivident.robot.naming import repeated
+
+#: Postures in which bodies are looked at that touch all the time, and their seed.
+POSTURES, SEED = 400, 1
+
+#: Positions that a joint without limits is looked at in: half a turn, half a metre either way.
+WITHOUT_LIMITS = {"revolute": np.pi, "prismatic": 0.5}
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """One distance: of a body from another, from an obstacle or the floor, or of the tool.
+
+    Attributes:
+        name: such as ``forearm and table``.
+        needed: distance that is asked for [m].
+        body: the body; None for the tool.
+        other: what it must not touch; None for the floor, or for the sides of the tool's box.
+    """
+
+    name: str
+    needed: float
+    body: Body | None
+    other: Body | Obstacle | None
+
+
+def candidate_pairs(
+    robot: Robot,
+    bodies: Sequence[Body],
+    obstacles: Sequence[Obstacle],
+    clearance: float,
+    *,
+    floor: bool,
+    tool: bool,
+) -> list[Pair]:
+    """All pairs that could touch, by which links carry them.
+
+    Args:
+        robot: the robot.
+        bodies: its bodies; those of the base are kept from moving bodies only.
+        obstacles: what stands around it.
+        clearance: distance that is asked for [m].
+        floor: whether there is a floor.
+        tool: whether the tool has a box to stay in.
+
+    Returns:
+        Pairs of bodies, then those with obstacles and floor, then the tool.
+
+    Raises:
+        ExperimentError: a name is used twice, or a body's link does not exist.
+    """
+    _check_names(robot, bodies, obstacles)
+    moving = [body for body in bodies if body.link >= 0]
+    pairs = [
+        Pair(f"{b.name} and {a.name}", clearance, b, a)
+        for a, b in combinations(sorted(bodies, key=lambda body: body.link), 2)
+        if not _are_neighbours(robot, a.link, b.link)
+    ]
+    pairs += [
+        Pair(f"{body.name} and {obstacle.name}", clearance, body, obstacle)
+        for obstacle in obstacles
+        for body in moving
+    ]
+    if floor:
+        pairs += [Pair(f"{body.name} above the floor", clearance, body, None) for body in moving]
+    if tool:
+        pairs.append(Pair("tool inside its box", 0.0, None, None))
+    return pairs
+
+
+def _are_neighbours(robot: Robot, a: int, b: int) -> bool:
+    """Whether two links are the same, or one carries the other."""
+    return a == b or (b >= 0 and robot.joints[b].parent == a)
+
+
+def random_postures(robot: Robot) -> np.ndarray:
+    """Postures within the limits of the joints, the same in each call.
+
+    Args:
+        robot: the robot.
+
+    Returns:
+        Joint positions [rad or m], shape (POSTURES, joints).
+    """
+    limits = [
+        joint.position_limits or (-WITHOUT_LIMITS[joint.kind], WITHOUT_LIMITS[joint.kind])
+        for joint in robot.joints
+    ]
+    low, high = np.array(limits, dtype=float).T
+    return np.random.default_rng(SEED).uniform(low, high, (POSTURES, robot.size))
+
+
+def swept_ball(robot: Robot, body: Body) -> tuple[np.ndarray, float]:
+    """A ball around the first joint of its chain that a body never leaves.
+
+    Args:
+        robot: the robot.
+        body: a body of a moving link.
+
+    Returns:
+        Centre in the base frame [m], shape (3,), and radius [m], infinite for a slide without
+        limits.
+    """
+    *later, first = robot.ancestors(body.link)
+    ends = (np.linalg.norm(body.start), np.linalg.norm(body.end))
+    radius = body.radius + float(max(ends))
+    radius += sum(float(np.linalg.norm(robot.joints[i].translation)) for i in later)
+    for joint in (robot.joints[i] for i in (*later, first)):
+        if joint.kind == "prismatic":
+            limits = joint.position_limits
+            radius += np.inf if limits is None else max(abs(limits[0]), abs(limits[1]))
+    return robot.joints[first].translation, radius
+
+
+def _check_names(robot: Robot, bodies: Sequence[Body], obstacles: Sequence[Obstacle]) -> None:
+    names = [*(body.name for body in bodies), *(obstacle.name for obstacle in obstacles)]
+    twice = repeated(names)
+    if twice:
+        raise ExperimentError(
+            f"the names {', '.join(map(repr, twice))} are used by several bodies or obstacles; "
+            "name each once"
+        )
+    for body in bodies:
+        if not -1 <= body.link < robot.size:
+            raise ExperimentError(
+                f"body {body.name!r}: link {body.link} does not exist; the links of "
+                f"{robot.name!r} count from -1 (base) to {robot.size - 1}"
+            )
