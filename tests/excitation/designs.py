@@ -40,7 +40,9 @@ def made_design(name="planar_2r", kind="fourier", duration=6.0, size=None, seed=
     """A design whose standard errors are those of its regressor, all else by hand."""
     robot = load_robot(name)
     rng = np.random.default_rng(seed)
-    family = MotionFamily(kind, duration, size or {"fourier": 9, "splines": 10, "postures": 7}[kind])
+    family = MotionFamily(
+        kind, duration, size or {"fourier": 9, "splines": 10, "postures": 7}[kind]
+    )
     coefficients = 0.4 * rng.standard_normal((family.size, robot.size))
     if kind == "fourier":
         coefficients *= 2.0

@@ -100,7 +100,10 @@ def errors_figure(design: Design) -> Figure | None:
     before = np.array([100.0 * p.before / abs(p.value) for p in shown])
     plot = empty_plot("σ/|θ| [%]")
     plot.x_axis(tickangle=-90, dtick=1, tickfont={"size": 9}, automargin=True)
-    plot.y_axis(type="log", exponentformat="power")
+    drawn = np.concatenate([after, before[np.isfinite(before)]])
+    drawn = drawn[drawn > 0.0]
+    decades = drawn.size > 0 and drawn.max() > 30.0 * drawn.min()
+    plot.y_axis(type="log", exponentformat="power", dtick=1 if decades else None)
     if np.isfinite(before).any():
         kept = np.isfinite(before)
         plot.add(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -69,7 +69,8 @@ def write_design(
         for name, _, text in texts:
             _write(build / name, text)
         names = [name for name, _, _ in texts]
-        np.savez_compressed(build / "motion.npz", **sample_arrays(design, rate))
+        arrays: dict[str, Any] = sample_arrays(design, rate)
+        np.savez_compressed(build / "motion.npz", **arrays)
         names.insert(2, "motion.npz")
         if is_installed("plotly"):
             _write(build / "design.html", _page(design, texts, rate))

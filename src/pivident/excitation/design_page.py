@@ -17,13 +17,19 @@ from pivident.excitation.design_figures import (
     predicted_correlation,
 )
 from pivident.excitation.design_picture import picture_values
-from pivident.excitation.design_text import broken, headline, kind_words, limit_words
+from pivident.excitation.design_text import (
+    broken,
+    headline,
+    kind_words,
+    limit_words,
+    relative_words,
+)
 from pivident.excitation.point_lists import pendant_positions, pendant_unit, posture_moves
 from pivident.excitation.robot_programs import unwritten_programs
 from pivident.report.builder import PAGE_SCRIPTS, page_environment, page_of
 from pivident.report.correlation_figure import correlation_figure
 from pivident.report.downloads import Download
-from pivident.text.numbers import format_significant
+from pivident.text.numbers import format_exact, format_significant
 from pivident.text.plain_values import plain, strict_json
 from pivident.validation.parameter_correlation import STRONG_CORRELATION
 
@@ -101,6 +107,7 @@ def _sections(
             "figure_of_errors": errors_figure(design),
             "some_wanted": any(p.wanted for p in design.predicted),
             "gain": _gain,
+            "share": relative_words,
         },
     )
     correlation = predicted_correlation(design)
@@ -132,19 +139,23 @@ def _summary(design: Design) -> dict[str, Any]:
         "broken": [limit_words(use) for use in wrong],
         "binding": [limit_words(use) for use in design.binding if use not in wrong],
         "figures": [
-            ("Motion", f"{design.motion.duration:.4g} s", kind_words(design)),
+            ("Motion", f"{format_exact(design.motion.duration)} s", kind_words(design)),
             ("Criterion", end, f"{design.cost_words}; start of the search {start}"),
             ("Condition number", last, f"start of the search {first}"),
             ("Determined", f"{determined} of {len(design.predicted)}", "base parameters"),
             ("Search", f"{format_significant(design.seconds)} s", f"criterion {design.criterion}"),
         ],
-        "settings": [(str(k), _setting(x)) for k, x in design.settings.items()],
+        "settings": [(str(k), _setting(x)) for k, x in design.settings.items() if x is not None],
     }
 
 
 def _setting(value: Any) -> str:
     """A setting as one reads it."""
     value = plain(value)
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return format_exact(value)
     if isinstance(value, list) and all(isinstance(x, str) for x in value):
         return ", ".join(value)
     return value if isinstance(value, str) else strict_json(value)

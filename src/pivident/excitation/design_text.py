@@ -9,7 +9,7 @@ import numpy as np
 
 from pivident.excitation.design import ClearanceUse, Design, LimitUse, PredictedError
 from pivident.text.lists import listed
-from pivident.text.numbers import format_significant, percent, with_spread
+from pivident.text.numbers import format_exact, format_significant, percent, with_spread
 from pivident.text.plain_table import plain_table
 from pivident.text.printable import escaped
 
@@ -40,7 +40,7 @@ def headline(design: Design) -> str:
     """
     start, end = (format_significant(x) for x in design.cost)
     return (
-        f"{format_significant(design.motion.duration, 4)} s {kind_words(design)} for "
+        f"{format_exact(design.motion.duration)} s {kind_words(design)} for "
         f"{design.robot.name}: {design.cost_words} {end} (start of the search {start})"
     )
 
@@ -98,6 +98,16 @@ def hardest(design: Design, count: int) -> list[PredictedError]:
     return found[:count]
 
 
+def relative_words(p: PredictedError) -> str:
+    """Relative standard error in words: a percentage, ``∞`` or ``–``.
+
+    Args:
+        p: prediction for one parameter.
+    """
+    share = 100.0 * p.relative
+    return percent(share) if np.isfinite(share) else format_significant(share)
+
+
 def _lines(design: Design) -> Iterator[str]:
     yield from wrap(f"{headline(design)}.", WIDTH)
     condition = [format_significant(x) for x in design.condition]
@@ -133,7 +143,7 @@ def _columns(rows: list[PredictedError]) -> list[tuple[str, str, list[str]]]:
         ("value", ".", [text for text, _ in values]),
         ("σ predicted", ".", [text for _, text in values]),
         ("σ before", ".", before),
-        ("σ/|θ|", ".", [percent(100.0 * p.relative) for p in rows]),
+        ("σ/|θ|", ".", [relative_words(p) for p in rows]),
         ("unit", "<", [p.unit for p in rows]),
     ]
 

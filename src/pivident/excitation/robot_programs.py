@@ -15,7 +15,7 @@ import numpy as np
 from pivident.excitation.design import Design, LimitUse
 from pivident.excitation.motions import DWELL
 from pivident.excitation.point_lists import pendant_positions, posture_moves
-from pivident.text.numbers import format_significant, percent
+from pivident.text.numbers import format_exact, percent
 from pivident.version import __version__
 
 #: Points of a ROS trajectory per second: the controller interpolates by quintic polynomials.
@@ -169,7 +169,7 @@ def rapid(design: Design) -> str:
     lines += [f"  ! {line}" for line in _heading(design, "ABB RAPID", "deg")]
     lines += [f"  ! {line}" for line in _typed_warning(design, "rax_1 to rax_6 of the ABB")]
     lines.append("  ! Declare the tool that is mounted in place of tool0.")
-    lines.append("  PROC main()")
+    lines.append(f"  PROC run_{PROGRAM}()")
     for move in posture_moves(design):
         axes = [*pendant_positions(design, move.q), *[0.0] * (6 - design.robot.size)]
         aim = f"[[{','.join(f'{x:.4f}' for x in axes)}],[9E9,9E9,9E9,9E9,9E9,9E9]]"
@@ -233,7 +233,7 @@ def _heading(design: Design, language: str, units: str) -> Iterator[str]:
     yield f"{language}, written by pivident {__version__}."
     yield (
         f"Exciting motion of {_shortened(design.robot.name)}: kind {motion.kind}, "
-        f"{format_significant(motion.duration, 4)} s."
+        f"{format_exact(motion.duration)} s."
     )
     yield "RUN IT SLOWLY FIRST (override 10 %), with a hand on the stop and nobody in reach."
     yield f"Joints of the robot description, in this order, in {units}:"
@@ -276,7 +276,14 @@ def _list(values: Sequence[float] | np.ndarray, decimals: int) -> str:
 def _quoted(name: str) -> str:
     """A name between quotation marks, as YAML and Python read it, in printable ASCII."""
     plain = name.replace("\\", "\\\\").replace('"', '\\"')
-    return '"' + "".join(c if " " <= c <= "~" else f"\\U{ord(c):08x}" for c in plain) + '"'
+    return f'"{"".join(c if " " <= c <= "~" else _escape(ord(c)) for c in plain)}"'
+
+
+def _escape(code: int) -> str:
+    r"""A character by its number: ``\xe4``, ``\u2028`` or ``\U0001f600``."""
+    if code < 0x100:
+        return f"\\x{code:02x}"
+    return f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
 
 
 def _shortened(name: str) -> str:
