@@ -7,9 +7,9 @@ from pydantic import ValidationError
 from pivident.errors import RobotDescriptionError
 from pivident.excitation.bodies import Body, bodies_of_entries, outline_of
 from pivident.excitation.geometry_capsules import Balls, enclosing_capsule
-from pivident.experiment.room_keys import BodyEntry
 from pivident.excitation.geometry_outlines import GALLERY
 from pivident.excitation.geometry_urdf import MAX_CAPSULES, link_capsules
+from pivident.experiment.room_keys import BodyEntry
 from pivident.extras import MissingExtra
 from pivident.robot.frames import rotation_from_rpy
 from pivident.robot.gallery import load_robot
@@ -73,7 +73,7 @@ def test_the_capsule_of_a_cylinder_is_not_larger_than_the_best_along_its_axis():
     angle = np.linspace(0.0, 2 * np.pi, 997)
     rim = radius * np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
     for side in (-0.5, 0.5):
-        ring = rim + [0.0, 0.0, side * length]
+        ring = [*rim, 0.0, 0.0, side * length]
         assert outside(ring, found.start, found.end, found.radius).max() < 1e-7
 
 
@@ -105,7 +105,7 @@ def local_vertices():
     rim = 0.1 * np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
     half = np.array([0.05, 0.07, 0.25])
     return {
-        "stand_0": np.vstack([rim + [0, 0, 0.1], rim - [0, 0, 0.1]]),
+        "stand_0": np.vstack([[*rim, 0, 0, 0.1], rim - [0, 0, 0.1]]),
         "upper_0": half * np.array(np.meshgrid(*[[-1, 1]] * 3)).reshape(3, -1).T,
         "lower_0": CORNERS * [0.001, -0.001, 0.0012],
         "hand_0": 0.06 * ball,
@@ -320,7 +320,13 @@ def test_an_unknown_link_of_a_body_is_answered_with_the_nearest():
 
 @pytest.mark.parametrize(
     "changes",
-    [{"radius": 0.0}, {"radius": float("nan")}, {"to": [0.0, 0.0]}, {"colour": "red"}, {"name": ""}],
+    [
+        {"radius": 0.0},
+        {"radius": float("nan")},
+        {"to": [0.0, 0.0]},
+        {"colour": "red"},
+        {"name": ""},
+    ],
 )
 def test_entries_of_bodies_are_checked(changes):
     with pytest.raises(ValidationError):

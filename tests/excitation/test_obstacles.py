@@ -6,7 +6,6 @@ from pivident.errors import ExperimentError
 from pivident.excitation.bodies import Body
 from pivident.excitation.clearances import Clearances, clearances_of_room
 from pivident.excitation.geometry_distances import axis_distances
-from pivident.experiment.room_keys import ObstacleEntry, RoomEntry
 from pivident.excitation.obstacles import (
     Obstacle,
     ToolBox,
@@ -14,6 +13,7 @@ from pivident.excitation.obstacles import (
     tool_box_of_entry,
     upward,
 )
+from pivident.experiment.room_keys import ObstacleEntry, RoomEntry
 from pivident.robot.frames import rotation_from_rpy
 from pivident.robot.gallery import load_robot
 

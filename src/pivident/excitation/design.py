@@ -11,6 +11,9 @@ import numpy as np
 from pivident.excitation.motions import ExcitingMotion
 from pivident.robot.description import Robot
 
+#: Rate of the torques that a design keeps for its page [Hz].
+PAGE_RATE = 50.0
+
 
 @dataclass(frozen=True)
 class LimitUse:
@@ -122,6 +125,10 @@ class Design:
         bodies: capsules of the robot in their links' frames, to draw it; see `Body`.
         obstacles: solid bodies around the robot, to draw them.
         seconds: time that the search took [s].
+        torque: torques that the present model predicts along the motion, at the instants
+            ``motion.times(PAGE_RATE)``, shape (samples, joints) [N m or N]; None where no model is
+            known.
+        torque_margin: two standard errors of these torques, same shape and unit, or None.
     """
 
     robot: Robot
@@ -140,6 +147,13 @@ class Design:
     bodies: tuple[Any, ...] = ()
     obstacles: tuple[Any, ...] = ()
     seconds: float = 0.0
+    torque: np.ndarray | None = None
+    torque_margin: np.ndarray | None = None
+
+    def __str__(self) -> str:
+        from pivident.excitation.design_text import design_text
+
+        return design_text(self)
 
     @property
     def undetermined(self) -> tuple[PredictedError, ...]:

@@ -1,0 +1,383 @@
+"""A design as strict JSON, from which it is restored exactly.
+
+    {"format": "pivident-design", "schema": 1, "version": …, "robot": {…}, "motion": {…},
+     "criterion": …, "cost": […], …, "predicted": [{…} …], "correlation": [[…] …], …}
+
+JSON has no numbers that are not finite; they are written as null, which means in its place
+
+- no lower or upper limit (−∞, ∞),
+- a parameter that is not determined: an infinite standard error, cost or condition number,
+- an unknown value or correlation (NaN).
+
+The file is read as data of a stranger: types, shapes, names of joints, and a motion that is one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, ValidationError
+from pydantic_core import from_json
+
+from pivident.errors import IdentificationFileError, PividentError
+from pivident.excitation.bodies import Body
+from pivident.excitation.design import (
+    PAGE_RATE,
+    ClearanceUse,
+    Design,
+    LimitUse,
+    PredictedError,
+)
+from pivident.excitation.motions import ExcitingMotion, MotionKind
+from pivident.files import regular_file
+from pivident.robot.description import MAX_JOINTS, Robot
+from pivident.robot.robot_values import (
+    Finite,
+    Matrix3,
+    Name,
+    RobotValues,
+    Values,
+    Vector3,
+    made_robot,
+    problem_text,
+    robot_values,
+)
+from pivident.text.plain_values import json_of_entries, plain
+from pivident.version import __version__
+
+FORMAT, SCHEMA = "pivident-design", 1
+
+#: Larger files are not designs [bytes].
+MAX_FILE = 2**26
+
+#: Longest motion [s], and the largest number of its functions.
+MAX_DURATION, MAX_FUNCTIONS = 86_400.0, 10_000
+
+#: A number that is written as null where it is not finite.
+Known = Finite | None
+Length = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+
+
+class DesignFileError(IdentificationFileError):
+    """A design on disk that cannot be used.
+
+    Attributes:
+        file: the file.
+        reason: what is wrong with it, and the next step.
+    """
+
+
+@dataclass(frozen=True, eq=False)
+class StoredObstacle:
+    """A solid obstacle as a file holds it, to be drawn.
+
+    Attributes:
+        values: its plain values: name, shape, sizes and pose.
+    """
+
+    values: Mapping[str, Any]
+
+    def plain(self) -> dict[str, Any]:
+        """As plain values."""
+        return dict(self.values)
+
+
+class _MotionValues(Values):
+    """The motion."""
+
+    kind: MotionKind
+    duration: Annotated[float, Field(gt=0.0, le=MAX_DURATION)]
+    coefficients: Annotated[list[list[Finite]], Field(min_length=1, max_length=MAX_FUNCTIONS)]
+
+
+class _LimitValues(Values):
+    """Use of one limit."""
+
+    joint: Name
+    quantity: Literal["position", "speed", "acceleration", "jerk", "torque", "rms torque"]
+    unit: Name
+    low: Known
+    high: Known
+    least: Finite
+    largest: Finite
+    t: Finite
+    source: Name
+
+
+class _ClearanceValues(Values):
+    """Use of the room between two bodies."""
+
+    name: Name
+    least: Finite
+    needed: Finite
+    t: Finite
+
+
+class _ErrorValues(Values):
+    """Prediction for one parameter."""
+
+    name: Name
+    unit: Name
+    value: Known
+    std: Known
+    before: Known
+    wanted: bool
+    remark: str
+
+
+class _BodyValues(Values):
+    """A capsule of the robot."""
+
+    name: Name
+    link: Annotated[int, Field(ge=-1, lt=MAX_JOINTS)]
+    start: Vector3
+    end: Vector3
+    radius: Length
+
+
+class PoseValues(Values):
+    """Where an obstacle stands."""
+
+    rotation: Matrix3
+    translation: Vector3
+
+
+class ObstacleValues(Values):
+    """An obstacle: its shape, the sizes that the shape has, and its pose in the base frame.
+
+    Sizes are edge lengths of a box, the radius of the other shapes, and the length of a cylinder or
+    of a capsule's segment [m]; both lie along the z axis of the obstacle's frame.
+    """
+
+    name: Name
+    shape: Literal["box", "sphere", "cylinder", "capsule"]
+    size: Annotated[list[Length], Field(min_length=3, max_length=3)] | None = None
+    radius: Length | None = None
+    length: Length | None = None
+    pose: PoseValues | None = None
+    rotation: Matrix3 | None = None
+    translation: Vector3 | None = None
+
+
+class _DesignFile(Values):
+    """The whole file."""
+
+    format: Literal["pivident-design"]
+    schema_: Annotated[Literal[1], Field(alias="schema")]
+    version: Name
+    robot: RobotValues
+    motion: _MotionValues
+    criterion: str
+    cost: Annotated[list[Known], Field(min_length=2, max_length=2)]
+    cost_words: str
+    condition: Annotated[list[Known], Field(min_length=2, max_length=2)]
+    predicted: list[_ErrorValues]
+    correlation: list[list[Known]]
+    limits: list[_LimitValues]
+    clearances: list[_ClearanceValues]
+    noise: str
+    notes: list[str]
+    settings: dict[str, Any]
+    bodies: list[_BodyValues]
+    obstacles: list[ObstacleValues]
+    seconds: Length
+    torque: list[list[Finite]] | None
+    torque_margin: list[list[Finite]] | None
+
+
+def design_json(design: Design) -> str:
+    """The design as strict JSON, one line for each parameter, limit and row of a matrix.
+
+    Args:
+        design: the design.
+    """
+    return json_of_entries(design_values(design))
+
+
+def design_values(design: Design) -> dict[str, Any]:
+    """The design as plain values; numbers that are not finite are None.
+
+    Args:
+        design: the design.
+    """
+    content = {
+        "format": FORMAT,
+        "schema": SCHEMA,
+        "version": __version__,
+        "robot": robot_values(design.robot),
+        "motion": design.motion.plain(),
+    }
+    own = (
+        *("criterion", "cost", "cost_words", "condition", "predicted", "correlation", "limits"),
+        *("clearances", "noise", "notes", "settings", "bodies"),
+    )
+    content |= {name: plain(getattr(design, name)) for name in own}
+    content["obstacles"] = [plain(obstacle.plain()) for obstacle in design.obstacles]
+    last = ("seconds", "torque", "torque_margin")
+    return content | {name: plain(getattr(design, name)) for name in last}
+
+
+def load_design(path: str | PathLike[str]) -> Design:
+    """The design that `write_design` has written, exactly.
+
+    Args:
+        path: ``design.json``, or the folder that holds it.
+
+    Returns:
+        The design. Its obstacles are plain shapes for drawing; settings are plain values.
+
+    Raises:
+        DesignFileError: the file cannot be read, has another layout or is damaged.
+    """
+    file = Path(path)
+    if file.is_dir():
+        file = file / "design.json"
+    content = _json_of(file)
+    if content.get("format") != FORMAT:
+        raise DesignFileError(
+            str(file),
+            f"is no design: its format is {content.get('format')!r}, not {FORMAT!r}; give "
+            "design.json of a folder that `pivident excite` wrote",
+        )
+    schema = content.get("schema")
+    if type(schema) is not int or schema != SCHEMA:
+        newer = type(schema) is int and schema > SCHEMA
+        advice = "install a newer pivident" if newer else "design it again with `pivident excite`"
+        raise DesignFileError(
+            str(file), f"has layout {schema!r}, this version reads {SCHEMA}; {advice}"
+        )
+    try:
+        return _design(_DesignFile.model_validate(content))
+    except (ValidationError, PividentError, ValueError) as error:
+        text = problem_text(error) if isinstance(error, ValidationError) else str(error)
+        raise DesignFileError(
+            str(file),
+            f"{text}; the file is damaged or was changed by hand, design it again with "
+            "`pivident excite`",
+        ) from None
+
+
+def _json_of(file: Path) -> dict[str, Any]:
+    """A JSON object as plain values."""
+    try:
+        size = regular_file(file).stat().st_size
+        if size > MAX_FILE:
+            raise DesignFileError(
+                str(file), f"has {size} bytes, more than any design; give a design.json"
+            )
+        content = from_json(file.read_bytes(), allow_inf_nan=False)
+    except OSError as error:
+        raise DesignFileError(
+            str(file),
+            f"cannot be read ({error.strerror}); check the path and its permissions",
+        ) from error
+    except DesignFileError:
+        raise
+    except ValueError as error:
+        raise DesignFileError(
+            str(file), f"is not JSON: {error}; design it again with `pivident excite`"
+        ) from None
+    if not isinstance(content, dict):
+        raise DesignFileError(
+            str(file),
+            f"holds a {type(content).__name__}, not an object; give a design.json",
+        )
+    return content
+
+
+def _design(values: _DesignFile) -> Design:
+    """The design of checked values; refuses parts that do not belong together."""
+    robot = made_robot(values.robot)
+    motion = _motion(values.motion, robot)
+    count = len(values.predicted)
+    samples = math.floor(motion.duration * PAGE_RATE + 1e-9) + 1
+    for use in values.limits:
+        if use.joint not in robot.joint_names:
+            raise ValueError(f"limits name the joint {use.joint!r}, which the robot does not have")
+    for body in values.bodies:
+        if body.link >= robot.size:
+            raise ValueError(f"the body {body.name!r} is on link {body.link} of {robot.size}")
+    return Design(
+        robot=robot,
+        motion=motion,
+        criterion=values.criterion,
+        cost=_pair(values.cost),
+        cost_words=values.cost_words,
+        condition=_pair(values.condition),
+        predicted=tuple(_error(own) for own in values.predicted),
+        correlation=_matrix("correlation", values.correlation, (count, count)),
+        limits=tuple(_limit(own) for own in values.limits),
+        clearances=tuple(ClearanceUse(**vars(own)) for own in values.clearances),
+        noise=values.noise,
+        notes=tuple(values.notes),
+        settings=values.settings,
+        bodies=tuple(_body(own) for own in values.bodies),
+        obstacles=tuple(
+            StoredObstacle(own.model_dump(exclude_unset=True)) for own in values.obstacles
+        ),
+        seconds=values.seconds,
+        torque=_torque("torque", values.torque, (samples, robot.size)),
+        torque_margin=_torque("torque_margin", values.torque_margin, (samples, robot.size)),
+    )
+
+
+def _motion(values: _MotionValues, robot: Robot) -> ExcitingMotion:
+    """The motion, once its family exists and its rows fit the robot."""
+    for k, row in enumerate(values.coefficients):
+        if len(row) != robot.size:
+            raise ValueError(
+                f"motion.coefficients: row {k} has {len(row)} numbers, the robot {robot.size} "
+                "joints"
+            )
+    motion = ExcitingMotion.of(vars(values))
+    if motion.kind == "postures" and not motion.family.move_duration > 0.0:
+        raise ValueError(
+            f"motion.duration: {motion.duration:g} s leave no time for {motion.family.size} moves"
+        )
+    return motion
+
+
+def _pair(values: list[float | None]) -> tuple[float, float]:
+    start, end = (math.inf if x is None else float(x) for x in values)
+    return start, end
+
+
+def _error(values: _ErrorValues) -> PredictedError:
+    content = vars(values)
+    infinite = {k: math.inf for k in ("std", "before") if content[k] is None}
+    unknown = {"value": math.nan} if values.value is None else {}
+    return PredictedError(**content | infinite | unknown)
+
+
+def _limit(values: _LimitValues) -> LimitUse:
+    content = vars(values)
+    low = -math.inf if values.low is None else values.low
+    high = math.inf if values.high is None else values.high
+    return LimitUse(**content | {"low": low, "high": high})
+
+
+def _body(values: _BodyValues) -> Body:
+    return Body(
+        values.name, values.link, np.array(values.start), np.array(values.end), values.radius
+    )
+
+
+def _matrix(name: str, rows: list[Any], shape: tuple[int, int]) -> np.ndarray:
+    """Rows as an array, None as NaN."""
+    if len(rows) != shape[0] or any(len(row) != shape[1] for row in rows):
+        lengths = sorted({len(row) for row in rows})
+        raise ValueError(
+            f"{name}: {len(rows)} rows of {' or '.join(map(str, lengths)) or 'no'} numbers; "
+            f"{shape[0]} rows of {shape[1]} are needed"
+        )
+    return np.array(rows, dtype=float).reshape(shape)
+
+
+def _torque(name: str, rows: list[Any] | None, shape: tuple[int, int]) -> np.ndarray | None:
+    return None if rows is None else _matrix(name, rows, shape)
