@@ -27,6 +27,7 @@ class Wall:
     """The first two joints must keep q1 + q2² below a wall: a clearance with a known gradient."""
 
     names = ("arm and wall",)
+    bodies = obstacles = remarks = ()
 
     def __init__(self, needed=0.02):
         self.needed = np.array([needed])

@@ -22,6 +22,7 @@ from pivident.cli.compare import compare
 from pivident.cli.completion import Shell, completion_script
 from pivident.cli.consistent import consistent
 from pivident.cli.console import error_line, note
+from pivident.cli.excite import excite
 from pivident.cli.export import export
 from pivident.cli.fleet import fleet
 from pivident.cli.flexibility import flexibility
@@ -59,6 +60,7 @@ datasets_app = App(
 )
 app.command(datasets_app)
 app.command(check)
+app.command(excite)
 app.command(study)
 app.command(paper)
 app.command(fleet)

@@ -156,7 +156,7 @@ def _request(table: ExciteEntry, given: dict[str, Any]) -> Any:
     """What is asked: the command line before the file."""
     from pivident.excitation.request import DesignRequest
 
-    written = {
+    written: dict[str, Any] = {
         "duration": table.duration,
         "motion": table.motion,
         "criterion": table.criterion,

@@ -6,17 +6,14 @@ from .clearances import Clearances as Clearances
 from .clearances import clearances_of_room as clearances_of_room
 from .design import ClearanceUse as ClearanceUse
 from .design import Design as Design
-<<<<<<< HEAD
 from .design import LimitUse as LimitUse
 from .design import PredictedError as PredictedError
 from .design_motion import design_motion as design_motion
 from .limits import JointLimits as JointLimits
 from .limits import joint_limits as joint_limits
-=======
 from .design_file import DesignFileError as DesignFileError
 from .design_file import load_design as load_design
 from .design_files import write_design as write_design
->>>>>>> pages
 from .motions import ExcitingMotion as ExcitingMotion
 from .motions import MotionFamily as MotionFamily
 from .obstacles import Obstacle as Obstacle

@@ -51,6 +51,8 @@ class Clearances:
         floor: height of the floor above the base's origin [m], None without one.
         tool_box: where the tool has to stay, None where it may go anywhere.
         remarks: what is not checked and why, complete sentences.
+        bodies: bodies of the robot.
+        obstacles: what stands around it.
     """
 
     robot: Robot
@@ -58,6 +60,8 @@ class Clearances:
     floor: float | None = None
     tool_box: ToolBox | None = None
     remarks: tuple[str, ...] = ()
+    bodies: tuple[Body, ...] = ()
+    obstacles: tuple[Obstacle, ...] = ()
 
     @classmethod
     def of(
@@ -115,7 +119,10 @@ class Clearances:
             floor=floor is not None,
             tool=tool_box is not None,
         )
-        return cls(robot, tuple(pairs), floor, tool_box)._without_constant_pairs()
+        made = cls(
+            robot, tuple(pairs), floor, tool_box, bodies=tuple(bodies), obstacles=tuple(obstacles)
+        )
+        return made._without_constant_pairs()
 
     @property
     def names(self) -> tuple[str, ...]:

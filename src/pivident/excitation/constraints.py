@@ -14,9 +14,11 @@ from typing import Protocol
 
 import numpy as np
 
+from pivident.excitation.bodies import Body
 from pivident.excitation.information import Samples
 from pivident.excitation.limits import JointLimits
 from pivident.excitation.motions import MotionFamily
+from pivident.excitation.obstacles import Obstacle
 from pivident.excitation.torque_bound import TorqueModel
 
 #: ρ: a thousand samples at the limit would be taken for 2 % more than it.
@@ -32,6 +34,18 @@ class Clearances(Protocol):
     @property
     def names(self) -> tuple[str, ...]:
         """One for each clearance."""
+
+    @property
+    def bodies(self) -> tuple[Body, ...]:
+        """Bodies of the robot."""
+
+    @property
+    def obstacles(self) -> tuple[Obstacle, ...]:
+        """What stands around it."""
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What is not looked at, and why."""
 
     @property
     def needed(self) -> np.ndarray:

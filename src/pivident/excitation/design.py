@@ -113,8 +113,8 @@ class Design:
             parameters where only some counted.
         cost: its value at the start of the search and at its end, in the words of ``cost_words``.
         cost_words: what the two numbers are, such as ``largest relative standard error``.
-        condition: condition number of the observation matrix with columns of unit length, at the
-            start of the search and at its end.
+        condition: condition number of the observation matrix in SI units, as other programs print
+            it, at the start of the search and at its end.
         predicted: standard errors, one entry for each base parameter, in order.
         correlation: of the estimates, shape (parameters, parameters).
         limits: use of each limit of each joint.

@@ -12,7 +12,7 @@ from pivident.estimation.identification import Identification
 from pivident.excitation.checked_motion import FineCheck, with_more_room
 from pivident.excitation.constraints import Clearances, Constraints
 from pivident.excitation.criteria import Criterion, condition_number, standard_errors
-from pivident.excitation.design import ClearanceUse, Design, PredictedError
+from pivident.excitation.design import PAGE_RATE, ClearanceUse, Design, PredictedError
 from pivident.excitation.information import Information, assumed_noise
 from pivident.excitation.knowledge import Knowledge, knowledge
 from pivident.excitation.limits import PLANNED_SHARE, JointLimits, joint_limits
@@ -357,6 +357,8 @@ def _account(task: DesignTask, fine: FineCheck, motion: ExcitingMotion, best: Be
         )
         for k in range(question.size)
     )
+    torque, margin = _torques(task, motion)
+    room = task.clearances
     return Design(
         robot=task.robot,
         motion=motion,
@@ -369,10 +371,24 @@ def _account(task: DesignTask, fine: FineCheck, motion: ExcitingMotion, best: Be
         limits=limits,
         clearances=fine.clearance_uses(motion.coefficients),
         noise=task.known.noise_words,
-        notes=(*task.known.notes, *_notes(task)),
+        notes=(*task.known.notes, *_notes(task), *(() if room is None else room.remarks)),
         settings={"request": task.request.plain()},
+        bodies=() if room is None else room.bodies,
+        obstacles=() if room is None else room.obstacles,
         seconds=task.request.seconds,
+        torque=torque,
+        torque_margin=margin,
     )
+
+
+def _torques(
+    task: DesignTask, motion: ExcitingMotion
+) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Torque of the present model along the motion with two standard errors, for its page."""
+    if task.torques is None:
+        return None, None
+    torque, margin = task.torques.torque_and_margin(motion.sampled(PAGE_RATE))
+    return torque, margin if task.known.covariance is not None else None
 
 
 def _or(value: np.ndarray | None, other: np.ndarray) -> np.ndarray:
