@@ -359,6 +359,11 @@ def _limit(values: _LimitValues) -> LimitUse:
     content = vars(values)
     low = -math.inf if values.low is None else values.low
     high = math.inf if values.high is None else values.high
+    if not low < high or (values.quantity != "position" and not low <= 0.0 < high):
+        raise ValueError(
+            f"limits: {values.quantity} of {values.joint!r} has the limits {low:g} and {high:g}, "
+            "between which no motion fits"
+        )
     return LimitUse(**content | {"low": low, "high": high})
 
 
