@@ -101,7 +101,7 @@ def made_design(name="planar_2r", kind="fourier", duration=6.0, size=None, seed=
 
 
 def limits(robot, motion, torque):
-    """Limits somewhat above what the motion needs; none below for one joint."""
+    """Limits somewhat above what the motion needs; the second joint has two open ends."""
     found = []
     q, dq, ddq = motion.sampled(500.0)
     t = motion.times(500.0)
@@ -119,7 +119,7 @@ def limits(robot, motion, torque):
                     joint=joint.name,
                     quantity=quantity,
                     unit=unit,
-                    low=-bound,
+                    low=-np.inf if (quantity, j) == ("acceleration", 1) else -bound,
                     high=np.inf if (quantity, j) == ("torque", 1) else bound,
                     least=float(own.min()),
                     largest=float(own.max()),

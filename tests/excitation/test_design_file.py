@@ -113,6 +113,8 @@ def damaged(**changes):
         ({"predicted__0__wanted": 1}, "predicted.0.wanted = 1"),
         ({"limits__0__least": None}, "limits.0.least"),
         ({"limits__0__joint": "nobody"}, "joint 'nobody'"),
+        ({"limits__1__high": 0.0}, "speed of 'shoulder' has the limits -"),
+        ({"limits__0__low": 100.0}, "position of 'shoulder' has the limits 100 and"),
         ({"limits__0__quantity": "colour"}, "limits.0.quantity = 'colour'"),
         ({"correlation": [[1.0]]}, "correlation: 1 rows of 1 numbers; 13 rows of 13"),
         ({"torque": [[1.0, 2.0]]}, "torque: 1 rows of 2 numbers; 301 rows of 2"),

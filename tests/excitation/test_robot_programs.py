@@ -4,6 +4,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import Stores, get_typestore
 from ruamel.yaml import YAML
 
 from pivident.excitation.robot_programs import (
@@ -72,6 +74,37 @@ def test_ros_points_are_the_motion(robot, kind):
         if k:
             assert not values[[0, -1]].any()  # at rest, exactly
     assert all(p["effort"] == [] for p in message["points"])
+
+
+def message_of(store, name, values):
+    """A message of a type from plain values, every field of the definition and no other."""
+    fields = dict(store.get_msgdef(name).fields)
+    assert set(fields) == set(values), name
+    made = {}
+    for key, (kind, own) in fields.items():
+        value = values[key]
+        if kind == Nodetype.NAME:
+            value = message_of(store, own, value)
+        elif kind == Nodetype.SEQUENCE and own[0][0] == Nodetype.NAME:
+            value = [message_of(store, own[0][1], x) for x in value]
+        elif kind == Nodetype.SEQUENCE and own[0][1][0] != "string":
+            value = np.array(value, dtype=own[0][1][0])
+        made[key] = value
+    return store.types[name](**made)
+
+
+@pytest.mark.parametrize("kind", ["fourier", "postures"])
+def test_ros_reads_it_as_its_message(kind):
+    """By the message definitions of ROS 2, through their serialisation and back."""
+    design = made_design("staubli_tx40", kind)
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    name = "trajectory_msgs/msg/JointTrajectory"
+    message = message_of(store, name, yaml.safe_load(program(design, ".yaml")))
+    back = store.deserialize_cdr(store.serialize_cdr(message, name), name)
+    assert back.joint_names == list(design.robot.joint_names)
+    t = [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec - LEAD_IN for p in back.points]
+    q = np.array([p.positions for p in back.points])
+    np.testing.assert_allclose(q, design.motion.at(np.array(t))[0], atol=2e-8)
 
 
 def test_a_quintic_between_ros_points_follows_the_motion():

@@ -10,6 +10,7 @@ import numpy as np
 
 from pivident.excitation.motions import ExcitingMotion
 from pivident.robot.description import Robot
+from pivident.text import display
 
 #: Rate of the torques that a design keeps for its page [Hz].
 PAGE_RATE = 50.0
@@ -151,9 +152,7 @@ class Design:
     torque_margin: np.ndarray | None = None
 
     def __str__(self) -> str:
-        from pivident.excitation.design_text import design_text
-
-        return design_text(self)
+        return str(display.provided("design_text")(self))
 
     @property
     def undetermined(self) -> tuple[PredictedError, ...]:

@@ -19,10 +19,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
-from pydantic import Field, ValidationError
+from pydantic import ValidationError
 from pydantic_core import from_json
 
 from pivident.errors import IdentificationFileError, PividentError
@@ -34,34 +34,24 @@ from pivident.excitation.design import (
     LimitUse,
     PredictedError,
 )
-from pivident.excitation.motions import ExcitingMotion, MotionKind
-from pivident.files import regular_file
-from pivident.robot.description import MAX_JOINTS, Robot
-from pivident.robot.robot_values import (
-    Finite,
-    Matrix3,
-    Name,
-    RobotValues,
-    Values,
-    Vector3,
-    made_robot,
-    problem_text,
-    robot_values,
+from pivident.excitation.design_schema import (
+    FORMAT,
+    SCHEMA,
+    BodyValues,
+    DesignValues,
+    ErrorValues,
+    LimitValues,
+    MotionValues,
 )
+from pivident.excitation.motions import ExcitingMotion
+from pivident.files import regular_file
+from pivident.robot.description import Robot
+from pivident.robot.robot_values import made_robot, problem_text, robot_values
 from pivident.text.plain_values import json_of_entries, plain
 from pivident.version import __version__
 
-FORMAT, SCHEMA = "pivident-design", 1
-
 #: Larger files are not designs [bytes].
 MAX_FILE = 2**26
-
-#: Longest motion [s], and the largest number of its functions.
-MAX_DURATION, MAX_FUNCTIONS = 86_400.0, 10_000
-
-#: A number that is written as null where it is not finite.
-Known = Finite | None
-Length = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 
 
 class DesignFileError(IdentificationFileError):
@@ -86,109 +76,6 @@ class StoredObstacle:
     def plain(self) -> dict[str, Any]:
         """As plain values."""
         return dict(self.values)
-
-
-class _MotionValues(Values):
-    """The motion."""
-
-    kind: MotionKind
-    duration: Annotated[float, Field(gt=0.0, le=MAX_DURATION)]
-    coefficients: Annotated[list[list[Finite]], Field(min_length=1, max_length=MAX_FUNCTIONS)]
-
-
-class _LimitValues(Values):
-    """Use of one limit."""
-
-    joint: Name
-    quantity: Literal["position", "speed", "acceleration", "jerk", "torque", "rms torque"]
-    unit: Name
-    low: Known
-    high: Known
-    least: Finite
-    largest: Finite
-    t: Finite
-    source: Name
-
-
-class _ClearanceValues(Values):
-    """Use of the room between two bodies."""
-
-    name: Name
-    least: Finite
-    needed: Finite
-    t: Finite
-
-
-class _ErrorValues(Values):
-    """Prediction for one parameter."""
-
-    name: Name
-    unit: Name
-    value: Known
-    std: Known
-    before: Known
-    wanted: bool
-    remark: str
-
-
-class _BodyValues(Values):
-    """A capsule of the robot."""
-
-    name: Name
-    link: Annotated[int, Field(ge=-1, lt=MAX_JOINTS)]
-    start: Vector3
-    end: Vector3
-    radius: Length
-
-
-class PoseValues(Values):
-    """Where an obstacle stands."""
-
-    rotation: Matrix3
-    translation: Vector3
-
-
-class ObstacleValues(Values):
-    """An obstacle: its shape, the sizes that the shape has, and its pose in the base frame.
-
-    Sizes are edge lengths of a box, the radius of the other shapes, and the length of a cylinder or
-    of a capsule's segment [m]; both lie along the z axis of the obstacle's frame.
-    """
-
-    name: Name
-    shape: Literal["box", "sphere", "cylinder", "capsule"]
-    size: Annotated[list[Length], Field(min_length=3, max_length=3)] | None = None
-    radius: Length | None = None
-    length: Length | None = None
-    pose: PoseValues | None = None
-    rotation: Matrix3 | None = None
-    translation: Vector3 | None = None
-
-
-class _DesignFile(Values):
-    """The whole file."""
-
-    format: Literal["pivident-design"]
-    schema_: Annotated[Literal[1], Field(alias="schema")]
-    version: Name
-    robot: RobotValues
-    motion: _MotionValues
-    criterion: str
-    cost: Annotated[list[Known], Field(min_length=2, max_length=2)]
-    cost_words: str
-    condition: Annotated[list[Known], Field(min_length=2, max_length=2)]
-    predicted: list[_ErrorValues]
-    correlation: list[list[Known]]
-    limits: list[_LimitValues]
-    clearances: list[_ClearanceValues]
-    noise: str
-    notes: list[str]
-    settings: dict[str, Any]
-    bodies: list[_BodyValues]
-    obstacles: list[ObstacleValues]
-    seconds: Length
-    torque: list[list[Finite]] | None
-    torque_margin: list[list[Finite]] | None
 
 
 def design_json(design: Design) -> str:
@@ -253,7 +140,7 @@ def load_design(path: str | PathLike[str]) -> Design:
             str(file), f"has layout {schema!r}, this version reads {SCHEMA}; {advice}"
         )
     try:
-        return _design(_DesignFile.model_validate(content))
+        return _design(DesignValues.model_validate(content))
     except (ValidationError, PividentError, ValueError) as error:
         text = problem_text(error) if isinstance(error, ValidationError) else str(error)
         raise DesignFileError(
@@ -291,7 +178,7 @@ def _json_of(file: Path) -> dict[str, Any]:
     return content
 
 
-def _design(values: _DesignFile) -> Design:
+def _design(values: DesignValues) -> Design:
     """The design of checked values; refuses parts that do not belong together."""
     robot = made_robot(values.robot)
     motion = _motion(values.motion, robot)
@@ -327,7 +214,7 @@ def _design(values: _DesignFile) -> Design:
     )
 
 
-def _motion(values: _MotionValues, robot: Robot) -> ExcitingMotion:
+def _motion(values: MotionValues, robot: Robot) -> ExcitingMotion:
     """The motion, once its family exists and its rows fit the robot."""
     for k, row in enumerate(values.coefficients):
         if len(row) != robot.size:
@@ -348,21 +235,26 @@ def _pair(values: list[float | None]) -> tuple[float, float]:
     return start, end
 
 
-def _error(values: _ErrorValues) -> PredictedError:
+def _error(values: ErrorValues) -> PredictedError:
     content = vars(values)
     infinite = {k: math.inf for k in ("std", "before") if content[k] is None}
     unknown = {"value": math.nan} if values.value is None else {}
     return PredictedError(**content | infinite | unknown)
 
 
-def _limit(values: _LimitValues) -> LimitUse:
+def _limit(values: LimitValues) -> LimitUse:
     content = vars(values)
     low = -math.inf if values.low is None else values.low
     high = math.inf if values.high is None else values.high
+    if not low < high or (values.quantity != "position" and not low <= 0.0 < high):
+        raise ValueError(
+            f"limits: {values.quantity} of {values.joint!r} has the limits {low:g} and {high:g}, "
+            "between which no motion fits"
+        )
     return LimitUse(**content | {"low": low, "high": high})
 
 
-def _body(values: _BodyValues) -> Body:
+def _body(values: BodyValues) -> Body:
     return Body(
         values.name, values.link, np.array(values.start), np.array(values.end), values.radius
     )

@@ -106,6 +106,7 @@ def ros_trajectory(design: Design) -> str:
             f"The controller has {LEAD_IN:g} s to reach the start; move the robot there before.",
             "ros2 topic pub --once --yaml-file trajectory.yaml TOPIC "
             "trajectory_msgs/msg/JointTrajectory",
+            "An older ros2 without --yaml-file: load this file in a node and publish the message.",
         )
     ]
     lines += ["header:", "  stamp: {sec: 0, nanosec: 0}", '  frame_id: ""', "joint_names:"]

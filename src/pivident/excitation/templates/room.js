@@ -1,8 +1,9 @@
 // The room of the moving picture: capsules of the robot instead of its sticks, and the obstacles as
 // wires, which hide nothing of the robot.
 (() => {
-  const sticks = arm.faces;
+  const { faces: sticks, poses } = arm;
   const SIDES = 12, RINGS = 3;
+  const UPRIGHT = [1, 0, 0, 0, 1, 0, 0, 0, 1];
   const MESHES = 6; // of the lattice on each face of a box
 
   /** Points that cut a segment in parts: faces are drawn from far to near, long ones would lie wrong. */
@@ -75,12 +76,18 @@
     return wires(round(arm.less(translation, half), arm.add(translation, half), radius, colour, ends));
   }
 
+  // What is seen at first holds the frames of the links; it is to hold the base as well.
+  const holder = document.getElementById("replay-motion");
+  const base = (holder ? JSON.parse(holder.textContent).bodies : []).filter(({ link }) => link < 0);
+  const ends = base.flatMap(({ start, end }) => [{ R: UPRIGHT, p: start }, { R: UPRIGHT, p: end }]);
+  arm.poses = (joints, q) => [...poses(joints, q), ...ends];
+
   arm.faces = (motion, q, reach, colours) => {
     const around = motion.obstacles.flatMap((one) => obstacle(one, 0.004 * reach, theme.variable("--edge")));
     if (!motion.bodies.length) return [...sticks(motion, q, reach, colours), ...around];
-    const frames = arm.poses(motion.joints, q);
+    const frames = poses(motion.joints, q);
     const bodies = motion.bodies.flatMap(({ link, start, end, radius }) => {
-      const { R, p } = frames[link] ?? { R: [1, 0, 0, 0, 1, 0, 0, 0, 1], p: [0, 0, 0] };
+      const { R, p } = frames[link] ?? { R: UPRIGHT, p: [0, 0, 0] };
       const place = (point) => arm.add(p, rotated(R, point));
       const colour = link < 0 ? colours.base : colours.joint(link);
       return round(place(start), place(end), radius, colour, "round");
