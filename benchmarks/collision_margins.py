@@ -16,9 +16,10 @@ from collections import Counter
 
 import numpy as np
 
-from pivident.excitation.bodies import Body, outline_of
+from pivident.excitation.bodies import Body
 from pivident.excitation.clearances import Clearances
 from pivident.excitation.geometry_exact import exact_distances
+from pivident.excitation.geometry_outlines import outline_of
 from pivident.robot.description import Robot
 from pivident.robot.urdf import read_urdf
 

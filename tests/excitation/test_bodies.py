@@ -3,12 +3,14 @@ import sys
 import numpy as np
 import pytest
 from pydantic import ValidationError
+from scipy.spatial import ConvexHull
 
 from pivident.errors import RobotDescriptionError
-from pivident.excitation.bodies import Body, bodies_of_entries, outline_of
+from pivident.excitation.bodies import Body
 from pivident.excitation.geometry_capsules import Balls, enclosing_capsule
 from pivident.excitation.geometry_keys import BodyEntry
-from pivident.excitation.geometry_outlines import GALLERY
+from pivident.excitation.geometry_outlines import GALLERY, outline_of
+from pivident.excitation.geometry_room import bodies_of_entries
 from pivident.excitation.geometry_urdf import MAX_CAPSULES, link_capsules
 from pivident.extras import MissingExtra
 from pivident.robot.frames import rotation_from_rpy
@@ -73,8 +75,17 @@ def test_the_capsule_of_a_cylinder_is_not_larger_than_the_best_along_its_axis():
     angle = np.linspace(0.0, 2 * np.pi, 997)
     rim = radius * np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
     for side in (-0.5, 0.5):
-        ring = rim + [0.0, 0.0, side * length]
+        ring = rim + np.array([0.0, 0.0, side * length])
         assert outside(ring, found.start, found.end, found.radius).max() < 1e-7
+
+
+def test_the_balls_of_a_cylinder_span_all_of_it_and_little_more():
+    hull = ConvexHull(Balls.cylinder(0.05, 0.3).centres)
+    angle = np.linspace(0.0, 2 * np.pi, 997)
+    rim = np.column_stack([0.05 * np.cos(angle), 0.05 * np.sin(angle), np.full(997, 0.15)])
+    beyond = hull.equations[:, :3] @ rim.T + hull.equations[:, 3:]
+    assert beyond.max() < 1e-9
+    assert hull.volume < 1.005 * np.pi * 0.05**2 * 0.3
 
 
 def test_many_shapes_of_a_link_are_merged_and_all_stay_inside():
@@ -103,9 +114,9 @@ def local_vertices():
     ball /= np.linalg.norm(ball, axis=1)[:, None]
     angle = np.linspace(0, 2 * np.pi, 100)
     rim = 0.1 * np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
-    half = np.array([0.05, 0.07, 0.25])
+    half, up = np.array([0.05, 0.07, 0.25]), np.array([0.0, 0.0, 0.1])
     return {
-        "stand_0": np.vstack([rim + [0, 0, 0.1], rim - [0, 0, 0.1]]),
+        "stand_0": np.vstack([rim + up, rim - up]),
         "upper_0": half * np.array(np.meshgrid(*[[-1, 1]] * 3)).reshape(3, -1).T,
         "lower_0": CORNERS * [0.001, -0.001, 0.0012],
         "hand_0": 0.06 * ball,
@@ -320,7 +331,13 @@ def test_an_unknown_link_of_a_body_is_answered_with_the_nearest():
 
 @pytest.mark.parametrize(
     "changes",
-    [{"radius": 0.0}, {"radius": float("nan")}, {"to": [0.0, 0.0]}, {"colour": "red"}, {"name": ""}],
+    [
+        {"radius": 0.0},
+        {"radius": float("nan")},
+        {"to": [0.0, 0.0]},
+        {"colour": "red"},
+        {"name": ""},
+    ],
 )
 def test_entries_of_bodies_are_checked(changes):
     with pytest.raises(ValidationError):

@@ -1,12 +1,11 @@
 from .bodies import Body as Body
 from .bodies import Outline as Outline
-from .bodies import bodies_of_entries as bodies_of_entries
-from .bodies import outline_of as outline_of
 from .clearances import Clearances as Clearances
-from .clearances import clearances_of_room as clearances_of_room
 from .design import Design as Design
+from .geometry_exact import exact_distances as exact_distances
+from .geometry_outlines import outline_of as outline_of
+from .geometry_room import clearances_of_room as clearances_of_room
 from .motions import ExcitingMotion as ExcitingMotion
 from .motions import MotionFamily as MotionFamily
 from .obstacles import Obstacle as Obstacle
 from .obstacles import ToolBox as ToolBox
-from .obstacles import obstacles_of_entries as obstacles_of_entries

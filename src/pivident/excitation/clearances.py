@@ -13,26 +13,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pivident.errors import ExperimentError
-from pivident.excitation.bodies import Body, bodies_of_entries, outline_of
+from pivident.excitation.bodies import Body
 from pivident.excitation.geometry_distances import SEGMENT, axis_distances, gradient_by_joints
 from pivident.excitation.geometry_pairs import Pair, candidate_pairs, random_postures, swept_ball
 from pivident.excitation.geometry_poses import LinkPoses
-from pivident.excitation.obstacles import (
-    Obstacle,
-    ToolBox,
-    obstacles_of_entries,
-    tool_box_of_entry,
-    upward,
-)
+from pivident.excitation.obstacles import Obstacle, ToolBox, upward
 from pivident.robot.description import Robot
-
-if TYPE_CHECKING:
-    from pivident.excitation.geometry_keys import RoomEntry
 
 #: Share of these postures from which on two bodies touch because they are built so.
 STRUCTURAL_SHARE = 0.95
@@ -278,33 +268,6 @@ class Clearances:
             ends = {ball.name: (centre[None, :], centre[None, :])}
             (distance,), _, _ = _apart(ball, pair.other, ends, np.inf)
         return bool(distance >= pair.needed)
-
-
-def clearances_of_room(robot: Robot, room: RoomEntry) -> Clearances:
-    """What must stay apart, by the tables of a file.
-
-    Args:
-        robot: the robot.
-        room: the checked tables.
-
-    Returns:
-        The clearances; their remarks say where the bodies come from.
-
-    Raises:
-        ExperimentError: the tables contradict each other or the robot.
-        RobotDescriptionError: a body names no link, or a mesh of the URDF cannot be found.
-        MissingExtra: the URDF has meshes, and coal is not installed.
-    """
-    outline = outline_of(robot, bodies_of_entries(robot, room.body))
-    found = Clearances.of(
-        robot,
-        outline.bodies,
-        obstacles_of_entries(room.obstacle),
-        floor=room.floor,
-        tool_box=tool_box_of_entry(room),
-        clearance=room.clearance,
-    )
-    return replace(found, remarks=(*outline.remarks, *found.remarks))
 
 
 def _apart(
