@@ -4,6 +4,7 @@ import pytest
 from pivident.errors import ExperimentError, RobotDescriptionError
 from pivident.excitation.bodies import Body
 from pivident.excitation.clearances import Clearances
+from pivident.excitation.geometry_apart import built_apart
 from pivident.excitation.geometry_exact import exact_distances
 from pivident.excitation.geometry_outlines import outline_of
 from pivident.excitation.geometry_pairs import swept_ball
@@ -322,10 +323,6 @@ def test_exact_distances_are_those_of_pinocchio_and_capsules_are_never_further_a
     capsules = clearances.distances(q)
     model = pin.buildModelFromUrdf(str(path))
     shapes = pin.buildGeomFromUrdf(model, str(path), pin.COLLISION, package_dirs=[str(tmp_path)])
-    for shape in shapes.geometryObjects:
-        if shape.name == "lower_0":  # a tetrahedron, its own convex hull
-            shape.geometry.buildConvexHull(True, "Qt")
-            shape.geometry = shape.geometry.convex
     names = {-1: "stand_0", 0: "upper_0", 1: "lower_0", 2: "slide_0", 3: "hand_0"}
     for a, b in links:
         ids = [shapes.getGeometryId(names[link]) for link in (a, b)]
@@ -340,10 +337,49 @@ def test_exact_distances_are_those_of_pinocchio_and_capsules_are_never_further_a
         if pair in rows:
             compared += 1
             apart = exact[row] > 0.0
-            margin = (exact[row] - capsules[rows.index(pair)])[apart]
+            nearest = capsules[[other == pair for other in rows]].min(axis=0)
+            margin = (exact[row] - nearest)[apart]
             assert margin.min() > -1e-5
             assert margin.min() < 0.1  # tight somewhere
     assert compared >= 4
+
+
+PLATES = """<robot name="plates">
+  <link name="plate"><collision><geometry><box size="0.3 0.3 0.04"/></geometry></collision></link>
+  <link name="post"/>
+  <link name="arm"><collision><origin xyz="0.2 0 0"/>
+    <geometry><box size="0.4 0.1 0.08"/></geometry></collision></link>
+  <joint name="turn" type="revolute"><parent link="plate"/><child link="post"/>
+    <origin xyz="0 0 {height}"/><axis xyz="0 0 1"/>
+    <limit lower="-3" upper="3" velocity="1" effort="1"/></joint>
+  <joint name="nod" type="revolute"><parent link="post"/><child link="arm"/><axis xyz="0 1 0"/>
+    <limit lower="-0.2" upper="{nod}" velocity="1" effort="1"/></joint>
+</robot>"""
+
+
+@pytest.mark.parametrize(
+    ("height", "nod", "given", "free"),
+    [(0.13, 0.1, False, True), (0.13, 0.6, False, False), (0.13, 0.1, True, False)],
+)
+def test_links_built_close_to_each_other_are_told_from_those_that_touch(
+    tmp_path, height, nod, given, free
+):
+    pytest.importorskip("coal")
+    path = tmp_path / "plates.urdf"
+    path.write_text(PLATES.format(height=height, nod=nod))
+    robot = read_urdf(path)
+    by_hand = [Body("arm", 1, np.zeros(3), np.array([0.4, 0, 0]), 0.06)] if given else []
+    outline = outline_of(robot, by_hand)
+    apart, remarks = built_apart(robot, outline)
+    assert apart == (frozenset([frozenset(("arm", "plate"))]) if free else frozenset())
+    assert len(remarks) == free
+    clearances = Clearances.of(robot, outline.bodies, apart=apart)
+    assert not (free and clearances.names)
+    # lowest corner of the arm above the plate: the height less the nod and half its thickness
+    if free:
+        lowest = height - 0.04 * np.cos(nod) - 0.04 / 2 - 0.15 * np.tan(nod)
+        words = float(remarks[0].split(" stay ")[1].split(" mm")[0])
+        assert words == pytest.approx(1e3 * lowest, abs=15)
 
 
 def test_exact_distances_need_shapes():

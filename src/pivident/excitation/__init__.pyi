@@ -2,6 +2,7 @@ from .bodies import Body as Body
 from .bodies import Outline as Outline
 from .clearances import Clearances as Clearances
 from .design import Design as Design
+from .geometry_apart import built_apart as built_apart
 from .geometry_exact import exact_distances as exact_distances
 from .geometry_outlines import outline_of as outline_of
 from .geometry_room import clearances_of_room as clearances_of_room

@@ -54,11 +54,13 @@ class Outline:
         bodies: capsules, those of the base first, links in order.
         source: ``urdf``, ``gallery`` or ``skeleton``; ``given`` where the caller gave all of them.
         remarks: what a user should know of them, complete sentences.
+        given: links whose bodies the caller gave.
     """
 
     bodies: tuple[Body, ...]
     source: Literal["urdf", "gallery", "skeleton", "given"]
     remarks: tuple[str, ...] = ()
+    given: tuple[int, ...] = ()
 
 
 def numbered(name: str, count: int) -> list[str]:

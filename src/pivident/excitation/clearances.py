@@ -11,7 +11,7 @@ slide along the surfaces as the robot moves.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -59,6 +59,7 @@ class Clearances:
         floor: float | None = None,
         tool_box: ToolBox | None = None,
         clearance: float = 0.02,
+        apart: Collection[frozenset[str]] = (),
     ) -> Clearances:
         """Everything that must stay apart.
 
@@ -74,6 +75,8 @@ class Clearances:
             floor: height of the floor above the base's origin, against gravity [m]; None: none.
             tool_box: where a point of the tool has to stay; None: anywhere.
             clearance: distance that bodies keep [m].
+            apart: pairs of bodies, by their names, that are known not to touch; see
+                `pivident.excitation.built_apart`.
 
         Returns:
             The pairs to check.
@@ -105,6 +108,13 @@ class Clearances:
             floor=floor is not None,
             tool=tool_box is not None,
         )
+        pairs = [
+            pair
+            for pair in pairs
+            if not isinstance(pair.other, Body)
+            or pair.body is None
+            or frozenset((pair.body.name, pair.other.name)) not in apart
+        ]
         return cls(robot, tuple(pairs), floor, tool_box)._without_constant_pairs()
 
     @property

@@ -79,7 +79,7 @@ def outline_of(robot: Robot, given: Iterable[Body] = ()) -> Outline:
         raise RobotDescriptionError(
             f"body names used twice: {', '.join(twice)}; name each body once"
         )
-    return Outline(bodies, found.source, found.remarks)
+    return Outline(bodies, found.source, found.remarks, tuple(sorted(known)))
 
 
 def gallery_outline(robot: Robot, without: Collection[int] = ()) -> Outline | None:

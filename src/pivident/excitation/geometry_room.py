@@ -11,6 +11,7 @@ import numpy as np
 from pivident.errors import RobotDescriptionError, concerning
 from pivident.excitation.bodies import BASE, Body
 from pivident.excitation.clearances import Clearances
+from pivident.excitation.geometry_apart import built_apart
 from pivident.excitation.geometry_outlines import outline_of
 from pivident.excitation.obstacles import Obstacle, ToolBox
 from pivident.robot.description import Robot
@@ -37,6 +38,7 @@ def clearances_of_room(robot: Robot, room: RoomEntry) -> Clearances:
         MissingExtra: the URDF has meshes, and coal is not installed.
     """
     outline = outline_of(robot, bodies_of_entries(robot, room.body))
+    apart, remarks = built_apart(robot, outline, room.clearance)
     found = Clearances.of(
         robot,
         outline.bodies,
@@ -44,8 +46,9 @@ def clearances_of_room(robot: Robot, room: RoomEntry) -> Clearances:
         floor=room.floor,
         tool_box=tool_box_of_entry(room),
         clearance=room.clearance,
+        apart=apart,
     )
-    return replace(found, remarks=(*outline.remarks, *found.remarks))
+    return replace(found, remarks=(*outline.remarks, *remarks, *found.remarks))
 
 
 def bodies_of_entries(robot: Robot, entries: Sequence[BodyEntry]) -> tuple[Body, ...]:
