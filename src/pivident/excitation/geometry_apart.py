@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from itertools import product
 
-from pivident.excitation.bodies import Outline
+from pivident.excitation.bodies import BASE, Outline
 from pivident.excitation.clearances import Clearances
 from pivident.excitation.geometry_exact import exact_distances
 from pivident.excitation.geometry_pairs import POSTURES, candidate_pairs, random_postures
@@ -58,8 +58,9 @@ def built_apart(
         (distance,) = exact_distances(robot, [(first, second)], q[near], without=outline.given)
         if distance.min() >= LEAST_GAP:
             apart |= {frozenset((a.name, b.name)) for a, b in product(*sides)}
+            names = [robot.links[k].name if k >= 0 else BASE for k in (second, first)]
             remarks.append(
-                f"Not checked: {sides[1][0].name} and {sides[0][0].name}. Their capsules overlap "
+                f"Not checked: {' and '.join(names)}. Their capsules overlap "
                 f"in some postures, their own shapes stay {1e3 * distance.min():.0f} mm apart or "
                 f"more in {POSTURES} random ones."
             )
