@@ -1,4 +1,4 @@
-"""How much room the capsules of a robot give away, against the convex hulls of its own shapes.
+"""How much room the capsules of a robot give away, against its own shapes.
 
 For each URDF, with random postures within the limits of its joints: the pairs of links that are
 checked, the distance of their capsules and that of their shapes (coal), and the difference of the
@@ -16,9 +16,11 @@ from collections import Counter
 
 import numpy as np
 
-from pivident.excitation.bodies import Body, outline_of
+from pivident.excitation.bodies import Body
 from pivident.excitation.clearances import Clearances
+from pivident.excitation.geometry_apart import built_apart
 from pivident.excitation.geometry_exact import exact_distances
+from pivident.excitation.geometry_outlines import outline_of
 from pivident.robot.description import Robot
 from pivident.robot.urdf import read_urdf
 
@@ -59,8 +61,12 @@ def whole_pairs(clearances: Clearances, bodies: tuple[Body, ...]) -> list[tuple[
 def margins(path: str, frozen: dict[str, float], count: int, near: float) -> int:
     """Print the table of one robot; returns the number of violations."""
     robot = read_urdf(path, frozen=frozen)
-    bodies = outline_of(robot).bodies
-    clearances = Clearances.of(robot, bodies)
+    outline = outline_of(robot)
+    bodies = outline.bodies
+    start = time.perf_counter()
+    apart, remarks = built_apart(robot, outline)
+    took = time.perf_counter() - start
+    clearances = Clearances.of(robot, bodies, apart=apart)
     links = whole_pairs(clearances, bodies)
     q = postures(robot, count, seed=5)
     found = clearances.distances(q)
@@ -89,7 +95,8 @@ def margins(path: str, frozen: dict[str, float], count: int, near: float) -> int
         f"capsules: {100 * lost:.1f} %; violations: {violations}; "
         f"{len(clearances.pairs)} rows, 200 samples: {milliseconds(clearances):.1f} ms"
     )
-    for remark in clearances.remarks:
+    print(f"  shapes of links two joints apart looked at in {took:.1f} s")
+    for remark in (*remarks, *clearances.remarks):
         print(f"  {remark}")
     return violations
 

@@ -1,13 +1,20 @@
 """A small arm with every kind of collision shape, as URDF text with a mesh beside it."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-#: Corners of a tetrahedron [m], before the scale.
-CORNERS = np.array([[0, 0, 0], [120, 0, 10], [0, 90, 0], [20, 10, 300]], dtype=float)
+#: Corners of a crooked block [mm], those of its floor before those of its roof.
+CORNERS = np.array(
+    [[0, 0, 0], [100, 0, 10], [105, 90, 0], [0, 95, 0],
+     [0, 10, 300], [100, 0, 290], [110, 90, 300], [10, 90, 295]], dtype=float,
+)  # fmt: skip
 
-FACES = ((0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2))
+FACES = (
+    (0, 2, 1), (0, 3, 2), (4, 5, 6), (4, 6, 7), (0, 1, 5), (0, 5, 4),
+    (1, 2, 6), (1, 6, 5), (2, 3, 7), (2, 7, 6), (3, 0, 4), (3, 4, 7),
+)  # fmt: skip
 
 ARM = """<robot name="arm">
   <link name="world"/>
@@ -38,13 +45,13 @@ ARM = """<robot name="arm">
 </robot>"""
 
 
-def stl_text() -> str:
-    lines = ["solid tetrahedron"]
-    for face in FACES:
+def stl_text(corners: np.ndarray = CORNERS, faces: Sequence[Sequence[int]] = FACES) -> str:
+    lines = ["solid block"]
+    for face in faces:
         lines += ["facet normal 0 0 0", "outer loop"]
-        lines += [f"vertex {x} {y} {z}" for x, y, z in CORNERS[list(face)]]
+        lines += [f"vertex {x} {y} {z}" for x, y, z in corners[list(face)]]
         lines += ["endloop", "endfacet"]
-    return "\n".join([*lines, "endsolid tetrahedron", ""])
+    return "\n".join([*lines, "endsolid block", ""])
 
 
 def write_arm(folder: Path, mesh: str = "package://arm_parts/meshes/lower.stl") -> Path:

@@ -3,13 +3,15 @@ import sys
 import numpy as np
 import pytest
 from pydantic import ValidationError
+from scipy.spatial import ConvexHull
 
 from pivident.errors import RobotDescriptionError
-from pivident.excitation.bodies import Body, bodies_of_entries, outline_of
-from pivident.excitation.geometry_capsules import Balls, enclosing_capsule
-from pivident.excitation.geometry_outlines import GALLERY
-from pivident.excitation.geometry_urdf import MAX_CAPSULES, link_capsules
+from pivident.excitation.bodies import Body
+from pivident.excitation.geometry_capsules import Balls, divided, enclosing_capsule
 from pivident.experiment.room_keys import BodyEntry
+from pivident.excitation.geometry_outlines import GALLERY, outline_of
+from pivident.excitation.geometry_room import bodies_of_entries
+from pivident.excitation.geometry_urdf import MAX_CAPSULES, link_capsules
 from pivident.extras import MissingExtra
 from pivident.robot.frames import rotation_from_rpy
 from pivident.robot.gallery import load_robot
@@ -73,8 +75,43 @@ def test_the_capsule_of_a_cylinder_is_not_larger_than_the_best_along_its_axis():
     angle = np.linspace(0.0, 2 * np.pi, 997)
     rim = radius * np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
     for side in (-0.5, 0.5):
-        ring = [*rim, 0.0, 0.0, side * length]
+        ring = rim + np.array([0.0, 0.0, side * length])
         assert outside(ring, found.start, found.end, found.radius).max() < 1e-7
+
+
+def test_the_balls_of_a_cylinder_span_all_of_it_and_little_more():
+    hull = ConvexHull(Balls.cylinder(0.05, 0.3).centres)
+    angle = np.linspace(0.0, 2 * np.pi, 997)
+    rim = np.column_stack([0.05 * np.cos(angle), 0.05 * np.sin(angle), np.full(997, 0.15)])
+    beyond = hull.equations[:, :3] @ rim.T + hull.equations[:, 3:]
+    assert beyond.max() < 1e-9
+    assert hull.volume < 1.005 * np.pi * 0.05**2 * 0.3
+
+
+def bent_bar():
+    """Two bars at a right angle as one closed mesh: vertices and triangles."""
+    outline = np.array([[0, 0], [0.6, 0], [0.6, 0.1], [0.1, 0.1], [0.1, 0.5], [0, 0.5]])
+    vertices = np.vstack([np.column_stack([outline, np.full(6, z)]) for z in (0.0, 0.1)])
+    floor = [(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 5)]
+    sides = [(k, (k + 1) % 6, 6 + k) for k in range(6)]
+    sides += [((k + 1) % 6, 6 + (k + 1) % 6, 6 + k) for k in range(6)]
+    return vertices, np.array([*floor, *((a + 6, b + 6, c + 6) for a, b, c in floor), *sides])
+
+
+def test_a_bent_mesh_is_cut_in_two_and_a_straight_one_is_not():
+    vertices, triangles = bent_bar()
+    parts = divided(vertices, triangles)
+    assert len(parts) == 2
+    capsules = [enclosing_capsule(part) for part in parts]
+    one = enclosing_capsule(Balls.points(vertices))
+    assert sum(map(volume, capsules)) < 0.8 * volume(one)
+    # all of the surface is in one of the two, the triangles across the cut too
+    weights = np.random.default_rng(0).dirichlet(np.ones(3), 400)
+    surface = (weights @ vertices[triangles]).reshape(-1, 3)
+    beyond = [outside(surface, c.start, c.end, c.radius) for c in capsules]
+    assert np.min(beyond, axis=0).max() < 1e-7
+    straight = vertices * [0.1, 1.0, 1.0]
+    assert len(divided(straight, triangles)) == 1
 
 
 def test_many_shapes_of_a_link_are_merged_and_all_stay_inside():
@@ -103,9 +140,9 @@ def local_vertices():
     ball /= np.linalg.norm(ball, axis=1)[:, None]
     angle = np.linspace(0, 2 * np.pi, 100)
     rim = 0.1 * np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
-    half = np.array([0.05, 0.07, 0.25])
+    half, up = np.array([0.05, 0.07, 0.25]), np.array([0.0, 0.0, 0.1])
     return {
-        "stand_0": np.vstack([[*rim, 0, 0, 0.1], rim - [0, 0, 0.1]]),
+        "stand_0": np.vstack([rim + up, rim - up]),
         "upper_0": half * np.array(np.meshgrid(*[[-1, 1]] * 3)).reshape(3, -1).T,
         "lower_0": CORNERS * [0.001, -0.001, 0.0012],
         "hand_0": 0.06 * ball,
@@ -201,7 +238,7 @@ def test_a_nearer_package_is_not_left_for_one_further_away(tmp_path):
     path = write_arm(tmp_path)
     other = tmp_path.parent / "arm_parts" / "meshes"
     other.mkdir(parents=True, exist_ok=True)
-    (other / "lower.stl").write_text(stl_text().replace("300", "900"))
+    (other / "lower.stl").write_text(stl_text(CORNERS * [1.0, 1.0, 3.0]))
     bodies = outline_of(read_urdf(path)).bodies
     assert np.linalg.norm(bodies[2].end - bodies[2].start) < 0.5
 

@@ -4,16 +4,19 @@ from pydantic import ValidationError
 
 from pivident.errors import ExperimentError
 from pivident.excitation.bodies import Body
-from pivident.excitation.clearances import Clearances, clearances_of_room
+from pivident.excitation.clearances import Clearances
 from pivident.excitation.geometry_distances import axis_distances
+from pivident.experiment.room_keys import ObstacleEntry, RoomEntry
+from pivident.excitation.geometry_room import (
+    clearances_of_room,
+    obstacles_of_entries,
+    tool_box_of_entry,
+)
 from pivident.excitation.obstacles import (
     Obstacle,
     ToolBox,
-    obstacles_of_entries,
-    tool_box_of_entry,
     upward,
 )
-from pivident.experiment.room_keys import ObstacleEntry, RoomEntry
 from pivident.robot.frames import rotation_from_rpy
 from pivident.robot.gallery import load_robot
 

@@ -11,28 +11,18 @@ slide along the surfaces as the robot moves.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pivident.errors import ExperimentError
-from pivident.excitation.bodies import Body, bodies_of_entries, outline_of
+from pivident.excitation.bodies import Body
 from pivident.excitation.geometry_distances import SEGMENT, axis_distances, gradient_by_joints
 from pivident.excitation.geometry_pairs import Pair, candidate_pairs, random_postures, swept_ball
 from pivident.excitation.geometry_poses import LinkPoses
-from pivident.excitation.obstacles import (
-    Obstacle,
-    ToolBox,
-    obstacles_of_entries,
-    tool_box_of_entry,
-    upward,
-)
+from pivident.excitation.obstacles import Obstacle, ToolBox, upward
 from pivident.robot.description import Robot
-
-if TYPE_CHECKING:
-    from pivident.experiment.room_keys import RoomEntry
 
 #: Share of these postures from which on two bodies touch because they are built so.
 STRUCTURAL_SHARE = 0.95
@@ -73,6 +63,7 @@ class Clearances:
         floor: float | None = None,
         tool_box: ToolBox | None = None,
         clearance: float = 0.02,
+        apart: Collection[frozenset[str]] = (),
     ) -> Clearances:
         """Everything that must stay apart.
 
@@ -88,6 +79,8 @@ class Clearances:
             floor: height of the floor above the base's origin, against gravity [m]; None: none.
             tool_box: where a point of the tool has to stay; None: anywhere.
             clearance: distance that bodies keep [m].
+            apart: pairs of bodies, by their names, that are known not to touch; see
+                `pivident.excitation.built_apart`.
 
         Returns:
             The pairs to check.
@@ -119,6 +112,13 @@ class Clearances:
             floor=floor is not None,
             tool=tool_box is not None,
         )
+        pairs = [
+            pair
+            for pair in pairs
+            if not isinstance(pair.other, Body)
+            or pair.body is None
+            or frozenset((pair.body.name, pair.other.name)) not in apart
+        ]
         made = cls(
             robot, tuple(pairs), floor, tool_box, bodies=tuple(bodies), obstacles=tuple(obstacles)
         )
@@ -294,33 +294,6 @@ class Clearances:
             ends = {ball.name: (centre[None, :], centre[None, :])}
             (distance,), _, _ = _apart(ball, pair.other, ends, np.inf)
         return bool(distance >= pair.needed)
-
-
-def clearances_of_room(robot: Robot, room: RoomEntry) -> Clearances:
-    """What must stay apart, by the tables of a file.
-
-    Args:
-        robot: the robot.
-        room: the checked tables.
-
-    Returns:
-        The clearances; their remarks say where the bodies come from.
-
-    Raises:
-        ExperimentError: the tables contradict each other or the robot.
-        RobotDescriptionError: a body names no link, or a mesh of the URDF cannot be found.
-        MissingExtra: the URDF has meshes, and coal is not installed.
-    """
-    outline = outline_of(robot, bodies_of_entries(robot, room.body))
-    found = Clearances.of(
-        robot,
-        outline.bodies,
-        obstacles_of_entries(room.obstacle),
-        floor=room.floor,
-        tool_box=tool_box_of_entry(room),
-        clearance=room.clearance,
-    )
-    return replace(found, remarks=(*outline.remarks, *found.remarks))
 
 
 def _apart(

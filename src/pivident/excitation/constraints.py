@@ -209,8 +209,8 @@ class Constraints:
     def _clearance_constraints(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """One for each pair of bodies."""
         assert self.clearances is not None
-        below = float(self.clearances.needed.max(initial=0.0)) + CLEARANCE_SCALE
-        distances, slopes = self.clearances.with_gradients(q, below)
+        # a step of the search may bring bodies together that are far apart now
+        distances, slopes = self.clearances.with_gradients(q, np.inf)
         ratios, weights = smooth_maximum(self._clearance_ratio(distances).T)
         net = -weights.T[:, :, None] * slopes / CLEARANCE_SCALE
         gradients = np.einsum("tk,ctj->ckj", self.functions[0], net, optimize=True)

@@ -26,6 +26,10 @@ RIM_CORNERS = 48
 #: Excesses of ρ over the least possible radius, as shares of it, that the search may start from.
 FIRST_EXCESSES = (0.0, 0.05, 0.2)
 
+#: Places along each principal axis at which a mesh may be cut in two, and the share of the volume
+#: of one capsule that two have to stay below.
+CUTS, CUT_SHARE = 8, 0.8
+
 #: Radius added to every capsule, against rounding [m].
 ROUNDING = 1e-9
 
@@ -143,6 +147,39 @@ def _least_volume(unknowns: np.ndarray, centres: np.ndarray, radii: np.ndarray) 
     return minimize(
         lambda x: _along(x, centres, radii)[0], unknowns, method="Nelder-Mead", options=options
     ).x
+
+
+def divided(vertices: np.ndarray, triangles: np.ndarray) -> list[Balls]:
+    """A mesh as one shape, or cut in two where that saves much room: arms have corners.
+
+    The triangles that the plane of the cut divides belong to both parts, each up to the plane.
+
+    Args:
+        vertices: [m], shape (vertices, 3).
+        triangles: indices of their corners, shape (triangles, 3).
+
+    Returns:
+        One shape or two, which together span the surface.
+    """
+    whole = Balls.points(vertices)
+    best, parts = CUT_SHARE * enclosing_capsule(whole, searched=False).volume, [whole]
+    ends = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    edges = np.unique(ends, axis=0)
+    for axis in _principal_axes(whole.centres)[1].T:
+        heights = vertices @ axis
+        for cut in np.linspace(heights.min(), heights.max(), CUTS + 2)[1:-1]:
+            above = heights - cut
+            first, second = edges[above[edges].prod(axis=1) < 0.0].T
+            share = above[first] / (above[first] - above[second])
+            crossing = vertices[first] + share[:, None] * (vertices[second] - vertices[first])
+            both = [
+                Balls.points(np.vstack([vertices[side], crossing]))
+                for side in (above <= 0.0, above >= 0.0)
+            ]
+            volume = sum(enclosing_capsule(part, searched=False).volume for part in both)
+            if volume < best:
+                best, parts = volume, both
+    return parts
 
 
 def _along(

@@ -1,13 +1,13 @@
 """Distances between the links of a URDF robot by their own shapes, for a motion that is found.
 
-Each ``<collision>`` element counts as its convex hull, as the library coal measures it. Its capsule
-encloses it, so these distances are never smaller than those of `Clearances`, and the difference is
-the room that the capsules give away.
+Each ``<collision>`` element counts as it is, triangle by triangle, as the library coal measures it.
+Its capsules enclose it, so these distances are never smaller than those of `Clearances`, and the
+difference is the room that the capsules give away.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,16 +20,23 @@ from pivident.extras import require
 from pivident.robot.description import Robot
 
 
-def exact_distances(robot: Robot, links: Sequence[tuple[int, int]], q: np.ndarray) -> np.ndarray:
-    """Distances between the convex hulls of the shapes of links.
+def exact_distances(
+    robot: Robot,
+    links: Sequence[tuple[int, int]],
+    q: np.ndarray,
+    *,
+    without: Collection[int] = (),
+) -> np.ndarray:
+    """Distances between the shapes of links.
 
     Args:
         robot: a robot that was read from a URDF.
         links: pairs of moving links by index, -1 for the base.
         q: joint positions [rad or m], shape (samples, joints).
+        without: links whose shapes are not looked at; their meshes may be missing.
 
     Returns:
-        Least distance of any two shapes of each pair of links [m], negative where they penetrate;
+        Least distance of any two shapes of each pair of links [m], zero or less where they touch;
         NaN where a link has no shape; shape (pairs, samples).
 
     Raises:
@@ -37,12 +44,13 @@ def exact_distances(robot: Robot, links: Sequence[tuple[int, int]], q: np.ndarra
         MissingExtra: coal is not installed.
     """
     coal = require("coal", extra="collision", purpose="the distance between meshes")
-    shapes = link_shapes(robot)
+    shapes = link_shapes(robot, without)
     if not shapes:
         raise RobotDescriptionError(
             f"robot {robot.name!r} has no <collision> elements to measure; read it from a URDF "
             "that has them"
         )
+    shapes = [shape for shape in shapes if any(shape.link in pair for pair in links)]
     solids = [(shape, _solid(coal, shape)) for shape in shapes]
     poses = LinkPoses.of(robot, np.asarray(q, dtype=float))
     request = coal.DistanceRequest()
@@ -66,9 +74,7 @@ def _solid(coal: Any, shape: LinkShape) -> Any:
     own = shape.collision
     if own.shape == "mesh":
         assert shape.mesh is not None
-        mesh = load_mesh(shape.mesh, own.size)
-        mesh.buildConvexHull(True, "Qt")
-        return mesh.convex
+        return load_mesh(shape.mesh, own.size)
     if own.shape == "box":
         return coal.Box(*own.size)
     if own.shape == "sphere":

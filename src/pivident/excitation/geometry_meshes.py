@@ -150,3 +150,9 @@ def load_mesh(path: Path, scale: np.ndarray) -> Any:
 def mesh_vertices(mesh: Any) -> np.ndarray:
     """Vertices of a loaded mesh [m], shape (vertices, 3)."""
     return np.array(mesh.vertices(), dtype=float).reshape(-1, 3)
+
+
+def mesh_triangles(mesh: Any) -> np.ndarray:
+    """Indices of the corners of a loaded mesh's triangles, shape (triangles, 3)."""
+    rows = (mesh.tri_indices(i) for i in range(mesh.num_tris))
+    return np.array([[row[k] for k in range(3)] for row in rows], dtype=np.int64).reshape(-1, 3)

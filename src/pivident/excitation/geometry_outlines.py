@@ -1,13 +1,21 @@
-"""Bodies of robots without collision shapes: outlines of gallery robots, and skeletons."""
+"""The bodies of a robot, from the best source that there is.
+
+Where the capsules come from, the first that there is: what the caller gives for a link, the
+``<collision>`` elements of the robot's URDF, a published outline of a gallery robot, and otherwise
+a skeleton from joint to joint, whose radius is an assumption.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 
 import numpy as np
 
+from pivident.errors import RobotDescriptionError
 from pivident.excitation.bodies import BASE, Body, Outline, numbered
+from pivident.excitation.geometry_urdf import urdf_outline
 from pivident.robot.description import Robot
+from pivident.robot.naming import repeated
 
 #: Radius of a skeleton's capsules as a share of the robot's reach. Industrial arms and cobots have
 #: 5 to 10 % in their arms, and more in the shoulder.
@@ -33,6 +41,45 @@ GALLERY: dict[str, tuple[_Row, ...]] = {
         ("flange", 5, (0.0, 0.0, 0.03), (0.0, 0.0, 0.04), 0.03),
     ),
 }
+
+
+def outline_of(robot: Robot, given: Iterable[Body] = ()) -> Outline:
+    """The bodies of a robot: given ones, and those found for all other links.
+
+    Args:
+        robot: the robot.
+        given: bodies that replace what would be found for their links.
+
+    Returns:
+        The bodies with their source and remarks.
+
+    Raises:
+        RobotDescriptionError: a shape of the URDF cannot be used or its mesh is missing, or a name
+            is used twice; names link, file and next step.
+        MissingExtra: the URDF has meshes, and coal is not installed.
+    """
+    given = tuple(given)
+    for body in given:
+        if not -1 <= body.link < robot.size:
+            raise RobotDescriptionError(
+                f"body {body.name!r}: link {body.link} does not exist; the links of "
+                f"{robot.name!r} count from -1 (base) to {robot.size - 1}"
+            )
+    known = {body.link for body in given}
+    if known >= set(range(robot.size)):
+        found = Outline((), "given")
+    else:
+        found = (
+            urdf_outline(robot, known) or gallery_outline(robot, known) or skeleton(robot, known)
+        )
+    kept = [body for body in found.bodies if body.link not in known]
+    bodies = tuple(sorted([*given, *kept], key=lambda body: body.link))
+    twice = repeated([body.name for body in bodies])
+    if twice:
+        raise RobotDescriptionError(
+            f"body names used twice: {', '.join(twice)}; name each body once"
+        )
+    return Outline(bodies, found.source, found.remarks, tuple(sorted(known)))
 
 
 def gallery_outline(robot: Robot, without: Collection[int] = ()) -> Outline | None:

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from pivident.errors import RobotDescriptionError
 from pivident.excitation.bodies import BY_HAND, Body, Outline, numbered
-from pivident.excitation.geometry_capsules import Balls, Capsule, enclosing_capsule
-from pivident.excitation.geometry_meshes import MeshFiles, load_mesh, mesh_vertices
+from pivident.excitation.geometry_capsules import Balls, Capsule, divided, enclosing_capsule
+from pivident.excitation.geometry_meshes import MeshFiles, load_mesh, mesh_triangles, mesh_vertices
 from pivident.robot.description import Robot
 from pivident.robot.frames import Pose
 from pivident.robot.naming import errors_name
@@ -42,19 +42,20 @@ class LinkShape:
     collision: UrdfCollision
     mesh: Path | None
 
-    def balls(self) -> Balls:
-        """What spans it, in the moving link's frame."""
+    def parts(self) -> list[Balls]:
+        """What spans it, in the moving link's frame; a mesh may have two parts."""
         own = self.collision
         if own.shape == "mesh":
             assert self.mesh is not None
-            balls = Balls.points(mesh_vertices(load_mesh(self.mesh, own.size)))
+            mesh = load_mesh(self.mesh, own.size)
+            parts = divided(mesh_vertices(mesh), mesh_triangles(mesh))
         elif own.shape == "box":
-            balls = Balls.box(own.size)
+            parts = [Balls.box(own.size)]
         elif own.shape == "cylinder":
-            balls = Balls.cylinder(own.radius, own.length)
+            parts = [Balls.cylinder(own.radius, own.length)]
         else:
-            balls = Balls.capsule(own.radius, own.length)
-        return balls.moved(self.pose.rotation, self.pose.translation)
+            parts = [Balls.capsule(own.radius, own.length)]
+        return [part.moved(self.pose.rotation, self.pose.translation) for part in parts]
 
 
 def link_shapes(robot: Robot, without: Collection[int] = ()) -> list[LinkShape]:
@@ -115,7 +116,7 @@ def urdf_outline(robot: Robot, without: Collection[int] = ()) -> Outline | None:
     for link in range(-1, robot.size):
         own = [shape for shape in shapes if shape.link == link]
         if own:
-            capsules = link_capsules([shape.balls() for shape in own])
+            capsules = link_capsules([part for shape in own for part in shape.parts()])
             name = own[0].owner if link < 0 else robot.links[link].name
             bodies += (
                 Body(each, link, capsule.start, capsule.end, capsule.radius)

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pivident.errors import ExperimentError, concerning
+from pivident.errors import ExperimentError
 from pivident.excitation.geometry_distances import BOX, CYLINDER, SEGMENT
 from pivident.experiment.room_shapes import SHAPES, ObstacleShape
 from pivident.robot.description import Robot
-from pivident.robot.frames import rotation_from_rpy, rotation_from_z_to
+from pivident.robot.frames import rotation_from_z_to
 from pivident.robot.naming import nearest
-
-if TYPE_CHECKING:
-    from pivident.experiment.room_keys import ObstacleEntry, RoomEntry
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +73,9 @@ class Obstacle:
             start: one end of the segment in the base frame [m], shape (3,).
             end: its other end, likewise.
             radius: [m].
+
+        Returns:
+            The obstacle.
         """
         start, end = np.array(start, dtype=float), np.array(end, dtype=float)
         length = float(np.linalg.norm(end - start))
@@ -138,61 +136,6 @@ class ToolBox:
             raise ExperimentError(
                 f"tool_box: low = {self.low} is not below high = {self.high}; the box is empty"
             ).about("tool_box")
-
-
-def obstacles_of_entries(entries: Sequence[ObstacleEntry]) -> tuple[Obstacle, ...]:
-    """Obstacles that a file gives.
-
-    Args:
-        entries: the checked entries of the table ``obstacle``.
-
-    Returns:
-        The obstacles, in order.
-
-    Raises:
-        ExperimentError: one has no size.
-    """
-    obstacles = []
-    for number, entry in enumerate(entries):
-        with concerning("obstacle", str(number)):
-            obstacles.append(_obstacle(entry))
-    return tuple(obstacles)
-
-
-def _obstacle(entry: ObstacleEntry) -> Obstacle:
-    radius = entry.radius or 0.0
-    if entry.start is not None and entry.end is not None:
-        return Obstacle.capsule(entry.name, np.array(entry.start), np.array(entry.end), radius)
-    return Obstacle(
-        entry.name,
-        entry.shape,
-        rotation_from_rpy(*np.radians(entry.rpy_degrees)),
-        np.array(entry.at, dtype=float),
-        None if entry.size is None else np.array(entry.size, dtype=float),
-        radius,
-        entry.length or 0.0,
-    )
-
-
-def tool_box_of_entry(entry: RoomEntry) -> ToolBox | None:
-    """The tool's box that a file gives, or None.
-
-    Args:
-        entry: the checked table.
-
-    Returns:
-        The box.
-
-    Raises:
-        ExperimentError: it is empty.
-    """
-    if entry.tool is None or entry.tool_box is None:
-        return None
-    return ToolBox(
-        np.array(entry.tool, dtype=float),
-        np.array(entry.tool_box.low, dtype=float),
-        np.array(entry.tool_box.high, dtype=float),
-    )
 
 
 def upward(robot: Robot) -> np.ndarray:

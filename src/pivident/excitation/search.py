@@ -28,6 +28,9 @@ MAX_ITERATIONS, PROGRESS = 400, 1e-5
 #: Random motions of which the best begins a search.
 DRAWS = 16
 
+#: Largest coefficient, over that with which its function alone reaches a limit.
+FARTHEST = 4.0
+
 #: Halvings of a random motion's size until it keeps clear of what is around it.
 HALVINGS = 8
 
@@ -167,12 +170,12 @@ class Search:
 
         objective, constraints = self.objective, self.objective.constraints
         shape, free = start.shape, slice(0 if self.home is None else start.shape[1], None)
-        scale = np.broadcast_to(constraints.limits.half, shape).ravel()
+        middle, scale = (x.ravel() for x in coefficient_box(constraints))
         kept: dict[str, tuple[bytes, tuple]] = {}
 
         def unpacked(z: np.ndarray) -> np.ndarray:
             x = start.ravel().copy()
-            x[free] = z * scale[free]
+            x[free] = middle[free] + z * scale[free]
             return x.reshape(shape)
 
         def remembered(kind: str, z: np.ndarray, compute: Callable[[np.ndarray], tuple]) -> tuple:
@@ -203,9 +206,10 @@ class Search:
         try:
             minimize(
                 cost,
-                (start.ravel() / scale)[free],
+                np.clip((start.ravel() - middle) / scale, -FARTHEST, FARTHEST)[free],
                 jac=True,
                 method="SLSQP",
+                bounds=[(-FARTHEST, FARTHEST)] * (start.size - (free.start or 0)),
                 constraints={"type": "ineq", "fun": ratios, "jac": ratio_gradients},
                 options={"maxiter": MAX_ITERATIONS, "ftol": PROGRESS},
             )
@@ -215,6 +219,26 @@ class Search:
     def _report(self, best: Best) -> None:
         """Progress in one line."""
         self.say(f"criterion {best.value:.4g} after {best.evaluations} motions")
+
+
+def coefficient_box(constraints: Constraints) -> tuple[np.ndarray, np.ndarray]:
+    """Middle of each coefficient, and the size at which its function alone reaches a limit.
+
+    In these units the search is well scaled, and steps that leave every limit far behind are not
+    tried. Shapes (size, joints).
+    """
+    limits = constraints.limits
+    largest = np.abs(constraints.functions[:3]).max(axis=1)
+    with np.errstate(divide="ignore"):
+        sizes = [
+            limit / size[:, None]
+            for limit, size in zip(
+                (limits.half, limits.speed, limits.acceleration), largest, strict=True
+            )
+        ]
+    middle = np.zeros_like(sizes[0])
+    middle[0] = limits.middle
+    return middle, np.min(sizes, axis=0)
 
 
 def random_coefficients(

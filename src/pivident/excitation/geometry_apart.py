@@ -1,0 +1,81 @@
+"""Bodies that are built close to each other: their capsules overlap, their own shapes never touch.
+
+Links with two joints between them, as a base and an upper arm, are often near each other in every
+posture. Where their capsules overlap, a motion would be kept out of postures that are free. Only
+two positions count for such a pair, so a few hundred random postures show all that it can do.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+
+from pivident.excitation.bodies import BASE, Outline
+from pivident.excitation.clearances import Clearances
+from pivident.excitation.geometry_exact import exact_distances
+from pivident.excitation.geometry_pairs import POSTURES, candidate_pairs, random_postures
+from pivident.extras import is_installed
+from pivident.robot.description import Robot
+
+#: Share of postures in which capsules are too near from which on the shapes are looked at.
+OFTEN = 0.02
+
+#: Least distance of two shapes that are taken to stay apart [m].
+LEAST_GAP = 1e-3
+
+
+def built_apart(
+    robot: Robot, outline: Outline, clearance: float = 0.02
+) -> tuple[frozenset[frozenset[str]], tuple[str, ...]]:
+    """Pairs of bodies that need not be checked, because their shapes never touch.
+
+    Args:
+        robot: the robot.
+        outline: its bodies; pairs of links with bodies by hand are always checked.
+        clearance: distance that bodies keep [m].
+
+    Returns:
+        Names of the bodies of each pair, for `Clearances.of`, and remarks that say so. None where
+        the robot has no URDF with shapes, or coal is not installed.
+
+    Raises:
+        RobotDescriptionError: a mesh of the URDF cannot be found.
+    """
+    if outline.source != "urdf" or not is_installed("coal"):
+        return frozenset(), ()
+    q = random_postures(robot)
+    apart: set[frozenset[str]] = set()
+    remarks = []
+    for first, second in _two_joints_apart(robot):
+        sides = [[body for body in outline.bodies if body.link == link] for link in (first, second)]
+        if not all(sides) or {first, second} & set(outline.given):
+            continue
+        pairs = candidate_pairs(
+            robot, [*sides[0], *sides[1]], (), clearance, floor=False, tool=False
+        )
+        near = (Clearances(robot, tuple(pairs)).distances(q) < clearance).any(axis=0)
+        if not near.mean() > OFTEN:
+            continue
+        (distance,) = exact_distances(robot, [(first, second)], q[near], without=outline.given)
+        if distance.min() >= LEAST_GAP:
+            apart |= {frozenset((a.name, b.name)) for a, b in product(*sides)}
+            names = [robot.links[k].name if k >= 0 else BASE for k in (second, first)]
+            remarks.append(
+                f"Not checked: {' and '.join(names)}. Their capsules overlap "
+                f"in some postures, their own shapes stay {1e3 * distance.min():.0f} mm apart or "
+                f"more in {POSTURES} random ones."
+            )
+    return frozenset(apart), tuple(remarks)
+
+
+def _two_joints_apart(robot: Robot) -> list[tuple[int, int]]:
+    """Links with two joints between them: a link and what carries its carrier, or two on one."""
+    parents = [joint.parent for joint in robot.joints]
+    return [
+        (a, b)
+        for b in range(robot.size)
+        for a in range(-1, b)
+        if a != parents[b]
+        and (
+            (parents[b] >= 0 and parents[parents[b]] == a) or (a >= 0 and parents[a] == parents[b])
+        )
+    ]
