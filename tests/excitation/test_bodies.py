@@ -8,10 +8,10 @@ from scipy.spatial import ConvexHull
 from pivident.errors import RobotDescriptionError
 from pivident.excitation.bodies import Body
 from pivident.excitation.geometry_capsules import Balls, divided, enclosing_capsule
-from pivident.experiment.room_keys import BodyEntry
 from pivident.excitation.geometry_outlines import GALLERY, outline_of
 from pivident.excitation.geometry_room import bodies_of_entries
 from pivident.excitation.geometry_urdf import MAX_CAPSULES, link_capsules
+from pivident.experiment.room_keys import BodyEntry
 from pivident.extras import MissingExtra
 from pivident.robot.frames import rotation_from_rpy
 from pivident.robot.gallery import load_robot

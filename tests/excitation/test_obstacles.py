@@ -6,7 +6,6 @@ from pivident.errors import ExperimentError
 from pivident.excitation.bodies import Body
 from pivident.excitation.clearances import Clearances
 from pivident.excitation.geometry_distances import axis_distances
-from pivident.experiment.room_keys import ObstacleEntry, RoomEntry
 from pivident.excitation.geometry_room import (
     clearances_of_room,
     obstacles_of_entries,
@@ -17,6 +16,7 @@ from pivident.excitation.obstacles import (
     ToolBox,
     upward,
 )
+from pivident.experiment.room_keys import ObstacleEntry, RoomEntry
 from pivident.robot.frames import rotation_from_rpy
 from pivident.robot.gallery import load_robot
 
