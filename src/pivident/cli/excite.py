@@ -51,8 +51,8 @@ def excite(
     duration
         Duration of the motion in s. Default: 20. With --to the longest that is tried.
     motion
-        fourier, splines or postures (moves from posture to posture, for teach pendants). Default:
-        fourier.
+        splines, fourier or postures (moves from posture to posture, for teach pendants). Default:
+        splines.
     criterion
         a (mean squared relative standard error), d (determinant), worst (largest standard error) or
         cond (condition number). Default: a, and worst with --for.

@@ -12,14 +12,16 @@ from pivident.estimation.identification import Identification
 from pivident.excitation.checked_motion import FineCheck, with_more_room
 from pivident.excitation.constraints import Clearances, Constraints
 from pivident.excitation.criteria import Criterion, condition_number, standard_errors
+from pivident.excitation.descent import Best
 from pivident.excitation.design import PAGE_RATE, ClearanceUse, Design, PredictedError
 from pivident.excitation.information import Information, assumed_noise
 from pivident.excitation.knowledge import Knowledge, knowledge
 from pivident.excitation.limits import PLANNED_SHARE, JointLimits, joint_limits
 from pivident.excitation.motions import ExcitingMotion, MotionFamily
+from pivident.excitation.objective import Objective
 from pivident.excitation.questions import Question, robot_question
 from pivident.excitation.request import DesignRequest, chosen_parameters, motion_family
-from pivident.excitation.search import Best, Objective, Search
+from pivident.excitation.search import Search
 from pivident.excitation.torque_bound import TorqueModel
 from pivident.robot.description import Robot
 from pivident.text.lists import listed
