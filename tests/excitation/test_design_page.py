@@ -15,6 +15,7 @@ from pivident.excitation.design_figures import (
 from pivident.excitation.design_files import write_design
 from pivident.excitation.design_page import DesignFile, next_commands, render_page
 from pivident.excitation.design_picture import picture_values
+from pivident.excitation.obstacles import Obstacle
 from tests.browser import asked, needs_browser, seen_on_a_phone
 from tests.excitation.designs import made_design, named
 
@@ -113,13 +114,10 @@ def test_the_picture_is_the_motion_with_its_room():
     json.dumps(values, allow_nan=False)
 
 
-def test_a_pose_may_stand_by_itself():
-    class Ball:
-        def plain(self):
-            pose = {"rotation": np.diag([1.0, -1.0, -1.0]).tolist(), "translation": [1, 2, 3]}
-            return {"name": "ball", "shape": "sphere", "radius": 0.2, "pose": pose}
-
-    own = picture_values(replace(made_design(), obstacles=(Ball(),)))["obstacles"][0]
+def test_an_obstacle_stands_in_its_pose():
+    turned = np.diag([1.0, -1.0, -1.0])
+    ball = Obstacle("ball", "sphere", turned, np.array([1.0, 2.0, 3.0]), radius=0.2)
+    own = picture_values(replace(made_design(), obstacles=(ball,)))["obstacles"][0]
     assert own["translation"] == [1.0, 2.0, 3.0] and own["rotation"][4] == -1.0
     assert own["radius"] == 0.2 and own["length"] == 0.0
 

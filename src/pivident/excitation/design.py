@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from pivident.excitation.bodies import Body
 from pivident.excitation.motions import ExcitingMotion
+from pivident.excitation.obstacles import Obstacle
 from pivident.robot.description import Robot
 from pivident.text import display
 
@@ -29,7 +31,7 @@ class LimitUse:
         high: largest value allowed, inf for none.
         least: least value of the motion; of a torque with two standard errors of the model.
         largest: largest value of the motion, likewise.
-        t: instant at which it comes nearest to a limit [s].
+        t: instant at which it comes nearest to a limit [s]; NaN for an rms torque.
         source: where the limit comes from: ``description``, ``file`` or ``assumed``.
     """
 
@@ -145,8 +147,8 @@ class Design:
     noise: str
     notes: tuple[str, ...] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)
-    bodies: tuple[Any, ...] = ()
-    obstacles: tuple[Any, ...] = ()
+    bodies: tuple[Body, ...] = ()
+    obstacles: tuple[Obstacle, ...] = ()
     seconds: float = 0.0
     torque: np.ndarray | None = None
     torque_margin: np.ndarray | None = None

@@ -72,7 +72,7 @@ def limit_words(use: LimitUse | ClearanceUse) -> str:
         )
     return (
         f"{use.quantity} of {use.joint}: {percent(100.0 * use.share)} of its limit "
-        f"at {use.t:.2f} s ({use.source})"
+        f"{'' if np.isnan(use.t) else f'at {use.t:.2f} s '}({use.source})"
     )
 
 
