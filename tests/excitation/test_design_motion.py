@@ -31,7 +31,7 @@ def planar():
 def fine_ratio(robot, design, limits, clearances=None):
     """Largest ratio of a design on its fine grid, through constraints made anew."""
     rate = 120.0 / design.motion.family.time_scale
-    made = Constraints.of(design.motion.family, rate, limits, None, clearances)
+    made = Constraints.of(design.motion.family, rate, limits, (), clearances)
     return made.largest_ratio(design.motion.coefficients)
 
 
@@ -159,7 +159,7 @@ def test_a_motion_that_breaks_a_limit_between_samples_is_made_smaller(planar):
     tight = replace(limits, speed=0.97 * np.array([
         max(abs(u.least), u.largest) for u in planar.limits if u.quantity == "speed"
     ]))  # fmt: skip
-    made = Constraints.of(planar.motion.family, 12.0, tight, None, None)
+    made = Constraints.of(planar.motion.family, 12.0, tight, (), None)
     fine = FineCheck.of(made)
     assert not fine.keeps_all(planar.motion.coefficients)
     smaller = fine.repaired(planar.motion.coefficients)

@@ -42,7 +42,7 @@ def question_of(name):
 
 def objective(criterion, noise, question, chosen=None):
     family = MotionFamily("splines", 3.0, 9)
-    constraints = Constraints.of(family, 12.0, joint_limits(ROBOT), None, None)
+    constraints = Constraints.of(family, 12.0, joint_limits(ROBOT), (), None)
     rate = (constraints.functions.shape[1] - 1) / family.duration
     size = question.size
     earlier = 1e-3 * np.eye(size)
