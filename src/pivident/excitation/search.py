@@ -39,7 +39,9 @@ class Search:
         """
         deadline = time.perf_counter() + self.seconds
         best, workers = Best(deadline), thread_count()
-        with linear_algebra_in_one_thread(), ThreadPoolExecutor(workers + 1) as pool:
+        # threads of this name do not share their work with others: each has a start of its own
+        threads = ThreadPoolExecutor(workers + 1, thread_name_prefix="pivident-search")
+        with linear_algebra_in_one_thread(), threads as pool:
             jobs = [
                 pool.submit(self._starts, worker, workers, first, best) for worker in range(workers)
             ]
