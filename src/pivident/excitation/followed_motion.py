@@ -1,12 +1,13 @@
 """Did the robot run the motion that was designed? Its recorded positions beside the design.
 
-The record begins at any time before or within the motion. The start s is where the squared
-difference of the positions, each joint over its variance in the motion, is least,
+The record begins at any time before or within the motion. For a start s, the rms of the difference
+of joint j over the samples that both have, relative to its spread in the motion, is
 
-    J(s) = Σ_j Σ_t (q_j(t + s) - d_j(t))² / var d_j,
+    e_j(s)² = mean_t (q_j(t + s) - d_j(t))² / var d_j.
 
-over all s by the cross-correlation of q and d, and then between samples by Newton steps. Before its
-first and after its last sample the record counts as resting.
+Sums over all s come from cross-correlations of q, q² and d with each other and with the samples that
+there are. The start has the least mean of all e_j, each bounded, so that a joint that
+went elsewhere leaves it to the others; it is then refined between samples by Newton steps.
 """
 
 from __future__ import annotations
@@ -31,8 +32,15 @@ MIN_COVERED = 0.5
 #: A joint moves where its speed exceeds this share of its largest one in the design.
 MOVES = 0.05
 
-#: Joints that move less than this share of the one that moves most weigh no more.
-MIN_SPREAD = 1e-3
+#: The spread of a joint counts as at least this share of that of the one that moves most.
+MIN_SPREAD = 0.01
+
+#: A start must leave this share of the motion to compare; what is missing counts like so much
+#: relative difference.
+MIN_COMMON, MISSING = 0.2, 1.0
+
+#: Largest relative difference of a joint that counts for the start.
+MAX_SHARE = 1.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,24 +126,31 @@ def _starts(q: np.ndarray, design: np.ndarray, spread: np.ndarray, rate: float) 
     from scipy.signal import fftconvolve
 
     length = len(design)
-    padded = np.pad(q, ((length - 1, length - 1), (0, 0)), mode="edge")
     middle = design.mean(axis=0)
-    p, d = (padded - middle) / spread, (design - middle) / spread
-    squares = np.vstack([np.zeros(p.shape[1]), np.cumsum(p**2, axis=0)])
-    cross = fftconvolve(p, d[::-1], mode="valid", axes=0)
-    cost = squares[length:] - squares[:-length] - 2.0 * cross + (d**2).sum(axis=0)
-    shares = np.sqrt(np.maximum(cost, 0.0) / length)
-    least = shares.mean(axis=1)
+    p, d = (q - middle) / spread, (design - middle) / spread
+    reversed_d, ones = d[::-1], np.ones((length, 1))
+    # full correlations: entry k belongs to the start at sample k - length + 1
+    common = np.rint(fftconvolve(np.ones((len(q), 1)), ones, axes=0))
+    squares = (
+        fftconvolve(p**2, np.broadcast_to(ones, d.shape), axes=0)
+        - 2.0 * fftconvolve(p, reversed_d, axes=0)
+        + fftconvolve(np.ones_like(p), reversed_d**2, axes=0)
+    )
+    shares = np.minimum(np.sqrt(np.maximum(squares, 0.0) / common), MAX_SHARE)
+    covered = common[:, 0] / length
+    least = np.where(
+        covered >= min(MIN_COMMON, covered.max()),
+        shares.mean(axis=1) + MISSING * (1.0 - covered),
+        np.inf,
+    )
     starts = [int(np.argmin(least))]
-    free = np.ones(least.size, dtype=bool)
+    free = (covered > 1.0 - 0.5 / length) & (np.median(shares, axis=1) <= DEVIATES)
     while True:
+        # one run after the other; those after the best one are recorded as a whole
         free[max(0, starts[-1] - int(0.9 * length)) : starts[-1] + int(0.9 * length) + 1] = False
-        # another run is recorded as a whole: what is padded would fit a motion that rests
-        free[: length - 1], free[len(q) :] = False, False
-        fits = free & (np.median(shares, axis=1) <= DEVIATES)
-        if not fits.any() or np.median(shares[starts[0]]) > ANOTHER:
+        if not free.any() or np.median(shares[starts[0]]) > ANOTHER:
             return [(start - length + 1) / rate for start in sorted(starts)]
-        starts.append(int(np.argmin(np.where(fits, least, np.inf))))
+        starts.append(int(np.argmin(np.where(free, least, np.inf))))
 
 
 def _between_samples(
