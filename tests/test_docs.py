@@ -9,8 +9,8 @@ from pydantic_core import PydanticUndefined
 
 from pivident.estimation.methods import Arma, AutoRegressive, Bandpass, PrefilteredIV, RandomWalk
 from pivident.experiment import consistency_keys as consistency_tables
+from pivident.experiment import excite_keys, room_keys, schema
 from pivident.experiment import method_keys as method_tables
-from pivident.experiment import schema
 from pivident.recording.recording import Recording
 from pivident.robot.mdh_schema import Entry, FrictionEntry
 
@@ -39,6 +39,12 @@ TABLES = {
     "bounds": (consistency_tables.LinkBoundsEntry, ()),
     "`[payload]`": (schema.LoadEntry, ()),
     "frame": (schema.ToolFrameEntry, ()),
+    "`[excite]`": (excite_keys.ExciteEntry, ()),
+    "joint limits": (excite_keys.JointLimitEntry, ()),
+    "load": (excite_keys.LoadBodyEntry, ()),
+    "body": (room_keys.BodyEntry, ()),
+    "obstacle": (room_keys.ObstacleEntry, ()),
+    "tool_box": (room_keys.ToolBoxEntry, ()),
 }
 
 #: Keys whose default the code finds out instead of reading it from a class.
@@ -79,10 +85,12 @@ def default_of(name, field, classes):
 
 def test_every_table_is_documented():
     assert set(sections()) == set(TABLES)
-    names = vars(schema) | vars(method_tables) | vars(consistency_tables)
+    modules = (schema, method_tables, consistency_tables, excite_keys, room_keys)
+    names = {name: value for module in modules for name, value in vars(module).items()}
     models = {m for m in names.values() if isinstance(m, type) and issubclass(m, Entry)}
     described = {model for model, _ in TABLES.values()}
     others = {Entry, method_tables.SharedOptions, consistency_tables.ConsistencyFile}
+    others |= {room_keys.RoomEntry}  # keys of [excite]
     assert models - described <= others
 
 

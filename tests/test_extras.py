@@ -33,6 +33,7 @@ OPTIONAL = {
     "pyarrow": "parquet",
     "h5py": "matlab",
     "lz4": "bags",
+    "coal": "collision",
     "dask": "cluster",
     "distributed": "cluster",
 }
@@ -134,6 +135,12 @@ def lz4_door(folder):
     unpacked(folder / "log.bag", "lz4", b"\x04", 10, 0)
 
 
+def coal_door(folder):
+    from pivident.excitation.geometry_meshes import load_mesh
+
+    load_mesh(folder / "link.stl", (1.0, 1.0, 1.0))
+
+
 def dask_door(folder):
     from pivident.many.batch.cluster import DaskCluster
 
@@ -151,6 +158,7 @@ DOORS = {
     "pyarrow": pyarrow_door,
     "h5py": h5py_door,
     "lz4": lz4_door,
+    "coal": coal_door,
     "dask": dask_door,
     "distributed": dask_door,
 }

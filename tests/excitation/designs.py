@@ -56,6 +56,7 @@ def made_design(name="planar_2r", kind="fourier", duration=6.0, size=None, seed=
             std=float(s),
             before=float(10.0 * s) if k % 3 else np.inf,
             wanted=k in (1, 4),
+            alone=1.1 * float(s),
             remark="" if np.isfinite(s) else "its column vanishes: joint 1 does not turn fast",
         )
         for k, (one, p, value, s) in enumerate(

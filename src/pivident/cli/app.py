@@ -206,7 +206,11 @@ def init(
     from pivident.cli.init import run_init
 
     if not logs:
-        raise UsageError("init needs a log: pivident init log.csv --robot my_arm.urdf")
+        from pivident.cli.init import design_first, without_log
+
+        if robot is None or yes or not sys.stdin.isatty() or not design_first(robot):
+            raise UsageError(without_log(robot))
+        return excite(robot)
     names = separated([joints or ""])
     ask = sys.stdin.isatty() and not yes
     named = separated([columns or ""])

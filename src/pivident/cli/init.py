@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -63,6 +64,23 @@ def run_init(
         (build / out.name).write_text(draft.text, encoding="utf-8")
     print_draft(draft, out)
     return not draft.troubles
+
+
+def without_log(robot: str | None) -> str:
+    """What to do where there is no log yet, as far as the robot is known."""
+    arm = shlex.quote(robot or "my_arm.urdf")
+    return (
+        f"init needs a log: pivident init LOG --robot {arm}. Where there is none yet, design a "
+        f"motion first: pivident excite {arm} --out motion; run it on the robot, and log it"
+    )
+
+
+def design_first(robot: str) -> bool:
+    """Ask the person at the terminal whether a motion is to be designed now."""
+    from pivident.init.assumption import Question
+
+    text = f"There is no log yet. Design a motion for {robot} now, into the folder motion?"
+    return _asked(Question("motion", text, ("yes", "no"))) == "yes"
 
 
 def check_target(out: Path, logs: Sequence[Path], robot: str | None, force: bool) -> None:

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pivident.check.expected_time import (
     CONSISTENT,
@@ -18,6 +19,7 @@ from pivident.check.expected_time import (
 )
 from pivident.cli.compile_ahead import compile_ahead
 from pivident.cli.console import Progress, error_line, note
+from pivident.cli.designs import design_accounts, design_texts, designs_beside, write_designs
 from pivident.consistency.consistent_estimate import (
     ConsistentEstimate,
     NoConsistentEstimate,
@@ -50,6 +52,9 @@ from pivident.model_errors.corrections import (
 from pivident.threads import linear_algebra_in_one_thread
 from pivident.validation.essential_parameters import EssentialParameters, essential_parameters
 
+if TYPE_CHECKING:
+    from pivident.excitation.reached import ReachedErrors
+
 #: What the demonstration compares, and on how many held-out blocks.
 DEMO_METHODS = ("ls", "iv", "iv-full-rate", "piv")
 DEMO_FOLDS = 3
@@ -78,6 +83,8 @@ class Results:
     diagnostics: Diagnostics
     #: the search for the essential parameters, where there was one
     essential: EssentialParameters | None = None
+    #: what designs predicted of the records, beside what the recommended method reached
+    designs: tuple[ReachedErrors, ...] = ()
 
 
 def run_experiment(
@@ -154,7 +161,9 @@ def run_experiment(
         progress.begin(WRITTEN)
         progress.say("writing the results")
         report = experiment.content.output.report and can_draw(progress)
-        results = Results(diagnostics.identifications, diagnostics, essential)
+        best = diagnostics.identifications[diagnostics.recommended]
+        designs = designs_beside(experiment, problem.recordings, best, progress)
+        results = Results(diagnostics.identifications, diagnostics, essential, designs)
         write_results(results, folder, experiment.title, report=report)
     _print_results(results, folder, report=report)
     if shaped is not None:
@@ -263,6 +272,7 @@ def write_results(
         if results.essential is not None:
             text = f"{results.essential}\n"
             (build / "essential_parameters.txt").write_text(text, encoding="utf-8")
+        write_designs(results.designs, build)
         if report:
             from pivident.report.builder import write_report
 
@@ -272,6 +282,8 @@ def write_results(
                 truth=truth,
                 title=title,
                 diagnostics=results.diagnostics,
+                folder=folder.name,
+                designs=design_accounts(results.designs),
             )
 
 
@@ -333,6 +345,10 @@ def _print_results(
     for estimate in results.diagnostics.consistent.values():
         if isinstance(estimate, ConsistentEstimate):
             print(f"\n{estimate}")
+    if results.designs:
+        print(f"\n{design_texts(results.designs)}")
     print(f"\nResults: {folder}")
     if report:
         print(f"Report:  {folder / 'report.html'}")
+    if next_motion := judged.next_motion(folder):
+        print(f"Next:    {next_motion}")

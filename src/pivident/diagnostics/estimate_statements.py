@@ -8,7 +8,7 @@ from pivident.diagnostics.diagnostics import Diagnostics
 from pivident.diagnostics.wanted_motion import wanted_motions
 from pivident.dynamics.signs import negative_parameters
 from pivident.estimation.identification import Identification
-from pivident.estimation.parameter_rows import parameter_rows, shown_std
+from pivident.estimation.parameter_rows import ParameterRow, parameter_rows, shown_std
 from pivident.logs.torque_scale import scale_sentences
 from pivident.text.finding import Finding, Quantity, Severity
 from pivident.text.lists import listed
@@ -78,9 +78,9 @@ def convergence(result: Identification) -> Iterator[Finding]:
 def determined(result: Identification) -> Iterator[Finding]:
     """What is well determined, what is not, and which motion would determine it."""
     rows = parameter_rows(result)
-    well = [r for r in rows if 2.0 * r.shown_percent <= WELL]
+    well = [r for r in rows if is_known(r)]
     zero = tuple(r.name for r in rows if r.includes_zero)
-    middle = tuple(r.name for r in rows if 2.0 * r.shown_percent > WELL and not r.includes_zero)
+    middle = tuple(r.name for r in rows if not (is_known(r) or r.includes_zero))
     best = min(rows, key=lambda r: r.shown_percent)
     worst = max(rows, key=lambda r: r.shown_percent)
     evidence = {
@@ -108,6 +108,22 @@ def determined(result: Identification) -> Iterator[Finding]:
     yield Finding(severity, "parameters", "partly known", text, evidence=evidence, basis=basis)
     for sentence in wanted_motions(result, zero or middle):
         yield Finding("note", "motion", "wanted", sentence)
+
+
+def is_known(row: ParameterRow) -> bool:
+    """Whether a parameter is well determined."""
+    return 2.0 * row.shown_percent <= WELL
+
+
+def open_parameters(result: Identification) -> tuple[str, ...]:
+    """Parameters that another motion would determine: those that `determined` names.
+
+    Args:
+        result: the estimate.
+    """
+    rows = parameter_rows(result)
+    zero = tuple(r.name for r in rows if r.includes_zero)
+    return zero or tuple(r.name for r in rows if not is_known(r))
 
 
 def corrected(result: Identification) -> Iterator[Finding]:

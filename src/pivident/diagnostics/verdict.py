@@ -9,8 +9,10 @@ test that it is based on.
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from pivident.diagnostics.consistency_statements import consistency
 from pivident.diagnostics.diagnostics import Diagnostics, diagnose_one
@@ -22,6 +24,7 @@ from pivident.diagnostics.estimate_statements import (
     further_warnings,
     identified_law,
     is_restated,
+    open_parameters,
     signs,
     torque_scale,
     torque_side,
@@ -46,6 +49,9 @@ from pivident.text import display
 from pivident.text.finding import Finding, Severity, worst
 from pivident.validation.held_out.held_out_errors import HeldOutErrors
 
+#: Most parameters that a command names; a motion for more of them is one for all.
+MAX_NAMED = 12
+
 
 @dataclass(frozen=True)
 class Verdict:
@@ -57,6 +63,7 @@ class Verdict:
         statements: in the order of the page.
         scale: in what units all parameters are, a sentence; empty where torques are known in SI.
         held_out: torque errors on held-out motion by the methods' short names.
+        open: parameters that another motion would determine.
     """
 
     method: str
@@ -64,6 +71,7 @@ class Verdict:
     statements: tuple[Finding, ...]
     scale: str = ""
     held_out: Mapping[str, HeldOutErrors] = field(default_factory=dict)
+    open: tuple[str, ...] = ()
 
     @property
     def severity(self) -> Severity:
@@ -89,6 +97,23 @@ class Verdict:
         unchecked = any(s.kind == NOT_CHECKED for s in self.statements)
         provided = ", provided that the robot is as described" if unchecked else ""
         return f"Take the estimate of {self.method}: no reservations{provided}."
+
+    def next_motion(self, folder: str | Path) -> str:
+        """The command that designs the motion that would determine what is open.
+
+        Args:
+            folder: of the results.
+
+        Returns:
+            The command, quoted for a shell; empty where nothing is open.
+        """
+        by_motion = any(s.topic == "motion" and s.severity != "note" for s in self.statements)
+        if not (self.open or by_motion):
+            return ""
+        place = f"./{folder}" if str(folder).startswith("-") else str(folder)
+        named = len(self.open) <= MAX_NAMED and not any("," in name for name in self.open)
+        wanted = ["--for", ",".join(self.open)] if self.open and named else []
+        return shlex.join(["pivident", "excite", place, *wanted, "--out", "motion"])
 
     def __str__(self) -> str:
         return "\n".join(["Verdict: " + self.headline, *(f"  {s}" for s in self.statements)])
@@ -145,6 +170,7 @@ def verdict(diagnostics: Diagnostics | Identification) -> Verdict:
         tuple(statements),
         scale_headline(result.torque_scale),
         {key: HeldOutErrors.of(one) for key, one in judged.items() if not one.training_only},
+        open_parameters(result),
     )
 
 

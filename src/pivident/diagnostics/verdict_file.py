@@ -28,6 +28,7 @@ def save_verdict(found: Verdict, path: Path) -> None:
         "severity": found.severity,
         "headline": found.headline,
         "statements": [s.as_json() for s in found.statements],
+        "open": list(found.open),
         "held_out": {name: plain(errors.to_values()) for name, errors in found.held_out.items()},
     }
     path.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")

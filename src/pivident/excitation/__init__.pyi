@@ -9,6 +9,8 @@ from .design_file import DesignFileError as DesignFileError
 from .design_file import load_design as load_design
 from .design_files import write_design as write_design
 from .design_motion import design_motion as design_motion
+from .followed_motion import FollowedMotion as FollowedMotion
+from .followed_motion import followed_motion as followed_motion
 from .geometry_apart import built_apart as built_apart
 from .geometry_exact import exact_distances as exact_distances
 from .geometry_outlines import outline_of as outline_of
@@ -19,4 +21,7 @@ from .motions import ExcitingMotion as ExcitingMotion
 from .motions import MotionFamily as MotionFamily
 from .obstacles import Obstacle as Obstacle
 from .obstacles import ToolBox as ToolBox
+from .reached import ReachedError as ReachedError
+from .reached import ReachedErrors as ReachedErrors
+from .reached import reached_errors as reached_errors
 from .request import DesignRequest as DesignRequest

@@ -85,6 +85,8 @@ class PredictedError:
         std: standard error that the record of this motion will give, infinite where the motion
             does not determine the parameter.
         before: standard error of the earlier records alone; infinite without them.
+        alone: standard error that the record of this motion gives without the earlier ones; `std`
+            where there are none.
         wanted: whether it was asked for by name.
         remark: why it remains undetermined, empty otherwise.
     """
@@ -96,6 +98,7 @@ class PredictedError:
     before: float
     wanted: bool = False
     remark: str = ""
+    alone: float = float("inf")
 
     @property
     def relative(self) -> float:

@@ -224,7 +224,7 @@ def _pair(values: list[float | None]) -> tuple[float, float]:
 
 def _error(values: ErrorValues) -> PredictedError:
     content = vars(values)
-    infinite = {k: math.inf for k in ("std", "before") if content[k] is None}
+    infinite = {k: math.inf for k in ("std", "before", "alone") if content[k] is None}
     unknown = {"value": math.nan} if values.value is None else {}
     return PredictedError(**content | infinite | unknown)
 

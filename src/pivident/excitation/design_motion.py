@@ -114,11 +114,13 @@ class DesignTask:
         bare = not self.criterion.weighted
         return Objective(self.criterion, self.information(rate, bare=bare), constraints)
 
-    def predicted(self, motion: ExcitingMotion) -> np.ndarray:
-        """Information of a motion at the rate of the prediction."""
+    def predicted(self, motion: ExcitingMotion) -> tuple[np.ndarray, np.ndarray]:
+        """Information of a motion at the rate of the prediction, and of its record alone."""
         rate = min(PREDICTION_RATE, self.known.noise.rate)
         rate = max(rate, 2.0 * SAMPLES / motion.family.time_scale)
-        return self.information(rate).of(motion.sampled(rate))
+        made = self.information(rate)
+        alone = replace(made, earlier=np.zeros_like(made.earlier)).of(motion.sampled(rate))
+        return made.earlier + alone, alone
 
 
 def design_motion(
@@ -344,8 +346,8 @@ def _account(task: DesignTask, fine: FineCheck, motion: ExcitingMotion, best: Be
     """Everything that is known of a motion before the robot moves."""
     question, criterion = task.question, task.criterion
     first = ExcitingMotion(motion.family, _or(best.first_coefficients, motion.coefficients))
-    information = task.predicted(motion)
-    start = task.predicted(first)
+    information, of_record = task.predicted(motion)
+    start, _ = task.predicted(first)
     rate = 2.0 * SAMPLES / motion.family.time_scale
     bare = task.information(rate, bare=True)
     bare_start, bare_end = bare.of(first.sampled(rate)), bare.of(motion.sampled(rate))
@@ -353,7 +355,7 @@ def _account(task: DesignTask, fine: FineCheck, motion: ExcitingMotion, best: Be
         criterion.reached(i if criterion.weighted else b)
         for i, b in ((start, bare_start), (information, bare_end))
     ]
-    std = standard_errors(information)
+    std, alone = standard_errors(information), standard_errors(of_record)
     limits = fine.limit_uses(task.robot, motion.coefficients)
     asked = set(question.asked.tolist()) if task.request.parameters or question.runs else set()
     earlier = np.full(question.size, np.inf)
@@ -369,6 +371,7 @@ def _account(task: DesignTask, fine: FineCheck, motion: ExcitingMotion, best: Be
             before=float(earlier[k]),
             wanted=k in asked,
             remark=_remark(task, k, std[k], sizes[k], limits),
+            alone=float(alone[k]),
         )
         for k in range(question.size)
     )

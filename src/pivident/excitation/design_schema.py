@@ -61,6 +61,7 @@ class ErrorValues(Values):
     before: Known
     wanted: bool
     remark: str
+    alone: Known
 
 
 class BodyValues(Values):

@@ -25,6 +25,9 @@ from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import PID, Cascade, Controller
 from pivident.simulation.virtual_pd import virtual_pd
 
+#: What `pivident excite` calls a design, and the log of its motion may lie beside.
+DESIGN_FILE = "design.json"
+
 #: Fields of a recording that a file may set for a public record too.
 ADJUSTABLE = (
     "name",
@@ -83,6 +86,24 @@ def recording_of(entry: RecordingEntry, robot: Robot, folder: Path) -> Recording
         )
     with concerning("part"):
         return recording if entry.part is None else recording.slice(*entry.part)
+
+
+def design_file(entry: RecordingEntry, folder: Path) -> Path | None:
+    """The design of the motion that was recorded: the one that is named, or one beside the log.
+
+    Args:
+        entry: table of the recording.
+        folder: folder of the experiment file.
+    """
+    if entry.design is not None:
+        named = folder / entry.design
+        return named / DESIGN_FILE if named.is_dir() else named
+    if entry.files is None:
+        return None
+    files = _files(entry, folder)
+    logs = files.values() if isinstance(files, dict) else [files]
+    beside = dict.fromkeys(log.parent / DESIGN_FILE for log in logs)
+    return next((path for path in beside if path.is_file()), None)
 
 
 def log_of(

@@ -126,6 +126,7 @@ class RecordingEntry(Entry):
     saturation: Saturation | None = None
     allow_constant: bool | None = None
     part: Interval | None = None
+    design: Annotated[str, Field(min_length=1)] | None = None
 
     @model_validator(mode="after")
     def _one_source(self) -> RecordingEntry:

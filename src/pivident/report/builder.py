@@ -21,7 +21,7 @@ from pivident.files import atomic_folder
 from pivident.report.drawing_library import drawing_library, to_json
 from pivident.report.intervals import marker
 from pivident.report.plotly_figures import DARK_COLOURS, ERROR, MEASURED, METHOD_COLOURS, Figure
-from pivident.report.report_data import ReportData
+from pivident.report.report_data import DesignAccount, ReportData
 from pivident.report.sections import SECTIONS
 from pivident.text.numbers import format_exact, format_significant, percent, with_spread
 from pivident.text.plain_values import write_json
@@ -48,6 +48,9 @@ def write_report(
     truth: Mapping[str, float] | None = None,
     title: str | None = None,
     diagnostics: Diagnostics | None = None,
+    *,
+    folder: str = "",
+    designs: Sequence[DesignAccount] = (),
 ) -> Path:
     """Write a report about one result, or several side by side, as one HTML file.
 
@@ -58,6 +61,9 @@ def write_report(
         truth: known values by parameter name, with or without the trailing ``r``.
         title: title of the page; None: robot and methods.
         diagnostics: what was found out about the results; None: the tests that need nothing else.
+        folder: name of the folder that holds the results, for the command of the next motion;
+            empty: no command is shown.
+        designs: what designs predicted of the motions that were recorded.
 
     Returns:
         The file.
@@ -70,7 +76,7 @@ def write_report(
         raise PividentError(f"{path} is a folder; name a file in it, such as report.html")
     if isinstance(identifications, Identification):
         identifications = [identifications]
-    page = render_report(identifications, truth, title, diagnostics)
+    page = render_report(identifications, truth, title, diagnostics, folder=folder, designs=designs)
     with atomic_folder(path.parent) as build:
         (build / path.name).write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
     return path
@@ -81,6 +87,9 @@ def render_report(
     truth: Mapping[str, float] | None = None,
     title: str | None = None,
     diagnostics: Diagnostics | None = None,
+    *,
+    folder: str = "",
+    designs: Sequence[DesignAccount] = (),
 ) -> str:
     """The page as text; arguments as of `write_report`."""
     if not identifications:
@@ -91,7 +100,9 @@ def render_report(
     if diagnostics is None:
         names = method_labels(identifications)
         diagnostics = diagnose_one(dict(zip(names, identifications, strict=True)))
-    data = ReportData(tuple(identifications), dict(truth or {}), title, diagnostics)
+    data = ReportData(
+        tuple(identifications), dict(truth or {}), title, diagnostics, folder, tuple(designs)
+    )
     environment = _report_environment()
     sections = []
     for section in (cls(data) for cls in SECTIONS):

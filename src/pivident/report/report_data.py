@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -33,6 +33,16 @@ _TRACES = 7
 _LOOP_TRACES = 3
 
 
+@dataclass(frozen=True)
+class DesignAccount:
+    """What a design predicted and its record reached, as text."""
+
+    heading: str  # without a full stop
+    head: Sequence[str]  # titles of the columns
+    rows: Sequence[Sequence[str]]
+    sentences: Sequence[str]
+
+
 @dataclass(frozen=True, eq=False)
 class ReportData:
     """Everything that the sections of a report draw on."""
@@ -41,6 +51,8 @@ class ReportData:
     truth: Mapping[str, float]  # known values by parameter name, may be empty
     title: str
     diagnostics: Diagnostics
+    folder: str = ""  # name of the folder of the results, empty where they are in none
+    designs: tuple[DesignAccount, ...] = ()  # of the motions that were recorded
 
     @cached_property
     def labels(self) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ from pivident.report.sections.consistency import ConsistencySection
 from pivident.report.sections.control_loop import ControlLoopSection
 from pivident.report.sections.convergence import ConvergenceSection
 from pivident.report.sections.correlation import CorrelationSection
+from pivident.report.sections.designed_motion import DesignedMotionSection
 from pivident.report.sections.downloads import DownloadsSection
 from pivident.report.sections.filters import FiltersSection
 from pivident.report.sections.held_out import HeldOutSection
@@ -29,6 +30,7 @@ SECTIONS: tuple[type[Section], ...] = (
     ComparisonSection,
     ParametersSection,
     CorrelationSection,
+    DesignedMotionSection,
     HeldOutSection,
     ConsistencySection,
     ReplaySection,

@@ -27,6 +27,7 @@ class VerdictSection(Section):
         against = [s for s in found.statements if s.severity in ("error", "warning")]
         return {
             "verdict": found,
+            "next_motion": found.next_motion(data.folder) if data.folder else "",
             "robots": list({i.robot.name: i.robot for i in data.identifications}.values()),
             "recordings": [
                 (name, len(r.t), float(r.t[-1] - r.t[0])) for name, r in recordings.items()

@@ -1,0 +1,222 @@
+"""What a designed motion promised, beside what its record gave.
+
+A design predicts the standard error of every parameter. The record of the motion gives others if
+its noise is not that of the prediction, if the model has errors, or if the robot moved otherwise.
+What was known before the motion is left out of the prediction where the estimate does not use it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pivident.dynamics.base_parameters import base_parameters
+from pivident.estimation.identification import Identification
+from pivident.estimation.parameter_rows import shown_std
+from pivident.excitation.design import Design
+from pivident.excitation.design_file import load_design
+from pivident.excitation.followed_motion import ANOTHER, FollowedMotion, followed_motion
+from pivident.recording.recording import Recording
+from pivident.text.lists import listed
+from pivident.text.plain_values import plain
+
+
+@dataclass(frozen=True)
+class ReachedError:
+    """Predicted and reached standard error of one parameter.
+
+    Attributes:
+        name: of the parameter.
+        unit: of its value.
+        joint: the joint whose torque it belongs to.
+        predicted: standard error that the design predicts, infinite where it determines nothing.
+        reached: standard error of the estimate.
+    """
+
+    name: str
+    unit: str
+    joint: str
+    predicted: float
+    reached: float
+
+    @property
+    def ratio(self) -> float:
+        """Reached over predicted; NaN where one of them is no positive number."""
+        known = 0.0 < self.predicted < math.inf and 0.0 < self.reached < math.inf
+        return self.reached / self.predicted if known else math.nan
+
+
+@dataclass(frozen=True, eq=False)
+class ReachedErrors:
+    """Standard errors that a design predicts, beside those of the estimate from its record.
+
+    Attributes:
+        file: file of the design.
+        method: method of the estimate.
+        noise: noise that the prediction rests on, one sentence.
+        followed: the recordings that were compared with the designed motion.
+        errors: one entry for each parameter that both have; empty where they are not compared.
+        with_earlier: whether earlier records count, in the prediction and in the estimate.
+        reason: why they are not compared, one sentence; empty where they are.
+    """
+
+    file: Path
+    method: str
+    noise: str = ""
+    followed: tuple[FollowedMotion, ...] = ()
+    errors: tuple[ReachedError, ...] = ()
+    with_earlier: bool = False
+    reason: str = ""
+
+    @property
+    def compared(self) -> tuple[ReachedError, ...]:
+        """Parameters with both standard errors, those that were predicted worst first."""
+        known = [e for e in self.errors if math.isfinite(e.ratio)]
+        return tuple(sorted(known, key=lambda e: -e.ratio))
+
+    @property
+    def ratio(self) -> float:
+        """Geometric mean of reached over predicted; NaN where nothing is compared."""
+        return _geometric_mean([e.ratio for e in self.compared])
+
+    @property
+    def ratio_by_joint(self) -> dict[str, float]:
+        """The same over the parameters of each joint, which its noise scales."""
+        joints: dict[str, list[float]] = {}
+        for error in self.errors:
+            if math.isfinite(error.ratio):
+                joints.setdefault(error.joint, []).append(error.ratio)
+        return {joint: _geometric_mean(ratios) for joint, ratios in joints.items()}
+
+    def to_values(self) -> dict[str, Any]:
+        """Plain values for a file; numbers that are not finite are None."""
+        return {
+            "design": str(self.file),
+            "method": self.method,
+            "noise": self.noise,
+            "reason": self.reason,
+            "with_earlier": self.with_earlier,
+            "ratio": plain(self.ratio),
+            "ratio_by_joint": plain(self.ratio_by_joint),
+            "recordings": [plain(f) | {"is_same": f.is_same} for f in self.followed],
+            "parameters": [plain(e) | {"ratio": plain(e.ratio)} for e in self.errors],
+        }
+
+
+def reached_errors(
+    files: Sequence[Path | None], recordings: Sequence[Recording], result: Identification
+) -> tuple[ReachedErrors, ...]:
+    """Predicted and reached standard errors of every design that recordings follow.
+
+    Args:
+        files: file of the design of each recording, None for one without.
+        recordings: the recordings that the result was estimated from.
+        result: the estimate.
+
+    Returns:
+        One entry for each design, which says why where it is not compared.
+
+    Raises:
+        DesignFileError: a file is no design, or it is damaged.
+    """
+    found = []
+    for file in dict.fromkeys(f for f in files if f is not None):
+        own = [r for f, r in zip(files, recordings, strict=True) if f == file]
+        others = len(recordings) - len(own)
+        found.append(_of_design(load_design(file), file, own, others, result))
+    return tuple(found)
+
+
+def _of_design(
+    design: Design, file: Path, own: Sequence[Recording], others: int, result: Identification
+) -> ReachedErrors:
+    """One design beside the estimate."""
+    made = ReachedErrors(file, result.method, design.noise)
+    if reason := _foreign(design, result):
+        return replace(made, reason=reason)
+    made = replace(made, followed=tuple(followed_motion(r, design.motion) for r in own))
+    different = [f.recording for f in made.followed if not f.is_same]
+    if different:
+        return replace(made, reason=_other_motion(made.followed, different))
+    runs = sum(len(f.starts) for f in made.followed)
+    earlier = any(math.isfinite(p.before) for p in design.predicted)
+    if others and not (earlier and runs == 1):
+        return replace(
+            made,
+            reason=(
+                f"The estimate uses {others} more {'recording' if others == 1 else 'recordings'}, "
+                "which the prediction does not know of; identify the record of this motion alone "
+                "to compare."
+            ),
+        )
+    return replace(
+        made, with_earlier=bool(others), errors=_errors(design, result, runs, bool(others))
+    )
+
+
+def _foreign(design: Design, result: Identification) -> str:
+    """Why a design and a result do not belong together, empty where they do."""
+    if design.robot.joint_names != result.robot.joint_names:
+        return (
+            f"The design is for another robot, with the joints {listed(design.robot.joint_names)}; "
+            f"this one has {listed(result.robot.joint_names)}."
+        )
+    predicted = [p.name for p in design.predicted]
+    if unknown := [
+        name for name in predicted if name not in set(base_parameters(design.robot).names)
+    ]:
+        return (
+            f"The design asks for {listed(unknown)}, from two runs of the motion; one record does "
+            "not show them."
+        )
+    if foreign := [name for name in result.names if name not in set(predicted)]:
+        return (
+            "The design is for a robot with other parameters: it predicts nothing of "
+            f"{listed(foreign)}."
+        )
+    return ""
+
+
+def _other_motion(followed: Sequence[FollowedMotion], different: Sequence[str]) -> str:
+    """That a record holds another motion, with its numbers."""
+    worst = max((f for f in followed if not f.is_same), key=lambda f: float(np.median(f.share)))
+    names = f"The recording {different[0]}" if len(different) == 1 else listed(list(different))
+    if np.median(worst.share) <= ANOTHER:
+        return (
+            f"{names} holds {100 * worst.covered:.0f} % of the designed motion; its standard "
+            "errors are not compared."
+        )
+    return (
+        f"{names} holds another motion than the design: where it fits best, the positions differ "
+        f"by {100 * float(np.median(worst.share)):.0f} % of the rms of the motion (median of the "
+        "joints); standard errors are not compared."
+    )
+
+
+def _errors(
+    design: Design, result: Identification, runs: int, with_earlier: bool
+) -> tuple[ReachedError, ...]:
+    """Both standard errors of each parameter; of several runs each adds its information."""
+    predicted = {p.name: p.std if with_earlier else p.alone for p in design.predicted}
+    return tuple(
+        ReachedError(
+            name,
+            parameter.unit,
+            result.robot.joint_names[parameter.joint],
+            predicted[name] / math.sqrt(runs),
+            float(reached),
+        )
+        for name, parameter, reached in zip(
+            result.names, result.parameters, shown_std(result), strict=True
+        )
+    )
+
+
+def _geometric_mean(ratios: Sequence[float]) -> float:
+    """NaN of nothing."""
+    return float(np.exp(np.mean(np.log(ratios)))) if ratios else math.nan
