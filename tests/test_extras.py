@@ -136,7 +136,7 @@ def lz4_door(folder):
 
 
 def coal_door(folder):
-    from pivident.excitation.geometry_meshes import load_mesh
+    from pivident.collision.meshes import load_mesh
 
     load_mesh(folder / "link.stl", (1.0, 1.0, 1.0))
 

@@ -5,12 +5,12 @@ from functools import cache
 
 import numpy as np
 
+from pivident.collision.bodies import Body
+from pivident.collision.obstacles import Obstacle
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.regressor import Regressor
-from pivident.excitation.bodies import Body
 from pivident.excitation.design import PAGE_RATE, ClearanceUse, Design, LimitUse, PredictedError
 from pivident.excitation.motions import ExcitingMotion, MotionFamily
-from pivident.excitation.obstacles import Obstacle
 from pivident.robot.gallery import load_robot
 
 #: Standard deviation of the torque noise that the standard errors rest on [N m].
@@ -57,6 +57,7 @@ def made_design(name="planar_2r", kind="fourier", duration=6.0, size=None, seed=
             before=float(10.0 * s) if k % 3 else np.inf,
             wanted=k in (1, 4),
             alone=1.1 * float(s),
+            size=max(abs(np.nan_to_num(float(value))), 0.1),
             remark="" if np.isfinite(s) else "its column vanishes: joint 1 does not turn fast",
         )
         for k, (one, p, value, s) in enumerate(

@@ -79,10 +79,10 @@ def excite(
         Folder for the design, its files and its page.
     """
     from pivident.cli.workflow import check_output
+    from pivident.collision.room import clearances_of_room
     from pivident.excitation.design_files import write_design
     from pivident.excitation.design_motion import design_motion
     from pivident.excitation.excite_table import limits_of, question_of, torque_noise_of
-    from pivident.excitation.geometry_room import clearances_of_room
 
     check_output(out)
     with Progress() as progress:

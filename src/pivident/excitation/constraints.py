@@ -14,11 +14,11 @@ from typing import Protocol
 
 import numpy as np
 
-from pivident.excitation.bodies import Body
+from pivident.collision.bodies import Body
+from pivident.collision.obstacles import Obstacle
 from pivident.excitation.information import Samples
 from pivident.excitation.limits import JointLimits
 from pivident.excitation.motions import MotionFamily
-from pivident.excitation.obstacles import Obstacle
 from pivident.excitation.torque_bound import TorqueModel
 
 #: ρ: a thousand samples at the limit would be taken for 2 % more than it.

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from pivident.excitation.bodies import Body
+from pivident.collision.bodies import Body
+from pivident.collision.obstacles import Obstacle
 from pivident.excitation.motions import ExcitingMotion
-from pivident.excitation.obstacles import Obstacle
 from pivident.robot.description import Robot
 from pivident.text import display
 
@@ -85,6 +85,8 @@ class PredictedError:
         std: standard error that the record of this motion will give, infinite where the motion
             does not determine the parameter.
         before: standard error of the earlier records alone; infinite without them.
+        size: size of the parameter that matters: that of its value, or the one from which on its
+            torque is noticeable.
         alone: standard error that the record of this motion gives without the earlier ones; `std`
             where there are none.
         wanted: whether it was asked for by name.
@@ -99,6 +101,7 @@ class PredictedError:
     wanted: bool = False
     remark: str = ""
     alone: float = float("inf")
+    size: float = float("nan")
 
     @property
     def relative(self) -> float:
@@ -106,6 +109,11 @@ class PredictedError:
         if np.isnan(self.value):
             return float("nan")
         return self.std / abs(self.value) if self.value else float("inf")
+
+    @property
+    def share(self) -> float:
+        """Standard error over the size that matters: what the design made small."""
+        return self.std / self.size
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,8 +23,9 @@ import numpy as np
 from pydantic import ValidationError
 from pydantic_core import from_json
 
+from pivident.collision.bodies import Body
+from pivident.collision.obstacles import Obstacle
 from pivident.errors import IdentificationFileError, PividentError
-from pivident.excitation.bodies import Body
 from pivident.excitation.design import (
     PAGE_RATE,
     ClearanceUse,
@@ -43,7 +44,6 @@ from pivident.excitation.design_schema import (
     ObstacleValues,
 )
 from pivident.excitation.motions import ExcitingMotion
-from pivident.excitation.obstacles import Obstacle
 from pivident.files import regular_file
 from pivident.robot.description import Robot
 from pivident.robot.robot_values import made_robot, problem_text, robot_values
@@ -225,7 +225,7 @@ def _pair(values: list[float | None]) -> tuple[float, float]:
 def _error(values: ErrorValues) -> PredictedError:
     content = vars(values)
     infinite = {k: math.inf for k in ("std", "before", "alone") if content[k] is None}
-    unknown = {"value": math.nan} if values.value is None else {}
+    unknown = {k: math.nan for k in ("value", "size") if content[k] is None}
     return PredictedError(**content | infinite | unknown)
 
 

@@ -372,6 +372,7 @@ def _account(task: DesignTask, fine: FineCheck, motion: ExcitingMotion, best: Be
             wanted=k in asked,
             remark=_remark(task, k, std[k], sizes[k], limits),
             alone=float(alone[k]),
+            size=float(sizes[k]),
         )
         for k in range(question.size)
     )

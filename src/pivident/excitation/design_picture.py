@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from pivident.collision.obstacles import Obstacle
 from pivident.excitation.design import Design
 from pivident.excitation.design_figures import MOTION
-from pivident.excitation.obstacles import Obstacle
 from pivident.report.motion import RATE, motion_values
 
 #: Digits of lengths [m].

@@ -62,6 +62,7 @@ class ErrorValues(Values):
     wanted: bool
     remark: str
     alone: Known
+    size: Known
 
 
 class BodyValues(Values):
