@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,11 +42,11 @@ class Search:
         # threads of this name do not share their work with others: each has a start of its own
         threads = ThreadPoolExecutor(workers + 1, thread_name_prefix="pivident-search")
         with linear_algebra_in_one_thread(), threads as pool:
-            jobs = [
-                pool.submit(self._starts, worker, workers, first, best) for worker in range(workers)
-            ]
-            telling = pool.submit(self._tell, best)
+            jobs: list[Future[None]] = []
             try:
+                pool.submit(self._tell, best)
+                for worker in range(workers):
+                    jobs.append(pool.submit(self._starts, worker, workers, first, best))
                 for job in jobs:
                     job.result()
             except KeyboardInterrupt:
@@ -54,9 +54,8 @@ class Search:
                 best.ended.set()
                 for job in jobs:
                     job.result()
-            finally:
+            finally:  # the pool waits for its threads, and they for this
                 best.ended.set()
-                telling.result()
         return best
 
     def _starts(self, worker: int, workers: int, first: np.ndarray | None, best: Best) -> None:
