@@ -22,17 +22,16 @@ from collections import Counter
 from pathlib import Path
 
 import numpy as np
-
 from benchmarks.excitation.cells import Arm, arms, random_cell, table_and_post
 from benchmarks.excitation.fine_check import FineResult, check
+
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import ExperimentError
 from pivident.excitation import Design, DesignRequest, design_motion, write_design
-from pivident.excitation.checked_motion import FINER, FineCheck
-from pivident.excitation.design_motion import ROOM, SAMPLES, DesignTask
-from pivident.excitation.checked_motion import with_more_room
+from pivident.excitation.checked_motion import FINER, FineCheck, with_more_room
 from pivident.excitation.criteria import standard_errors
+from pivident.excitation.design_motion import ROOM, SAMPLES, DesignTask
 from pivident.excitation.excite_table import limits_of
 from pivident.excitation.knowledge import knowledge
 from pivident.excitation.limits import PLANNED_SHARE
