@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from benchmarks.excitation.ur10e import write_urdf
 
+from pivident.collision import Clearances, Outline, built_apart, outline_of
 from pivident.collision.obstacles import upward
 from pivident.collision.room import obstacles_of_entries
-from pivident.excitation import Clearances, Outline, built_apart, outline_of
 from pivident.experiment.excite_keys import ExciteEntry
 from pivident.robot.description import Robot
 from pivident.robot.gallery import load_robot
