@@ -72,8 +72,13 @@ def reference_of(design: Design) -> np.ndarray:
 
 def relative(result: pv.Identification, truth: dict[str, float], names=None) -> np.ndarray:
     """Reported standard errors over true values; of parameters that are not zero."""
-    chosen = [n for n in result.names if truth[n] and (names is None or n in names)]
-    return np.array([result.standard_error(n) / abs(truth[n]) for n in chosen])
+    return np.array(
+        [
+            std / abs(truth[name])
+            for name, std in zip(result.names, result.std, strict=True)
+            if truth[name] and (names is None or name in names)
+        ]
+    )
 
 
 def sequence(name: str, seconds: float, seeds: int) -> None:
