@@ -35,7 +35,7 @@ ROWS = np.array([0.1, 0.05])
 SAMPLES = ROWS * math.sqrt(1000.0 / 40.0)
 
 
-#: The estimated noise model makes standard errors of short records scatter by 8 % from seed to seed.
+#: Estimated noise models make standard errors of short records scatter by 8 % between seeds.
 SCATTER = 0.25
 
 
