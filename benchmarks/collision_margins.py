@@ -16,11 +16,11 @@ from collections import Counter
 
 import numpy as np
 
-from pivident.excitation.bodies import Body
-from pivident.excitation.clearances import Clearances
-from pivident.excitation.geometry_apart import built_apart
-from pivident.excitation.geometry_exact import exact_distances
-from pivident.excitation.geometry_outlines import outline_of
+from pivident.collision.apart import built_apart
+from pivident.collision.bodies import Body
+from pivident.collision.clearances import Clearances
+from pivident.collision.exact import exact_distances
+from pivident.collision.outlines import outline_of
 from pivident.robot.description import Robot
 from pivident.robot.urdf import read_urdf
 

@@ -20,6 +20,7 @@ COMMANDS = {
     "export": ["export", "model.json", "--to", "c", "--out", "model.c"],
     "payload": ["payload", "experiment.toml"],
     "flexibility": ["flexibility", "experiment.toml"],
+    "collision": ["excite", "planar_2r", "--seconds", "1"],
     "excitation": ["excite", "planar_2r", "--seconds", "1"],
     "many": ["study", "fine", "--runs", "1"],
     "paper": ["paper", "--quick"],

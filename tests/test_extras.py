@@ -91,8 +91,10 @@ def test_an_audit_without_plotly_prints_and_writes_its_findings(tmp_path):
 
 
 def sympy_door(folder):
+    from pivident.dynamics.grouping import sympy_expressions
     from pivident.dynamics.grouping.expression_graph import symbol
 
+    assert sympy_expressions  # it gives expressions their form in SymPy
     symbol("x").to_sympy()
 
 
@@ -136,7 +138,7 @@ def lz4_door(folder):
 
 
 def coal_door(folder):
-    from pivident.excitation.geometry_meshes import load_mesh
+    from pivident.collision.meshes import load_mesh
 
     load_mesh(folder / "link.stl", (1.0, 1.0, 1.0))
 

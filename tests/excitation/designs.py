@@ -1,13 +1,14 @@
 """Designs made by hand, for tests of what is written of them."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 
+from pivident.collision.bodies import Body
+from pivident.collision.obstacles import Obstacle
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.regressor import Regressor
-from pivident.excitation.bodies import Body
 from pivident.excitation.design import PAGE_RATE, ClearanceUse, Design, LimitUse, PredictedError
 from pivident.excitation.motions import ExcitingMotion, MotionFamily
 from pivident.robot.gallery import load_robot
@@ -16,23 +17,10 @@ from pivident.robot.gallery import load_robot
 NOISE = 1.0
 
 
-@dataclass(frozen=True)
-class Box:
-    """A box around the robot."""
-
-    name: str = "table <b>"
-    size: tuple[float, float, float] = (0.6, 0.9, 0.08)
-    translation: tuple[float, float, float] = (0.6, 0.0, -0.3)
-
-    def plain(self):
-        """As plain values."""
-        return {
-            "name": self.name,
-            "shape": "box",
-            "size": list(self.size),
-            "rotation": np.eye(3).tolist(),
-            "translation": list(self.translation),
-        }
+#: A box around the robot.
+TABLE = Obstacle(
+    "table <b>", "box", np.eye(3), np.array([0.6, 0.0, -0.3]), np.array([0.6, 0.9, 0.08])
+)
 
 
 @cache
@@ -69,6 +57,7 @@ def made_design(name="planar_2r", kind="fourier", duration=6.0, size=None, seed=
             before=float(10.0 * s) if k % 3 else np.inf,
             wanted=k in (1, 4),
             alone=1.1 * float(s),
+            size=max(abs(np.nan_to_num(float(value))), 0.1),
             remark="" if np.isfinite(s) else "its column vanishes: joint 1 does not turn fast",
         )
         for k, (one, p, value, s) in enumerate(
@@ -94,7 +83,7 @@ def made_design(name="planar_2r", kind="fourier", duration=6.0, size=None, seed=
         notes=("The torque limit of joint 2 is assumed; see `--limits`.",),
         settings={"robot": name, "duration": duration, "parameters": [base.names[1]], "own": None},
         bodies=bodies(robot),
-        obstacles=(Box(),),
+        obstacles=(TABLE,),
         seconds=12.5,
         torque=torque,
         torque_margin=np.full_like(torque, 0.1 * np.abs(torque).max()),

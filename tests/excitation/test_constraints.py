@@ -52,7 +52,7 @@ def constraints(rms=False, uncertain=True, jerk=False):
         if jerk:
             given[name]["jerk"] = 500.0
     limits = joint_limits(ROBOT, given)
-    return Constraints.of(FAMILY, 12.0, limits, torque_model(uncertain), Wall())
+    return Constraints.of(FAMILY, 12.0, limits, (torque_model(uncertain),), Wall())
 
 
 def coefficients(seed=0, size=0.4):
@@ -83,7 +83,7 @@ def test_ratios_are_those_of_the_motion():
     q, dq, ddq, _ = made.motion(x)
     torque = REGRESSOR.torque(q, dq, ddq, VALUES)
     phi = REGRESSOR.matrix(q, dq, ddq)
-    margin = 2 * np.sqrt(np.einsum("tjp,pq,tjq->tj", phi, made.torques.covariance, phi))
+    margin = 2 * np.sqrt(np.einsum("tjp,pq,tjq->tj", phi, made.torques[0].covariance, phi))
     limits = made.limits
     expected = max(
         (np.abs(q - limits.middle) / limits.half).max(),

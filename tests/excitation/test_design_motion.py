@@ -31,7 +31,7 @@ def planar():
 def fine_ratio(robot, design, limits, clearances=None):
     """Largest ratio of a design on its fine grid, through constraints made anew."""
     rate = 120.0 / design.motion.family.time_scale
-    made = Constraints.of(design.motion.family, rate, limits, None, clearances)
+    made = Constraints.of(design.motion.family, rate, limits, (), clearances)
     return made.largest_ratio(design.motion.coefficients)
 
 
@@ -159,7 +159,7 @@ def test_a_motion_that_breaks_a_limit_between_samples_is_made_smaller(planar):
     tight = replace(limits, speed=0.97 * np.array([
         max(abs(u.least), u.largest) for u in planar.limits if u.quantity == "speed"
     ]))  # fmt: skip
-    made = Constraints.of(planar.motion.family, 12.0, tight, None, None)
+    made = Constraints.of(planar.motion.family, 12.0, tight, (), None)
     fine = FineCheck.of(made)
     assert not fine.keeps_all(planar.motion.coefficients)
     smaller = fine.repaired(planar.motion.coefficients)
@@ -224,3 +224,22 @@ def test_torques_too_small_for_gravity_are_named():
     weak = joint_limits(PLANAR, {"shoulder": {"torque": 0.5}})
     with pytest.raises(ExperimentError, match="torque limit of shoulder does not hold the arm"):
         design_motion(PLANAR, request(), limits=weak)
+
+
+def test_the_noise_to_expect_is_as_large_as_the_reported_standard_errors():
+    """A result whose robust standard errors are twice and three times those of white residuals."""
+    from pivident.excitation.knowledge import knowledge
+    from tests.planar_results import planar_results
+
+    (result,) = planar_results("piv")
+    joints = np.array([p.joint for p in result.parameters])
+    factor = np.where(joints == 0, 2.0, 3.0)
+    formula = result.formula_covariance
+    inflated = replace(result, covariance=formula * np.outer(factor, factor))
+    limits = joint_limits(result.robot)
+    found = knowledge(result.robot, limits, [inflated]).noise
+    for j, (own, before) in enumerate(
+        zip(found.filters, result.equation_noise.filters, strict=True)
+    ):
+        assert own.variance == pytest.approx((2.0 + j) ** 2 * before.variance, rel=1e-9)
+        np.testing.assert_array_equal(own.fir, before.fir)

@@ -7,6 +7,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+from pivident.collision.obstacles import Obstacle
 from pivident.excitation.design_figures import (
     errors_figure,
     motion_figure,
@@ -66,14 +67,15 @@ def test_the_page_has_every_part(robot, kind):
 
 def test_predicted_errors_stand_in_their_rows():
     design = made_design()
-    rows = {row[0]: row for row in Reader(render_page(design)).rows if len(row) == 8}
+    rows = {row[0]: row for row in Reader(render_page(design)).rows if len(row) == 9}
     p = design.predicted[1]
     row = rows[p.name]
     assert float(row[1]) == pytest.approx(p.value, rel=0.02)
     assert float(row[2]) == pytest.approx(p.std, rel=0.06)
-    assert row[3] == p.unit and row[6] == "10 ×"
+    assert float(row[5].split()[0]) == pytest.approx(100 * p.share, rel=0.06)
+    assert row[3] == p.unit and row[7] == "10 ×"
     lost = rows[design.predicted[2].name]
-    assert lost[2] == "∞" and lost[4] == "∞" and lost[7].startswith("its column vanishes")
+    assert lost[2] == "∞" and lost[4] == "∞" and lost[8].startswith("its column vanishes")
     assert rows[design.predicted[-1].name][1] == "–"
 
 
@@ -113,13 +115,10 @@ def test_the_picture_is_the_motion_with_its_room():
     json.dumps(values, allow_nan=False)
 
 
-def test_a_pose_may_stand_by_itself():
-    class Ball:
-        def plain(self):
-            pose = {"rotation": np.diag([1.0, -1.0, -1.0]).tolist(), "translation": [1, 2, 3]}
-            return {"name": "ball", "shape": "sphere", "radius": 0.2, "pose": pose}
-
-    own = picture_values(replace(made_design(), obstacles=(Ball(),)))["obstacles"][0]
+def test_an_obstacle_stands_in_its_pose():
+    turned = np.diag([1.0, -1.0, -1.0])
+    ball = Obstacle("ball", "sphere", turned, np.array([1.0, 2.0, 3.0]), radius=0.2)
+    own = picture_values(replace(made_design(), obstacles=(ball,)))["obstacles"][0]
     assert own["translation"] == [1.0, 2.0, 3.0] and own["rotation"][4] == -1.0
     assert own["radius"] == 0.2 and own["length"] == 0.0
 
@@ -151,10 +150,10 @@ def test_errors_are_drawn_with_those_before_and_those_asked_for():
     design = made_design()
     before, after, wanted = errors_figure(design).plot.data
     assert list(wanted["x"]) == [p.name for p in design.predicted if p.wanted]
-    shown = [p for p in design.predicted if np.isfinite(p.relative)]
+    shown = [p for p in design.predicted if np.isfinite(p.share)]
     assert len(after["x"]) + len(wanted["x"]) == len(shown)
     assert len(before["x"]) == sum(np.isfinite(p.before) for p in shown)
-    unknown = tuple(replace(p, value=np.nan) for p in design.predicted)
+    unknown = tuple(replace(p, size=np.nan) for p in design.predicted)
     assert errors_figure(replace(design, predicted=unknown)) is None
 
 

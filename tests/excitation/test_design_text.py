@@ -28,7 +28,7 @@ def test_wanted_parameters_come_first_then_the_least_certain():
     found = hardest(design, 100)
     wanted = [p.wanted for p in found]
     assert wanted == sorted(wanted, reverse=True) and sum(wanted) == 2
-    relative = [p.relative for p in found if not p.wanted]
+    relative = [p.share for p in found if not p.wanted]
     known = [x for x in relative if np.isfinite(x)]
     assert known == sorted(known, reverse=True)
     assert all(np.isfinite(p.std) for p in found)

@@ -12,8 +12,8 @@ from pivident.excitation.criteria import Criterion, condition_number, standard_e
 from pivident.excitation.information import Information, assumed_noise
 from pivident.excitation.limits import joint_limits
 from pivident.excitation.motions import MotionFamily
+from pivident.excitation.objective import Objective
 from pivident.excitation.questions import gain_question, load_question, robot_question
-from pivident.excitation.search import Objective
 from pivident.robot.gallery import load_robot
 from pivident.signals.prefilter import Prefilter
 from tests.dynamics.newton_euler import torques
@@ -42,7 +42,7 @@ def question_of(name):
 
 def objective(criterion, noise, question, chosen=None):
     family = MotionFamily("splines", 3.0, 9)
-    constraints = Constraints.of(family, 12.0, joint_limits(ROBOT), None, None)
+    constraints = Constraints.of(family, 12.0, joint_limits(ROBOT), (), None)
     rate = (constraints.functions.shape[1] - 1) / family.duration
     size = question.size
     earlier = 1e-3 * np.eye(size)

@@ -159,8 +159,8 @@ def test_the_start_of_the_motion_is_found_between_samples(start, kind):
 
 def test_a_constant_deviation_is_measured():
     motion = made_design().motion
-    record = recorded(motion, 0.5, change=lambda q: q + np.array([0.0, 0.2]))
-    found = followed_motion(record, motion)
+    shift = np.array([0.0, 0.2])
+    found = followed_motion(recorded(motion, 0.5, change=lambda q: q + shift), motion)
     assert found.rms == pytest.approx([0.0, 0.2], abs=2e-3)
     spread = motion.sampled(50.0)[0][:, 1].std()
     assert found.share[1] == pytest.approx(0.2 / spread, rel=0.02)

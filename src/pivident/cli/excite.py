@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -37,7 +38,7 @@ def excite(
     rate: Annotated[float | None, Parameter(show_default=False)] = None,
     seconds: Annotated[float | None, Parameter(show_default=False)] = None,
     seed: Annotated[int | None, Parameter(show_default=False)] = None,
-    out: Path = Path("motion"),
+    out: Path | None = None,
 ) -> int:
     """Design a motion that determines the parameters, within all limits, and say how well it will.
 
@@ -51,8 +52,8 @@ def excite(
     duration
         Duration of the motion in s. Default: 20. With --to the longest that is tried.
     motion
-        fourier, splines or postures (moves from posture to posture, for teach pendants). Default:
-        fourier.
+        splines, fourier or postures (moves from posture to posture, for teach pendants). Default:
+        splines.
     criterion
         a (mean squared relative standard error), d (determinant), worst (largest standard error) or
         cond (condition number). Default: a, and worst with --for.
@@ -76,15 +77,17 @@ def excite(
     seed
         Seed of the random starts. Default: 0.
     out
-        Folder for the design, its files and its page.
+        Folder for the design, its files and its page. Default: motion, or motion-2 and so on where
+        that is there: a record may lie beside its design.
     """
     from pivident.cli.workflow import check_output
+    from pivident.collision.room import clearances_of_room
     from pivident.excitation.design_files import write_design
     from pivident.excitation.design_motion import design_motion
     from pivident.excitation.excite_table import limits_of, question_of, torque_noise_of
-    from pivident.excitation.geometry_room import clearances_of_room
 
-    check_output(out)
+    folder = out or _new_folder()
+    check_output(folder)
     with Progress() as progress:
         progress.say(f"reading {subject}")
         robot, table, known = _subject(subject)
@@ -119,10 +122,16 @@ def excite(
             progress=progress.say,
         )
         progress.say("writing the design")
-        written = write_design(design, out, rate or table.rate or USUAL_RATE)
+        written = write_design(design, folder, rate or table.rate or USUAL_RATE)
     print(design)
-    print(f"\nFiles: {', '.join(path.name for path in written)} in {out}")
+    print(f"\nFiles: {', '.join(path.name for path in written)} in {folder}")
     return 0
+
+
+def _new_folder() -> Path:
+    """The first of motion, motion-2, … that does not exist."""
+    names = itertools.chain(["motion"], (f"motion-{k}" for k in itertools.count(2)))
+    return next(Path(name) for name in names if not Path(name).exists())
 
 
 def _subject(subject: str) -> tuple[Robot, ExciteEntry, list[Identification]]:

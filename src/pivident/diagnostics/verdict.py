@@ -113,7 +113,7 @@ class Verdict:
         place = f"./{folder}" if str(folder).startswith("-") else str(folder)
         named = len(self.open) <= MAX_NAMED and not any("," in name for name in self.open)
         wanted = ["--for", ",".join(self.open)] if self.open and named else []
-        return shlex.join(["pivident", "excite", place, *wanted, "--out", "motion"])
+        return shlex.join(["pivident", "excite", place, *wanted])
 
     def __str__(self) -> str:
         return "\n".join(["Verdict: " + self.headline, *(f"  {s}" for s in self.statements)])

@@ -1,6 +1,3 @@
-from .bodies import Body as Body
-from .bodies import Outline as Outline
-from .clearances import Clearances as Clearances
 from .design import ClearanceUse as ClearanceUse
 from .design import Design as Design
 from .design import LimitUse as LimitUse
@@ -11,16 +8,10 @@ from .design_files import write_design as write_design
 from .design_motion import design_motion as design_motion
 from .followed_motion import FollowedMotion as FollowedMotion
 from .followed_motion import followed_motion as followed_motion
-from .geometry_apart import built_apart as built_apart
-from .geometry_exact import exact_distances as exact_distances
-from .geometry_outlines import outline_of as outline_of
-from .geometry_room import clearances_of_room as clearances_of_room
 from .limits import JointLimits as JointLimits
 from .limits import joint_limits as joint_limits
 from .motions import ExcitingMotion as ExcitingMotion
 from .motions import MotionFamily as MotionFamily
-from .obstacles import Obstacle as Obstacle
-from .obstacles import ToolBox as ToolBox
 from .reached import ReachedError as ReachedError
 from .reached import ReachedErrors as ReachedErrors
 from .reached import reached_errors as reached_errors

@@ -99,9 +99,13 @@ class FineCheck:
     def _torque_uses(self, robot: Robot, moved: np.ndarray) -> list[LimitUse]:
         """Use of the torque limits, with the margin of the model."""
         c = self.constraints
-        if c.torques is None:
+        if not c.torques:
             return []
-        torque, margin = c.torques.torque_and_margin((moved[0], moved[1], moved[2]))
+        motion = (moved[0], moved[1], moved[2])
+        found = [model.torque_and_margin(motion) for model in c.torques]
+        torque, margin = (np.concatenate(part) for part in zip(*found, strict=True))
+        rms_torque = np.max([np.sqrt(np.mean(own**2, axis=0)) for own, _ in found], axis=0)
+        times = np.tile(self.times, len(found))
         uses = []
         for j, joint in enumerate(robot.joints):
             limit, rms = c.limits.torque[j], c.limits.rms_torque[j]
@@ -116,12 +120,12 @@ class FineCheck:
                         float(limit),
                         float((torque - margin)[:, j].min()),
                         float((torque + margin)[:, j].max()),
-                        float(self.times[int(np.argmax(size))]),
+                        float(times[int(np.argmax(size))]),
                         c.limits.source.get("torque", ("description",) * robot.size)[j],
                     )
                 )
             if np.isfinite(rms):
-                reached = float(np.sqrt(np.mean(torque[:, j] ** 2)))
+                reached = float(rms_torque[j])
                 uses.append(
                     LimitUse(
                         joint.name,

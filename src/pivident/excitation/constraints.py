@@ -14,11 +14,11 @@ from typing import Protocol
 
 import numpy as np
 
-from pivident.excitation.bodies import Body
+from pivident.collision.bodies import Body
+from pivident.collision.obstacles import Obstacle
 from pivident.excitation.information import Samples
 from pivident.excitation.limits import JointLimits
 from pivident.excitation.motions import MotionFamily
-from pivident.excitation.obstacles import Obstacle
 from pivident.excitation.torque_bound import TorqueModel
 
 #: ρ: a thousand samples at the limit would be taken for 2 % more than it.
@@ -69,7 +69,7 @@ class Constraints:
         family: the functions that motions are made of.
         rate: of the samples at which limits are looked at [Hz].
         limits: of the joints.
-        torques: model of the torques, or None where none is known.
+        torques: models of the torques of all runs of the motion; none where no masses are known.
         clearances: of the bodies, or None where none are known.
         functions: of ``family`` at the samples, shape (4, samples, size).
     """
@@ -77,7 +77,7 @@ class Constraints:
     family: MotionFamily
     rate: float
     limits: JointLimits
-    torques: TorqueModel | None
+    torques: tuple[TorqueModel, ...]
     clearances: Clearances | None
     functions: np.ndarray
 
@@ -87,14 +87,14 @@ class Constraints:
         family: MotionFamily,
         rate: float,
         limits: JointLimits,
-        torques: TorqueModel | None,
+        torques: tuple[TorqueModel, ...],
         clearances: Clearances | None,
     ) -> Constraints:
         """Constraints of a family on samples at a rate [Hz]."""
         samples = int(np.ceil(family.duration * rate)) + 1
         t = np.linspace(0.0, family.duration, samples)
         limited = np.isfinite(limits.torque).any() or np.isfinite(limits.rms_torque).any()
-        used = torques if limited else None
+        used = torques if limited else ()
         return cls(family, rate, limits, used, clearances, family.functions(t))
 
     def motion(self, coefficients: np.ndarray) -> np.ndarray:
@@ -112,8 +112,8 @@ class Constraints:
         if worst > 1.0 or not np.isfinite(worst):
             return worst
         motion = (moved[0], moved[1], moved[2])
-        if self.torques is not None:
-            worst = max(worst, float(self._torque_ratios(motion).max()))
+        for model in self.torques:
+            worst = max(worst, float(self._torque_ratios(model, motion).max()))
         if self.clearances is not None and worst <= 1.0:
             ratio = self._clearance_ratio(self.clearances.distances(moved[0]))
             worst = max(worst, float(ratio.max(initial=-np.inf)))
@@ -131,10 +131,9 @@ class Constraints:
             ]
         )
 
-    def _torque_ratios(self, motion: Samples) -> np.ndarray:
+    def _torque_ratios(self, model: TorqueModel, motion: Samples) -> np.ndarray:
         """Largest torque with its margin and rms torque of each joint, over their limits."""
-        assert self.torques is not None
-        torque, margin = self.torques.torque_and_margin(motion)
+        torque, margin = model.torque_and_margin(motion)
         peak = (np.abs(torque) + margin).max(axis=0) / self.limits.torque
         heat = np.sqrt(np.mean(torque**2, axis=0)) / self.limits.rms_torque
         return np.concatenate([peak, heat])
@@ -150,8 +149,8 @@ class Constraints:
         """
         moved = self.motion(coefficients)
         parts = [self._kinematic_constraints(moved)]
-        if self.torques is not None:
-            parts.append(self._torque_constraints((moved[0], moved[1], moved[2])))
+        motion = (moved[0], moved[1], moved[2])
+        parts += [self._torque_constraints(model, motion) for model in self.torques]
         if self.clearances is not None:
             parts.append(self._clearance_constraints(moved[0]))
         ratios = np.concatenate([ratio for ratio, _ in parts])
@@ -177,11 +176,12 @@ class Constraints:
             gradients.append(gradient)
         return np.concatenate(ratios), np.concatenate(gradients)
 
-    def _torque_constraints(self, motion: Samples) -> tuple[np.ndarray, np.ndarray]:
+    def _torque_constraints(
+        self, model: TorqueModel, motion: Samples
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Largest torques with their margins, and rms torques where they are limited."""
-        assert self.torques is not None
-        torque, bound, weights, _ = self.torques.bound_and_weights(motion)
-        derivatives = self.torques.derivatives
+        torque, bound, weights = model.bound_and_weights(motion)
+        derivatives = model.derivatives
         ratios, share = smooth_maximum(bound / self.limits.torque)
         scaled = weights * (share / self.limits.torque)[:, :, None]
         gradients = self._by_coefficient(derivatives.weighted(*motion, scaled))
@@ -190,7 +190,7 @@ class Constraints:
             return ratios, gradients
         rms = np.maximum(np.sqrt(np.mean(torque**2, axis=0)), 1e-12)
         share = torque / (len(torque) * rms * self.limits.rms_torque)
-        scaled = share[:, :, None] * self.torques.values
+        scaled = share[:, :, None] * model.values
         heating = self._by_coefficient(derivatives.weighted(*motion, scaled))
         return (
             np.concatenate([ratios, (rms / self.limits.rms_torque)[hot]]),

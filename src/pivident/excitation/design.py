@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from pivident.collision.bodies import Body
+from pivident.collision.obstacles import Obstacle
 from pivident.excitation.motions import ExcitingMotion
 from pivident.robot.description import Robot
 from pivident.text import display
@@ -29,7 +31,7 @@ class LimitUse:
         high: largest value allowed, inf for none.
         least: least value of the motion; of a torque with two standard errors of the model.
         largest: largest value of the motion, likewise.
-        t: instant at which it comes nearest to a limit [s].
+        t: instant at which it comes nearest to a limit [s]; NaN for an rms torque.
         source: where the limit comes from: ``description``, ``file`` or ``assumed``.
     """
 
@@ -83,6 +85,8 @@ class PredictedError:
         std: standard error that the record of this motion will give, infinite where the motion
             does not determine the parameter.
         before: standard error of the earlier records alone; infinite without them.
+        size: size of the parameter that matters: that of its value, or the one from which on its
+            torque is noticeable.
         alone: standard error that the record of this motion gives without the earlier ones; `std`
             where there are none.
         wanted: whether it was asked for by name.
@@ -97,6 +101,7 @@ class PredictedError:
     wanted: bool = False
     remark: str = ""
     alone: float = float("inf")
+    size: float = float("nan")
 
     @property
     def relative(self) -> float:
@@ -104,6 +109,11 @@ class PredictedError:
         if np.isnan(self.value):
             return float("nan")
         return self.std / abs(self.value) if self.value else float("inf")
+
+    @property
+    def share(self) -> float:
+        """Standard error over the size that matters: what the design made small."""
+        return self.std / self.size
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,8 +158,8 @@ class Design:
     noise: str
     notes: tuple[str, ...] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)
-    bodies: tuple[Any, ...] = ()
-    obstacles: tuple[Any, ...] = ()
+    bodies: tuple[Body, ...] = ()
+    obstacles: tuple[Obstacle, ...] = ()
     seconds: float = 0.0
     torque: np.ndarray | None = None
     torque_margin: np.ndarray | None = None

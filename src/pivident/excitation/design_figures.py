@@ -85,20 +85,20 @@ def motion_figure(design: Design, joint: int) -> Figure:
 
 
 def errors_figure(design: Design) -> Figure | None:
-    """Relative standard errors of all parameters of known value, before the motion and after it.
+    """Standard errors over the sizes that matter, before the motion and after it.
 
     None where there is none to draw.
 
     Args:
         design: the design.
     """
-    shown = [p for p in design.predicted if np.isfinite(p.relative)]
+    shown = [p for p in design.predicted if np.isfinite(p.share)]
     if not shown:
         return None
     names = [html.escape(p.name, quote=False) for p in shown]
-    after = 100.0 * np.array([p.relative for p in shown])
-    before = np.array([100.0 * p.before / abs(p.value) for p in shown])
-    plot = empty_plot("σ/|θ| [%]")
+    after = 100.0 * np.array([p.share for p in shown])
+    before = np.array([100.0 * p.before / p.size for p in shown])
+    plot = empty_plot("σ/size [%]")
     plot.x_axis(tickangle=-90, dtick=1, tickfont={"size": 9}, automargin=True)
     drawn = np.concatenate([after, before[np.isfinite(before)]])
     drawn = drawn[drawn > 0.0]
@@ -132,9 +132,9 @@ def errors_figure(design: Design) -> Figure | None:
         xaxis={"categoryorder": "array", "categoryarray": names},
     )
     largest = shown[int(np.argmax(after))]
-    note = f"largest: {largest.name}, {percent(100.0 * largest.relative)}"
-    label = f"Predicted relative standard errors of {len(shown)} parameters; {note}"
-    return Figure(plot, 340, "Relative standard errors", label, note)
+    note = f"largest: {largest.name}, {percent(100.0 * largest.share)}"
+    label = f"Predicted standard errors of {len(shown)} parameters, over their sizes; {note}"
+    return Figure(plot, 340, "Standard errors over the sizes that matter", label, note)
 
 
 def predicted_correlation(design: Design) -> ParameterCorrelation | None:

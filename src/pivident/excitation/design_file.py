@@ -15,8 +15,6 @@ The file is read as data of a stranger: types, shapes, names of joints, and a mo
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -25,8 +23,9 @@ import numpy as np
 from pydantic import ValidationError
 from pydantic_core import from_json
 
+from pivident.collision.bodies import Body
+from pivident.collision.obstacles import Obstacle
 from pivident.errors import IdentificationFileError, PividentError
-from pivident.excitation.bodies import Body
 from pivident.excitation.design import (
     PAGE_RATE,
     ClearanceUse,
@@ -42,6 +41,7 @@ from pivident.excitation.design_schema import (
     ErrorValues,
     LimitValues,
     MotionValues,
+    ObstacleValues,
 )
 from pivident.excitation.motions import ExcitingMotion
 from pivident.files import regular_file
@@ -61,21 +61,6 @@ class DesignFileError(IdentificationFileError):
         file: the file.
         reason: what is wrong with it, and the next step.
     """
-
-
-@dataclass(frozen=True, eq=False)
-class StoredObstacle:
-    """A solid obstacle as a file holds it, to be drawn.
-
-    Attributes:
-        values: its plain values: name, shape, sizes and pose.
-    """
-
-    values: Mapping[str, Any]
-
-    def plain(self) -> dict[str, Any]:
-        """As plain values."""
-        return dict(self.values)
 
 
 def design_json(design: Design) -> str:
@@ -102,12 +87,10 @@ def design_values(design: Design) -> dict[str, Any]:
     }
     own = (
         *("criterion", "cost", "cost_words", "condition", "predicted", "correlation", "limits"),
-        *("clearances", "noise", "notes", "settings", "bodies"),
+        *("clearances", "noise", "notes", "settings", "bodies", "obstacles"),
+        *("seconds", "torque", "torque_margin"),
     )
-    content |= {name: plain(getattr(design, name)) for name in own}
-    content["obstacles"] = [plain(obstacle.plain()) for obstacle in design.obstacles]
-    last = ("seconds", "torque", "torque_margin")
-    return content | {name: plain(getattr(design, name)) for name in last}
+    return content | {name: plain(getattr(design, name)) for name in own}
 
 
 def load_design(path: str | PathLike[str]) -> Design:
@@ -117,7 +100,7 @@ def load_design(path: str | PathLike[str]) -> Design:
         path: ``design.json``, or the folder that holds it.
 
     Returns:
-        The design. Its obstacles are plain shapes for drawing; settings are plain values.
+        The design; its settings are plain values.
 
     Raises:
         DesignFileError: the file cannot be read, has another layout or is damaged.
@@ -205,9 +188,7 @@ def _design(values: DesignValues) -> Design:
         notes=tuple(values.notes),
         settings=values.settings,
         bodies=tuple(_body(own) for own in values.bodies),
-        obstacles=tuple(
-            StoredObstacle(own.model_dump(exclude_unset=True)) for own in values.obstacles
-        ),
+        obstacles=tuple(_obstacle(own) for own in values.obstacles),
         seconds=values.seconds,
         torque=_torque("torque", values.torque, (samples, robot.size)),
         torque_margin=_torque("torque_margin", values.torque_margin, (samples, robot.size)),
@@ -230,6 +211,12 @@ def _motion(values: MotionValues, robot: Robot) -> ExcitingMotion:
     return motion
 
 
+def _obstacle(values: ObstacleValues) -> Obstacle:
+    size = None if values.size is None else np.array(values.size)
+    arrays = {"rotation": np.array(values.rotation), "translation": np.array(values.translation)}
+    return Obstacle(**vars(values) | arrays | {"size": size})
+
+
 def _pair(values: list[float | None]) -> tuple[float, float]:
     start, end = (math.inf if x is None else float(x) for x in values)
     return start, end
@@ -238,7 +225,7 @@ def _pair(values: list[float | None]) -> tuple[float, float]:
 def _error(values: ErrorValues) -> PredictedError:
     content = vars(values)
     infinite = {k: math.inf for k in ("std", "before", "alone") if content[k] is None}
-    unknown = {"value": math.nan} if values.value is None else {}
+    unknown = {k: math.nan for k in ("value", "size") if content[k] is None}
     return PredictedError(**content | infinite | unknown)
 
 
@@ -251,7 +238,8 @@ def _limit(values: LimitValues) -> LimitUse:
             f"limits: {values.quantity} of {values.joint!r} has the limits {low:g} and {high:g}, "
             "between which no motion fits"
         )
-    return LimitUse(**content | {"low": low, "high": high})
+    t = math.nan if values.t is None else values.t
+    return LimitUse(**content | {"low": low, "high": high, "t": t})
 
 
 def _body(values: BodyValues) -> Body:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -12,14 +13,16 @@ from pivident.estimation.identification import Identification
 from pivident.excitation.checked_motion import FineCheck, with_more_room
 from pivident.excitation.constraints import Clearances, Constraints
 from pivident.excitation.criteria import Criterion, condition_number, standard_errors
+from pivident.excitation.descent import Best
 from pivident.excitation.design import PAGE_RATE, ClearanceUse, Design, PredictedError
 from pivident.excitation.information import Information, assumed_noise
 from pivident.excitation.knowledge import Knowledge, knowledge
 from pivident.excitation.limits import PLANNED_SHARE, JointLimits, joint_limits
 from pivident.excitation.motions import ExcitingMotion, MotionFamily
+from pivident.excitation.objective import Objective
 from pivident.excitation.questions import Question, robot_question
 from pivident.excitation.request import DesignRequest, chosen_parameters, motion_family
-from pivident.excitation.search import Best, Objective, Search
+from pivident.excitation.search import Search
 from pivident.excitation.torque_bound import TorqueModel
 from pivident.robot.description import Robot
 from pivident.text.lists import listed
@@ -69,12 +72,15 @@ class DesignTask:
         return Criterion(self.request.criterion_used, sizes, chosen)
 
     @property
-    def torques(self) -> TorqueModel | None:
-        """The present model; None where no mass is known."""
-        if not self.known.has_masses:
-            return None
+    def torques(self) -> tuple[TorqueModel, ...]:
+        """The present model in each run of the motion; none where no mass is known."""
         known = self.known
-        return TorqueModel(known.regressor, known.model_values, known.covariance)
+        if not known.has_masses:
+            return ()
+        return tuple(
+            TorqueModel(known.regressor, known.model_values + load, known.covariance)
+            for load in self.question.loads or (np.zeros(len(known.base)),)
+        )
 
     def family(self, duration: float) -> MotionFamily:
         """Functions of a motion of that duration [s]."""
@@ -171,8 +177,11 @@ def _shortest(task: DesignTask, goal: float, say: Say) -> Design:
     Standard errors fall with the root of the duration, which is what the next one is tried from.
     """
     longest, tries = task.request.duration, 5
-    seconds = task.request.seconds / tries
-    design = _designed(task, longest, seconds, say)
+    seconds = task.request.seconds / (tries + 1)
+    design = _designed(task, longest, 2.0 * seconds, say)
+    if _worst(design) > goal:  # whatever time is left goes into the longest motion
+        left = task.request.seconds - 2.0 * seconds
+        design = _designed(task, longest, left, say, design.motion.coefficients)
     best, low, high = design, 0.0, longest
     for _ in range(tries - 1):
         reached = _worst(design)
@@ -220,8 +229,14 @@ def _goal_missed(design: Design, goal: float, longest: float) -> str:
     return f"{text}. A longer motion, other limits or less noise would give more."
 
 
-def _designed(task: DesignTask, duration: float, seconds: float, say: Say) -> Design:
-    """One search with one duration."""
+def _designed(
+    task: DesignTask,
+    duration: float,
+    seconds: float,
+    say: Say,
+    first: np.ndarray | None = None,
+) -> Design:
+    """One search with one duration; ``first``: coefficients that it begins with."""
     family = task.family(duration)
     allowed = task.constraints(family)
     fine = FineCheck.of(allowed)
@@ -232,7 +247,7 @@ def _designed(task: DesignTask, duration: float, seconds: float, say: Say) -> De
         seconds,
         say,
     )
-    best = search.run()
+    best = search.run(first)
     if best.coefficients is None:
         raise ExperimentError(_why_none(task, allowed, duration)).about("duration")
     coefficients = _kept(search.objective, fine, best)
@@ -309,9 +324,9 @@ def _why_none(task: DesignTask, allowed: Constraints, duration: float) -> str:
                 f"no posture keeps all clearances: most often it is {worst}; check the bodies, "
                 "obstacles, floor and tool box"
             )
-    if task.torques is not None:
+    if task.torques:
         still = np.zeros_like(postures)
-        torque, margin = task.torques.torque_and_margin((postures, still, still))
+        torque, margin = task.torques[-1].torque_and_margin((postures, still, still))
         over = (np.abs(torque) + margin > task.limits.torque).mean(axis=0)
         if over.max() > MOST_POSTURES:
             joint = task.robot.joints[int(np.argmax(over))].name
@@ -357,6 +372,7 @@ def _account(task: DesignTask, fine: FineCheck, motion: ExcitingMotion, best: Be
             wanted=k in asked,
             remark=_remark(task, k, std[k], sizes[k], limits),
             alone=float(alone[k]),
+            size=float(sizes[k]),
         )
         for k in range(question.size)
     )
@@ -375,7 +391,7 @@ def _account(task: DesignTask, fine: FineCheck, motion: ExcitingMotion, best: Be
         clearances=fine.clearance_uses(motion.coefficients),
         noise=task.known.noise_words,
         notes=(*task.known.notes, *_notes(task), *(() if room is None else room.remarks)),
-        settings={"request": task.request.plain()},
+        settings=_settings(task),
         bodies=() if room is None else room.bodies,
         obstacles=() if room is None else room.obstacles,
         seconds=task.request.seconds,
@@ -384,13 +400,19 @@ def _account(task: DesignTask, fine: FineCheck, motion: ExcitingMotion, best: Be
     )
 
 
+def _settings(task: DesignTask) -> dict[str, Any]:
+    """What was asked for, without what was left open."""
+    given = {key: value for key, value in task.request.plain().items() if value not in (None, ())}
+    return given | ({} if task.question.runs is None else {"about": task.question.words})
+
+
 def _torques(
     task: DesignTask, motion: ExcitingMotion
 ) -> tuple[np.ndarray | None, np.ndarray | None]:
     """Torque of the present model along the motion with two standard errors, for its page."""
-    if task.torques is None:
+    if not task.torques:
         return None, None
-    torque, margin = task.torques.torque_and_margin(motion.sampled(PAGE_RATE))
+    torque, margin = task.torques[-1].torque_and_margin(motion.sampled(PAGE_RATE))
     return torque, margin if task.known.covariance is not None else None
 
 
@@ -436,7 +458,7 @@ def _notes(task: DesignTask) -> list[str]:
             "No largest accelerations are known: a joint is taken to reach its largest speed in "
             "0.25 s. Give those of your controller, [excite.joint.NAME] acceleration = 15."
         )
-    if task.torques is None:
+    if not task.torques:
         notes.append(
             "No masses are known, so that torques could not be told: their limits were not looked "
             "at. Run the motion at half the speed first, and watch the torques."

@@ -23,6 +23,7 @@ from pivident.excitation.design_text import (
     kind_words,
     limit_words,
     relative_words,
+    share_words,
 )
 from pivident.excitation.point_lists import pendant_positions, pendant_unit, posture_moves
 from pivident.excitation.robot_programs import unwritten_programs
@@ -107,7 +108,8 @@ def _sections(
             "figure_of_errors": errors_figure(design),
             "some_wanted": any(p.wanted for p in design.predicted),
             "gain": _gain,
-            "share": relative_words,
+            "relative": relative_words,
+            "share": share_words,
         },
     )
     correlation = predicted_correlation(design)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from pivident.collision.obstacles import Obstacle
 from pivident.excitation.design import Design
 from pivident.excitation.design_figures import MOTION
 from pivident.report.motion import RATE, motion_values
@@ -47,26 +47,20 @@ def picture_values(design: Design) -> dict[str, Any]:
         }
         for body in design.bodies
     ]
-    content["obstacles"] = [_obstacle(obstacle.plain()) for obstacle in design.obstacles]
+    content["obstacles"] = [_obstacle(obstacle) for obstacle in design.obstacles]
     return content
 
 
-def _obstacle(values: Mapping[str, Any]) -> dict[str, Any]:
+def _obstacle(obstacle: Obstacle) -> dict[str, Any]:
     """One obstacle with all sizes that its shape needs, and its pose."""
-    pose = values.get("pose") or values
-    rotation, translation = pose.get("rotation"), pose.get("translation")
-    size = values.get("size")
     return {
-        "name": str(values.get("name", "")),
-        "shape": str(values["shape"]),
-        "size": _rounded((0.0, 0.0, 0.0) if size is None else size),
-        "radius": round(float(values.get("radius") or 0.0), _DIGITS),
-        "length": round(float(values.get("length") or 0.0), _DIGITS),
-        "rotation": [
-            round(float(x), 9)
-            for x in np.ravel(np.eye(3) if rotation is None else np.asarray(rotation))
-        ],
-        "translation": _rounded((0.0, 0.0, 0.0) if translation is None else translation),
+        "name": obstacle.name,
+        "shape": obstacle.shape,
+        "size": _rounded((0.0, 0.0, 0.0) if obstacle.size is None else obstacle.size),
+        "radius": round(obstacle.radius, _DIGITS),
+        "length": round(obstacle.length, _DIGITS),
+        "rotation": [round(float(x), 9) for x in np.ravel(obstacle.rotation)],
+        "translation": _rounded(obstacle.translation),
     }
 
 

@@ -38,7 +38,7 @@ class LimitValues(Values):
     high: Known
     least: Finite
     largest: Finite
-    t: Finite
+    t: Known
     source: Name
 
 
@@ -62,6 +62,7 @@ class ErrorValues(Values):
     wanted: bool
     remark: str
     alone: Known
+    size: Known
 
 
 class BodyValues(Values):
@@ -74,13 +75,6 @@ class BodyValues(Values):
     radius: Length
 
 
-class PoseValues(Values):
-    """Where an obstacle stands."""
-
-    rotation: Matrix3
-    translation: Vector3
-
-
 class ObstacleValues(Values):
     """An obstacle: its shape, the sizes that the shape has, and its pose in the base frame.
 
@@ -90,12 +84,11 @@ class ObstacleValues(Values):
 
     name: Name
     shape: Literal["box", "sphere", "cylinder", "capsule"]
-    size: Annotated[list[Length], Field(min_length=3, max_length=3)] | None = None
-    radius: Length | None = None
-    length: Length | None = None
-    pose: PoseValues | None = None
-    rotation: Matrix3 | None = None
-    translation: Vector3 | None = None
+    size: Annotated[list[Length], Field(min_length=3, max_length=3)] | None
+    radius: Length
+    length: Length
+    rotation: Matrix3
+    translation: Vector3
 
 
 class DesignValues(Values):

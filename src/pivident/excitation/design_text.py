@@ -13,7 +13,7 @@ from pivident.text.numbers import format_exact, format_significant, percent, wit
 from pivident.text.plain_table import plain_table
 from pivident.text.printable import escaped
 
-#: Parameters that the text lists, those with the largest relative errors.
+#: Parameters that the text lists, those whose errors matter most.
 LISTED = 8
 
 #: Width of a line, in characters.
@@ -72,7 +72,7 @@ def limit_words(use: LimitUse | ClearanceUse) -> str:
         )
     return (
         f"{use.quantity} of {use.joint}: {percent(100.0 * use.share)} of its limit "
-        f"at {use.t:.2f} s ({use.source})"
+        f"{'' if np.isnan(use.t) else f'at {use.t:.2f} s '}({use.source})"
     )
 
 
@@ -87,25 +87,37 @@ def broken(design: Design) -> tuple[LimitUse | ClearanceUse, ...]:
 
 
 def hardest(design: Design, count: int) -> list[PredictedError]:
-    """Determined parameters with the largest relative errors, wanted ones first.
+    """Determined parameters whose errors matter most, wanted ones first.
 
     Args:
         design: the design.
         count: how many at most.
     """
     found = [p for p in design.predicted if not p.remark and np.isfinite(p.std)]
-    found.sort(key=lambda p: (not p.wanted, -np.nan_to_num(p.relative, nan=-1.0)))
+    found.sort(key=lambda p: (not p.wanted, -np.nan_to_num(p.share, nan=-1.0)))
     return found[:count]
 
 
 def relative_words(p: PredictedError) -> str:
-    """Relative standard error in words: a percentage, ``∞`` or ``–``.
+    """Standard error over the value in words: a percentage, ``∞`` or ``–``.
 
     Args:
         p: prediction for one parameter.
     """
-    share = 100.0 * p.relative
-    return percent(share) if np.isfinite(share) else format_significant(share)
+    return _percentage(p.relative)
+
+
+def share_words(p: PredictedError) -> str:
+    """Standard error over the size that matters in words, likewise.
+
+    Args:
+        p: prediction for one parameter.
+    """
+    return _percentage(p.share)
+
+
+def _percentage(share: float) -> str:
+    return percent(100.0 * share) if np.isfinite(share) else format_significant(100.0 * share)
 
 
 def _lines(design: Design) -> Iterator[str]:
@@ -143,7 +155,7 @@ def _columns(rows: list[PredictedError]) -> list[tuple[str, str, list[str]]]:
         ("value", ".", [text for text, _ in values]),
         ("σ predicted", ".", [text for _, text in values]),
         ("σ before", ".", before),
-        ("σ/|θ|", ".", [relative_words(p) for p in rows]),
+        ("σ/size", ".", [share_words(p) for p in rows]),
         ("unit", "<", [p.unit for p in rows]),
     ]
 

@@ -6,8 +6,8 @@ of joint j over the samples that both have, relative to its spread in the motion
     e_j(s)² = mean_t (q_j(t + s) - d_j(t))² / var d_j.
 
 Sums over all s come from cross-correlations of q, q² and d with each other and with the samples
-that there are. The start has the least mean of all e_j, each bounded, so that a joint that went
-elsewhere leaves it to the others; it is then refined between samples by Newton steps.
+that there are. The start has the least mean of all e_j, each bounded, so that a joint that
+went elsewhere leaves it to the others; it is then refined between samples by Newton steps.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -99,7 +99,7 @@ def knowledge(
         covariance = _covariance_of(base, after[0])
     lengths = _column_lengths(regressor, limits)
     torque = _largest_torques(robot, limits, lengths, values)
-    noise = after[0].equation_noise if after else None
+    noise = _noise_of(after[0]) if after else None
     if noise is not None:
         words = f"Noise as {after[0].method} found it."
     elif torque_noise is not None:
@@ -152,6 +152,29 @@ def _information_of(base: BaseParameters, result: Identification) -> np.ndarray:
         inverse = np.linalg.pinv(correlation, rcond=1e-12, hermitian=True)
         out[np.ix_(places, places)] = inverse / np.outer(std, std)
     return out
+
+
+def _noise_of(result: Identification) -> EquationNoise | None:
+    """Noise of a result's equations, as large as the standard errors that it reports.
+
+    What its prefilters leave of the residual may still be correlated, by model error for instance.
+    Then the reported standard errors are larger than those of white residuals, and those of the
+    next record will be, by the same factor: that of the joint, in geometric mean.
+    """
+    noise = result.equation_noise
+    if noise is None:
+        return None
+    with np.errstate(divide="ignore", invalid="ignore"):
+        excess = np.log(result.std / result.formula_std)
+    joints = np.array([p.joint for p in result.parameters])
+    known = np.isfinite(excess)
+    whole = float(excess[known].mean()) if known.any() else 0.0
+    filters = []
+    for j, prefilter in enumerate(noise.filters):
+        own = known & (joints == j)
+        factor = float(np.exp(excess[own].mean() if own.any() else whole))
+        filters.append(replace(prefilter, variance=prefilter.variance * factor**2))
+    return replace(noise, filters=tuple(filters))
 
 
 def _values_of(base: BaseParameters, result: Identification, nominal: np.ndarray) -> np.ndarray:

@@ -152,6 +152,12 @@ class ExcitingMotion:
     def of(cls, plain: dict[str, Any]) -> ExcitingMotion:
         """From plain values.
 
+        Args:
+            plain: ``kind``, ``duration`` and ``coefficients``, as `plain` has them.
+
+        Returns:
+            The motion.
+
         Raises:
             ValueError: they are those of no motion.
         """

@@ -34,6 +34,7 @@ class Question:
         runs: M of each run and joint, each (parameters, unknowns); None: the unknowns are the
             parameters, and the motion is run once.
         words: what is asked, a few words.
+        loads: base parameters that the body of each run adds, each (base,).
     """
 
     names: tuple[str, ...]
@@ -42,6 +43,7 @@ class Question:
     asked: np.ndarray
     runs: tuple[tuple[np.ndarray, ...], ...] | None = None
     words: str = "parameters of the robot"
+    loads: tuple[np.ndarray, ...] = ()
 
     @property
     def size(self) -> int:
@@ -101,6 +103,7 @@ def load_question(base: BaseParameters, values: np.ndarray, load: np.ndarray) ->
         np.arange(p, p + len(INERTIAL)),
         ((without,) * n, (loaded,) * n),
         "a load, from a run without it and a run with it",
+        (np.zeros(p), spread @ load),
     )
 
 
@@ -131,6 +134,7 @@ def gain_question(base: BaseParameters, values: np.ndarray, load: np.ndarray) ->
         np.arange(p, p + n),
         (run(values), run(loaded)),
         "drive gains, from a run without the known load and a run with it",
+        (np.zeros(p), loaded - values),
     )
 
 

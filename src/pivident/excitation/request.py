@@ -46,7 +46,7 @@ class DesignRequest:
     """
 
     duration: float = USUAL_DURATION
-    motion: MotionKind = "fourier"
+    motion: MotionKind = "splines"
     criterion: CriterionName | None = None
     parameters: tuple[str, ...] = ()
     goal: float | None = None

@@ -43,13 +43,11 @@ class TorqueModel:
         phi = self._matrix(motion)
         return phi @ self.values, self._margin(phi)[0]
 
-    def bound_and_weights(
-        self, motion: Samples
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Torque and bound of its size, each (samples, joints), and the weights of both.
+    def bound_and_weights(self, motion: Samples) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Torque and bound of its size, each (samples, joints), and the weights of the bound.
 
         A weight is the g of dbound_j = dΦ_j g, shape (samples, joints, parameters), see
-        `RegressorDerivatives.weighted`; that of the torque is θ.
+        `RegressorDerivatives.weighted`; that of the torque itself is θ.
 
         Args:
             motion: q, dq, ddq, each (samples, joints).
@@ -62,7 +60,7 @@ class TorqueModel:
         if spread is not None:
             # d(2 √(φ P φᵀ)) = 2 φ P dφᵀ / √(φ P φᵀ)
             weights = weights + MARGIN**2 * spread / np.maximum(margin, 1e-12)[:, :, None]
-        return torque, np.abs(torque) + margin, weights, phi
+        return torque, np.abs(torque) + margin, weights
 
     @cached_property
     def derivatives(self) -> RegressorDerivatives:

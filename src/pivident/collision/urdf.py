@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 
+from pivident.collision.bodies import BY_HAND, Body, Outline, numbered
+from pivident.collision.capsules import Balls, Capsule, divided, enclosing_capsule
+from pivident.collision.meshes import MeshFiles, load_mesh, mesh_triangles, mesh_vertices
 from pivident.errors import RobotDescriptionError
-from pivident.excitation.bodies import BY_HAND, Body, Outline, numbered
-from pivident.excitation.geometry_capsules import Balls, Capsule, divided, enclosing_capsule
-from pivident.excitation.geometry_meshes import MeshFiles, load_mesh, mesh_triangles, mesh_vertices
 from pivident.robot.description import Robot
 from pivident.robot.frames import Pose
 from pivident.robot.naming import errors_name

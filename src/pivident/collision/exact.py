@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from pivident.collision.meshes import load_mesh
+from pivident.collision.poses import LinkPoses
+from pivident.collision.urdf import LinkShape, link_shapes
 from pivident.errors import RobotDescriptionError
-from pivident.excitation.geometry_meshes import load_mesh
-from pivident.excitation.geometry_poses import LinkPoses
-from pivident.excitation.geometry_urdf import LinkShape, link_shapes
 from pivident.extras import require
 from pivident.robot.description import Robot
 

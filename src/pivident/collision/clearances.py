@@ -16,12 +16,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pivident.collision.bodies import Body
+from pivident.collision.distances import SEGMENT, axis_distances, gradient_by_joints
+from pivident.collision.obstacles import Obstacle, ToolBox, upward
+from pivident.collision.pairs import Pair, candidate_pairs, random_postures, swept_ball
+from pivident.collision.poses import LinkPoses
 from pivident.errors import ExperimentError
-from pivident.excitation.bodies import Body
-from pivident.excitation.geometry_distances import SEGMENT, axis_distances, gradient_by_joints
-from pivident.excitation.geometry_pairs import Pair, candidate_pairs, random_postures, swept_ball
-from pivident.excitation.geometry_poses import LinkPoses
-from pivident.excitation.obstacles import Obstacle, ToolBox, upward
 from pivident.robot.description import Robot
 
 #: Share of these postures from which on two bodies touch because they are built so.
@@ -74,13 +74,13 @@ class Clearances:
 
         Args:
             robot: the robot.
-            bodies: its bodies, see `pivident.excitation.outline_of`.
+            bodies: its bodies, see `pivident.collision.outline_of`.
             obstacles: what stands around it.
             floor: height of the floor above the base's origin, against gravity [m]; None: none.
             tool_box: where a point of the tool has to stay; None: anywhere.
             clearance: distance that bodies keep [m].
             apart: pairs of bodies, by their names, that are known not to touch; see
-                `pivident.excitation.built_apart`.
+                `pivident.collision.built_apart`.
 
         Returns:
             The pairs to check.

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pivident.collision.apart import built_apart
+from pivident.collision.bodies import BASE, Body
+from pivident.collision.clearances import Clearances
+from pivident.collision.obstacles import Obstacle, ToolBox
+from pivident.collision.outlines import outline_of
 from pivident.errors import RobotDescriptionError, concerning
-from pivident.excitation.bodies import BASE, Body
-from pivident.excitation.clearances import Clearances
-from pivident.excitation.geometry_apart import built_apart
-from pivident.excitation.geometry_outlines import outline_of
-from pivident.excitation.obstacles import Obstacle, ToolBox
 from pivident.robot.description import Robot
 from pivident.robot.frames import rotation_from_rpy
 from pivident.robot.naming import nearest

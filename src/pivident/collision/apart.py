@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from itertools import product
 
-from pivident.excitation.bodies import BASE, Outline
-from pivident.excitation.clearances import Clearances
-from pivident.excitation.geometry_exact import exact_distances
-from pivident.excitation.geometry_pairs import POSTURES, candidate_pairs, random_postures
+from pivident.collision.bodies import BASE, Outline
+from pivident.collision.clearances import Clearances
+from pivident.collision.exact import exact_distances
+from pivident.collision.pairs import POSTURES, candidate_pairs, random_postures
 from pivident.extras import is_installed
 from pivident.robot.description import Robot
 

@@ -2,20 +2,20 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from pivident.errors import ExperimentError
-from pivident.excitation.bodies import Body
-from pivident.excitation.clearances import Clearances
-from pivident.excitation.geometry_distances import axis_distances
-from pivident.excitation.geometry_room import (
-    clearances_of_room,
-    obstacles_of_entries,
-    tool_box_of_entry,
-)
-from pivident.excitation.obstacles import (
+from pivident.collision.bodies import Body
+from pivident.collision.clearances import Clearances
+from pivident.collision.distances import axis_distances
+from pivident.collision.obstacles import (
     Obstacle,
     ToolBox,
     upward,
 )
+from pivident.collision.room import (
+    clearances_of_room,
+    obstacles_of_entries,
+    tool_box_of_entry,
+)
+from pivident.errors import ExperimentError
 from pivident.experiment.room_keys import ObstacleEntry, RoomEntry
 from pivident.robot.frames import rotation_from_rpy
 from pivident.robot.gallery import load_robot

@@ -8,9 +8,9 @@ from itertools import combinations
 
 import numpy as np
 
+from pivident.collision.bodies import Body
+from pivident.collision.obstacles import Obstacle
 from pivident.errors import ExperimentError
-from pivident.excitation.bodies import Body
-from pivident.excitation.obstacles import Obstacle
 from pivident.robot.description import Robot
 from pivident.robot.naming import repeated
 

@@ -5,18 +5,18 @@ import pytest
 from pydantic import ValidationError
 from scipy.spatial import ConvexHull
 
+from pivident.collision.bodies import Body
+from pivident.collision.capsules import Balls, divided, enclosing_capsule
+from pivident.collision.outlines import GALLERY, outline_of
+from pivident.collision.room import bodies_of_entries
+from pivident.collision.urdf import MAX_CAPSULES, link_capsules
 from pivident.errors import RobotDescriptionError
-from pivident.excitation.bodies import Body
-from pivident.excitation.geometry_capsules import Balls, divided, enclosing_capsule
-from pivident.excitation.geometry_outlines import GALLERY, outline_of
-from pivident.excitation.geometry_room import bodies_of_entries
-from pivident.excitation.geometry_urdf import MAX_CAPSULES, link_capsules
 from pivident.experiment.room_keys import BodyEntry
 from pivident.extras import MissingExtra
 from pivident.robot.frames import rotation_from_rpy
 from pivident.robot.gallery import load_robot
 from pivident.robot.urdf import parse_urdf, read_urdf
-from tests.excitation.shaped_arm import ARM, CORNERS, stl_text, write_arm
+from tests.collision.shaped_arm import ARM, CORNERS, stl_text, write_arm
 from tests.robot.kinematics import link_poses
 
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pivident.collision.distances import BOX, CYLINDER, SEGMENT
 from pivident.errors import ExperimentError
-from pivident.excitation.geometry_distances import BOX, CYLINDER, SEGMENT
 from pivident.experiment.room_shapes import SHAPES, ObstacleShape
 from pivident.robot.description import Robot
 from pivident.robot.frames import rotation_from_z_to

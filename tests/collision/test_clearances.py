@@ -1,19 +1,19 @@
 import numpy as np
 import pytest
 
+from pivident.collision.apart import built_apart
+from pivident.collision.bodies import Body
+from pivident.collision.clearances import Clearances
+from pivident.collision.exact import exact_distances
+from pivident.collision.obstacles import Obstacle, ToolBox
+from pivident.collision.outlines import outline_of
+from pivident.collision.pairs import swept_ball
+from pivident.collision.poses import LinkPoses
 from pivident.errors import ExperimentError, RobotDescriptionError
-from pivident.excitation.bodies import Body
-from pivident.excitation.clearances import Clearances
-from pivident.excitation.geometry_apart import built_apart
-from pivident.excitation.geometry_exact import exact_distances
-from pivident.excitation.geometry_outlines import outline_of
-from pivident.excitation.geometry_pairs import swept_ball
-from pivident.excitation.geometry_poses import LinkPoses
-from pivident.excitation.obstacles import Obstacle, ToolBox
 from pivident.robot.frames import rotation_from_rpy
 from pivident.robot.gallery import load_robot
 from pivident.robot.urdf import parse_urdf, read_urdf
-from tests.excitation.shaped_arm import write_arm
+from tests.collision.shaped_arm import write_arm
 from tests.robot.kinematics import link_poses
 from tests.robot.random_robots import random_robot
 

@@ -11,9 +11,9 @@ from collections.abc import Collection, Iterable
 
 import numpy as np
 
+from pivident.collision.bodies import BASE, Body, Outline, numbered
+from pivident.collision.urdf import urdf_outline
 from pivident.errors import RobotDescriptionError
-from pivident.excitation.bodies import BASE, Body, Outline, numbered
-from pivident.excitation.geometry_urdf import urdf_outline
 from pivident.robot.description import Robot
 from pivident.robot.naming import repeated
 

@@ -1,0 +1,134 @@
+import time
+
+import numpy as np
+import pytest
+
+from pivident.dynamics.base_parameters import base_parameters
+from pivident.dynamics.parameters import nominal_values
+from pivident.excitation import DesignRequest, design_motion, joint_limits
+from pivident.excitation.checked_motion import with_more_room
+from pivident.excitation.descent import Best, Descent
+from pivident.excitation.design_motion import DesignTask
+from pivident.excitation.knowledge import knowledge
+from pivident.excitation.questions import load_columns, load_question, robot_question
+from pivident.excitation.random_motions import coefficient_box, random_coefficients
+from pivident.robot.gallery import load_robot
+from tests.excitation.test_constraints import Wall
+
+PLANAR = load_robot("planar_2r")
+
+
+def planar_task(clearances=None, motion="splines", criterion="a"):
+    limits = joint_limits(PLANAR)
+    known = knowledge(PLANAR, limits)
+    request = DesignRequest(duration=5.0, motion=motion, criterion=criterion)
+    question = robot_question(known.base, known.values)
+    return DesignTask(PLANAR, request, limits, known, question, clearances)
+
+
+def objective(task):
+    return task.objective(with_more_room(task.constraints(task.family(5.0)), 0.95, 0.0))
+
+
+@pytest.mark.parametrize("motion", ["fourier", "splines", "postures"])
+def test_random_motions_keep_every_limit_and_use_one(motion):
+    for clearances in (None, Wall()):
+        made = objective(planar_task(clearances, motion)).constraints
+        rng = np.random.default_rng(0)
+        drawn = [random_coefficients(made, rng, None) for _ in range(20)]
+        ratios = [made.largest_ratio(x) for x in drawn if x is not None]
+        assert len(ratios) >= 5 and max(ratios) <= 1.0
+        if clearances is None:
+            assert max(ratios) > 0.9
+
+
+def test_the_unit_of_a_coefficient_reaches_a_limit_alone():
+    made = objective(planar_task()).constraints
+    middle, scale = coefficient_box(made)
+    for k in range(1, made.family.size):
+        x = middle.copy()
+        x[k] = scale[k]
+        moved = made.motion(x) - made.motion(middle)
+        limits = made.limits
+        reached = [
+            np.abs(m).max(axis=0) / size
+            for m, size in zip(
+                moved[:3], (limits.half, limits.speed, limits.acceleration), strict=False
+            )
+        ]
+        np.testing.assert_allclose(np.max(reached, axis=0), 1.0)
+
+
+def test_a_descent_ends_where_the_slope_of_the_lagrangian_vanishes():
+    """First-order conditions of Karush, Kuhn and Tucker, by a least squares of our own."""
+    from scipy.optimize import nnls
+
+    goal = objective(planar_task())
+    rng = np.random.default_rng(1)
+    start = random_coefficients(goal.constraints, rng, None)
+    best = Best(time.perf_counter() + 20.0)
+    descent = Descent.of(goal, start, False, best)
+    descent.run()
+    x = best.coefficients
+    value, gradient = goal.value_and_gradient(x)
+    assert value < goal.value(start) - 1.0
+    ratios, slopes = goal.constraints.ratios_and_gradients(x)
+    active = ratios > 0.99
+    assert active.any()
+    _, scale = coefficient_box(goal.constraints)
+    columns = (slopes[active] * scale).reshape(active.sum(), -1).T
+    _, residual = nnls(columns, -(gradient * scale).ravel())
+    assert residual < 0.03 * np.linalg.norm(gradient * scale)
+
+
+def test_a_posture_at_both_ends_that_was_given_stays():
+    task = planar_task(Wall())
+    goal, home = objective(task), np.array([0.2, -0.3])
+    start = random_coefficients(goal.constraints, np.random.default_rng(2), home)
+    best = Best(time.perf_counter() + 2.0)
+    Descent.of(goal, start, True, best).run()
+    np.testing.assert_array_equal(best.coefficients[0], home)
+    assert not np.array_equal(best.coefficients[1:], start[1:])
+
+
+def test_nothing_that_breaks_a_limit_is_ever_the_best():
+    goal = objective(planar_task(Wall(0.3)))
+    seen = []
+
+    class Watched(Best):
+        def offer(self, value, coefficients, first=False):
+            seen.append(goal.constraints.largest_ratio(coefficients))
+            super().offer(value, coefficients, first)
+
+    best = Watched(time.perf_counter() + 2.0)
+    start = None
+    rng = np.random.default_rng(3)
+    while start is None:
+        start = random_coefficients(goal.constraints, rng, None)
+    Descent.of(goal, start, False, best).run()
+    assert len(seen) > 5 and max(seen) <= 1.0
+
+
+def test_torque_limits_hold_in_the_run_with_the_load():
+    robot = load_robot("staubli_tx40")
+    base = base_parameters(robot)
+    values = base.values(nominal_values(robot, base.standard))
+    heavy = np.array([0.05, 0, 0, 0.05, 0, 0.02, 0.1, 0.1, 0.6, 6.0])
+    design = design_motion(
+        robot,
+        DesignRequest(duration=10.0, seconds=2.0),
+        question=lambda known: load_question(known.base, known.model_values, heavy),
+    )
+    from pivident.dynamics.regressor import Regressor
+
+    regressor = Regressor.build(robot, base.parameters)
+    q, dq, ddq = design.motion.sampled(500.0)
+    limits = np.array([j.torque_limit for j in robot.joints])
+    largest = [
+        np.abs(regressor.torque(q, dq, ddq, theta)).max(axis=0)
+        for theta in (values, values + load_columns(base) @ heavy)
+    ]
+    assert (np.max(largest, axis=0) <= limits).all()
+    assert (largest[1] > largest[0]).any()
+    shown = [max(u.largest, -u.least) for u in design.limits if u.quantity == "torque"]
+    np.testing.assert_allclose(shown, np.max(largest, axis=0), rtol=5e-3)
