@@ -71,7 +71,7 @@ def checked(design: Design, entry: ExciteEntry, arm: Arm, shapes: bool = True) -
 
 def worst(task: DesignTask, motion: ExcitingMotion) -> float:
     """Largest standard error over the size that matters."""
-    return float((standard_errors(task.predicted(motion)) / task.criterion.sizes).max())
+    return float((standard_errors(task.predicted(motion)[0]) / task.criterion.sizes).max())
 
 
 def task_of(arm: Arm, entry: ExciteEntry, request: DesignRequest) -> DesignTask:
@@ -180,7 +180,7 @@ def random_search(arm: Arm, entry: ExciteEntry, request: DesignRequest) -> tuple
     rate = 2.0 * SAMPLES / family.time_scale
     bare = task.information(rate, bare=True).of(motion.sampled(rate))
     values = np.linalg.eigvalsh(bare)
-    reached = criterion.reached(task.predicted(motion) if criterion.weighted else bare)
+    reached = criterion.reached(task.predicted(motion)[0] if criterion.weighted else bare)
     return reached, float(np.sqrt(values[-1] / values[0]))
 
 
