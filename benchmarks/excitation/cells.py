@@ -128,5 +128,3 @@ def _solid(arm: Arm, number: int, rng: np.random.Generator) -> dict:
         return made | {"size": rng.uniform(0.05, 0.6, 3).tolist()}
     made["radius"] = float(rng.uniform(0.03, 0.25))
     return made if shape == "sphere" else made | {"length": float(rng.uniform(0.1, 1.0))}
-
-

@@ -25,9 +25,7 @@ ROOM = {
     "body": [
         {"name": "tube", "link": "forearm", "from": [0, 0, 0], "to": [0.3, 0, 0], "radius": 0.04}
     ],
-    "obstacle": [
-        {"name": "rack", "shape": "box", "size": [0.3, 0.2, 0.4], "at": [-0.65, 0.45, 0]}
-    ],
+    "obstacle": [{"name": "rack", "shape": "box", "size": [0.3, 0.2, 0.4], "at": [-0.65, 0.45, 0]}],
 }
 
 
