@@ -160,10 +160,8 @@ def paper(seconds: float, duration: float) -> None:
     designs = {"moves": moves}
     request = DesignRequest(duration, parameters=tuple(essential), seconds=seconds)
     first = identified(name, robot, [record(name, robot, moves, truth, 1)])
-    design = design_motion(robot, request, after=[])
-    informed = design_motion(robot, request, after=[first])
+    design = design_motion(robot, request)
     designs["design"] = reference_of(design)
-    designs["design after the moves"] = reference_of(informed)
     task = _task(robot, request, first)
     for words, reference in designs.items():
         dq = np.gradient(reference, 1.0 / RATE, axis=0)
