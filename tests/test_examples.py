@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pivident.excitation import load_design
 from pivident.experiment.experiment import load_experiment
 from pivident.robot.gallery import load_robot
 
@@ -51,6 +52,23 @@ def test_one_experiment_of_the_paper(capsys):
     said = capsys.readouterr().out
     assert "zz3r         0.14" in said and "% within 2σ" in said
     assert "(paper)" in (EXAMPLES / "README.md").read_text(encoding="utf-8")
+
+
+def test_exciting_motion(tmp_path, capsys):
+    path = EXAMPLES / "exciting_motion" / "design_and_record.py"
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    first, both = module.main(tmp_path, seconds=1.0)
+    assert (both < first).all() and np.median(both / first) < 0.8
+    for number in (1, 2):
+        design = load_design(tmp_path / f"motion-{number}")
+        assert all(use.share <= 1.0 for use in design.limits)
+        assert all(use.least >= use.needed for use in design.clearances)
+    predicted = np.array([p.std for p in design.predicted])
+    assert np.abs(np.median(both / predicted) - 1.0) < 0.15  # the noise is that of the first result
+    assert "come as near as" in capsys.readouterr().out
+    assert "(exciting_motion)" in (EXAMPLES / "README.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.record

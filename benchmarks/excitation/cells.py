@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,7 @@ from pivident.collision.obstacles import upward
 from pivident.collision.room import obstacles_of_entries
 from pivident.experiment.excite_keys import ExciteEntry
 from pivident.robot.description import Robot
+from pivident.robot.friction import FrictionLaw
 from pivident.robot.gallery import load_robot
 from pivident.robot.urdf import read_urdf
 
@@ -33,6 +34,7 @@ class Arm:
 
     @property
     def up(self) -> np.ndarray:
+        """Unit vector against gravity, in the frame of the base."""
         return upward(self.robot)
 
     def clearances(self, entry: ExciteEntry) -> Clearances:
@@ -47,8 +49,10 @@ class Arm:
         )
 
 
-def arms(subjects: list[str], frozen: dict[str, float], folder: Path) -> list[Arm]:
-    """Robots by gallery name, path of a URDF, or ``ur10e``."""
+def arms(
+    subjects: list[str], frozen: dict[str, float], folder: Path, rigid: bool = False
+) -> list[Arm]:
+    """Robots by gallery name, path of a URDF, or ``ur10e``; rigid: their links alone."""
     found = []
     for subject in subjects:
         if subject == "ur10e":
@@ -59,6 +63,10 @@ def arms(subjects: list[str], frozen: dict[str, float], folder: Path) -> list[Ar
             robot = read_urdf(subject, frozen=own)
         else:
             robot = load_robot(subject)
+        robot = robot.with_link_torques() if rigid else robot
+        if rigid:
+            joints = tuple(replace(joint, friction=FrictionLaw()) for joint in robot.joints)
+            robot = replace(robot, joints=joints)
         outline = outline_of(robot)
         apart, _ = built_apart(robot, outline)
         found.append(Arm(robot, outline, frozenset(apart)))
@@ -128,5 +136,3 @@ def _solid(arm: Arm, number: int, rng: np.random.Generator) -> dict:
         return made | {"size": rng.uniform(0.05, 0.6, 3).tolist()}
     made["radius"] = float(rng.uniform(0.03, 0.25))
     return made if shape == "sphere" else made | {"length": float(rng.uniform(0.1, 1.0))}
-
-

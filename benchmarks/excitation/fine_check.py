@@ -8,8 +8,8 @@ friction of the present model.
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
-from itertools import groupby
 from pathlib import Path
 
 import coal
@@ -213,7 +213,10 @@ def _placed(body: Body | Obstacle, poses: np.ndarray):
 def _shapes(robot, q, clearances, least):
     """Room of the shapes over the capsules, and shapes that touch."""
     pairs = [p for p in clearances.pairs if isinstance(p.other, Body)]
-    of_links = sorted({(p.body.link, p.other.link) for p in pairs})
+    counts = Counter((p.body.link, p.other.link) for p in pairs)
+    own = Counter(body.link for body in clearances.bodies)
+    # a remark of the design names the pairs of which some capsules are not checked
+    of_links = sorted(pair for pair, n in counts.items() if n == own[pair[0]] * own[pair[1]])
     nearest = {
         links: min(least[p.name] for p in pairs if (p.body.link, p.other.link) == links)
         for links in of_links
@@ -230,9 +233,3 @@ def _shapes(robot, q, clearances, least):
         if d.min() < clearances.needed.min() - TOLERANCE
     ]
     return (float(np.min(room)), float(np.median(room))), float(np.nanmin(distance)), touching
-
-
-def kinds(violations: list[str]) -> dict[str, int]:
-    """Number of violations by what they are of."""
-    words = sorted(v.split(" of ")[0].split(":")[0] for v in violations)
-    return {word: len(list(group)) for word, group in groupby(words)}

@@ -3,12 +3,13 @@
     python -m benchmarks.excitation.robots staubli_tx40 planar_2r ur10e panda.urdf iiwa.urdf \
         --frozen panda_finger_joint1=0.02 panda_finger_joint2=0.02
 
-A design of 20 s each, in a cell with a table, a post and a floor, in 20 s of search. Printed: cond(W)
-of the best random motion and of the design, W the raw observation matrix of all base parameters in
-SI units, then without the friction parameters; its square, the ratio of the eigenvalues of WᵀW; the
-largest standard error over the size that matters; limits broken on a grid ten times finer than that
-of the design, recomputed from the written file (see `fine_check`).
+A design of 20 s each, in a cell with a table, a post and a floor, in 20 s of search. Printed:
+cond(W) of the best random motion and of the design, W the raw observation matrix of all base
+parameters in SI units, then without the friction parameters; its square, the ratio of the
+eigenvalues of WᵀW; the largest standard error over the size that matters; limits broken on a grid
+ten times finer than that of the design, recomputed from the written file (see `fine_check`).
 
+    … --rigid                 the parameters of the links alone, without friction and rotors
     … --random 200            200 random cells: designs, refusals, and limits broken
     … --random-search         plain random search of the same time beside each design
 """
@@ -223,6 +224,7 @@ def main() -> None:
     parser.add_argument("--frozen", nargs="*", default=[], metavar="JOINT=POSITION")
     parser.add_argument("--seconds", type=float, default=20.0, help="of each search")
     parser.add_argument("--criteria", nargs="*", default=["a", "cond"])
+    parser.add_argument("--rigid", action="store_true")
     parser.add_argument("--random", type=int, default=0, metavar="CELLS")
     parser.add_argument("--random-search", action="store_true")
     parser.add_argument("--seed", type=int, default=0, help="of the random cells")
@@ -230,7 +232,7 @@ def main() -> None:
     frozen = {name: float(value) for name, value in (f.split("=") for f in options.frozen)}
     broken = 0
     with tempfile.TemporaryDirectory() as folder:
-        found = arms(options.robots, frozen, Path(folder))
+        found = arms(options.robots, frozen, Path(folder), options.rigid)
         if options.random:
             broken = print_random(found, options.random, options.seed)
         elif options.random_search:
