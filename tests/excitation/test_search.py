@@ -132,3 +132,23 @@ def test_torque_limits_hold_in_the_run_with_the_load():
     assert (largest[1] > largest[0]).any()
     shown = [max(u.largest, -u.least) for u in design.limits if u.quantity == "torque"]
     np.testing.assert_allclose(shown, np.max(largest, axis=0), rtol=5e-3)
+
+
+def test_a_motion_on_the_way_is_taken_where_the_best_one_cannot_be_kept():
+    """The best motion breaks a limit between its samples, and no smaller one keeps it."""
+    from pivident.excitation.design_motion import _kept
+
+    goal = objective(planar_task())
+    start = random_coefficients(goal.constraints, np.random.default_rng(1), None)
+    best = Best(time.perf_counter() + 20.0)
+    best.offer(goal.value(start), start, first=True)
+    Descent.of(goal, start, False, best).run()
+    values = [goal.value(x) for x in best.earlier]
+    assert len(values) > 3 and (np.diff(values) < -0.09).all()
+
+    class Fine:
+        def repaired(self, coefficients):
+            broken = goal.value(coefficients) < values[-2] - 1e-9
+            return None if broken else coefficients
+
+    np.testing.assert_array_equal(_kept(goal, Fine(), best), best.earlier[-2])

@@ -32,6 +32,10 @@ MAX_ITERATIONS, PROGRESS = 400, 1e-5
 WORTH, SMALLER, SMALLEST = 0.02, 0.3, 0.02
 
 
+#: Progress of the criterion, a logarithm of variances, after which a motion is remembered.
+STEP = 0.1
+
+
 class SearchEnded(Exception):
     """The time is over, or the user has seen enough."""
 
@@ -46,7 +50,11 @@ class Best:
     first: float = np.inf  # criterion of the best random motion, before any descent
     first_coefficients: np.ndarray | None = None
     evaluations: int = 0
+    #: Motions on the way, each better than the one before it by ``STEP``: one of them may keep a
+    #: limit between the samples that the best one breaks there.
+    earlier: list[np.ndarray] = field(default_factory=list)
     ended: threading.Event = field(default_factory=threading.Event)
+    _listed: float = np.inf  # criterion of the last of them
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     @property
@@ -60,6 +68,9 @@ class Best:
             if first and value < self.first:
                 self.first, self.first_coefficients = value, coefficients.copy()
             if value < self.value:
+                if self.coefficients is None or value < self._listed - STEP:
+                    self._listed = value
+                    self.earlier.append(coefficients.copy())
                 self.value, self.coefficients = value, coefficients.copy()
 
 

@@ -261,10 +261,12 @@ def _designed(
 
 def _kept(objective: Objective, fine: FineCheck, best: Best) -> np.ndarray | None:
     """The best motion that keeps all limits on the fine grid, never worse than the first one."""
-    found = None if best.coefficients is None else fine.repaired(best.coefficients)
+    tried = [best.coefficients, *reversed(best.earlier), best.first_coefficients]
+    repaired = (fine.repaired(x) for x in tried if x is not None)
+    found = next((x for x in repaired if x is not None), None)
     first = None if best.first_coefficients is None else fine.repaired(best.first_coefficients)
     if found is None or first is None:
-        return found if first is None else first
+        return found
     return found if objective.value(found) <= objective.value(first) else first
 
 
