@@ -31,16 +31,17 @@ def write_design(
 ) -> tuple[Path, ...]:
     """Write a design as files, all of them or none.
 
-    ============================  ==================================================================
-    ``design.json``               everything, read back by `load_design`
-    ``motion.csv``                t, q, dq and ddq of all joints at the rate
-    ``motion.npz``                the same as arrays ``t``, ``q``, ``dq``, ``ddq``, ``joint_names``
-    ``postures.csv``              of a motion between postures: what is typed into a pendant
-    ``trajectory.yaml``           ``trajectory_msgs/msg/JointTrajectory`` of ROS 2
-    ``pivident_motion.script``    URScript, for six revolute joints
-    ``pivident_motion.src, .mod`` KUKA KRL and ABB RAPID, for up to six revolute joints and postures
-    ``design.html``               the page, where plotly is installed
-    ============================  ==================================================================
+    ==========================  ============================================================
+    ``design.json``             everything, read back by `load_design`
+    ``motion.csv``              t, q, dq and ddq of all joints at the rate
+    ``motion.npz``              the same as arrays of the same names, and ``joint_names``
+    ``postures.csv``            of a motion between postures: for a teach pendant
+    ``trajectory.yaml``         ``trajectory_msgs/msg/JointTrajectory`` of ROS 2
+    ``pivident_motion.script``  URScript, for six revolute joints
+    ``pivident_motion.src``     KUKA KRL, for up to six revolute joints and postures
+    ``pivident_motion.mod``     ABB RAPID, likewise
+    ``design.html``             the page, where plotly is installed
+    ==========================  ============================================================
 
     Args:
         design: the design.
