@@ -381,3 +381,12 @@ def test_bodies_are_checked():
     twice = [Body("arm", k, np.zeros(3), np.zeros(3), 0.1) for k in range(2)]
     with pytest.raises(RobotDescriptionError, match="used twice: arm"):
         outline_of(robot, twice)
+
+
+def test_the_last_link_of_a_skeleton_is_a_rod_about_its_centre_of_mass():
+    """The forearm of the planar arm, centre of mass at 0.15 m of 0.3 m: it was a ball once."""
+    outline = outline_of(load_robot("planar_2r"))
+    forearm = next(body for body in outline.bodies if body.link == 1)
+    np.testing.assert_allclose(forearm.start, 0.0)
+    np.testing.assert_allclose(forearm.end, [0.3, 0.0, 0.0], atol=1e-12)
+    assert "How far forearm and a tool reach is a guess" in outline.remarks[0]

@@ -14,8 +14,9 @@ import numpy as np
 from pivident.collision.bodies import BASE, Body, Outline, numbered
 from pivident.collision.urdf import urdf_outline
 from pivident.errors import RobotDescriptionError
-from pivident.robot.description import Robot
+from pivident.robot.description import INERTIAL, Robot
 from pivident.robot.naming import repeated
+from pivident.text.lists import listed
 
 #: Radius of a skeleton's capsules as a share of the robot's reach. Industrial arms and cobots have
 #: 5 to 10 % in their arms, and more in the shoulder.
@@ -118,18 +119,21 @@ def skeleton(robot: Robot, without: Collection[int] = ()) -> Outline:
         without: links that are given by hand.
 
     Returns:
-        A capsule from the origin of each link to the next joint on it, a ball at the end of an arm;
-        none for a robot without reach.
+        A capsule from the origin of each link to the next joint on it; that of a last link goes as
+        far behind its centre of mass as that is from its joint, the end of an even rod, and is a
+        ball at its joint where it has no mass. None for a robot without reach.
     """
     radius = RADIUS_SHARE * reach(robot)
     bodies: list[Body] = []
+    last: list[str] = []
     for link in range(-1, robot.size if radius > 0.0 else -1):
         if link in without:
             continue
         ends = [j.translation for j in robot.joints if j.parent == link]
         ends = [end for end in ends if np.linalg.norm(end) > SHORTEST * radius]
         if link >= 0 and not any(j.parent == link for j in robot.joints):
-            ends = [np.zeros(3)]
+            ends = [_rods_end(robot, link)]
+            last.append(robot.links[link].name)
         name = BASE if link < 0 else robot.links[link].name
         bodies += (
             Body(each, link, np.zeros(3), np.array(end, dtype=float), radius)
@@ -146,7 +150,22 @@ def skeleton(robot: Robot, without: Collection[int] = ()) -> Outline:
             f"radius {radius:.3f} m, an assumption ({100 * RADIUS_SHARE:.0f} % of the reach). Give "
             "bodies by hand, or a URDF with <collision> elements."
         )
+        if last:
+            remark += (
+                f" How far {listed(last)} and a tool reach is a guess from the centre of mass: "
+                "give at least that body by hand before anything stands near the robot."
+            )
     return Outline(tuple(bodies), "skeleton", (remark,))
+
+
+def _rods_end(robot: Robot, link: int) -> np.ndarray:
+    """Twice the centre of mass of a link in its frame [m]; its origin where it has no mass."""
+    inertia = robot.links[link].inertia
+    mass = inertia[INERTIAL.index("m")]
+    if not mass > 0.0:
+        return np.zeros(3)
+    first = INERTIAL.index("mx")
+    return 2.0 * np.asarray(inertia[first : first + 3], dtype=float) / mass
 
 
 def reach(robot: Robot) -> float:
