@@ -32,8 +32,9 @@ from pivident.errors import ExperimentError
 from pivident.excitation import Design, DesignRequest, design_motion, write_design
 from pivident.excitation.checked_motion import FINER, FineCheck, with_more_room
 from pivident.excitation.criteria import standard_errors
-from pivident.excitation.design_motion import ROOM, SAMPLES, DesignTask
+from pivident.excitation.design_task import SAMPLES, DesignTask
 from pivident.excitation.excite_table import limits_of
+from pivident.excitation.feasibility import ROOM
 from pivident.excitation.knowledge import knowledge
 from pivident.excitation.limits import PLANNED_SHARE
 from pivident.excitation.motions import ExcitingMotion

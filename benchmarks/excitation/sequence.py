@@ -22,7 +22,7 @@ import pivident as pv
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.excitation import Design, DesignRequest, design_motion
-from pivident.excitation.design_motion import DesignTask
+from pivident.excitation.design_task import DesignTask
 from pivident.excitation.knowledge import knowledge
 from pivident.excitation.limits import joint_limits
 from pivident.excitation.questions import robot_question
@@ -86,7 +86,8 @@ def relative(result: pv.Identification, sizes: dict[str, float], names=None) -> 
 def sizes_of(robot: Robot) -> dict[str, float]:
     """What a design takes for the size of each parameter."""
     known = knowledge(robot, joint_limits(robot))
-    return dict(zip(known.base.names, known.sizes.tolist(), strict=True))
+    sizes = np.fmax(np.abs(known.values), known.significant)
+    return dict(zip(known.base.names, sizes.tolist(), strict=True))
 
 
 def sequence(name: str, seconds: float, seeds: int) -> None:

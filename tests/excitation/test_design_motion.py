@@ -243,3 +243,30 @@ def test_the_noise_to_expect_is_as_large_as_the_reported_standard_errors():
     ):
         assert own.variance == pytest.approx((2.0 + j) ** 2 * before.variance, rel=1e-9)
         np.testing.assert_array_equal(own.fir, before.fir)
+
+
+def test_a_load_on_a_planar_arm_is_asked_for_what_torques_tell():
+    """Four of its ten parameters: gravity and one axis of rotation tell no more."""
+    body = np.array([0.02, 0, 0, 0.02, 0, 0.01, 0.02, 0.0, 0.2, 2.0])
+    design = design_motion(
+        PLANAR,
+        request(),
+        question=lambda known: load_question(known.base, known.model_values, body),
+    )
+    wanted = {p.name: p for p in design.predicted if p.wanted}
+    assert list(wanted) == ["load zz", "load mx", "load my", "load m"]
+    assert all(np.isfinite(p.std) for p in wanted.values())
+    assert wanted["load my"].size > 0.0  # from its torque: its value is zero
+    assert any("No torque of this robot depends on xx, xy, xz" in note for note in design.notes)
+
+
+def test_gains_that_no_motion_tells_are_named_instead_of_more_time():
+    """Without any load the two runs are the same: all gains may be larger by one factor."""
+    with pytest.raises(
+        ExperimentError, match="no motion of this robot tells gain of shoulder and gain"
+    ):
+        design_motion(
+            PLANAR,
+            request(seconds=0.5),
+            question=lambda known: gain_question(known.base, known.model_values, np.zeros(10)),
+        )

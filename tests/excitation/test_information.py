@@ -1,5 +1,7 @@
 """Gradients of criteria against complex steps through another inverse dynamic model."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -13,8 +15,14 @@ from pivident.excitation.information import Information, assumed_noise
 from pivident.excitation.limits import joint_limits
 from pivident.excitation.motions import MotionFamily
 from pivident.excitation.objective import Objective
-from pivident.excitation.questions import gain_question, load_question, robot_question
+from pivident.excitation.questions import (
+    gain_question,
+    load_columns,
+    load_question,
+    robot_question,
+)
 from pivident.robot.gallery import load_robot
+from pivident.robot.urdf import read_urdf
 from pivident.signals.prefilter import Prefilter
 from tests.dynamics.newton_euler import torques
 
@@ -218,8 +226,6 @@ def test_a_load_is_known_half_as_well_as_the_arm_would_be():
     size = question.size
     made = Information(regressor, noise, 40.0, np.zeros((size, size)), question)
     found = standard_errors(made.of(motion))[-10:]
-    from pivident.excitation.questions import load_columns
-
     phi = regressor.matrix(*motion).reshape(-1, len(base))
     k = load_columns(base)
     expected = np.sqrt(np.diag(2.0 * np.linalg.inv(k.T @ phi.T @ phi @ k)))
@@ -229,12 +235,34 @@ def test_a_load_is_known_half_as_well_as_the_arm_would_be():
 def test_load_columns_are_those_of_a_heavier_last_link():
     robot = load_robot("staubli_tx40")
     base = base_parameters(robot)
-    from dataclasses import replace
-
-    from pivident.excitation.questions import load_columns
-
     body = np.array([0.02, 0.001, 0.002, 0.02, 0.003, 0.01, 0.02, 0.02, 0.2, 2.0])
     last = robot.links[-1]
     heavier = replace(robot, links=(*robot.links[:-1], replace(last, inertia=last.inertia + body)))
     before, after = (base.values(nominal_values(r, base.standard)) for r in (robot, heavier))
     np.testing.assert_allclose(load_columns(base) @ body, after - before, atol=1e-12)
+
+
+def test_parameters_of_a_load_regroup_with_each_other(tmp_path):
+    """A slide at 45° to the axis of rotation: three of the moments of inertia act as one sum."""
+    links = "".join(
+        f'<link name="l{k}"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" '
+        'ixz="0" iyz="0"/></inertial></link>'
+        for k in range(3)
+    )
+    joints = "".join(
+        f'<joint name="j{k}" type="{kind}"><parent link="l{k}"/><child link="l{k + 1}"/>'
+        f'<axis xyz="{axis}"/><limit lower="-1" upper="1" effort="9" velocity="2"/></joint>'
+        for k, (kind, axis) in enumerate((("revolute", "0 0 1"), ("prismatic", "1 0 1")))
+    )
+    file = tmp_path / "slide.urdf"
+    file.write_text(f'<robot name="slide">{links}{joints}</robot>')
+    base = base_parameters(read_urdf(file))
+    load = np.array([2.0, 0, 0, 3.0, 0, 5.0, 0.1, 0.2, 0.3, 1.5])
+    question = load_question(base, np.ones(len(base)), load)
+    names, values = question.names[len(base) :], question.values[len(base) :]
+    assert "load xxr" in names and "load zz" not in names
+    about_the_axis = 0.5 * (2.0 + 5.0)  # n = (∓1, 0, 1)/√2 in the frame of the slide
+    assert 0.5 * values[names.index("load xxr")] == pytest.approx(about_the_axis)
+    added = question.runs[1][0][:, len(base) :] @ values
+    np.testing.assert_allclose(added, load_columns(base) @ load, atol=1e-12)
+    assert any("xxr = xx" in note for note in question.notes)

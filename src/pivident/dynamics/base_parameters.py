@@ -134,7 +134,7 @@ def base_parameters(robot: Robot) -> BaseParameters:
     length = np.linalg.norm(phi, axis=0)
     active = length > 1e-12 * length.max()
     order = [i for i in _preference(robot, standard) if active[i]]
-    chosen, basis = _independent_columns(phi / np.where(active, length, 1.0), order)
+    chosen, basis = independent_columns(phi / np.where(active, length, 1.0), order)
     kept, dropped = sorted(chosen), sorted(set(order) - set(chosen))
     # Φ_k = Q R with Q the basis, so K = R⁻¹ Qᵀ Φ_d
     regrouping = np.linalg.solve(basis.T @ phi[:, chosen], basis.T @ phi[:, dropped])
@@ -182,11 +182,19 @@ def _preference(robot: Robot, standard: tuple[Parameter, ...]) -> list[int]:
     return sorted(range(len(standard)), key=lambda i: (rank(standard[i]), i))
 
 
-def _independent_columns(phi: np.ndarray, order: list[int]) -> tuple[list[int], np.ndarray]:
+def independent_columns(phi: np.ndarray, order: list[int]) -> tuple[list[int], np.ndarray]:
     """Columns that are not combinations of those before them in ``order``, and a basis of them.
 
     Gram–Schmidt with a second pass (twice is enough), so that a remainder of rounding errors
     stays at rounding level and is not mistaken for an independent direction.
+
+    Args:
+        phi: columns of length one, shape (rows, columns).
+        order: indices of the columns that may be kept.
+
+    Returns:
+        Indices of those that are kept, in the order of ``order``, and an orthonormal basis, shape
+        (rows, kept).
     """
     basis = np.empty((phi.shape[0], len(order)))
     kept: list[int] = []

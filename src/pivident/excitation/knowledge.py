@@ -37,7 +37,7 @@ class Knowledge:
         base: its base parameters.
         regressor: their observation matrix.
         values: present values, NaN where none is known, shape (base,).
-        sizes: size of each parameter that matters, shape (base,).
+        significant: size of each parameter from which on its torque is noticeable, shape (base,).
         covariance: covariance of ``values``, or None.
         earlier: information of the earlier records, shape (base, base).
         noise: noise of the equations to expect.
@@ -48,7 +48,7 @@ class Knowledge:
     base: BaseParameters
     regressor: Regressor
     values: np.ndarray
-    sizes: np.ndarray
+    significant: np.ndarray
     covariance: np.ndarray | None
     earlier: np.ndarray
     noise: EquationNoise
@@ -119,9 +119,8 @@ def knowledge(
             )
     with np.errstate(divide="ignore"):
         significant = SIGNIFICANT * (torque[:, None] / lengths).min(axis=0)
-    sizes = np.fmax(np.abs(values), significant)
     return Knowledge(
-        base, regressor, values, sizes, covariance, earlier, noise, words, tuple(notes)
+        base, regressor, values, significant, covariance, earlier, noise, words, tuple(notes)
     )
 
 

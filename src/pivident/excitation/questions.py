@@ -7,7 +7,8 @@ joint j, which all runs share, the information on the unknowns z of a question i
 
 - the robot: one run, z = θ and M_j = 1;
 - a load with the ten parameters φ at the last link, of which K φ reaches the base parameters: a run
-  without it and one with it, z = (θ, φ), M_j = (1, 0) and (1, K);
+  without it and one with it, z = (θ, φ_b), M_j = (1, 0) and (1, K_b), with independent columns K_b
+  of K and φ_b regrouped so that K_b φ_b = K φ;
 - drive gains, each wrong by a share δ_j: the same two runs with a load that is known,
   z = (θ, δ), M_j = (1, -θ e_jᵀ) and (1, -(θ + K φ) e_jᵀ).
 """
@@ -18,8 +19,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.dynamics.base_parameters import BaseParameters
+from pivident.dynamics.base_parameters import BaseParameters, independent_columns
+from pivident.errors import ExperimentError
 from pivident.robot.description import INERTIAL
+from pivident.text.lists import listed
+
+#: Share of the longest column below which one is rounding.
+NO_EFFECT = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +41,7 @@ class Question:
             parameters, and the motion is run once.
         words: what is asked, a few words.
         loads: base parameters that the body of each run adds, each (base,).
+        notes: what cannot be asked, complete sentences.
     """
 
     names: tuple[str, ...]
@@ -44,11 +51,26 @@ class Question:
     runs: tuple[tuple[np.ndarray, ...], ...] | None = None
     words: str = "parameters of the robot"
     loads: tuple[np.ndarray, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def size(self) -> int:
         """Number of unknowns."""
         return len(self.names)
+
+    def sizes(self, significant: np.ndarray) -> np.ndarray:
+        """Size of each unknown that matters: its value, or that of a noticeable torque if larger.
+
+        Args:
+            significant: sizes of base parameters whose torque is noticeable, shape (base,).
+        """
+        base = len(significant)
+        if self.runs is not None:
+            spread = np.max([np.abs(m[:, base:]) for run in self.runs for m in run], axis=0)
+            with np.errstate(divide="ignore"):
+                further = (significant[:, None] / spread).min(axis=0)
+            significant = np.concatenate([significant, further])
+        return np.fmax(np.abs(self.values), significant)
 
     def information(self, by_joint: list[np.ndarray]) -> np.ndarray:
         """Information on the unknowns, shape (unknowns, unknowns).
@@ -90,21 +112,66 @@ def load_question(base: BaseParameters, values: np.ndarray, load: np.ndarray) ->
         values: their present values, shape (base,).
         load: expected ``xx xy xz yy yz zz mx my mz m`` of the load in the last link's frame, for
             the sizes that matter, shape (10,).
+
+    Raises:
+        ExperimentError: no torque depends on a load.
     """
     n, p = base.robot.size, len(base)
     spread = load_columns(base)
-    without = np.hstack([np.eye(p), np.zeros((p, len(INERTIAL)))])
-    loaded = np.hstack([np.eye(p), spread])
+    kept, regrouping = _regrouped(spread)
+    if not kept:
+        raise ExperimentError(
+            f"no torque of {base.robot.name!r} depends on a load at its last link, so that no "
+            "motion tells one"
+        ).about("about")
+    stems = [INERTIAL[k] for k in kept]
+    grouped = np.count_nonzero(regrouping, axis=1) > 1
+    names = [f"load {s}{'r' if r else ''}" for s, r in zip(stems, grouped, strict=True)]
+    without = np.hstack([np.eye(p), np.zeros((p, len(kept)))])
+    loaded = np.hstack([np.eye(p), spread[:, kept]])
     units = {"m": "kg", "mx": "kg m", "my": "kg m", "mz": "kg m"}
     return Question(
-        (*base.names, *(f"load {stem}" for stem in INERTIAL)),
-        (*(q.unit for q in base.parameters), *(units.get(s, "kg m²") for s in INERTIAL)),
-        np.concatenate([values, load]),
-        np.arange(p, p + len(INERTIAL)),
+        (*base.names, *names),
+        (*(q.unit for q in base.parameters), *(units.get(s, "kg m²") for s in stems)),
+        np.concatenate([values, regrouping @ load]),
+        np.arange(p, p + len(kept)),
         ((without,) * n, (loaded,) * n),
         "a load, from a run without it and a run with it",
         (np.zeros(p), spread @ load),
+        _not_told(kept, regrouping),
     )
+
+
+def _regrouped(columns: np.ndarray) -> tuple[list[int], np.ndarray]:
+    """Independent columns K_b of K, and R with K φ = K_b R φ, shape (kept, parameters)."""
+    length = np.linalg.norm(columns, axis=0)
+    active = length > NO_EFFECT * length.max()
+    scaled = columns / np.where(active, length, 1.0)
+    kept, _ = independent_columns(scaled, np.flatnonzero(active).tolist())
+    regrouping = np.linalg.pinv(columns[:, kept]) @ columns
+    return kept, np.where(np.abs(regrouping) < NO_EFFECT, 0.0, regrouping)
+
+
+def _not_told(kept: list[int], regrouping: np.ndarray) -> tuple[str, ...]:
+    """Which of the load's parameters have no effect, and which regroup with others."""
+    notes = []
+    without = [stem for stem, column in zip(INERTIAL, regrouping.T, strict=True) if not any(column)]
+    if without:
+        notes.append(
+            f"No torque of this robot depends on {listed(without)} of the load, whatever the "
+            "motion: they are not asked."
+        )
+    sums = [
+        f"{INERTIAL[k]}r = {INERTIAL[k]}"
+        + "".join(f" {row[i]:+.4g} {INERTIAL[i]}" for i in np.flatnonzero(row) if i != k)
+        for k, row in zip(kept, regrouping, strict=True)
+        if np.count_nonzero(row) > 1
+    ]
+    if sums:
+        notes.append(
+            f"Torques depend on these sums of the load's parameters only: {'; '.join(sums)}."
+        )
+    return tuple(notes)
 
 
 def gain_question(base: BaseParameters, values: np.ndarray, load: np.ndarray) -> Question:

@@ -1,0 +1,123 @@
+"""Whether there can be a motion at all: what is refused before a search, and why one found none."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pivident.errors import ExperimentError
+from pivident.excitation.constraints import Constraints
+from pivident.excitation.criteria import standard_errors
+from pivident.excitation.design_task import DesignTask
+from pivident.excitation.information import Information, assumed_noise
+from pivident.text.lists import listed
+
+#: Room beyond the clearance that the search keeps, for what happens between its samples [m].
+ROOM = 0.01
+
+#: Share of its range that a joint must be able to move over in half the time.
+LEAST_TRAVEL = 0.01
+
+#: Postures that are tried where no motion was found, and the share of them that says why.
+TRIED_POSTURES, MOST_POSTURES = 500, 0.8
+
+
+def check_start(task: DesignTask) -> None:
+    """Refuse a given posture that breaks a limit."""
+    start = task.request.start
+    if start is None:
+        return
+    posture, limits = np.array(start, dtype=float), task.limits
+    if posture.shape != (task.robot.size,) or not np.isfinite(posture).all():
+        raise ExperimentError(
+            f"start has {posture.size} positions; one finite number for each of the "
+            f"{task.robot.size} joints is needed"
+        ).about("start")
+    for j, joint in enumerate(task.robot.joints):
+        if not limits.low[j] < posture[j] < limits.high[j]:
+            raise ExperimentError(
+                f"the start has {joint.name} at {posture[j]:g} {joint.position_unit}, outside of "
+                f"its limits {limits.low[j]:g} to {limits.high[j]:g}; choose a posture inside"
+            ).about("start")
+    if task.clearances is not None:
+        distances, needed = task.clearances.distances(posture[None])[:, 0], task.clearances.needed
+        nearest = int(np.argmin(distances - needed)) if needed.size else 0
+        if needed.size and distances[nearest] < needed[nearest]:
+            raise ExperimentError(
+                f"at the start, {task.clearances.names[nearest]}: the clearance is "
+                f"{1e3 * distances[nearest]:.3g} mm, {1e3 * needed[nearest]:.3g} mm is needed; "
+                "choose another start, or a smaller clearance"
+            ).about("start")
+
+
+def check_travel(task: DesignTask) -> None:
+    """Refuse a duration in which a joint hardly moves."""
+    travel = 0.5 * task.limits.speed * task.request.duration / (2.0 * task.limits.half)
+    slowest = int(np.argmin(travel))
+    if travel[slowest] < LEAST_TRAVEL:
+        joint = task.robot.joints[slowest]
+        raise ExperimentError(
+            f"in {task.request.duration:g} s {joint.name} moves over less than "
+            f"{100 * LEAST_TRAVEL:g} % of its range at its largest speed, "
+            f"{task.limits.speed[slowest]:g} {joint.position_unit}/s; give it more time, or a "
+            "higher limit of the speed"
+        ).about("duration")
+
+
+def why_none(task: DesignTask, allowed: Constraints, duration: float) -> str:
+    """Why no motion was found."""
+    rng = np.random.default_rng(task.request.seed)
+    shape = (TRIED_POSTURES, task.robot.size)
+    postures = task.limits.middle + rng.uniform(-0.9, 0.9, shape) * task.limits.half
+    if task.clearances is not None:
+        distances = task.clearances.distances(postures)
+        near = distances < (task.clearances.needed + ROOM)[:, None]
+        if near.any(axis=0).all():
+            worst = task.clearances.names[int(np.argmax(near.mean(axis=1)))]
+            return (
+                f"no posture keeps all clearances: most often it is {worst}; check the bodies, "
+                "obstacles, floor and tool box"
+            )
+    if task.torques:
+        still = np.zeros_like(postures)
+        torque, margin = task.torques[-1].torque_and_margin((postures, still, still))
+        over = (np.abs(torque) + margin > task.limits.torque).mean(axis=0)
+        if over.max() > MOST_POSTURES:
+            joint = task.robot.joints[int(np.argmax(over))].name
+            return (
+                f"the torque limit of {joint} does not hold the arm against gravity in "
+                f"{100 * over.max():.0f} % of its postures; check the limit and the masses"
+            )
+    if names := _never_told(task):
+        return (
+            f"no motion of this robot tells {listed(names)}, whatever its limits and duration; ask "
+            "for something else, or with another load"
+        )
+    return (
+        f"no motion of {duration:g} s within the limits of position, speed, acceleration and "
+        f"torque determines all {task.question.size} parameters ({allowed.family.size} functions "
+        f"for each joint); give it more time, such as --duration {2 * duration:g}, or relax the "
+        "limits"
+    )
+
+
+def _never_told(task: DesignTask) -> list[str]:
+    """Unknowns that not even random speeds and accelerations in random postures determine."""
+    rng = np.random.default_rng(task.request.seed)
+    shape = (max(TRIED_POSTURES, task.question.size), task.robot.size)
+    limits = task.limits
+    states = (
+        limits.middle + rng.uniform(-1.0, 1.0, shape) * limits.half,
+        rng.uniform(-1.0, 1.0, shape) * limits.speed,
+        rng.uniform(-1.0, 1.0, shape) * limits.acceleration,
+    )
+    white = Information(
+        task.known.regressor,
+        assumed_noise(np.ones(task.robot.size), 1.0),
+        1.0,
+        task.information(1.0).earlier,
+        task.question,
+    )
+    errors = standard_errors(white.of(states))
+    return [
+        name for name, error in zip(task.question.names, errors, strict=True) if np.isinf(error)
+    ]
