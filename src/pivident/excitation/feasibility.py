@@ -118,6 +118,6 @@ def _never_told(task: DesignTask) -> list[str]:
         task.question,
     )
     errors = standard_errors(white.of(states))
-    return [
-        name for name, error in zip(task.question.names, errors, strict=True) if np.isinf(error)
-    ]
+    never = np.flatnonzero(np.isinf(errors))
+    asked = np.intersect1d(never, task.question.asked)
+    return [task.question.names[k] for k in (asked if asked.size else never)]
