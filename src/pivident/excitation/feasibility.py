@@ -17,8 +17,8 @@ ROOM = 0.01
 #: Share of its range that a joint must be able to move over in half the time.
 LEAST_TRAVEL = 0.01
 
-#: Postures that are tried where no motion was found, and the share of them that says why.
-TRIED_POSTURES, MOST_POSTURES = 500, 0.8
+#: Postures that are tried where no motion was found, and the shares of them that say why.
+TRIED_POSTURES, MOST_POSTURES, FEW_POSTURES = 500, 0.8, 0.05
 
 
 def check_start(task: DesignTask) -> None:
@@ -71,11 +71,13 @@ def why_none(task: DesignTask, allowed: Constraints, duration: float) -> str:
     if task.clearances is not None:
         distances = task.clearances.distances(postures)
         near = distances < (task.clearances.needed + ROOM)[:, None]
-        if near.any(axis=0).all():
+        free = int(np.sum(~near.any(axis=0)))
+        if free < FEW_POSTURES * TRIED_POSTURES:
             worst = task.clearances.names[int(np.argmax(near.mean(axis=1)))]
             return (
-                f"no posture keeps all clearances: most often it is {worst}; check the bodies, "
-                "obstacles, floor and tool box"
+                f"{free or 'none'} of {TRIED_POSTURES} random postures keep all clearances, and no "
+                f"motion was found among them: what is too near most often is {worst}. Check the "
+                "bodies, obstacles, floor and tool box, or begin at a free posture, start = […]"
             )
     if task.torques:
         still = np.zeros_like(postures)

@@ -12,6 +12,9 @@ SHRINKINGS, SHRINKING = 14, 0.75
 #: Share of a joint's range in which a random motion begins.
 INNER_RANGE = 0.7
 
+#: Further postures among which a free one is looked for if the first one is not, and their range.
+FURTHER_POSTURES, WHOLE_RANGE = 200, 0.95
+
 
 def coefficient_box(constraints: Constraints) -> tuple[np.ndarray, np.ndarray]:
     """Middle of each coefficient, and the size at which its function alone reaches a limit.
@@ -40,10 +43,9 @@ def random_coefficients(
 
     It is made smaller about its posture at the ends until it keeps all limits.
     """
-    middle, scale = coefficient_box(constraints)
+    _, scale = coefficient_box(constraints)
     drawn = scale * rng.uniform(-1.0, 1.0, scale.shape)
-    share = rng.uniform(-INNER_RANGE, INNER_RANGE, scale.shape[1])
-    posture = middle[0] + share * constraints.limits.half if home is None else home
+    posture = _free_posture(constraints, rng) if home is None else home
     if not _keeps(constraints, np.vstack([posture, np.zeros_like(drawn[1:])])):
         return None
     drawn[1:] *= _kinematic_scale(constraints, drawn, posture)
@@ -53,6 +55,25 @@ def random_coefficients(
             return drawn
         drawn[1:] *= SHRINKING
     return None
+
+
+def _free_posture(constraints: Constraints, rng: np.random.Generator) -> np.ndarray:
+    """A random posture, clear of everything if one of some hundred is."""
+    limits, clearances = constraints.limits, constraints.clearances
+
+    def drawn(count: int, within: float) -> np.ndarray:
+        share = rng.uniform(-within, within, (count, limits.half.size))
+        return limits.middle + share * limits.half
+
+    def is_free(postures: np.ndarray) -> np.ndarray:
+        assert clearances is not None
+        return (clearances.distances(postures) >= clearances.needed[:, None]).all(axis=0)
+
+    (first,) = drawn(1, INNER_RANGE)
+    if clearances is None or is_free(first[None])[0]:
+        return first
+    others = drawn(FURTHER_POSTURES, WHOLE_RANGE)
+    return others[int(np.argmax(is_free(others)))]
 
 
 def _keeps(constraints: Constraints, coefficients: np.ndarray) -> bool:
