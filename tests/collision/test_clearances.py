@@ -430,3 +430,30 @@ def test_a_robot_without_bodies_has_no_clearances():
     clearances = Clearances.of(robot, outline_of(robot).bodies)
     distance, gradient = clearances.with_gradients(np.zeros((4, 1)), 0.1)
     assert (distance.shape, gradient.shape) == ((0, 4), (0, 4, 1))
+
+
+def test_a_larger_clearance_checks_no_less():
+    """Bodies that are built closer than it keep what they can; they are not left out."""
+    robot = load_robot("staubli_tx40")
+    bodies = outline_of(robot).bodies
+    usual, wide = (Clearances.of(robot, bodies, clearance=c) for c in (0.02, 0.3))
+    assert set(usual.names) <= set(wide.names)
+    lowered = [p for p in wide.pairs if p.needed < 0.3]
+    assert lowered and all(p.needed > 0.0 for p in lowered)
+    assert all(p.name in " ".join(wide.remarks) for p in lowered)
+    assert "built closer than the clearance" in " ".join(wide.remarks)
+
+
+def test_an_obstacle_that_only_the_first_link_cannot_leave_is_what_the_robot_stands_on():
+    robot = load_robot("staubli_tx40")
+    bodies = outline_of(robot).bodies
+    table = Obstacle("table", "box", np.eye(3), np.array([0, 0, -0.3]), np.array([4.0, 4.0, 0.6]))
+    standing = Clearances.of(robot, bodies, [table])
+    inside = Obstacle("hall", "box", np.eye(3), np.zeros(3), np.array([9.0, 9.0, 9.0]))
+    buried = Clearances.of(robot, bodies, [inside])
+    first = {b.name for b in bodies if b.link == 0}
+    assert {n for n in buried.names if "hall" in n} == {
+        f"{b.name} and hall" for b in bodies if b.link > 0
+    }
+    assert all(f"{name} and hall" in " ".join(buried.remarks) for name in first)
+    assert sum("table" in n for n in standing.names) >= 4

@@ -6,13 +6,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pivident.collision import Clearances, clearances_of_room, outline_of
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.errors import ExperimentError
 from pivident.excitation import DesignRequest, design_motion, joint_limits
 from pivident.excitation.checked_motion import FineCheck
 from pivident.excitation.constraints import Constraints
+from pivident.excitation.excite_table import limits_of
 from pivident.excitation.questions import gain_question, load_question
+from pivident.experiment.excite_keys import ExciteEntry
 from pivident.robot.gallery import load_robot
+from pivident.robot.urdf import read_urdf
 from tests.excitation.test_constraints import Wall
 
 PLANAR = load_robot("planar_2r")
@@ -173,7 +177,7 @@ def test_a_motion_that_breaks_a_limit_between_samples_is_made_smaller(planar):
         ({"parameters": ("fc3",)}, "no parameter 'fc3'; did you mean 'fc"),
         ({"parameters": ("yy1",)}, "has no effect|part of"),
         ({"start": (0.0,)}, "start has 1 positions; one finite number for each of the 2"),
-        ({"start": (9.0, 0.0)}, "the start has shoulder at 9 rad, outside of its limits"),
+        ({"start": (9.0, 0.0)}, "the start has shoulder at 9 rad; choose a posture between -2.8"),
         ({"duration": 1.0}, "the duration is 1 s"),
         ({"duration": 2.0, "speed": 1e-3}, "in 2 s shoulder moves over less than 1 % of its range"),
         ({"motion": "sine"}, "no motion 'sine'; did you mean 'splines'"),
@@ -268,3 +272,46 @@ def test_gains_that_no_motion_tells_are_named_instead_of_more_time():
             request(seconds=0.5),
             question=lambda known: gain_question(known.base, known.model_values, np.zeros(10)),
         )
+
+
+def test_a_start_that_gravity_does_not_allow_is_refused():
+    """Stretched out, the arm needs more than the limit; hanging down it would not."""
+    given = {"shoulder": {"torque": 3.0}}
+    with pytest.raises(
+        ExperimentError, match=r"gravity takes \d+ % of the torque limit of shoulder"
+    ):
+        design_motion(PLANAR, request(start=(0.0, 0.0)), limits=joint_limits(PLANAR, given))
+
+
+def test_room_in_which_no_posture_is_free_is_refused_before_the_search():
+    """A floor above the robot, as where metres and millimetres are mixed up."""
+    robot = load_robot("staubli_tx40")
+    clearances = Clearances.of(robot, outline_of(robot).bodies, floor=1.0)
+    said: list[str] = []
+    with pytest.raises(ExperimentError, match=r"none of 500 .* above the floor.* all in metres"):
+        design_motion(robot, request(), clearances=clearances, progress=said.append)
+    assert said == []
+
+
+def test_what_can_touch_depends_on_the_limits_that_the_user_gives(tmp_path):
+    """A slide of 0.2 m by its description, of 2 m by its user: the wall at 1.5 m counts."""
+    file = tmp_path / "slide.urdf"
+    file.write_text(
+        '<robot name="slide"><link name="rail"/><link name="car"><inertial><mass value="1"/>'
+        '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        '<joint name="slide" type="prismatic"><parent link="rail"/><child link="car"/>'
+        '<axis xyz="1 0 0"/><limit lower="0" upper="0.2" effort="50" velocity="1"/></joint></robot>'
+    )
+    robot = read_urdf(file)
+    wall = {"name": "wall", "shape": "box", "size": [0.1, 1, 1], "at": [1.5, 0, 0]}
+    body = {"name": "car", "link": "car", "from": [0, 0, 0], "to": [0, 0, 0], "radius": 0.1}
+    table = ExciteEntry.model_validate(
+        {"obstacle": [wall], "body": [body], "joint": {"slide": {"position": [0.0, 2.0]}}}
+    )
+    limits = limits_of(robot, table)
+    assert clearances_of_room(robot, table).names == ()
+    room = clearances_of_room(limits.of_robot(robot), table)
+    assert room.names == ("car and wall",)
+    design = design_motion(robot, request(duration=6.0), limits=limits, clearances=room)
+    q, *_ = design.motion.sampled(1000.0)
+    assert 0.9 < q.max() < 1.45 - 0.1 - 0.02 + 1e-9

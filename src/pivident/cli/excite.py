@@ -109,7 +109,7 @@ def excite(
         request = _request(table, given)
         limits = limits_of(robot, table)
         progress.say("looking at bodies and obstacles")
-        clearances = clearances_of_room(robot, table)
+        clearances = clearances_of_room(limits.of_robot(robot), table)
         progress.say(f"searching for {request.seconds:g} s (Ctrl-C keeps the best motion so far)")
         design = design_motion(
             robot,

@@ -24,7 +24,7 @@ from pivident.collision.poses import LinkPoses
 from pivident.errors import ExperimentError
 from pivident.robot.description import Robot
 
-#: Share of these postures from which on two bodies touch because they are built so.
+#: Share of random postures from which on two bodies are near because they are built so.
 STRUCTURAL_SHARE = 0.95
 
 #: Change over all postures below which a distance is a constant [m].
@@ -68,9 +68,11 @@ class Clearances:
         """Everything that must stay apart.
 
         Checked are bodies of links that are not neighbours, and moving bodies against obstacles and
-        floor. Left out, with a remark, are pairs that are nearer than the clearance in nearly all
-        of some hundred random postures, because they are built so; and silently, what no posture
-        brings together. Neighbouring links are kept apart by the limits of their joint.
+        floor. Left out, with a remark, are bodies of the robot that overlap in nearly all of some
+        hundred random postures, and bodies of a first link that are as near to what the robot
+        stands on, because they are built so; and silently, what no posture brings together. Bodies
+        that are built closer than the clearance, but do not overlap, keep half their usual
+        distance. Neighbouring links are kept apart by the limits of their joint.
 
         Args:
             robot: the robot.
@@ -256,29 +258,45 @@ class Clearances:
     def _without_constant_pairs(self) -> Clearances:
         """The pairs that a motion can bring together and take apart, and remarks on the others."""
         found = self.distances(random_postures(self.robot))
-        kept, always = [], []
+        kept: list[Pair] = []
+        built, close, standing = [], [], []
         for pair, distance in zip(self.pairs, found, strict=True):
-            share = float(np.mean(distance < pair.needed))
-            if share > STRUCTURAL_SHARE and pair.body is not None:
-                always.append(pair)
-            elif pair.body is None or (
-                np.ptp(distance) > CONSTANT and not self._is_out_of_reach(pair)
-            ):
+            if pair.body is None:
+                kept.append(pair)
+                continue
+            own = isinstance(pair.other, Body)
+            constant = np.ptp(distance) <= CONSTANT
+            near, overlap = (float(np.mean(distance < d)) for d in (pair.needed, 0.0))
+            if own and (overlap > STRUCTURAL_SHARE or (constant and near)):
+                built.append(pair.name)
+            elif not own and near > STRUCTURAL_SHARE and (constant or self._is_first(pair.body)):
+                standing.append(pair.name)
+            elif own and near > STRUCTURAL_SHARE:
+                less = 0.5 * max(float(np.median(distance)), 0.0)
+                kept.append(replace(pair, needed=less))
+                close.append(f"{pair.name} ({1e3 * less:.3g} mm)")
+            elif not constant and not self._is_out_of_reach(pair):
                 kept.append(pair)
         remarks = []
-        own = [pair.name for pair in always if isinstance(pair.other, Body)]
-        if own:
+        if built:
             remarks.append(
-                f"Not checked, because they are nearer than the clearance in nearly every posture "
-                f"as they are built: {'; '.join(own)}."
+                f"Not checked, because they overlap in nearly every posture as they are built: "
+                f"{'; '.join(built)}."
+            )
+        if close:
+            remarks.append(
+                f"These are built closer than the clearance and keep less: {'; '.join(close)}."
             )
         remarks += (
-            f"Not checked: {pair.name}, which is nearer than the clearance in nearly every "
-            "posture; move or shrink one of the two if that is not how the robot stands."
-            for pair in always
-            if not isinstance(pair.other, Body)
+            f"Not checked: {name}, which is nearer than the clearance in nearly every posture; "
+            "move or shrink one of the two if that is not how the robot stands."
+            for name in standing
         )
         return replace(self, pairs=tuple(kept), remarks=(*self.remarks, *remarks))
+
+    def _is_first(self, body: Body) -> bool:
+        """Whether the base carries a body's link, which may be built near to what it stands on."""
+        return self.robot.joints[body.link].parent < 0
 
     def _is_out_of_reach(self, pair: Pair) -> bool:
         """Whether no posture brings a body as near as the clearance to what stands still."""

@@ -26,7 +26,7 @@ def clearances_of_room(robot: Robot, room: RoomEntry) -> Clearances:
     """What must stay apart, by the tables of a file.
 
     Args:
-        robot: the robot.
+        robot: the robot, with the ranges that its joints move in: they tell what can touch.
         room: the checked tables.
 
     Returns:

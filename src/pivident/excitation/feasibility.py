@@ -9,7 +9,9 @@ from pivident.excitation.constraints import Constraints
 from pivident.excitation.criteria import standard_errors
 from pivident.excitation.design_task import DesignTask
 from pivident.excitation.information import Information, assumed_noise
+from pivident.excitation.limits import PLANNED_SHARE
 from pivident.text.lists import listed
+from pivident.text.numbers import percent
 
 #: Room beyond the clearance that the search keeps, for what happens between its samples [m].
 ROOM = 0.01
@@ -22,11 +24,17 @@ TRIED_POSTURES, MOST_POSTURES, FEW_POSTURES = 500, 0.8, 0.05
 
 
 def check_start(task: DesignTask) -> None:
-    """Refuse a given posture that breaks a limit."""
+    """Refuse a given posture that leaves no room for a motion, or clearances that no posture keeps.
+
+    The search keeps a share of every limit and some room between bodies for what happens between
+    its samples; a start beyond them would have no motion.
+    """
     start = task.request.start
     if start is None:
+        if message := _crowded(task, 0):
+            raise ExperimentError(message)
         return
-    posture, limits = np.array(start, dtype=float), task.limits
+    posture, limits = np.array(start, dtype=float), task.limits.within(PLANNED_SHARE)
     if posture.shape != (task.robot.size,) or not np.isfinite(posture).all():
         raise ExperimentError(
             f"start has {posture.size} positions; one finite number for each of the "
@@ -35,17 +43,30 @@ def check_start(task: DesignTask) -> None:
     for j, joint in enumerate(task.robot.joints):
         if not limits.low[j] < posture[j] < limits.high[j]:
             raise ExperimentError(
-                f"the start has {joint.name} at {posture[j]:g} {joint.position_unit}, outside of "
-                f"its limits {limits.low[j]:g} to {limits.high[j]:g}; choose a posture inside"
+                f"the start has {joint.name} at {posture[j]:g} {joint.position_unit}; choose a "
+                f"posture between {limits.low[j]:g} and {limits.high[j]:g}, which leaves "
+                f"{50 * (1 - PLANNED_SHARE):.3g} % of its range at either end"
             ).about("start")
-    if task.clearances is not None:
-        distances, needed = task.clearances.distances(posture[None])[:, 0], task.clearances.needed
-        nearest = int(np.argmin(distances - needed)) if needed.size else 0
-        if needed.size and distances[nearest] < needed[nearest]:
+    if task.clearances is not None and task.clearances.needed.size:
+        distances = task.clearances.distances(posture[None])[:, 0]
+        needed = task.clearances.needed + ROOM
+        nearest = int(np.argmin(distances - needed))
+        if distances[nearest] < needed[nearest]:
             raise ExperimentError(
                 f"at the start, {task.clearances.names[nearest]}: the clearance is "
-                f"{1e3 * distances[nearest]:.3g} mm, {1e3 * needed[nearest]:.3g} mm is needed; "
-                "choose another start, or a smaller clearance"
+                f"{1e3 * distances[nearest]:.3g} mm; {1e3 * needed[nearest]:.3g} mm are needed, "
+                f"{1e3 * ROOM:g} mm of them for the motion; choose another start, or a smaller "
+                "clearance"
+            ).about("start")
+    for model in task.torques:
+        still = np.zeros((1, task.robot.size))
+        torque, margin = model.torque_and_margin((posture[None], still, still))
+        over = (np.abs(torque) + margin)[0] / limits.torque
+        if over.max() > 1.0:
+            joint = task.robot.joints[int(np.argmax(over))]
+            raise ExperimentError(
+                f"at the start, gravity takes {percent(100 * PLANNED_SHARE * over.max())} of the "
+                f"torque limit of {joint.name}, margin of the model included; choose another start"
             ).about("start")
 
 
@@ -65,20 +86,9 @@ def check_travel(task: DesignTask) -> None:
 
 def why_none(task: DesignTask, allowed: Constraints, duration: float) -> str:
     """Why no motion was found."""
-    rng = np.random.default_rng(task.request.seed)
-    shape = (TRIED_POSTURES, task.robot.size)
-    postures = task.limits.middle + rng.uniform(-0.9, 0.9, shape) * task.limits.half
-    if task.clearances is not None:
-        distances = task.clearances.distances(postures)
-        near = distances < (task.clearances.needed + ROOM)[:, None]
-        free = int(np.sum(~near.any(axis=0)))
-        if free < FEW_POSTURES * TRIED_POSTURES:
-            worst = task.clearances.names[int(np.argmax(near.mean(axis=1)))]
-            return (
-                f"{free or 'none'} of {TRIED_POSTURES} random postures keep all clearances, and no "
-                f"motion was found among them: what is too near most often is {worst}. Check the "
-                "bodies, obstacles, floor and tool box, or begin at a free posture, start = […]"
-            )
+    if message := _crowded(task, FEW_POSTURES * TRIED_POSTURES):
+        return message
+    postures = _postures(task)
     if task.torques:
         still = np.zeros_like(postures)
         torque, margin = task.torques[-1].torque_and_margin((postures, still, still))
@@ -99,6 +109,31 @@ def why_none(task: DesignTask, allowed: Constraints, duration: float) -> str:
         f"torque determines all {task.question.size} parameters ({allowed.family.size} functions "
         f"for each joint); give it more time, such as --duration {2 * duration:g}, or relax the "
         "limits"
+    )
+
+
+def _postures(task: DesignTask) -> np.ndarray:
+    """Random postures, shape (TRIED_POSTURES, joints)."""
+    rng = np.random.default_rng(task.request.seed)
+    shape = (TRIED_POSTURES, task.robot.size)
+    return task.limits.middle + rng.uniform(-0.9, 0.9, shape) * task.limits.half
+
+
+def _crowded(task: DesignTask, most: float) -> str:
+    """What is too near in most postures where at most so many random ones are free; else empty."""
+    if task.clearances is None or not task.clearances.needed.size:
+        return ""
+    distances = task.clearances.distances(_postures(task))
+    near = distances < (task.clearances.needed + ROOM)[:, None]
+    free = int(np.sum(~near.any(axis=0)))
+    if free > most:
+        return ""
+    worst = task.clearances.names[int(np.argmax(near.mean(axis=1)))]
+    return (
+        f"{free or 'none'} of {TRIED_POSTURES} random postures keep all clearances, and no motion "
+        f"was found among them: what is too near most often is {worst}. Check the bodies, "
+        "obstacles, floor, tool box and clearance, all in metres, or begin at a free posture, "
+        "start = […]"
     )
 
 

@@ -57,6 +57,21 @@ class JointLimits:
             },
         )
 
+    def of_robot(self, robot: Robot) -> Robot:
+        """The robot with these ranges of its joints in place of those of its description.
+
+        What can touch depends on them, see `pivident.collision.clearances_of_room`.
+
+        Args:
+            robot: the robot.
+        """
+        ranges = zip(self.low.tolist(), self.high.tolist(), strict=True)
+        joints = tuple(
+            replace(joint, position_limits=own)
+            for joint, own in zip(robot.joints, ranges, strict=True)
+        )
+        return replace(robot, joints=joints)
+
     @property
     def middle(self) -> np.ndarray:
         """Middle of each range."""
