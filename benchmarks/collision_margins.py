@@ -42,11 +42,11 @@ def motion(robot: Robot, samples: int = 200) -> np.ndarray:
     return limits.mean(axis=1) + 0.35 * np.ptp(limits, axis=1) * swing
 
 
-def milliseconds(clearances: Clearances, below: float = 0.1, repetitions: int = 15) -> float:
+def milliseconds(clearances: Clearances, repetitions: int = 15) -> float:
     q, took = motion(clearances.robot), []
     for _ in range(repetitions):
         start = time.perf_counter()
-        clearances.with_gradients(q, below)
+        clearances.with_gradients(q)
         took.append(time.perf_counter() - start)
     return 1e3 * float(np.median(took))
 

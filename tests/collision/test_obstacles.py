@@ -39,7 +39,7 @@ def measured(obstacle, start, end, radius):
             (points - obstacle.translation) @ obstacle.rotation for points in (start, end)
         )
     distance, normal, point = np.empty(len(start)), np.empty_like(start), np.empty_like(start)
-    axis_distances(obstacle.kind, start, end, obstacle.solid, np.inf, distance, normal, point)
+    axis_distances(obstacle.kind, start, end, obstacle.solid, distance, normal, point)
     if obstacle.shape in ("box", "cylinder"):
         normal = normal @ obstacle.rotation.T
     return distance - radius - obstacle.skin, normal

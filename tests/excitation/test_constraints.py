@@ -28,6 +28,7 @@ class Wall:
 
     names = ("arm and wall",)
     bodies = obstacles = remarks = ()
+    steepest = np.array([[1.0, 2.0 * np.pi, 0.0, 0.0, 0.0, 0.0]])[:, :2]
 
     def __init__(self, needed=0.02):
         self.needed = np.array([needed])
@@ -38,7 +39,7 @@ class Wall:
     def distances(self, q):
         return (1.5 - q[:, 0] - q[:, 1] ** 2)[None]
 
-    def with_gradients(self, q, below):
+    def with_gradients(self, q):
         slopes = np.zeros((1, *q.shape))
         slopes[0, :, 0], slopes[0, :, 1] = -1.0, -2.0 * q[:, 1]
         return self.distances(q), slopes

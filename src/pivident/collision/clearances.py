@@ -13,13 +13,14 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from pivident.collision.bodies import Body
 from pivident.collision.distances import SEGMENT, axis_distances, gradient_by_joints
 from pivident.collision.obstacles import Obstacle, ToolBox, upward
-from pivident.collision.pairs import Pair, candidate_pairs, random_postures, swept_ball
+from pivident.collision.pairs import Pair, candidate_pairs, levers, random_postures, swept_ball
 from pivident.collision.poses import LinkPoses
 from pivident.errors import ExperimentError
 from pivident.robot.description import Robot
@@ -157,15 +158,13 @@ class Clearances:
         Raises:
             ExperimentError: q has another shape, or is not finite.
         """
-        return self._evaluated(q, np.inf, gradients=False)[0]
+        return self._evaluated(q, gradients=False)[0]
 
-    def with_gradients(self, q: np.ndarray, below: float) -> tuple[np.ndarray, np.ndarray]:
+    def with_gradients(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Distances and their gradients by the joint positions.
 
         Args:
             q: joint positions [rad or m], shape (samples, joints).
-            below: of pairs that are further apart, a distance of at least this [m] is returned,
-                which may be less than the true one, and a gradient of zero.
 
         Returns:
             Distances [m], shape (rows, samples), and gradients [m/rad or 1], shape (rows, samples,
@@ -174,11 +173,30 @@ class Clearances:
         Raises:
             ExperimentError: q has another shape, or is not finite.
         """
-        return self._evaluated(q, float(below), gradients=True)
+        return self._evaluated(q, gradients=True)
 
-    def _evaluated(
-        self, q: np.ndarray, below: float, gradients: bool
-    ) -> tuple[np.ndarray, np.ndarray]:
+    @cached_property
+    def steepest(self) -> np.ndarray:
+        """Bounds of |∂d/∂q| in every posture, shape (rows, joints) [m/rad or 1]."""
+        found = []
+        for pair in self.pairs:
+            first, second = self._links(pair)
+            one = levers(self.robot, first, self._points(pair.body))
+            if isinstance(pair.other, Body):
+                other = levers(self.robot, second, self._points(pair.other))
+                # what moves both sides moves neither against the other
+                one = np.where((one > 0.0) & (other > 0.0), 0.0, one + other)
+            found.append(one)
+        return np.reshape(found, (len(self.pairs), self.robot.size))
+
+    def _points(self, body: Body | None) -> tuple[np.ndarray, ...]:
+        """Ends of a body's axis, or the point of the tool, in the frame of the link."""
+        if body is not None:
+            return body.start, body.end
+        assert self.tool_box is not None
+        return (np.asarray(self.tool_box.point, dtype=float),)
+
+    def _evaluated(self, q: np.ndarray, gradients: bool) -> tuple[np.ndarray, np.ndarray]:
         q = self._checked(q)
         poses = LinkPoses.of(self.robot, q)
         rows, samples = len(self.pairs), len(q)
@@ -200,7 +218,7 @@ class Clearances:
             elif pair.other is None:
                 distance[row], normal, point = self._above_floor(pair.body, *ends[pair.body.name])
             else:
-                distance[row], normal, point = _apart(pair.body, pair.other, ends, below)
+                distance[row], normal, point = _apart(pair.body, pair.other, ends)
             if gradients:
                 first, second = self._links(pair)
                 gradient_by_joints(
@@ -310,7 +328,7 @@ class Clearances:
             (distance,), _, _ = self._above_floor(ball, centre[None, :], centre[None, :])
         else:
             ends = {ball.name: (centre[None, :], centre[None, :])}
-            (distance,), _, _ = _apart(ball, pair.other, ends, np.inf)
+            (distance,), _, _ = _apart(ball, pair.other, ends)
         return bool(distance >= pair.needed)
 
 
@@ -318,7 +336,6 @@ def _apart(
     body: Body,
     other: Body | Obstacle,
     ends: dict[str, tuple[np.ndarray, np.ndarray]],
-    below: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Distance of a body from another or an obstacle, with normal and point in the base frame."""
     start, end = ends[body.name]
@@ -334,7 +351,7 @@ def _apart(
     distance = np.empty(len(start))
     normal, point = np.empty_like(start), np.empty_like(start)
     radii = body.radius + skin
-    axis_distances(kind, start, end, solid, below + radii, distance, normal, point)
+    axis_distances(kind, start, end, solid, distance, normal, point)
     if not isinstance(other, Body) and kind != SEGMENT:
         normal = normal @ np.asarray(other.rotation).T
         point = point @ np.asarray(other.rotation).T + other.translation

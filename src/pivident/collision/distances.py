@@ -10,9 +10,6 @@ This is the distance where the axis is outside. Where it is inside, d is how far
 is from the surface, less the radius; that leads out as well as the depth of the whole capsule does,
 and is continuous. Solids are a segment (of another capsule; the radius is taken off by the
 caller), and a box or a cylinder along z around the origin of its own frame.
-
-Since |s(p) - s(p')| ≤ |p - p'|, the middle of the axis bounds d from below; a pair that this bound
-shows to be far apart is left at it.
 """
 
 from __future__ import annotations
@@ -76,7 +73,7 @@ def signed_distance(kind, solid, x, y, z):
 
 
 @kernel
-def axis_distances(kind, start, end, solid, far, distance, normal, point):
+def axis_distances(kind, start, end, solid, distance, normal, point):
     """min_t s(p(t)) for each sample, with its normal and point.
 
     Args:
@@ -84,10 +81,8 @@ def axis_distances(kind, start, end, solid, far, distance, normal, point):
         start: one end of the capsule's axis, in the solid's frame [m], shape (samples, 3).
         end: its other end, likewise.
         solid: numbers of the solid, shape (samples, 6), or (1, 6) where it does not move.
-        far: where the distance exceeds this [m], a lower bound of it is enough.
         distance: receives the distance [m], shape (samples,).
-        normal: receives its gradient by the point of the axis, shape (samples, 3); zeros where the
-            distance is but a bound.
+        normal: receives its gradient by the point of the axis, shape (samples, 3).
         point: receives the point of the axis [m], shape (samples, 3).
     """
     for k in range(start.shape[0]):
@@ -97,12 +92,6 @@ def axis_distances(kind, start, end, solid, far, distance, normal, point):
         length = np.sqrt(ux * ux + uy * uy + uz * uz)
         t = 0.5
         s, nx, ny, nz = signed_distance(kind, own, ax + t * ux, ay + t * uy, az + t * uz)
-        if s - 0.5 * length > far:
-            distance[k] = s - 0.5 * length
-            for c in range(3):
-                normal[k, c] = 0.0
-                point[k, c] = 0.0
-            continue
         if length > 0.0:
             t, s, nx, ny, nz = _lowest(kind, own, ax, ay, az, ux, uy, uz)
         if kind == SEGMENT and nx * nx + ny * ny + nz * nz < LEAST_GRADIENT**2:

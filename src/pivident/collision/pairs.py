@@ -11,7 +11,7 @@ import numpy as np
 from pivident.collision.bodies import Body
 from pivident.collision.obstacles import Obstacle
 from pivident.errors import ExperimentError
-from pivident.robot.description import Robot
+from pivident.robot.description import Joint, Robot
 from pivident.robot.naming import repeated
 
 #: Postures in which bodies are looked at that touch all the time, and their seed.
@@ -104,6 +104,37 @@ def random_postures(robot: Robot) -> np.ndarray:
     return np.random.default_rng(SEED).uniform(low, high, (POSTURES, robot.size))
 
 
+def levers(robot: Robot, link: int, points: Sequence[np.ndarray]) -> np.ndarray:
+    """Bounds of how far points of a link move as one joint does, |∂p/∂q_i| ≤ r_i.
+
+    r_i is the length of the chain from the axis of joint i to the points, stretched; 1 for a slide.
+
+    Args:
+        robot: the robot, with the ranges of its joints.
+        link: index of the link, -1 for the base.
+        points: in the link's frame [m], each (3,).
+
+    Returns:
+        Shape (joints,) [m/rad or 1]; zero for joints that do not move the link, infinite behind a
+        slide without limits.
+    """
+    found = np.zeros(robot.size)
+    length = max(float(np.linalg.norm(point)) for point in points)
+    for i in robot.ancestors(link) if link >= 0 else ():
+        joint = robot.joints[i]
+        found[i] = 1.0 if joint.kind == "prismatic" else length
+        length += float(np.linalg.norm(joint.translation)) + _travel(joint)
+    return found
+
+
+def _travel(joint: Joint) -> float:
+    """How far a slide moves at most [m]; zero for a joint that turns."""
+    if joint.kind != "prismatic":
+        return 0.0
+    limits = joint.position_limits
+    return np.inf if limits is None else max(abs(limits[0]), abs(limits[1]))
+
+
 def swept_ball(robot: Robot, body: Body) -> tuple[np.ndarray, float]:
     """A ball around the first joint of its chain that a body never leaves.
 
@@ -119,10 +150,7 @@ def swept_ball(robot: Robot, body: Body) -> tuple[np.ndarray, float]:
     ends = (np.linalg.norm(body.start), np.linalg.norm(body.end))
     radius = body.radius + float(max(ends))
     radius += sum(float(np.linalg.norm(robot.joints[i].translation)) for i in later)
-    for joint in (robot.joints[i] for i in (*later, first)):
-        if joint.kind == "prismatic":
-            limits = joint.position_limits
-            radius += np.inf if limits is None else max(abs(limits[0]), abs(limits[1]))
+    radius += sum(_travel(robot.joints[i]) for i in (*later, first))
     return robot.joints[first].translation, radius
 
 

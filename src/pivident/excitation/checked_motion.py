@@ -1,4 +1,8 @@
-"""The last word on a motion: every limit on a grid ten times finer than that of the search."""
+"""The last word on a motion: every limit on a grid ten times finer than that of the search.
+
+Positions, speeds, accelerations and torques are smooth, and so fine a grid shows them. Distances
+are not, where another corner becomes the nearest: they are bounded between its samples, too.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +12,7 @@ import numpy as np
 
 from pivident.excitation.constraints import Constraints
 from pivident.excitation.design import ClearanceUse, LimitUse
+from pivident.excitation.least_clearances import least_clearances
 from pivident.robot.description import Robot
 
 #: The grid is so many times finer than that of the search.
@@ -27,21 +32,35 @@ class FineCheck:
     constraints: Constraints
 
     @classmethod
-    def of(cls, search: Constraints, *, limits=None) -> FineCheck:
-        """The constraints of a search, on its finer grid, with the user's own limits."""
+    def of(cls, search: Constraints) -> FineCheck:
+        """The constraints of a search, on its finer grid."""
         return cls(
             Constraints.of(
                 search.family,
                 FINER * search.rate,
-                limits or search.limits,
+                search.limits,
                 search.torques,
                 search.clearances,
             )
         )
 
     def keeps_all(self, coefficients: np.ndarray) -> bool:
-        """Whether no sample breaks a limit."""
-        return self.constraints.largest_ratio(coefficients) <= ROUNDING
+        """Whether no limit is broken at any sample, and no clearance between them."""
+        c = self.constraints
+        if c.largest_ratio(coefficients) > ROUNDING:
+            return False
+        if c.clearances is None or not c.clearances.needed.size:
+            return True
+        least, _ = self._least(coefficients)
+        return bool((least >= c.clearances.needed).all())
+
+    def _least(self, coefficients: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Least clearances and their instants."""
+        c = self.constraints
+        assert c.clearances is not None
+        return least_clearances(
+            c.clearances, lambda t: c.family.functions(t)[:3] @ coefficients, self.times
+        )
 
     def repaired(self, coefficients: np.ndarray) -> np.ndarray | None:
         """The motion itself, or made smaller about its ends until it keeps all limits; or None."""
@@ -146,17 +165,11 @@ class FineCheck:
         c = self.constraints
         if c.clearances is None:
             return ()
-        q = c.functions[0] @ coefficients
-        distances = c.clearances.distances(q)
+        least, instants = self._least(coefficients)
         uses = [
-            ClearanceUse(
-                name,
-                float(row.min()),
-                float(needed),
-                float(self.times[int(np.argmin(row))]),
-            )
-            for name, row, needed in zip(
-                c.clearances.names, distances, c.clearances.needed, strict=True
+            ClearanceUse(name, float(distance), float(needed), float(t))
+            for name, distance, needed, t in zip(
+                c.clearances.names, least, c.clearances.needed, instants, strict=True
             )
         ]
         return tuple(sorted(uses, key=lambda use: use.least - use.needed))

@@ -10,12 +10,10 @@ largest of N ratios r_t is bounded by the smooth function (Kreisselmeier and Ste
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
-from pivident.collision.bodies import Body
-from pivident.collision.obstacles import Obstacle
+from pivident.collision.clearances import Clearances
 from pivident.excitation.information import Samples
 from pivident.excitation.limits import JointLimits
 from pivident.excitation.motions import MotionFamily
@@ -26,39 +24,6 @@ SHARPNESS = 350.0
 
 #: Way over which a clearance counts as from none to enough [m]: the ratio falls by one over it.
 CLEARANCE_SCALE = 0.1
-
-
-class Clearances(Protocol):
-    """What bodies must keep from each other."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """One for each clearance."""
-
-    @property
-    def bodies(self) -> tuple[Body, ...]:
-        """Bodies of the robot."""
-
-    @property
-    def obstacles(self) -> tuple[Obstacle, ...]:
-        """What stands around it."""
-
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """What is not looked at, and why."""
-
-    @property
-    def needed(self) -> np.ndarray:
-        """Clearances that are asked for [m], shape (clearances,)."""
-
-    def with_more(self, room: float) -> Clearances:
-        """The same with more room between all [m]."""
-
-    def distances(self, q: np.ndarray) -> np.ndarray:
-        """Clearances along a motion, shape (clearances, samples) [m]."""
-
-    def with_gradients(self, q: np.ndarray, below: float) -> tuple[np.ndarray, np.ndarray]:
-        """Clearances, and their derivatives by q, shape (clearances, samples, joints)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,8 +174,7 @@ class Constraints:
     def _clearance_constraints(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """One for each pair of bodies."""
         assert self.clearances is not None
-        # a step of the search may bring bodies together that are far apart now
-        distances, slopes = self.clearances.with_gradients(q, np.inf)
+        distances, slopes = self.clearances.with_gradients(q)
         ratios, weights = smooth_maximum(self._clearance_ratio(distances).T)
         net = -weights.T[:, :, None] * slopes / CLEARANCE_SCALE
         gradients = np.einsum("tk,ctj->ckj", self.functions[0], net, optimize=True)

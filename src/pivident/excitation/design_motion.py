@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from pivident.collision.clearances import Clearances
 from pivident.errors import ExperimentError
 from pivident.estimation.identification import Identification
 from pivident.excitation.checked_motion import FineCheck, with_more_room
-from pivident.excitation.constraints import Clearances
 from pivident.excitation.descent import Best
 from pivident.excitation.design import ClearanceUse, Design
 from pivident.excitation.design_account import account

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pivident.excitation.constraints import Clearances, Constraints
+from pivident.collision.clearances import Clearances
+from pivident.excitation.constraints import Constraints
 from pivident.excitation.criteria import Criterion
 from pivident.excitation.information import Information, assumed_noise
 from pivident.excitation.knowledge import Knowledge
