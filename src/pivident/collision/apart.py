@@ -2,22 +2,27 @@
 
 Links with two joints between them, as a base and an upper arm, are often near each other in every
 posture. Where their capsules overlap, a motion would be kept out of postures that are free. Only
-two positions count for such a pair, so a few hundred random postures show all that it can do.
+two positions count for such a pair, so a grid of them shows all that it can do.
 """
 
 from __future__ import annotations
 
 from itertools import product
 
+import numpy as np
+
 from pivident.collision.bodies import BASE, Outline
 from pivident.collision.clearances import Clearances
 from pivident.collision.exact import exact_distances
-from pivident.collision.pairs import POSTURES, candidate_pairs, random_postures
+from pivident.collision.pairs import candidate_pairs, position_ranges
 from pivident.extras import is_installed
 from pivident.robot.description import Robot
 
 #: Share of postures in which capsules are too near from which on the shapes are looked at.
 OFTEN = 0.02
+
+#: Positions of each of the two joints.
+POSITIONS = 31
 
 #: Least distance of two shapes that are taken to stay apart [m].
 LEAST_GAP = 1e-3
@@ -29,7 +34,7 @@ def built_apart(
     """Pairs of bodies that need not be checked, because their shapes never touch.
 
     Args:
-        robot: the robot.
+        robot: the robot, with the ranges that its joints move in.
         outline: its bodies; pairs of links with bodies by hand are always checked.
         clearance: distance that bodies keep [m].
 
@@ -42,7 +47,6 @@ def built_apart(
     """
     if outline.source != "urdf" or not is_installed("coal"):
         return frozenset(), ()
-    q = random_postures(robot)
     apart: set[frozenset[str]] = set()
     remarks = []
     for first, second in _two_joints_apart(robot):
@@ -52,6 +56,7 @@ def built_apart(
         pairs = candidate_pairs(
             robot, [*sides[0], *sides[1]], (), clearance, floor=False, tool=False
         )
+        q = _grid(robot, first, second)
         near = (Clearances(robot, tuple(pairs)).distances(q) < clearance).any(axis=0)
         if not near.mean() > OFTEN:
             continue
@@ -62,9 +67,21 @@ def built_apart(
             remarks.append(
                 f"Not checked: {' and '.join(names)}. Their capsules overlap "
                 f"in some postures, their own shapes stay {1e3 * distance.min():.0f} mm apart or "
-                f"more in {POSTURES} random ones."
+                f"more on a grid of {len(q)}."
             )
     return frozenset(apart), tuple(remarks)
+
+
+def _grid(robot: Robot, first: int, second: int) -> np.ndarray:
+    """Postures on a grid of the joints between two links, the others in their middles."""
+    ancestors = [set(robot.ancestors(link)) if link >= 0 else set() for link in (first, second)]
+    between = sorted(ancestors[0] ^ ancestors[1])
+    low, high = position_ranges(robot)
+    axes = [np.linspace(low[i], high[i], POSITIONS) for i in between]
+    places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(between))
+    q = np.tile(0.5 * (low + high), (len(places), 1))
+    q[:, between] = places
+    return q
 
 
 def _two_joints_apart(robot: Robot) -> list[tuple[int, int]]:

@@ -96,12 +96,22 @@ def random_postures(robot: Robot) -> np.ndarray:
     Returns:
         Joint positions [rad or m], shape (POSTURES, joints).
     """
+    low, high = position_ranges(robot)
+    return np.random.default_rng(SEED).uniform(low, high, (POSTURES, robot.size))
+
+
+def position_ranges(robot: Robot) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest position of each joint that are looked at [rad or m], each (joints,).
+
+    Args:
+        robot: the robot.
+    """
     limits = [
         joint.position_limits or (-WITHOUT_LIMITS[joint.kind], WITHOUT_LIMITS[joint.kind])
         for joint in robot.joints
     ]
     low, high = np.array(limits, dtype=float).T
-    return np.random.default_rng(SEED).uniform(low, high, (POSTURES, robot.size))
+    return low, high
 
 
 def levers(robot: Robot, link: int, points: Sequence[np.ndarray]) -> np.ndarray:
