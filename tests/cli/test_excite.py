@@ -21,6 +21,7 @@ from tests.planar_log import planar_log
 
 FILES = {
     "design.html", "design.json", "motion.csv", "motion.npz", "trajectory.yaml",
+    "trajectory_slow.yaml",
 }  # fmt: skip
 
 EXPERIMENT = """
@@ -119,11 +120,26 @@ def test_options_reach_the_design(folder):
 def test_an_existing_folder_keeps_its_other_files(folder):
     (folder / "motion").mkdir()
     (folder / "motion/notes.txt").write_text("mine")
-    (folder / "motion/design.json").write_text("old")
     assert excite("--out", "motion") == 0
     assert files_in(folder / "motion") == FILES | {"notes.txt"}
     assert load_design("motion").robot.size == 2
     assert (folder / "motion/notes.txt").read_text() == "mine"
+
+
+def test_a_design_is_never_replaced(folder, capsys):
+    """Its record may lie beside it, and would be compared with another motion."""
+    (folder / "motion").mkdir()
+    (folder / "motion/design.json").write_text("old")
+    assert excite("--out", "motion") == 1
+    assert "motion holds a design, and may hold its record" in capsys.readouterr().err
+    assert (folder / "motion/design.json").read_text() == "old"
+
+
+@pytest.mark.parametrize("rate", ["0", "-5", "nan"])
+def test_a_rate_that_means_nothing_is_refused_before_the_search(folder, capsys, rate):
+    assert excite(f"--rate={rate}") == 1
+    said = capsys.readouterr().err
+    assert "the rate is" in said and "searching" not in said
 
 
 def test_a_folder_that_is_there_is_left_alone_unless_it_is_named(folder):

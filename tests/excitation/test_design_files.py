@@ -14,13 +14,21 @@ def test_the_folder_holds_what_is_returned(tmp_path):
     paths = write_design(design, tmp_path / "motion", rate=200.0)
     assert [p.name for p in paths] == [
         "design.json", "motion.csv", "motion.npz", "postures.csv", "trajectory.yaml",
-        "pivident_motion.script", "pivident_motion.src", "pivident_motion.mod", "design.html",
+        "trajectory_slow.yaml", "pivident_motion.script", "pivident_motion_slow.script",
+        "pivident_motion.src", "pivident_motion.mod", "design.html",
     ]  # fmt: skip
     assert sorted(os.listdir(tmp_path / "motion")) == sorted(p.name for p in paths)
     with np.load(tmp_path / "motion" / "motion.npz", allow_pickle=False) as arrays:
         np.testing.assert_array_equal(arrays["q"], design.motion.sampled(200.0)[0])
         assert tuple(arrays["joint_names"]) == design.robot.joint_names
     assert load_design(tmp_path / "motion").seconds == design.seconds
+
+
+def test_programs_of_another_motion_do_not_stay(tmp_path):
+    write_design(made_design("staubli_tx40", "postures"), tmp_path, rate=100.0)
+    (tmp_path / "notes.txt").write_text("mine")
+    paths = write_design(made_design("planar_2r", "fourier"), tmp_path, rate=100.0)
+    assert sorted(os.listdir(tmp_path)) == sorted([*(p.name for p in paths), "notes.txt"])
 
 
 def test_a_write_that_fails_leaves_nothing(tmp_path, monkeypatch):

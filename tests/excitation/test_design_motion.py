@@ -1,5 +1,6 @@
 """Designs as a user asks for them."""
 
+import importlib
 import threading
 from dataclasses import replace
 
@@ -86,6 +87,41 @@ def test_a_goal_gives_a_shorter_motion_that_reaches_it():
     loose = design_motion(PLANAR, request(parameters=("fv1",), goal=0.05, duration=20.0))
     assert loose.motion.duration < 15.0
     assert next(p.relative for p in loose.predicted if p.wanted) <= 0.05
+    assert loose.motion.duration == pytest.approx(round(loose.motion.duration, 1), abs=1e-9)
+
+
+def test_a_goal_for_a_parameter_without_a_value_is_one_for_its_size():
+    """A first moment that the description has as zero: its noticeable torque counts."""
+    design = design_motion(PLANAR, request(parameters=("my1",), goal=1e-5))
+    (wanted,) = (p for p in design.predicted if p.wanted)
+    assert np.isnan(wanted.relative) and wanted.share > 1e-5
+    assert "my1 to" in design.notes[0] and "nan" not in design.notes[0]
+
+
+def test_ctrl_c_ends_all_searches_of_a_goal(monkeypatch):
+    module = importlib.import_module("pivident.excitation.design_motion")
+    searched = []
+
+    class Interrupted(module.Search):
+        def run(self, first=None):
+            best = super().run(first)
+            searched.append(self.objective.constraints.family.duration)
+            best.interrupted = True
+            return best
+
+    monkeypatch.setattr(module, "Search", Interrupted)
+    design = design_motion(PLANAR, request(parameters=("fv1",), goal=0.05, duration=20.0))
+    assert len(searched) == 1 and design.motion.duration == 20.0
+
+
+@pytest.mark.parametrize("kind", ["fourier", "splines", "postures"])
+def test_longer_motions_are_better(kind):
+    """Rounds of a motion as long as the functions reach, σ ∝ 1/√T."""
+    costs = [
+        design_motion(PLANAR, request(motion=kind, duration=d, seconds=2.0)).cost[1]
+        for d in (20.0, 100.0)
+    ]
+    assert costs[1] < 0.65 * costs[0]
 
 
 def test_a_goal_that_no_motion_reaches_says_what_is_reached_and_what_binds():
@@ -203,7 +239,10 @@ def test_joints_without_limits_are_asked_for_by_name():
         replace(j, position_limits=None) if j.name == "elbow" else j for j in PLANAR.joints
     )
     robot = replace(PLANAR, joints=joints)
-    with pytest.raises(ExperimentError, match=r"no position limits are known of elbow.*\[excite"):
+    with pytest.raises(
+        ExperimentError,
+        match=r"no position limits are known of elbow.*excite\.joint\.\"elbow\"\.pos",
+    ):
         design_motion(robot, request())
     limits = joint_limits(robot, {"elbow": {"position": (-1.0, 1.0)}})
     assert limits.source["position"] == ("description", "file")
@@ -215,7 +254,10 @@ def test_joints_without_limits_are_asked_for_by_name():
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"elbow": {"position": (1.0, -1.0)}}, "position limits of elbow, 1 to -1 rad, contradict"),
+        (
+            {"elbow": {"position": (1.0, -1.0)}},
+            "limits of elbow, 1 to -1 rad, are in the wrong",
+        ),
         ({"elbow": {"speed": -1.0}}, "speed limit of elbow is -1; a positive"),
     ],
 )

@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -100,3 +102,38 @@ def test_plain_values_give_the_motion_back_bit_for_bit(kind, seed):
 def test_plain_values_of_no_motion_are_refused(values, message):
     with pytest.raises(ValueError, match=message):
         ExcitingMotion.of(values)
+
+
+@pytest.mark.parametrize("kind", ["fourier", "splines", "postures"])
+def test_rounds_repeat_the_motion(kind):
+    rng = np.random.default_rng(3)
+    family = MotionFamily(kind, 6.0, 9, rounds=3)
+    motion = ExcitingMotion(family, rng.standard_normal((9, 2)))
+    assert motion.duration == 18.0 and motion.one_round.duration == 6.0
+    t = np.linspace(0.0, 5.99, 200)
+    first = motion.one_round.at(t)
+    for k in range(3):
+        np.testing.assert_allclose(motion.at(t + 6.0 * k), first, atol=1e-8)
+    ends = motion.at(np.array([0.0, 6.0, 12.0, 18.0, 99.0]))
+    np.testing.assert_allclose(ends[0], np.tile(motion.start, (5, 1)), atol=1e-9)
+    assert np.abs(ends[1:3]).max() < 1e-9
+    assert ExcitingMotion.of(motion.plain()).family == family
+    if kind == "postures":
+        assert motion.postures.shape == (1 + 3 * 9, 2)
+        np.testing.assert_array_equal(motion.postures[:10], motion.one_round.postures)
+        np.testing.assert_array_equal(motion.postures[9:19], motion.one_round.postures)
+
+
+@pytest.mark.parametrize("kind", ["splines", "postures"])
+def test_between_breakpoints_a_motion_is_a_quintic(kind):
+    family = MotionFamily(kind, 6.0, 9)
+    points = family.breakpoints
+    assert points[0] == 0.0 and points[-1] == 6.0 and (np.diff(points) > -1e-12).all()
+    for a, b in pairwise(points):
+        if b - a < 1e-6:
+            continue
+        t = np.linspace(a, b, 30)[1:-1]
+        x = (t - t.mean()) / (b - a)
+        values = family.functions(t)[0]
+        fitted = np.vander(x, 6) @ np.linalg.lstsq(np.vander(x, 6), values, rcond=None)[0]
+        np.testing.assert_allclose(fitted, values, atol=1e-9)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from pivident.excitation.design import PAGE_RATE
-from pivident.excitation.point_lists import postures_csv, sample_arrays, samples_csv, speed_limits
+from pivident.excitation.point_lists import postures_csv, sample_arrays, samples_csv
 from pivident.logs.described_log import described_log
 from pivident.logs.file_columns import read_columns
 from tests.excitation.designs import made_design, named
@@ -66,13 +66,13 @@ def test_postures_are_listed_in_units_of_pendants_and_in_si(robot):
         exact = [float(row[f"q_{name} [{si}]"]) for row in rows]
         np.testing.assert_allclose(exact, postures[:, j], rtol=1e-10)
         np.testing.assert_allclose(typed, scale * postures[:, j], atol=5.1e-5)
-    assert rows[0]["move duration [s]"] == "" and rows[0]["speed [% of limit]"] == ""
+    assert rows[0]["move duration [s]"] == "" and rows[0]["speed [% of rated speed]"] == ""
     total = sum(float(row["move duration [s]"]) + 0.05 for row in rows[1:])
     assert total == pytest.approx(design.motion.duration, abs=0.02)
 
 
 def test_the_share_of_the_speed_is_that_of_the_motion():
-    """Each move's largest speed, from samples of the motion, over the limit."""
+    """Each move's largest speed, from samples of the motion, over the rated speed."""
     design = made_design("staubli_tx40", "postures")
     rows = list(csv.DictReader(io.StringIO(postures_csv(design))))
     _, dq, _ = design.motion.sampled(5000.0)
@@ -80,5 +80,5 @@ def test_the_share_of_the_speed_is_that_of_the_motion():
     period = design.motion.duration / design.motion.family.size
     for k, row in enumerate(rows[1:]):
         own = (t >= k * period) & (t < (k + 1) * period)
-        share = (np.abs(dq[own]) / speed_limits(design)).max()
-        assert float(row["speed [% of limit]"]) == pytest.approx(100.0 * share, rel=1e-3)
+        share = (np.abs(dq[own]) / design.robot.rated_speeds).max()
+        assert float(row["speed [% of rated speed]"]) == pytest.approx(100.0 * share, rel=1e-3)

@@ -7,6 +7,7 @@ import yaml
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_typestore
 from ruamel.yaml import YAML
+from scipy.interpolate import BPoly
 
 from pivident.excitation.robot_programs import (
     LEAD_IN,
@@ -29,7 +30,50 @@ HOSTILE = (
 
 
 def program(design, ending):
+    """The first program of an ending; the slow ones are named ``_slow.yaml`` and so on."""
     return next(p.text for p in robot_programs(design) if p.name.endswith(ending))
+
+
+def test_slow_programs_pass_the_same_path():
+    """At a quarter of the speed: times longer by 4, speeds by 1/4, accelerations by 1/16."""
+    design = made_design("staubli_tx40", "splines")
+    fast, slow = (yaml.safe_load(program(design, e))["points"] for e in ("ry.yaml", "_slow.yaml"))
+    assert len(fast) == len(slow)
+    for key, factor in (("positions", 1.0), ("velocities", 0.25), ("accelerations", 0.0625)):
+        one, other = (np.array([p[key] for p in points]) for points in (fast, slow))
+        np.testing.assert_allclose(other, factor * one, atol=2e-9)
+    one, other = (
+        np.array([p["time_from_start"]["sec"] + 1e-9 * p["time_from_start"]["nanosec"] for p in x])
+        for x in (fast, slow)
+    )
+    np.testing.assert_allclose(other - LEAD_IN, 4.0 * (one - LEAD_IN), atol=1e-8)
+    assert "25 % OF THE DESIGNED SPEED" in program(design, "_slow.yaml")
+    stream = [s for s in statements(program(design, "_slow.script")) if s[0] == "servoj"]
+    assert {rest for _, _, rest in stream} == {"0, 0, 0.032, 0.05, 300"}
+    moves = statements(program(made_design("staubli_tx40", "postures"), "_slow.script"))
+    timed = statements(program(made_design("staubli_tx40", "postures"), "motion.script"))
+    for (_, _, late), (name, _, soon) in zip(moves[2:], timed[2:], strict=True):
+        factor = 4.0 if name == "movej" else 1.0
+        assert float(late.removeprefix("t=")) == pytest.approx(
+            factor * float(soon.removeprefix("t=")), abs=3e-4
+        )
+
+
+def test_the_interpolant_of_ros_keeps_the_jerk_of_the_moves():
+    """The quintic through the points of a move is the move, between its breakpoints."""
+    design = made_design("staubli_tx40", "postures")
+    points = yaml.safe_load(program(design, "ry.yaml"))["points"]
+    t = np.array(
+        [p["time_from_start"]["sec"] + 1e-9 * p["time_from_start"]["nanosec"] for p in points]
+    )
+    q, dq, ddq = (
+        np.array([p[n] for p in points]) for n in ("positions", "velocities", "accelerations")
+    )
+    spline = BPoly.from_derivatives(t - LEAD_IN, np.stack([q, dq, ddq], axis=1))
+    fine = np.linspace(0.0, design.motion.duration, 20_001)
+    expected = np.abs(design.motion.at(fine)[3]).max(axis=0)
+    found = np.abs(spline(fine, nu=3)).max(axis=0)
+    np.testing.assert_allclose(found, expected, rtol=0.02)
 
 
 def unchecked(design, *names):
@@ -70,7 +114,7 @@ def test_ros_points_are_the_motion(robot, kind):
     for k, name in enumerate(("positions", "velocities", "accelerations")):
         values = np.array([p[name] for p in message["points"]])
         assert values.dtype == float  # none was read as a text
-        np.testing.assert_allclose(values, expected[k], atol=2e-8)
+        np.testing.assert_allclose(values, expected[k], atol=5e-7)  # times are whole ns
         if k:
             assert not values[[0, -1]].any()  # at rest, exactly
     assert all(p["effort"] == [] for p in message["points"])
@@ -141,7 +185,9 @@ def test_hostile_names_come_back_from_yaml_as_they_are():
 def statements(text):
     """Calls of a URScript program, its comments left out: name and arguments."""
     lines = [line.strip() for line in text.splitlines()]
-    assert lines[0] == "def pivident_motion():" and lines[-1] == "end"
+    assert (
+        lines[0] in ("def pivident_motion():", "def pivident_motion_slow():") and lines[-1] == "end"
+    )
     calls = []
     for line in lines[1:-1]:
         if line.startswith("#"):
@@ -192,8 +238,7 @@ def test_krl_goes_to_the_postures_in_degrees():
     np.testing.assert_allclose(np.radians(axes), design.motion.postures, atol=1e-6)
     speeds = [int(x) for x in re.findall(r"^BAS \(#VEL_PTP,(\d+)\)$", text, re.M)]
     _, dq, _ = design.motion.sampled(2000.0)
-    limits = {u.joint: u.high for u in design.limits if u.quantity == "speed"}
-    shares = np.abs(dq) / np.array([limits[name] for name in design.robot.joint_names])
+    shares = np.abs(dq) / design.robot.rated_speeds
     per_move = np.array_split(shares, 7)  # all moves take the same time
     expected = [100.0 * share.max() for share in per_move]
     np.testing.assert_allclose(speeds[1:], np.ceil(expected), atol=1.0)
@@ -204,20 +249,53 @@ def test_rapid_goes_to_the_postures_in_degrees_and_in_time():
     design = made_design("staubli_tx40", "postures")
     text = program(design, ".mod")
     moves = re.findall(
-        r"MoveAbsJ \[\[([^]]*)\],\[(?:9E9,?){6}\]\],(\w+)(?:\\T:=([\d.]+))?,fine,tool0;", text
+        r"MoveAbsJ \[\[([^]]*)\],\[(?:9E9,?){6}\]\],([\w\[,\]]+?)(?:\\T:=([\d.]+))?,fine,tool0;",
+        text,
     )
     axes = np.array([[float(x) for x in own.split(",")] for own, _, _ in moves])
     np.testing.assert_allclose(np.radians(axes), design.motion.postures, atol=1e-6)
-    assert moves[0][1:] == ("v50", "")
+    assert moves[0][1:] == ("[50,15,50,15]", "")
     times = {float(t) for _, _, t in moves[1:]}
     assert times == {round(design.motion.family.move_duration, 4)}
 
 
-def test_a_robot_of_two_axes_leaves_the_others_of_abb_at_zero():
-    text = program(made_design("planar_2r", "postures"), ".mod")
-    axes = re.search(r"MoveAbsJ \[\[([^]]*)\]", text).group(1).split(",")
-    assert len(axes) == 6 and [float(x) for x in axes[2:]] == [0.0] * 4
+def test_postures_of_two_axes_are_none_of_abb():
+    """RAPID would move the four others, which nobody has checked."""
+    endings = {
+        p.name.rpartition(".")[2] for p in robot_programs(made_design("planar_2r", "postures"))
+    }
+    assert endings == {"yaml", "src"}
     assert "A2" in program(made_design("planar_2r", "postures"), ".src")
+
+
+def test_krl_without_rated_speeds_is_careful():
+    design = made_design("staubli_tx40", "postures")
+    joints = tuple(replace(joint, rated_speed=None) for joint in design.robot.joints)
+    text = program(replace(design, robot=replace(design.robot, joints=joints)), ".src")
+    assert set(re.findall(r"#VEL_PTP,(\d+)", text)) == {"10"}
+    assert "Rated speeds are unknown" in text
+
+
+def test_a_slower_design_is_a_slower_program():
+    """Controllers count in rated speeds, whatever the design was allowed."""
+    design = made_design("staubli_tx40", "postures")
+    joints = tuple(replace(j, rated_speed=3.0 * j.rated_speed) for j in design.robot.joints)
+    faster = replace(design, robot=replace(design.robot, joints=joints))
+    speeds = [
+        [int(x) for x in re.findall(r"#VEL_PTP,(\d+)", program(d, ".src"))[1:]]
+        for d in (design, faster)
+    ]
+    np.testing.assert_allclose(np.array(speeds[0]) / 3.0, speeds[1], atol=1.0)
+
+
+def test_programs_say_what_was_not_checked():
+    design = made_design("staubli_tx40", "postures")
+    note = "Not checked: wrist and table\nhalt(), which are near in every posture."
+    for text in (p.text for p in robot_programs(replace(design, notes=(note,)))):
+        assert "Not checked: wrist and table" in text and "\nhalt" not in text
+        assert f"Checked: {len(design.clearances)} distances" in text
+    for text in (p.text for p in robot_programs(replace(design, clearances=()))):
+        assert "COLLISIONS WERE NOT CHECKED" in text
 
 
 COMMENT = {".script": "#", ".src": ";", ".mod": "!", ".yaml": "#"}
@@ -243,7 +321,8 @@ def test_no_name_breaks_out_of_a_comment(ending):
 @pytest.mark.parametrize("ending", COMMENT)
 def test_every_program_warns_and_says_what_it_uses(ending):
     text = program(made_design("staubli_tx40", "postures"), ending)
-    assert "RUN IT SLOWLY FIRST (override 10 %)" in text
+    assert ("RUN THE SLOW PROGRAM FIRST" in text) == (ending in (".yaml", ".script"))
+    assert ("RUN IT SLOWLY FIRST (override 10 %)" in text) == (ending in (".src", ".mod"))
     assert '1: "joint_1", speed 98 % of its limit, torque 67 % of its limit' in text
     units = {".script": "in rad:", ".yaml": "in rad:"}.get(ending, "in deg:")
     assert units in text
@@ -253,11 +332,11 @@ def test_what_cannot_be_written_is_said():
     endings = {p.name.rpartition(".")[2] for p in robot_programs(made_design("planar_2r"))}
     assert endings == {"yaml"}
     said = unwritten_programs(made_design("planar_2r"))
-    assert len(said) == 3
+    assert len(said) == 4
     assert "six revolute joints, and this robot has 2 revolute joints" in said[0]
-    assert "'fourier'" in said[1]
+    assert "'fourier'" in said[2]
     assert unwritten_programs(made_design("staubli_tx40", "postures")) == ()
     assert {p.name.rpartition(".")[2] for p in robot_programs(made_design("emps", "postures"))} == {
         "yaml"
     }
-    assert "1 prismatic joint" in unwritten_programs(made_design("emps", "postures"))[1]
+    assert "1 prismatic joint" in unwritten_programs(made_design("emps", "postures"))[2]

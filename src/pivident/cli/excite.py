@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,11 +15,9 @@ from pivident.text.lists import separated
 
 if TYPE_CHECKING:
     from pivident.estimation.identification import Identification
+    from pivident.excitation.request import DesignRequest
     from pivident.experiment.excite_keys import ExciteEntry
     from pivident.robot.description import Robot
-
-#: Rate of the samples that are written where none is asked for [Hz].
-USUAL_RATE = 1000.0
 
 
 def excite(
@@ -60,7 +59,8 @@ def excite(
     parameters
         Parameters that count, separated by commas: zz3r,fc5. Default: all.
     to
-        Relative standard error that each of them must reach, such as 2%; the shortest motion that
+        Standard error over its value that each of them must reach, such as 2% (of a very small
+        parameter: over the size from which on its torque is noticeable); the shortest motion that
         gives it is designed.
     after
         Earlier results, the last one first: their noise and what they know already count.
@@ -68,8 +68,8 @@ def excite(
         File with a table [excite]: limits, obstacles, floor, box of the tool. Default: that of the
         experiment file.
     start
-        Posture at both ends in rad or m, one number for each joint, separated by commas. Default:
-        chosen with the motion.
+        Posture at both ends in rad or m, one number for each joint, separated by commas:
+        --start=-0.2,0.5. Default: chosen with the motion.
     rate
         Rate of the samples in motion.csv and motion.npz in Hz. Default: 1000.
     seconds
@@ -77,17 +77,21 @@ def excite(
     seed
         Seed of the random starts. Default: 0.
     out
-        Folder for the design, its files and its page. Default: motion, or motion-2 and so on where
-        that is there: a record may lie beside its design.
+        Folder for the design, its files and its page; one that holds a design already is refused,
+        since a record may lie beside it. Default: motion, or motion-2 and so on.
     """
     from pivident.cli.workflow import check_output
     from pivident.collision.room import clearances_of_room
-    from pivident.excitation.design_files import write_design
+    from pivident.excitation.design_files import RATE, check_rate, write_design
     from pivident.excitation.design_motion import design_motion
     from pivident.excitation.excite_table import limits_of, question_of, torque_noise_of
 
     folder = out or _new_folder()
     check_output(folder)
+    if (folder / "design.json").exists():
+        raise ExperimentError(
+            f"{folder} holds a design, and may hold its record; choose another --out, or remove it"
+        )
     with Progress() as progress:
         progress.say(f"reading {subject}")
         robot, table, known = _subject(subject)
@@ -107,10 +111,11 @@ def excite(
             "seed": seed,
         }
         request = _request(table, given)
+        samples = next(r for r in (rate, table.rate, RATE) if r is not None)
+        check_rate(samples)
         limits = limits_of(robot, table)
         progress.say("looking at bodies and obstacles")
         clearances = clearances_of_room(limits.of_robot(robot), table)
-        progress.say(f"searching for {request.seconds:g} s (Ctrl-C keeps the best motion so far)")
         design = design_motion(
             robot,
             request,
@@ -122,7 +127,9 @@ def excite(
             progress=progress.say,
         )
         progress.say("writing the design")
-        written = write_design(design, folder, rate or table.rate or USUAL_RATE)
+        asked = {"robot": subject} | table.model_dump(mode="json", exclude_unset=True)
+        design = replace(design, settings=asked | dict(design.settings))
+        written = write_design(design, folder, samples)
     print(design)
     print(f"\nFiles: {', '.join(path.name for path in written)} in {folder}")
     return 0
@@ -161,7 +168,7 @@ def _results(paths: tuple[Path, ...]) -> list[Identification]:
     return [load_identification(result_of(path)) for path in paths]
 
 
-def _request(table: ExciteEntry, given: dict[str, Any]) -> Any:
+def _request(table: ExciteEntry, given: dict[str, Any]) -> DesignRequest:
     """What is asked: the command line before the file."""
     from pivident.excitation.request import DesignRequest
 

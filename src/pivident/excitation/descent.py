@@ -54,6 +54,7 @@ class Best:
     #: limit between the samples that the best one breaks there.
     earlier: list[np.ndarray] = field(default_factory=list)
     ended: threading.Event = field(default_factory=threading.Event)
+    interrupted: bool = False  # by the user
     _listed: float = np.inf  # criterion of the last of them
     _lock: threading.Lock = field(default_factory=threading.Lock)
 

@@ -11,6 +11,7 @@ from pivident.excitation.criteria import condition_number, standard_errors
 from pivident.excitation.descent import Best
 from pivident.excitation.design import PAGE_RATE, Design, PredictedError
 from pivident.excitation.design_task import SAMPLES, DesignTask
+from pivident.excitation.limits import RISE, wider_than_described
 from pivident.excitation.motions import ExcitingMotion
 from pivident.text.lists import listed
 
@@ -23,7 +24,7 @@ def account(task: DesignTask, fine: FineCheck, motion: ExcitingMotion, best: Bes
     start, _ = task.predicted(first)
     rate = 2.0 * SAMPLES / motion.family.time_scale
     bare = task.information(rate, bare=True)
-    bare_start, bare_end = bare.of(first.sampled(rate)), bare.of(motion.sampled(rate))
+    bare_start, bare_end = (bare.of(m.one_round.sampled(rate)) for m in (first, motion))
     cost = [
         criterion.reached(i if criterion.weighted else b)
         for i, b in ((start, bare_start), (information, bare_end))
@@ -63,12 +64,7 @@ def account(task: DesignTask, fine: FineCheck, motion: ExcitingMotion, best: Bes
         limits=limits,
         clearances=fine.clearance_uses(motion.coefficients),
         noise=task.known.noise_words,
-        notes=(
-            *task.known.notes,
-            *question.notes,
-            *_notes(task),
-            *(() if room is None else room.remarks),
-        ),
+        notes=tuple(_notes(task)),
         settings=_settings(task),
         bodies=() if room is None else room.bodies,
         obstacles=() if room is None else room.obstacles,
@@ -115,7 +111,7 @@ def _remark(task: DesignTask, k: int, std: float, size: float, limits: tuple) ->
         return "not determined within the limits"
     joints = {task.robot.joints[j].name for j in task.robot.ancestors(base.parameters[k].joint)}
     binding = [f"{u.quantity} of {u.joint}" for u in limits if u.joint in joints and u.share > 0.9]
-    text = "its torque stays within the noise in every motion that the limits allow"
+    text = "its torque stays within the noise in all motions that were found"
     return f"{text}; what binds: {listed(binding)}" if binding else text
 
 
@@ -133,25 +129,32 @@ def _notes(task: DesignTask) -> list[str]:
     assumed = task.limits.source.get("acceleration", ())
     if "assumed" in assumed:
         notes.append(
-            "No largest accelerations are known: a joint is taken to reach its largest speed in "
-            "0.25 s. Give those of your controller, [excite.joint.NAME] acceleration = 15."
+            f"No largest accelerations are known: a joint is taken to reach its largest speed in "
+            f"{RISE:g} s. Give those of your controller: acceleration = 15 (rad/s² or m/s²) in the "
+            "table [excite]."
         )
     if not task.torques:
         notes.append(
-            "No masses are known, so that torques could not be told: their limits were not looked "
-            "at. Run the motion at half the speed first, and watch the torques."
+            "No masses are known, so that torques cannot be computed and their limits were not "
+            "checked. Run the slow programs first, and watch the torques."
         )
     elif np.isinf(task.limits.torque).all():
         notes.append("No torque limits are known: torques were not limited.")
     elif not task.known.earlier.any():
         notes.append(
             "Torques are those of the description, without the uncertainty of its masses and "
-            "without friction that it does not have. Run the motion at half the speed first."
+            "without friction that it does not have. Run the slow programs first."
         )
+    if len(task.question.loads) > 1:
+        notes.append(
+            "The motion is run twice, without and with the load. The clearances are those of the "
+            "bodies that are given: give one for the load, too, [[excite.body]]."
+        )
+    notes += wider_than_described(task.robot, task.limits)
     if task.clearances is None:
         notes.append(
             "No bodies are known: collisions of the arm with itself and with what stands around it "
-            "were not looked at."
+            "were not checked."
         )
     if hidden := task.known.base.without_effect.size:
         names = [task.known.base.standard[i].name for i in task.known.base.without_effect]

@@ -12,7 +12,7 @@ from pivident.errors import PividentError
 from pivident.excitation.design import Design
 from pivident.excitation.design_file import design_json
 from pivident.excitation.point_lists import postures_csv, sample_arrays, samples_csv
-from pivident.excitation.robot_programs import robot_programs
+from pivident.excitation.robot_programs import PROGRAM_FILES, robot_programs
 from pivident.extras import is_installed
 from pivident.files import atomic_folder
 
@@ -21,6 +21,12 @@ if TYPE_CHECKING:
 
 #: Samples of the motion per second [Hz], where nothing else is asked for.
 RATE = 1000.0
+
+#: All files of a design: those that one does not have are taken away from its folder.
+DESIGN_FILES = (
+    *("design.json", "motion.csv", "motion.npz", "postures.csv", "design.html"),
+    *PROGRAM_FILES,
+)
 
 #: Largest number of samples of a file.
 MAX_SAMPLES = 10_000_000
@@ -31,21 +37,24 @@ def write_design(
 ) -> tuple[Path, ...]:
     """Write a design as files, all of them or none.
 
-    ==========================  ============================================================
-    ``design.json``             everything, read back by `load_design`
-    ``motion.csv``              t, q, dq and ddq of all joints at the rate
-    ``motion.npz``              the same as arrays of the same names, and ``joint_names``
-    ``postures.csv``            of a motion between postures: for a teach pendant
-    ``trajectory.yaml``         ``trajectory_msgs/msg/JointTrajectory`` of ROS 2
-    ``pivident_motion.script``  URScript, for six revolute joints
-    ``pivident_motion.src``     KUKA KRL, for up to six revolute joints and postures
-    ``pivident_motion.mod``     ABB RAPID, likewise
-    ``design.html``             the page, where plotly is installed
-    ==========================  ============================================================
+    ===============================  =======================================================
+    ``design.json``                  everything, read back by `load_design`
+    ``motion.csv``                   t, q, dq and ddq of all joints at the rate
+    ``motion.npz``                   the same as arrays of the same names, and ``joint_names``
+    ``postures.csv``                 of a motion between postures: for a teach pendant
+    ``trajectory.yaml``              ``trajectory_msgs/msg/JointTrajectory`` of ROS 2
+    ``trajectory_slow.yaml``         the same at a quarter of the speed, for a first run
+    ``pivident_motion.script``       URScript, for six revolute joints
+    ``pivident_motion_slow.script``  the same at a quarter of the speed
+    ``pivident_motion.src``          KUKA KRL, for up to six revolute joints and postures
+    ``pivident_motion.mod``          ABB RAPID, for six revolute joints and postures
+    ``design.html``                  the page, where plotly is installed
+    ===============================  =======================================================
 
     Args:
         design: the design.
-        folder: folder to write to; it is created, other files in it stay.
+        folder: folder to write to; it is created. Files of another design in it are replaced or
+            removed, all others stay.
         rate: of the samples in ``motion.csv`` and ``motion.npz`` [Hz].
 
     Returns:
@@ -55,8 +64,7 @@ def write_design(
         PividentError: the rate is no positive number of samples per second, or asks for too many;
             or the folder cannot be written.
     """
-    if not (np.isfinite(rate) and rate > 0.0):
-        raise PividentError(f"the rate is {rate:g} Hz; give a positive number, such as {RATE:g}")
+    check_rate(rate)
     if design.motion.duration * rate > MAX_SAMPLES:
         raise PividentError(
             f"{design.motion.duration:g} s at {rate:g} Hz are more than {MAX_SAMPLES} samples; "
@@ -76,7 +84,22 @@ def write_design(
         if is_installed("plotly"):
             _write(build / "design.html", _page(design, texts, rate))
             names.append("design.html")
+        for stale in set(DESIGN_FILES).difference(names):
+            (folder / stale).unlink(missing_ok=True)
     return tuple(folder / name for name in names)
+
+
+def check_rate(rate: float) -> None:
+    """Refuse a rate of samples that means nothing.
+
+    Args:
+        rate: of the samples [Hz].
+
+    Raises:
+        PividentError: it is not positive and finite.
+    """
+    if not (np.isfinite(rate) and rate > 0.0):
+        raise PividentError(f"the rate is {rate:g} Hz; give a positive number, such as {RATE:g}")
 
 
 def _texts(design: Design, rate: float) -> list[tuple[str, str, str]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -15,19 +16,23 @@ from pivident.excitation.descent import Best
 from pivident.excitation.design import ClearanceUse, Design
 from pivident.excitation.design_account import account
 from pivident.excitation.design_task import DesignTask
+from pivident.excitation.design_text import share_words
 from pivident.excitation.feasibility import ROOM, check_start, check_travel, why_none
 from pivident.excitation.knowledge import Knowledge, knowledge
 from pivident.excitation.limits import PLANNED_SHARE, JointLimits, joint_limits
 from pivident.excitation.motions import ExcitingMotion
 from pivident.excitation.objective import Objective
 from pivident.excitation.questions import Question, robot_question
-from pivident.excitation.request import DesignRequest, chosen_parameters
+from pivident.excitation.request import MIN_DURATION, DesignRequest, chosen_parameters
 from pivident.excitation.search import Search
 from pivident.robot.description import Robot
 from pivident.text.lists import listed
 
 #: Durations between which a goal is looked for: no nearer than this share.
 DURATION_SHARE = 0.1
+
+#: Durations that are tried are multiples of this [s].
+DURATION_STEP = 0.1
 
 Say = Callable[[str], None]
 
@@ -67,6 +72,15 @@ def design_motion(
     request = request or DesignRequest()
     limits = limits or joint_limits(robot)
     known = knowledge(robot, limits, after, torque_noise)
+    if question is not None and request.parameters:
+        raise ExperimentError(
+            f"{listed(list(request.parameters))} cannot be chosen where the question is about a "
+            "load or drive gains: all of its unknowns count; leave the parameters out"
+        ).about("parameters")
+    if request.goal is not None and question is None and not request.parameters:
+        raise ExperimentError(
+            "a goal needs the parameters that must reach it, such as --for zz3r,fc5 --to 2%"
+        ).about("to")
     if question is None:
         asked = chosen_parameters(known.base, request.parameters)
         made = robot_question(known.base, known.values, asked)
@@ -75,57 +89,68 @@ def design_motion(
     task = DesignTask(robot, request, limits, known, made, clearances)
     check_start(task)
     check_travel(task)
+    say(f"searching for {request.seconds:g} s (Ctrl-C keeps the best motion so far)")
+    begin = time.perf_counter()
     if request.goal is None:
-        return _designed(task, request.duration, request.seconds, say)
-    return _shortest(task, request.goal, say)
+        design, _ = _designed(task, request.duration, request.seconds, say)
+    else:
+        design = _shortest(task, request.goal, say)
+    return replace(design, seconds=time.perf_counter() - begin)
 
 
 def _shortest(task: DesignTask, goal: float, say: Say) -> Design:
-    """The shortest motion that gives each chosen parameter a relative standard error.
+    """The shortest motion that gives each parameter that is asked for a standard error.
 
     Standard errors fall with the root of the duration, which is what the next one is tried from.
     """
     longest, tries = task.request.duration, 5
     seconds = task.request.seconds / (tries + 1)
-    design = _designed(task, longest, 2.0 * seconds, say)
-    if _worst(design) > goal:  # whatever time is left goes into the longest motion
+    best, ended = _designed(task, longest, 2.0 * seconds, say)
+    if _worst(best) > goal and not ended:  # whatever time is left goes into the longest motion
         left = task.request.seconds - 2.0 * seconds
-        design = _designed(task, longest, left, say, design.motion.coefficients)
-    best, low, high = design, 0.0, longest
+        best, ended = _designed(task, longest, left, say, best.motion.coefficients)
+    if _worst(best) > goal:
+        return replace(best, notes=(_goal_missed(best, goal, longest), *best.notes))
+    low, tried, reached = 0.0, longest, _worst(best)
     for _ in range(tries - 1):
-        reached = _worst(design)
-        if best is design and reached > goal and high == longest:
-            note = _goal_missed(design, goal, longest)
-            return replace(design, notes=(*design.notes, note))
-        if reached <= goal:
-            best, high = design, design.motion.duration
-        else:
-            low = design.motion.duration
-        if high - low <= DURATION_SHARE * high:
+        high = best.motion.duration
+        if ended or high - low <= DURATION_SHARE * high:
             break
-        likely = design.motion.duration * (reached / goal) ** 2
+        likely = tried * (reached / goal) ** 2
         wanted = float(np.clip(likely, low + 0.1 * (high - low), high - 0.1 * (high - low)))
-        shortest = 2.0
-        if wanted < shortest:
+        wanted = round(wanted / DURATION_STEP) * DURATION_STEP
+        if wanted < MIN_DURATION or not low < wanted < high:
             break
         say(f"{100 * goal:.3g} % in {wanted:.3g} s?")
         try:
-            design = _designed(task, wanted, seconds, say)
+            found, ended = _designed(task, wanted, seconds, say)
         except ExperimentError:  # too short for the limits
-            low = wanted
+            low = tried = wanted
+            reached = goal
             continue
+        tried, reached = wanted, _worst(found)
+        if reached <= goal:
+            best = found
+        else:
+            low = wanted
+    if low > 0.0:
+        note = (
+            f"This is the shortest motion that was found to reach {100 * goal:g} %: none of "
+            f"{low:g} s did."
+        )
+        best = replace(best, notes=(*best.notes, note))
     return best
 
 
 def _worst(design: Design) -> float:
-    """Largest relative standard error of the parameters that were asked for."""
-    return max((p.relative for p in design.predicted if p.wanted), default=float("nan"))
+    """Largest standard error over its size of the parameters that were asked for."""
+    return max(p.share for p in design.predicted if p.wanted)
 
 
 def _goal_missed(design: Design, goal: float, longest: float) -> str:
     """What the best motion reaches, and what binds."""
     wanted = [p for p in design.predicted if p.wanted]
-    reached = ", ".join(f"{p.name} to {100 * p.relative:.3g} %" for p in wanted)
+    reached = ", ".join(f"{p.name} to {share_words(p)}" for p in wanted)
     text = (
         f"No motion of up to {longest:g} s reaches {100 * goal:g} %: the best one gives {reached}"
     )
@@ -144,8 +169,11 @@ def _designed(
     seconds: float,
     say: Say,
     first: np.ndarray | None = None,
-) -> Design:
-    """One search with one duration; ``first``: coefficients that it begins with."""
+) -> tuple[Design, bool]:
+    """One search with one duration, and whether the user has ended it.
+
+    ``first``: coefficients that it begins with.
+    """
     family = task.family(duration)
     allowed = task.constraints(family)
     fine = FineCheck.of(allowed)
@@ -165,7 +193,7 @@ def _designed(
             "every motion that was found breaks a limit between the samples of the search; give "
             "the search more time, or a larger clearance"
         )
-    return account(task, fine, ExcitingMotion(family, coefficients), best)
+    return account(task, fine, ExcitingMotion(family, coefficients), best), best.interrupted
 
 
 def _kept(objective: Objective, fine: FineCheck, best: Best) -> np.ndarray | None:

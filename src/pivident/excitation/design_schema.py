@@ -12,8 +12,8 @@ from pivident.robot.robot_values import Finite, Matrix3, Name, RobotValues, Valu
 
 FORMAT, SCHEMA = "pivident-design", 1
 
-#: Longest motion [s], and the largest number of its functions.
-MAX_DURATION, MAX_FUNCTIONS = 86_400.0, 10_000
+#: Longest round of a motion [s], most rounds, and the largest number of functions.
+MAX_DURATION, MAX_ROUNDS, MAX_FUNCTIONS = 86_400.0, 10_000, 10_000
 
 #: A number that is written as null where it is not finite.
 Known = Finite | None
@@ -25,6 +25,7 @@ class MotionValues(Values):
 
     kind: MotionKind
     duration: Annotated[float, Field(gt=0.0, le=MAX_DURATION)]
+    rounds: Annotated[int, Field(ge=1, le=MAX_ROUNDS)] = 1
     coefficients: Annotated[list[list[Finite]], Field(min_length=1, max_length=MAX_FUNCTIONS)]
 
 

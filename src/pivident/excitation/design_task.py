@@ -65,33 +65,40 @@ class DesignTask:
         rate = SAMPLES / family.time_scale
         return Constraints.of(family, rate, self.limits, self.torques, self.clearances)
 
-    def information(self, rate: float, *, bare: bool = False) -> Information:
-        """Information of motions sampled at a rate [Hz]; bare: of the unweighted matrix."""
+    def information(self, rate: float, rounds: int = 1, *, bare: bool = False) -> Information:
+        """Information of rounds sampled at a rate [Hz]; bare: of the unweighted matrix."""
         known, size = self.known, self.question.size
         if bare:
             noise = assumed_noise(np.ones(self.robot.size), rate)
             question = robot_question(known.base, known.values)
             size = question.size
-            return Information(known.regressor, noise, rate, np.zeros((size, size)), question)
+            return Information(
+                known.regressor, noise, rate, np.zeros((size, size)), question, rounds
+            )
         earlier = np.zeros((size, size))
         earlier[: len(known.base), : len(known.base)] = known.earlier
         noise = known.noise
         if self.request.motion != "postures":
             # at rest a joint's speed is noise, and its friction any; one that turns round is not
             noise = replace(noise, standstill=np.zeros(self.robot.size))
-        return Information(known.regressor, noise, rate, earlier, self.question)
+        return Information(known.regressor, noise, rate, earlier, self.question, rounds)
 
     def objective(self, constraints: Constraints) -> Objective:
         """The criterion of motions under constraints."""
         samples = constraints.functions.shape[1]
-        rate = (samples - 1) / constraints.family.duration
+        family = constraints.family
+        rate = (samples - 1) / family.duration
         bare = not self.criterion.weighted
-        return Objective(self.criterion, self.information(rate, bare=bare), constraints)
+        return Objective(
+            self.criterion, self.information(rate, family.rounds, bare=bare), constraints
+        )
 
     def predicted(self, motion: ExcitingMotion) -> tuple[np.ndarray, np.ndarray]:
         """Information of a motion at the rate of the prediction, and of its record alone."""
         rate = min(PREDICTION_RATE, self.known.noise.rate)
         rate = max(rate, 2.0 * SAMPLES / motion.family.time_scale)
-        made = self.information(rate)
-        alone = replace(made, earlier=np.zeros_like(made.earlier)).of(motion.sampled(rate))
+        made = self.information(rate, motion.family.rounds)
+        alone = replace(made, earlier=np.zeros_like(made.earlier)).of(
+            motion.one_round.sampled(rate)
+        )
         return made.earlier + alone, alone

@@ -51,12 +51,13 @@ def kind_words(design: Design) -> str:
     Args:
         design: the design.
     """
-    size = design.motion.family.size
-    if design.motion.kind == "fourier":
-        return f"Fourier motion of {(size - 1) // 2} harmonics"
-    if design.motion.kind == "splines":
-        return f"spline motion of {size - 1} functions"
-    return f"motion between {size} postures"
+    family = design.motion.family
+    rounds = f", {family.rounds} rounds" if family.rounds > 1 else ""
+    if family.kind == "fourier":
+        return f"Fourier motion of {(family.size - 1) // 2} harmonics{rounds}"
+    if family.kind == "splines":
+        return f"spline motion of {family.size - 1} functions{rounds}"
+    return f"motion between {family.size} postures{rounds}"
 
 
 def limit_words(use: LimitUse | ClearanceUse) -> str:

@@ -34,6 +34,7 @@ class Information:
         rate: of the samples [Hz].
         earlier: I₀, shape (unknowns, unknowns).
         question: what is asked.
+        rounds: how often the motion is run.
     """
 
     regressor: Regressor
@@ -41,6 +42,7 @@ class Information:
     rate: float
     earlier: np.ndarray
     question: Question
+    rounds: int = 1
 
     def of(self, motion: Samples) -> np.ndarray:
         """I of a motion, shape (unknowns, unknowns).
@@ -100,7 +102,7 @@ class Information:
     def _filtered(self, joint: int, rows: np.ndarray, *, adjoint: bool) -> np.ndarray:
         """L_j of rows (columns, samples), or its adjoint; each sample counts for its rows."""
         prefilter = self.noise.filters[joint]
-        counts = np.sqrt(self.noise.rate / self.rate)
+        counts = np.sqrt(self.rounds * self.noise.rate / self.rate)
         if prefilter.begins_anew and len(prefilter.fir) == 1:
             return rows * (counts / np.sqrt(prefilter.variance))
         samples = rows.shape[1]

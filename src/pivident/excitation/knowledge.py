@@ -98,7 +98,7 @@ def knowledge(
         values = _values_of(base, after[0], values)
         covariance = _covariance_of(base, after[0])
     lengths = _column_lengths(regressor, limits)
-    torque = _largest_torques(robot, limits, lengths, values)
+    torque, known_torque = _largest_torques(robot, limits, lengths, values)
     noise = _noise_of(after[0]) if after else None
     if noise is not None:
         words = f"Noise as {after[0].method} found it."
@@ -107,11 +107,21 @@ def knowledge(
         words = f"Noise as given, in {NOISE_RATE:g} independent rows per second."
     else:
         noise = assumed_noise(NOISE_SHARE * torque, NOISE_RATE)
+        each = ", ".join(
+            f"{joint.name} {NOISE_SHARE * size:.2g} {joint.torque_unit}"
+            for joint, size in zip(robot.joints, torque, strict=True)
+        )
         words = (
             f"The noise is assumed: {100 * NOISE_SHARE:g} % of the largest torque of each joint, "
-            f"in {NOISE_RATE:g} independent rows per second. Standard errors are as good as that; "
-            "their ratios hold for any noise of one share of all torques."
+            f"in {NOISE_RATE:g} independent rows per second ({each}). Standard errors are as good "
+            "as that; their ratios hold for any noise of one share of all torques."
         )
+        if unknown := [robot.joint_names[j] for j in np.flatnonzero(~known_torque)]:
+            notes.append(
+                f"Neither a torque limit nor a mass is known of {listed(unknown)}: their largest "
+                "torque is taken as 1, so that standard errors mean nothing but their ratios. Give "
+                "torque_noise, or the torque limits."
+            )
         if after:
             notes.append(
                 "The earlier result does not hold its noise, because it was written by an older "
@@ -205,11 +215,16 @@ def _column_lengths(regressor: Regressor, limits: JointLimits) -> np.ndarray:
 
 def _largest_torques(
     robot: Robot, limits: JointLimits, lengths: np.ndarray, values: np.ndarray
-) -> np.ndarray:
-    """Largest torque of each joint, by its limit or else by the values, shape (joints,)."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """Largest torque of each joint [N m or N], and whether it is known, each (joints,).
+
+    By the limit of the description, else by that of the user, who may allow less than the noise of
+    the drive scales with, else by the values.
+    """
     described = np.array(
         [np.nan if j.torque_limit is None else j.torque_limit for j in robot.joints]
     )
-    limit = np.where(np.isfinite(limits.torque), limits.torque, described)
+    limit = np.where(np.isfinite(described), described, limits.torque)
     of_values = np.sqrt(((lengths * np.nan_to_num(values)) ** 2).sum(axis=1))
-    return np.where(np.isfinite(limit), limit, np.where(of_values > 0.0, of_values, 1.0))
+    torque = np.where(np.isfinite(limit), limit, of_values)
+    return np.where(torque > 0.0, torque, 1.0), torque > 0.0

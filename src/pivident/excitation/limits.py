@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
@@ -107,7 +108,8 @@ def joint_limits(
         The limits. Where no acceleration is given, a joint may reach its largest speed in 0.25 s.
 
     Raises:
-        ExperimentError: joints without limits of position or speed, named; limits that contradict.
+        ExperimentError: joints without limits of position or speed, named; limits in the wrong
+            order.
     """
     n, none = robot.size, np.inf
     sources: dict[str, list[str]] = {}
@@ -132,7 +134,8 @@ def joint_limits(
             share = {"speed": speed_share, "torque": torque_share}.get(quantity, 1.0)
             known = own if own is not None else None if value is None else share * value
             used.append(none if known is None else float(known))  # type: ignore[arg-type]
-            sources.setdefault(quantity, []).append(FILE if own is not None else DESCRIPTION)
+            is_own = own is not None or share != 1.0
+            sources.setdefault(quantity, []).append(FILE if is_own else DESCRIPTION)
         found[quantity] = np.array(used)
     _check_known(robot, ranges, found["speed"])
     low, high = np.array(ranges, dtype=float).T
@@ -144,17 +147,49 @@ def joint_limits(
     return limits
 
 
+def wider_than_described(robot: Robot, limits: JointLimits) -> list[str]:
+    """One sentence for each limit that goes beyond the one of the description.
+
+    Args:
+        robot: the robot.
+        limits: of its joints.
+    """
+    notes = []
+    for j, joint in enumerate(robot.joints):
+        if (own := joint.position_limits) is not None and (
+            limits.low[j] < own[0] or limits.high[j] > own[1]
+        ):
+            notes.append(
+                f"The range of {joint.name} is wider than that of the description: "
+                f"{limits.low[j]:g} to {limits.high[j]:g} {joint.position_unit} against "
+                f"{own[0]:g} to {own[1]:g}."
+            )
+        for words, used, known, unit in (
+            ("speed", limits.speed[j], joint.rated_speed, f"{joint.position_unit}/s"),
+            ("torque", limits.torque[j], joint.torque_limit, joint.torque_unit),
+        ):
+            if known is not None and np.isfinite(used) and used > known:
+                notes.append(
+                    f"The limit of the {words} of {joint.name} is higher than that of the "
+                    f"description: {used:g} against {known:g} {unit}."
+                )
+    return notes
+
+
 def _check_known(robot: Robot, ranges: list[tuple[float, float] | None], speed: np.ndarray) -> None:
     """Refuse joints whose range or speed nobody knows."""
     for quantity, missing, example in (
-        ("position", [r is None for r in ranges], "position = [-2.9, 2.9]"),
-        ("speed", np.isinf(speed).tolist(), "speed = 2.0"),
+        ("position", [r is None for r in ranges], "[-2.9, 2.9]"),
+        ("speed", np.isinf(speed).tolist(), "2.0"),
     ):
         names = [j.name for j, m in zip(robot.joints, missing, strict=True) if m]
         if names:
+            unit = robot.joints[robot.joint_names.index(names[0])].position_unit
+            unit = unit if quantity == "position" else f"{unit}/s"
             raise ExperimentError(
                 f"no {quantity} limits are known of {listed(names)}; give them, for instance "
-                f"[excite.joint.{names[0]}] {example} (rad or m, on the joint side)"
+                f"excite.joint.{json.dumps(names[0])}.{quantity} = {example} ({unit}, on the joint "
+                "side)"
             ).about("joint", names[0])
 
 
@@ -164,7 +199,7 @@ def _check_possible(robot: Robot, limits: JointLimits) -> None:
         if not limits.low[j] < limits.high[j]:
             raise ExperimentError(
                 f"the position limits of {joint.name}, {limits.low[j]:g} to {limits.high[j]:g} "
-                f"{joint.position_unit}, contradict: the lowest position comes first"
+                f"{joint.position_unit}, are in the wrong order: the lowest position comes first"
             ).about("joint", joint.name)
         for quantity in ("speed", "acceleration", "jerk", "torque", "rms_torque"):
             value = getattr(limits, quantity)[j]

@@ -15,7 +15,7 @@ b_k vanish at both ends with their speeds and accelerations. Three families of b
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -27,6 +27,9 @@ MotionKind = Literal["fourier", "splines", "postures"]
 #: Rest at each posture [s], and the share of a move in which the joints accelerate.
 DWELL, RISE_SHARE = 0.05, 0.3
 
+#: Share of that acceleration in which it rises, and in which it falls.
+EDGE = 0.25
+
 
 @dataclass(frozen=True)
 class MotionFamily:
@@ -34,13 +37,15 @@ class MotionFamily:
 
     Attributes:
         kind: ``fourier``, ``splines`` or ``postures``.
-        duration: of the motion [s].
+        duration: of one round of the motion [s].
         size: number of functions, the constant one included.
+        rounds: how often the motion is run, one round after the other.
     """
 
     kind: MotionKind
     duration: float
     size: int
+    rounds: int = 1
 
     def __post_init__(self) -> None:
         if self.kind not in get_args(MotionKind):
@@ -62,6 +67,22 @@ class MotionFamily:
         """Duration of each move between postures [s]."""
         return self.duration / self.size - DWELL
 
+    @property
+    def breakpoints(self) -> np.ndarray:
+        """Times of one round between which the functions are polynomials or smooth, ends included.
+
+        Shape (breakpoints,) [s].
+        """
+        if self.kind == "fourier":
+            return np.array([0.0, self.duration])
+        if self.kind == "splines":
+            return _inner_knots(self.duration, self.size)
+        rise = RISE_SHARE * self.move_duration
+        ramp = rise * np.array([0.0, EDGE, 1.0 - EDGE, 1.0])
+        move = np.concatenate([ramp, self.move_duration - rise + ramp])
+        starts = np.arange(self.size) * (self.move_duration + DWELL)
+        return np.append((starts[:, None] + move).ravel(), self.duration)
+
     def functions(self, t: np.ndarray) -> np.ndarray:
         """The functions and their first three derivatives.
 
@@ -71,7 +92,9 @@ class MotionFamily:
         Returns:
             b, ḃ, b̈ and the third derivative, shape (4, samples, size).
         """
-        t = np.clip(np.asarray(t, dtype=float), 0.0, self.duration)
+        t = np.clip(np.asarray(t, dtype=float), 0.0, self.rounds * self.duration)
+        if self.rounds > 1:
+            t = np.where(t < self.rounds * self.duration, t % self.duration, self.duration)
         if self.kind == "fourier":
             return _fourier(t, self.duration, (self.size - 1) // 2)
         if self.kind == "splines":
@@ -98,8 +121,13 @@ class ExcitingMotion:
 
     @property
     def duration(self) -> float:
-        """Duration [s]."""
-        return self.family.duration
+        """Duration of all rounds [s]."""
+        return self.family.rounds * self.family.duration
+
+    @property
+    def one_round(self) -> ExcitingMotion:
+        """The first round alone."""
+        return replace(self, family=replace(self.family, rounds=1))
 
     @property
     def start(self) -> np.ndarray:
@@ -113,7 +141,7 @@ class ExcitingMotion:
             return None
         ways = self.coefficients.copy()
         ways[0] = 0.0
-        return self.start + np.vstack([ways, ways[:1]])
+        return self.start + np.vstack([ways[:1], *[np.roll(ways, -1, axis=0)] * self.family.rounds])
 
     def times(self, rate: float) -> np.ndarray:
         """Instants of the motion at a rate [Hz], from 0 to its end, shape (samples,) [s]."""
@@ -145,6 +173,7 @@ class ExcitingMotion:
         return {
             "kind": family.kind,
             "duration": family.duration,
+            "rounds": family.rounds,
             "coefficients": self.coefficients.tolist(),
         }
 
@@ -153,7 +182,7 @@ class ExcitingMotion:
         """From plain values.
 
         Args:
-            plain: ``kind``, ``duration`` and ``coefficients``, as `plain` has them.
+            plain: ``kind``, ``duration``, ``rounds`` and ``coefficients``, as `plain` has them.
 
         Returns:
             The motion.
@@ -167,7 +196,11 @@ class ExcitingMotion:
         duration = float(plain["duration"])
         if not (np.isfinite(duration) and duration > 0.0):
             raise ValueError(f"duration is {duration}, not a positive number of seconds")
-        return cls(MotionFamily(plain["kind"], duration, len(coefficients)), coefficients)
+        rounds = int(plain.get("rounds", 1))
+        if rounds < 1:
+            raise ValueError(f"rounds is {rounds}; a motion is run once or several times")
+        family = MotionFamily(plain["kind"], duration, len(coefficients), rounds)
+        return cls(family, coefficients)
 
 
 def _fourier(t: np.ndarray, duration: float, harmonics: int) -> np.ndarray:
@@ -218,11 +251,16 @@ def _splines(t: np.ndarray, duration: float, size: int) -> np.ndarray:
     from scipy.interpolate import BSpline
 
     degree, count = 5, size - 1 + 6
-    inner = np.linspace(0.0, duration, count - degree + 1)
+    inner = _inner_knots(duration, size)
     knots = np.concatenate([np.zeros(degree), inner, np.full(degree, duration)])
     spline = BSpline(knots, np.eye(count)[:, 3:-3], degree)
     series = np.stack([spline(t, nu=derivative) for derivative in range(4)])
     return np.concatenate([_constant(t), series], axis=2)
+
+
+def _inner_knots(duration: float, size: int) -> np.ndarray:
+    """Equidistant knots of so many splines and the constant, both ends included."""
+    return np.linspace(0.0, duration, size + 1)
 
 
 def _postures(t: np.ndarray, size: int, move: float) -> np.ndarray:
@@ -230,7 +268,7 @@ def _postures(t: np.ndarray, size: int, move: float) -> np.ndarray:
     out = np.zeros((4, t.size, size))
     rise = RISE_SHARE * move
     for k in range(size):  # from posture k to the next one
-        way = trapezoidal_move(t - k * (move + DWELL), rise, move - rise)
+        way = trapezoidal_move(t - k * (move + DWELL), rise, move - rise, EDGE)
         out[:, :, k] -= way
         out[:, :, (k + 1) % size] += way
     out[:, :, 0] = _constant(t)[:, :, 0]

@@ -24,8 +24,8 @@ class PostureMove:
         number: of the posture, from 1.
         q: joint positions, shape (joints,) [rad or m].
         duration: of the move to it [s]; NaN for the first posture.
-        speed_share: largest share of its limit of speed that a joint needs in that move, 0 to 1;
-            NaN for the first posture, and where no limit is known.
+        speed_share: largest share of its rated speed that a joint needs in that move, 0 to 1, as
+            controllers count it; NaN for the first posture, and where no rated speed is known.
     """
 
     number: int
@@ -74,25 +74,12 @@ def posture_moves(design: Design) -> tuple[PostureMove, ...]:
         return ()
     duration = design.motion.family.move_duration
     speeds = np.abs(np.diff(postures, axis=0)) / ((1.0 - RISE_SHARE) * duration)
-    shares = speeds / speed_limits(design)
+    shares = speeds / design.robot.rated_speeds
     moves = [PostureMove(1, postures[0], np.nan, np.nan)]
     for k, q in enumerate(postures[1:]):
-        known = shares[k][np.isfinite(shares[k])]
-        share = float(known.max()) if known.size else np.nan
+        share = float(shares[k].max())  # NaN where one of them is unknown
         moves.append(PostureMove(k + 2, q, duration, share))
     return tuple(moves)
-
-
-def speed_limits(design: Design) -> np.ndarray:
-    """Limit of speed of each joint, shape (joints,) [rad/s or m/s]; NaN where none is known.
-
-    The limits that the design kept count before the rated speeds of the description.
-    """
-    limits = design.robot.rated_speeds
-    for use in design.limits:
-        if use.quantity == "speed" and np.isfinite(use.high):
-            limits[design.robot.joint_names.index(use.joint)] = use.high
-    return limits
 
 
 def postures_csv(design: Design) -> str:
@@ -104,7 +91,7 @@ def postures_csv(design: Design) -> str:
     heads = ["posture"]
     heads += [f"q_{joint.name} [{pendant_unit(joint)}]" for joint in joints]
     heads += [f"q_{joint.name} [{joint.position_unit}]" for joint in joints]
-    heads += ["move duration [s]", "speed [% of limit]"]
+    heads += ["move duration [s]", "speed [% of rated speed]"]
     rows = []
     for move in posture_moves(design):
         typed = [f"{x:.{TYPED_DECIMALS}f}" for x in pendant_positions(design, move.q)]

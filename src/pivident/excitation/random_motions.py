@@ -67,7 +67,8 @@ def _free_posture(constraints: Constraints, rng: np.random.Generator) -> np.ndar
 
     def is_free(postures: np.ndarray) -> np.ndarray:
         assert clearances is not None
-        return (clearances.distances(postures) >= clearances.needed[:, None]).all(axis=0)
+        near = clearances.distances(postures) < clearances.needed[:, None]
+        return ~np.any(near, axis=0)
 
     (first,) = drawn(1, INNER_RANGE)
     if clearances is None or is_free(first[None])[0]:

@@ -25,6 +25,9 @@ HARMONICS, MOVES = (3, 12), (5, 24)
 #: Splines have as many functions as a Fourier motion, at most.
 SPLINES = (7, 30)
 
+#: One round does with the most functions if there is room for so many times as many.
+ROOM_FOR_ONE = 1.25
+
 #: Time of a move that every joint can make over half its range, over that at its largest speed.
 UNHURRIED = 1.6
 
@@ -36,10 +39,11 @@ class DesignRequest:
     Attributes:
         duration: of the motion [s]; with a ``goal`` the longest that is tried.
         motion: ``fourier``, ``splines`` or ``postures``.
-        criterion: ``d``, ``a``, ``worst`` or ``cond``; None: ``a``, with parameters ``worst``.
+        criterion: ``d``, ``a``, ``worst`` or ``cond``; None: ``a``, with parameters or a goal
+            ``worst``.
         parameters: names of those that count; empty for all.
-        goal: standard error over the value that each of ``parameters`` must reach, 0 to 1; None:
-            as small as possible within ``duration``.
+        goal: standard error over the size that matters, which each of ``parameters`` must reach,
+            0 to 1; None: as small as possible within ``duration``.
         seconds: time for the search [s].
         seed: of the random starts.
         start: posture at both ends, shape (joints,) [rad or m]; None: free.
@@ -73,17 +77,20 @@ class DesignRequest:
                 f"the goal is a standard error of {100 * self.goal:g} %; give more than 0 % and "
                 "less than 100 %, such as 2%"
             ).about("to")
-        if self.goal is not None and not self.parameters:
+        if self.seed < 0:
+            raise ExperimentError(f"the seed is {self.seed}; give zero or more").about("seed")
+        if self.criterion == "cond" and self.parameters:
             raise ExperimentError(
-                "a goal needs the parameters that must reach it, such as --for zz3r,fc5 --to 2%"
-            ).about("to")
+                "the criterion cond is that of the whole observation matrix; with chosen "
+                "parameters take 'worst', 'a' or 'd'"
+            ).about("criterion")
         if not (math.isfinite(self.seconds) and self.seconds > 0.0):
             raise ExperimentError(f"the search cannot take {self.seconds:g} s").about("seconds")
 
     @property
     def criterion_used(self) -> CriterionName:
         """The criterion, where none was named."""
-        return self.criterion or ("worst" if self.parameters else "a")
+        return self.criterion or ("worst" if self.parameters or self.goal is not None else "a")
 
     def plain(self) -> dict[str, Any]:
         """As plain values."""
@@ -118,16 +125,17 @@ def _unknown(base: BaseParameters, name: str) -> str:
     if index is None:
         return f"the robot has no parameter {name!r}; {nearest(name, base.names)}"
     if index in base.without_effect:
-        return f"{name} has no effect on any torque: no motion can tell it"
+        return f"{name} has no effect on any torque: no motion identifies it"
     column = list(base.dropped).index(index)
     heads = [base.names[k] for k in np.flatnonzero(base.regrouping[:, column])]
-    return f"{name} cannot be told from others: it is a part of {', '.join(heads)}; ask for those"
+    return f"{name} is identifiable only as a part of {', '.join(heads)}; ask for that"
 
 
 def motion_family(kind: MotionKind, duration: float, limits: JointLimits) -> MotionFamily:
     """A family with as many functions as the joints can follow.
 
-    A joint that swings between its largest speed and acceleration does so at a/(2π v).
+    A joint that swings between its largest speed and acceleration does so at a/(2π v). A duration
+    that has room for more functions than a search can handle is run in several equal rounds.
 
     Args:
         kind: ``fourier``, ``splines`` or ``postures``.
@@ -138,12 +146,23 @@ def motion_family(kind: MotionKind, duration: float, limits: JointLimits) -> Mot
         ExperimentError: no joint can move to anywhere in that time.
     """
     highest = float(np.median(limits.acceleration / limits.speed)) / (2.0 * np.pi)
-    swings = int(np.clip(round(duration * highest), *HARMONICS))
     if kind == "fourier":
-        return MotionFamily(kind, duration, 1 + 2 * swings)
+        rounds = _rounds(duration * highest, HARMONICS)
+        swings = int(np.clip(round(duration / rounds * highest), *HARMONICS))
+        return MotionFamily(kind, duration / rounds, 1 + 2 * swings, rounds)
     if kind == "splines":
-        return MotionFamily(kind, duration, int(np.clip(round(2 * duration * highest), *SPLINES)))
+        rounds = _rounds(2 * duration * highest, SPLINES)
+        size = int(np.clip(round(2 * duration / rounds * highest), *SPLINES))
+        return MotionFamily(kind, duration / rounds, size, rounds)
     way = UNHURRIED * float(np.median(limits.half / limits.speed))
     rise = float(np.median(limits.speed / limits.acceleration))
-    moves = round(duration / (way + 2.0 * rise))
-    return MotionFamily(kind, duration, int(np.clip(moves, *MOVES)))
+    moves = duration / (way + 2.0 * rise)
+    rounds = _rounds(moves, MOVES)
+    return MotionFamily(
+        kind, duration / rounds, int(np.clip(round(moves / rounds), *MOVES)), rounds
+    )
+
+
+def _rounds(size: float, sizes: tuple[int, int]) -> int:
+    """Rounds in which a motion that has room for so many functions is run."""
+    return max(1, int(np.ceil(size / (ROOM_FOR_ONE * sizes[1]))))

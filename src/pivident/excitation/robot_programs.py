@@ -1,25 +1,24 @@
-"""A motion as programs of robots: ROS 2 trajectories, URScript, KUKA KRL, ABB RAPID.
-
-Names of joints and robots come from files of strangers. In comments and in YAML they stand between
-quotation marks, with every other character than printable ASCII escaped, so that none ends a
-comment or a text; identifiers are never made of them.
-"""
+"""A motion as programs of robots: ROS 2 trajectories, URScript, KUKA KRL, ABB RAPID."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
-from pivident.excitation.design import Design, LimitUse
+from pivident.excitation.design import Design
 from pivident.excitation.motions import DWELL
 from pivident.excitation.point_lists import pendant_positions, posture_moves
-from pivident.text.numbers import format_exact, percent
-from pivident.version import __version__
+from pivident.excitation.program_heading import PLANNED, heading, quoted, si_units, typed_warning
 
-#: Points of a ROS trajectory per second: the controller interpolates by quintic polynomials.
+#: Points of a ROS trajectory per second, at least: the controller interpolates by quintic
+#: polynomials, which follow those of the motion exactly between its breakpoints.
 ROS_RATE = 50.0
+
+#: Speed of the slow programs, as a share of the design's: for a first run, with all clearances.
+SLOW = 0.25
 
 #: Time that a ROS controller has to bring the robot to the start [s].
 LEAD_IN = 5.0
@@ -33,14 +32,15 @@ UR_LOOKAHEAD, UR_GAIN = 0.05, 300
 #: Acceleration [rad/s²] and speed [rad/s] with which URScript goes to the start.
 UR_APPROACH = (0.5, 0.25)
 
-#: Speed where the share of the limit is unknown [%], and of the way to the start.
+#: Speed where the rated ones are unknown [%], and of the way to the start.
 CAREFUL = 10
+
+#: Speeds with which RAPID goes to the start: of the tool [mm/s], of its orientation [deg/s], and of
+#: external axes likewise.
+ABB_APPROACH = "[50,15,50,15]"
 
 #: Name of the program on the controller.
 PROGRAM = "pivident_motion"
-
-#: Longest name in a comment, in characters.
-MAX_NAME = 60
 
 
 @dataclass(frozen=True)
@@ -88,73 +88,95 @@ def unwritten_programs(design: Design) -> tuple[str, ...]:
     )
 
 
-def ros_trajectory(design: Design) -> str:
+def ros_trajectory(design: Design, pace: float = 1.0) -> str:
     """The motion as a ``trajectory_msgs/msg/JointTrajectory`` in YAML.
 
     The first point is the start of the motion, `LEAD_IN` seconds after the controller receives
     the trajectory; the last one is at rest.
     """
-    motion = design.motion
-    t = motion.times(ROS_RATE)
-    if t[-1] < motion.duration - 1e-9:
-        t = np.append(t, motion.duration)
+    t = _ros_times(design)
     lines = [
         f"# {line}"
         for line in (
-            *_heading(design, "ROS 2 trajectory_msgs/msg/JointTrajectory", _si_units(design)),
+            *heading(design, "ROS 2 trajectory_msgs/msg/JointTrajectory", si_units(design), pace),
             "Signs and zeros are those of the robot description.",
             f"The controller has {LEAD_IN:g} s to reach the start; move the robot there before.",
-            "ros2 topic pub --once --yaml-file trajectory.yaml TOPIC "
+            f"ros2 topic pub --once --yaml-file {_file('trajectory.yaml', pace)} TOPIC "
             "trajectory_msgs/msg/JointTrajectory",
             "An older ros2 without --yaml-file: load this file in a node and publish the message.",
         )
     ]
     lines += ["header:", "  stamp: {sec: 0, nanosec: 0}", '  frame_id: ""', "joint_names:"]
-    lines += [f"  - {_quoted(name)}" for name in design.robot.joint_names]
+    lines += [f"  - {quoted(name)}" for name in design.robot.joint_names]
     lines.append("points:")
-    for instant, (q, dq, ddq) in zip(t, motion.at(t)[:3].swapaxes(0, 1), strict=True):
-        sec, nanosec = divmod(round((LEAD_IN + instant) * 1e9), 10**9)
+    for instant, (q, dq, ddq) in zip(t, design.motion.at(t)[:3].swapaxes(0, 1), strict=True):
+        sec, nanosec = divmod(round((LEAD_IN + instant / pace) * 1e9), 10**9)
         lines += [
             f"  - positions: {_list(q, 9)}",
-            f"    velocities: {_list(dq, 9)}",
-            f"    accelerations: {_list(ddq, 9)}",
+            f"    velocities: {_list(pace * dq, 9)}",
+            f"    accelerations: {_list(pace**2 * ddq, 9)}",
             "    effort: []",
             f"    time_from_start: {{sec: {sec}, nanosec: {nanosec}}}",
         ]
     return "\n".join(lines) + "\n"
 
 
-def ur_script(design: Design) -> str:
+def _ros_times(design: Design) -> np.ndarray:
+    """Breakpoints of the motion and equidistant instants between them, shape (points,) [s]."""
+    family = design.motion.family
+    ends = [
+        np.linspace(a, b, 1 + int(np.ceil((b - a) * ROS_RATE - 1e-9)))[:-1]
+        for a, b in pairwise(family.breakpoints)
+        if b - a > 1e-9
+    ]
+    one = np.concatenate(ends)
+    rounds = family.duration * np.arange(family.rounds)[:, None]
+    return np.append((rounds + one).ravel(), design.motion.duration)
+
+
+def ur_script(design: Design, pace: float = 1.0) -> str:
     """The motion as URScript: moves between postures, else a stream of setpoints."""
     motion, (a, v) = design.motion, UR_APPROACH
     comments = [
-        *_heading(design, "URScript", _si_units(design)),
+        *heading(design, "URScript", si_units(design), pace),
+        "The speed slider stays at 100 %: below it the arm leaves a stream of setpoints.",
         "Robot joints: base, shoulder, elbow, wrist 1, wrist 2, wrist 3. Compare signs and zeros",
         "of the description with those of the pendant at one posture before anything else.",
     ]
     body = [f"movej({_list(motion.start, 6)}, a={a:g}, v={v:g})", "sleep(1.0)"]
     if motion.kind == "postures":
+        comments.append(PLANNED)
         for move in posture_moves(design)[1:]:
-            body += [f"movej({_list(move.q, 6)}, t={move.duration:.4f})", f"sleep({DWELL:g})"]
+            body += [
+                f"movej({_list(move.q, 6)}, t={move.duration / pace:.4f})",
+                f"sleep({DWELL:g})",
+            ]
     else:
         comments.append(
             f"servoj smooths and delays the setpoints: look-ahead {UR_LOOKAHEAD:g} s, gain "
             f"{UR_GAIN}; record target_q, the reference that the joints are given."
         )
-        settings = f"0, 0, {1.0 / UR_RATE:g}, {UR_LOOKAHEAD:g}, {UR_GAIN}"
+        settings = f"0, 0, {1.0 / UR_RATE / pace:g}, {UR_LOOKAHEAD:g}, {UR_GAIN}"
         q, _, _ = motion.sampled(UR_RATE)
         body += [f"servoj({_list(row, 6)}, {settings})" for row in q]
         body.append("stopj(2.0)")
-    lines = [f"def {PROGRAM}():", *(f"  # {line}" for line in comments)]
+    name = _file(PROGRAM, pace)
+    lines = [f"def {name}():", *(f"  # {line}" for line in comments)]
     return "\n".join([*lines, *(f"  {line}" for line in body), "end", ""])
 
 
 def krl(design: Design) -> str:
-    """The postures as KUKA KRL; the controller plans each move at its share of the speed."""
+    """The postures as KUKA KRL; the controller plans each move at its share of the rated speed."""
     lines = [f"DEF {PROGRAM} ( )"]
-    lines += [f"; - {line}" for line in _heading(design, "KUKA KRL", "deg")]
-    lines += [f"; - {line}" for line in _typed_warning(design, "A1 to A6 of the KUKA")]
-    lines.append("; - The controller plans the moves: their durations are not those of the design.")
+    lines += [f"; - {line}" for line in heading(design, "KUKA KRL", "deg")]
+    lines += [f"; - {line}" for line in typed_warning("A1 to A6 of the KUKA")]
+    lines.append("; - Durations are not those of the design either.")
+    known = np.isfinite(design.robot.rated_speeds).all()
+    lines.append(
+        "; - VEL_PTP is a share of the rated speeds of the description; compare them with yours."
+        if known
+        else f"; - Rated speeds are unknown: every move is made at {CAREFUL} % of the axes' speeds."
+    )
     lines.append("BAS (#INITMOV,0)")
     for move in posture_moves(design):
         axes = pendant_positions(design, move.q)
@@ -167,15 +189,15 @@ def krl(design: Design) -> str:
 def rapid(design: Design) -> str:
     """The postures as ABB RAPID, each move in the time of the design."""
     lines = [f"MODULE {PROGRAM}"]
-    lines += [f"  ! {line}" for line in _heading(design, "ABB RAPID", "deg")]
-    lines += [f"  ! {line}" for line in _typed_warning(design, "rax_1 to rax_6 of the ABB")]
+    lines += [f"  ! {line}" for line in heading(design, "ABB RAPID", "deg")]
+    lines += [f"  ! {line}" for line in typed_warning("rax_1 to rax_6 of the ABB")]
     lines.append("  ! Declare the tool that is mounted in place of tool0.")
     lines.append(f"  PROC run_{PROGRAM}()")
     for move in posture_moves(design):
-        axes = [*pendant_positions(design, move.q), *[0.0] * (6 - design.robot.size)]
+        axes = pendant_positions(design, move.q)
         aim = f"[[{','.join(f'{x:.4f}' for x in axes)}],[9E9,9E9,9E9,9E9,9E9,9E9]]"
         if move.number == 1:
-            lines += [f"    MoveAbsJ {aim},v50,fine,tool0;", "    WaitTime 1;"]
+            lines += [f"    MoveAbsJ {aim},{ABB_APPROACH},fine,tool0;", "    WaitTime 1;"]
             continue
         lines += [
             f"    MoveAbsJ {aim},v1000\\T:={move.duration:.4f},fine,tool0;",
@@ -196,6 +218,13 @@ def _no_ur(design: Design) -> str:
     return f"it needs a chain of six revolute joints, and this robot has {_joints_of(design)}"
 
 
+def _no_abb(design: Design) -> str:
+    """Why the postures are not those of six axes of ABB; empty where they are."""
+    if design.robot.size != 6:
+        return f"it needs six revolute joints, and this robot has {_joints_of(design)}"
+    return _no_pendant(design)
+
+
 def _no_pendant(design: Design) -> str:
     """Why a list of postures for six axes cannot be made; empty where it can."""
     kinds = [joint.kind for joint in design.robot.joints]
@@ -209,16 +238,42 @@ def _no_pendant(design: Design) -> str:
     return ""
 
 
+def _slowly(write: Callable[[Design, float], str]) -> Callable[[Design], str]:
+    """A program that runs at the slow pace."""
+    return lambda design: write(design, SLOW)
+
+
+def _file(name: str, pace: float) -> str:
+    """A name, with ``_slow`` before its ending for a slow pace."""
+    stem, dot, ending = name.partition(".")
+    return f"{stem}{'_slow' if pace < 1.0 else ''}{dot}{ending}"
+
+
 #: File, words, why a design cannot be written (empty where it can), and who writes it.
 _KINDS: tuple[
     tuple[str, str, Callable[[Design], str], Callable[[Design], str]],
     ...,
 ] = (
     ("trajectory.yaml", "trajectory for ROS 2 controllers", _no_obstacle, ros_trajectory),
+    (
+        _file("trajectory.yaml", SLOW),
+        f"the same at {100 * SLOW:.0f} % of the speed, for a first run",
+        _no_obstacle,
+        _slowly(ros_trajectory),
+    ),
     (f"{PROGRAM}.script", "URScript of Universal Robots", _no_ur, ur_script),
+    (
+        _file(f"{PROGRAM}.script", SLOW),
+        f"slow URScript at {100 * SLOW:.0f} % of the speed, for a first run",
+        _no_ur,
+        _slowly(ur_script),
+    ),
     (f"{PROGRAM}.src", "KRL program of KUKA", _no_pendant, krl),
-    (f"{PROGRAM}.mod", "RAPID program of ABB", _no_pendant, rapid),
+    (f"{PROGRAM}.mod", "RAPID program of ABB", _no_abb, rapid),
 )
+
+#: Names of all files that `robot_programs` may write.
+PROGRAM_FILES = tuple(name for name, *_ in _KINDS)
 
 
 def _joints_of(design: Design) -> str:
@@ -226,42 +281,6 @@ def _joints_of(design: Design) -> str:
     kinds = [joint.kind for joint in design.robot.joints]
     counted = [f"{kinds.count(k)} {k}" for k in ("revolute", "prismatic") if k in kinds]
     return f"{' and '.join(counted)} joint{'s' if len(kinds) > 1 else ''}"
-
-
-def _heading(design: Design, language: str, units: str) -> Iterator[str]:
-    """What every program says before it moves anything, one line each."""
-    motion = design.motion
-    yield f"{language}, written by pivident {__version__}."
-    yield (
-        f"Exciting motion of {_shortened(design.robot.name)}: kind {motion.kind}, "
-        f"{format_exact(motion.duration)} s."
-    )
-    yield "RUN IT SLOWLY FIRST (override 10 %), with a hand on the stop and nobody in reach."
-    yield f"Joints of the robot description, in this order, in {units}:"
-    for k, joint in enumerate(design.robot.joints, start=1):
-        uses = [
-            f"{quantity} {percent(100.0 * largest.share)} of its limit"
-            for quantity in ("speed", "torque")
-            if (largest := _largest(design, joint.name, quantity)) is not None
-        ]
-        yield f"  {k}: {_shortened(joint.name)}{', ' if uses else ''}{', '.join(uses)}"
-
-
-def _largest(design: Design, joint: str, quantity: str) -> LimitUse | None:
-    """The use of a joint's limit that is known; None without one."""
-    uses = [u for u in design.limits if (u.joint, u.quantity) == (joint, quantity)]
-    return max((u for u in uses if np.isfinite(u.share)), key=lambda u: u.share, default=None)
-
-
-def _typed_warning(design: Design, axes: str) -> Iterator[str]:
-    """Lines about axes that a controller counts differently."""
-    yield f"Joint k of the description is written as axis k; {axes} may have another zero and"
-    yield "another sign than the description: compare both at one posture before it moves."
-
-
-def _si_units(design: Design) -> str:
-    kinds = {joint.position_unit: None for joint in design.robot.joints}
-    return " and ".join(kinds)
 
 
 def _speed_percent(share: float) -> int:
@@ -272,21 +291,3 @@ def _speed_percent(share: float) -> int:
 def _list(values: Sequence[float] | np.ndarray, decimals: int) -> str:
     """Numbers in brackets, always with a decimal point: YAML takes 1e-05 for a text."""
     return f"[{', '.join(f'{x + 0.0:.{decimals}f}' for x in np.round(values, decimals))}]"
-
-
-def _quoted(name: str) -> str:
-    """A name between quotation marks, as YAML and Python read it, in printable ASCII."""
-    plain = name.replace("\\", "\\\\").replace('"', '\\"')
-    return f'"{"".join(c if " " <= c <= "~" else _escape(ord(c)) for c in plain)}"'
-
-
-def _escape(code: int) -> str:
-    r"""A character by its number: ``\xe4``, ``\u2028`` or ``\U0001f600``."""
-    if code < 0x100:
-        return f"\\x{code:02x}"
-    return f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
-
-
-def _shortened(name: str) -> str:
-    """A name for a comment, quoted."""
-    return _quoted(name if len(name) <= MAX_NAME else f"{name[:MAX_NAME]}...")

@@ -51,6 +51,7 @@ class Search:
                     job.result()
             except KeyboardInterrupt:
                 self.say("interrupted: the best motion so far is kept")
+                best.interrupted = True
                 best.ended.set()
                 for job in jobs:
                     job.result()
