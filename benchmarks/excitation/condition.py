@@ -20,9 +20,8 @@ from pivident.excitation.checked_motion import FineCheck, with_more_room
 from pivident.excitation.criteria import condition_number
 from pivident.excitation.design_motion import _designed
 from pivident.excitation.design_task import DesignTask
-from pivident.excitation.feasibility import ROOM
 from pivident.excitation.knowledge import knowledge
-from pivident.excitation.limits import PLANNED_SHARE, joint_limits
+from pivident.excitation.limits import PLANNED_SHARE, ROOM, joint_limits
 from pivident.excitation.questions import robot_question
 from pivident.excitation.random_motions import random_coefficients
 from pivident.excitation.request import DesignRequest

@@ -34,9 +34,8 @@ from pivident.excitation.checked_motion import FINER, FineCheck, with_more_room
 from pivident.excitation.criteria import standard_errors
 from pivident.excitation.design_task import SAMPLES, DesignTask
 from pivident.excitation.excite_table import limits_of
-from pivident.excitation.feasibility import ROOM
 from pivident.excitation.knowledge import knowledge
-from pivident.excitation.limits import PLANNED_SHARE
+from pivident.excitation.limits import PLANNED_SHARE, ROOM
 from pivident.excitation.motions import ExcitingMotion
 from pivident.excitation.questions import robot_question
 from pivident.excitation.random_motions import random_coefficients

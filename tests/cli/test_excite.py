@@ -135,6 +135,30 @@ def test_a_design_is_never_replaced(folder, capsys):
     assert (folder / "motion/design.json").read_text() == "old"
 
 
+def test_joints_of_a_urdf_stand_still(folder, capsys):
+    """A finger that follows another one has to be frozen before there is any record."""
+    limit = '<limit lower="-1" upper="1" effort="9" velocity="2"/>'
+    links = "".join(
+        f'<link name="l{k}"><inertial><mass value="1"/><origin xyz="0.2 0 0"/><inertia ixx="1" '
+        'iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        for k in range(4)
+    )
+    joints = "".join(
+        f'<joint name="j{k}" type="revolute"><parent link="l{k}"/><child link="l{k + 1}"/>'
+        f'<axis xyz="0 0 1"/>{limit}{mimic}</joint>'
+        for k, mimic in enumerate(("", "", '<mimic joint="j1"/>'))
+    )
+    (folder / "arm.urdf").write_text(f'<robot name="arm">{links}{joints}</robot>')
+    options = ("arm.urdf", "--seconds", "1", "--duration", "6")
+    assert run("excite", *options) == 1
+    assert "frozen" in capsys.readouterr().err
+    assert run("excite", *options, "--frozen", "j2=0.1") == 0
+    assert load_design("motion").robot.joint_names == ("j0", "j1")
+    for wrong in ("j2", "j2=x", "=1"):
+        assert run("excite", *options, "--frozen", wrong) == 1
+        assert "such as finger_1=0.02" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("rate", ["0", "-5", "nan"])
 def test_a_rate_that_means_nothing_is_refused_before_the_search(folder, capsys, rate):
     assert excite(f"--rate={rate}") == 1
@@ -319,12 +343,14 @@ def test_a_damaged_design_is_a_note_and_ends_nothing(text, designed, folder, cap
     assert not (folder / "out/design_check.json").exists()
 
 
-def test_a_design_that_is_named_and_missing_is_a_note(designed, folder, capsys):
+@pytest.mark.parametrize("command", ["check", "identify"])
+def test_a_design_that_is_named_and_missing_is_refused(designed, folder, capsys, command):
     path = copied(designed, folder)
     key = '[recording]\ndesign = "absent/design.json"'
     path.write_text(EXPERIMENT.replace("[recording]", key), encoding="utf-8")
-    assert quickly(path, folder / "out") == 0
-    assert "absent/design.json: cannot be read" in capsys.readouterr().err
+    assert run(command, path) == 1
+    printed = " ".join("".join(capsys.readouterr()).split())
+    assert "absent/design.json does not exist" in printed and "leave the key out" in printed
 
 
 def test_without_the_package_the_design_is_a_note(designed, folder, monkeypatch, capsys):

@@ -8,10 +8,10 @@ from scipy.spatial import ConvexHull
 from pivident.collision.bodies import Body
 from pivident.collision.capsules import Balls, divided, enclosing_capsule
 from pivident.collision.outlines import GALLERY, outline_of
-from pivident.collision.room import bodies_of_entries
+from pivident.collision.room import bodies_of_entries, clearances_of_room
 from pivident.collision.urdf import MAX_CAPSULES, link_capsules
-from pivident.errors import RobotDescriptionError
-from pivident.experiment.room_keys import BodyEntry
+from pivident.errors import ExperimentError, RobotDescriptionError
+from pivident.experiment.room_keys import BodyEntry, RoomEntry
 from pivident.extras import MissingExtra
 from pivident.robot.frames import rotation_from_rpy
 from pivident.robot.gallery import load_robot
@@ -389,4 +389,56 @@ def test_the_last_link_of_a_skeleton_is_a_rod_about_its_centre_of_mass():
     forearm = next(body for body in outline.bodies if body.link == 1)
     np.testing.assert_allclose(forearm.start, 0.0)
     np.testing.assert_allclose(forearm.end, [0.3, 0.0, 0.0], atol=1e-12)
-    assert "How far forearm and a tool reach is a guess" in outline.remarks[0]
+    assert "How far forearm and a tool reach is assumed" in outline.remarks[0]
+
+
+SOME_SHAPES = """<robot name="some"><link name="foot"><collision><geometry>
+    <box size="0.2 0.2 0.1"/></geometry></collision></link>
+  <link name="upper"><inertial><mass value="2"/><origin xyz="0.2 0 0"/>
+    <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="fore"><inertial><mass value="1"/><origin xyz="0.15 0 0"/>
+    <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="flange"/>
+  {joints}
+</robot>"""
+
+
+def some_shapes():
+    """A URDF that gives only its foot a shape; the flange has neither shape nor mass."""
+    limit = '<limit lower="-2" upper="2" effort="9" velocity="2"/>'
+    rows = (("foot", "upper", "0 0 0.3"), ("upper", "fore", "0.4 0 0"), ("fore", "flange", "0 0 0"))
+    joints = "".join(
+        f'<joint name="j{k}" type="revolute"><parent link="{a}"/><child link="{b}"/>'
+        f'<origin xyz="{xyz}"/><axis xyz="0 0 1"/>{limit}</joint>'
+        for k, (a, b, xyz) in enumerate(rows)
+    )
+    return SOME_SHAPES.format(joints=joints)
+
+
+def test_links_without_shapes_are_capsules_from_joint_to_joint(tmp_path):
+    """A wall is seen by an arm whose URDF has a shape for its foot alone."""
+    (tmp_path / "some.urdf").write_text(some_shapes())
+    robot = read_urdf(tmp_path / "some.urdf")
+    outline = outline_of(robot)
+    assert [(body.name, body.link) for body in outline.bodies] == [
+        ("foot", -1),
+        ("upper", 0),
+        ("fore", 1),
+    ]
+    np.testing.assert_allclose(outline.bodies[1].end, [0.4, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(outline.bodies[2].end, [0.3, 0, 0], atol=1e-12)
+    words = " ".join(outline.remarks)
+    assert "no <collision> element of upper, fore:" in words
+    assert "Not checked: flange, of which the URDF gives neither shape nor mass." in words
+
+
+def test_obstacles_need_bodies(tmp_path):
+    text = (
+        '<robot name="rail"><link name="bed"/><link name="car"/><joint name="slide" '
+        'type="prismatic"><parent link="bed"/><child link="car"/><axis xyz="1 0 0"/>'
+        '<limit lower="0" upper="0.5" effort="9" velocity="1"/></joint></robot>'
+    )
+    wall = {"name": "wall", "shape": "box", "size": [0.1, 1, 1], "at": [0.3, 0, 0]}
+    room = RoomEntry.model_validate({"obstacle": [wall]})
+    with pytest.raises(ExperimentError, match=r"no body of 'rail' is known.*obstacle 'wall'"):
+        clearances_of_room(parse_urdf(text), room)

@@ -33,6 +33,7 @@ def excite(
     to: Annotated[str | None, Parameter(show_default=False)] = None,
     after: Annotated[tuple[Path, ...], Parameter(negative=(), show_default=False)] = (),
     cell: Path | None = None,
+    frozen: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)] = (),
     start: Annotated[str | None, Parameter(show_default=False)] = None,
     rate: Annotated[float | None, Parameter(show_default=False)] = None,
     seconds: Annotated[float | None, Parameter(show_default=False)] = None,
@@ -67,6 +68,9 @@ def excite(
     cell
         File with a table [excite]: limits, obstacles, floor, box of the tool. Default: that of the
         experiment file.
+    frozen
+        Joints of a URDF that stand still, with their positions in rad or m, separated by commas:
+        finger_1=0.02,finger_2=0.02.
     start
         Posture at both ends in rad or m, one number for each joint, separated by commas:
         --start=-0.2,0.5. Default: chosen with the motion.
@@ -94,7 +98,7 @@ def excite(
         )
     with Progress() as progress:
         progress.say(f"reading {subject}")
-        robot, table, known = _subject(subject)
+        robot, table, known = _subject(subject, frozen_joints(frozen))
         if cell is not None:
             from pivident.excitation.excite_table import read_cell
 
@@ -141,7 +145,9 @@ def _new_folder() -> Path:
     return next(Path(name) for name in names if not Path(name).exists())
 
 
-def _subject(subject: str) -> tuple[Robot, ExciteEntry, list[Identification]]:
+def _subject(
+    subject: str, frozen: dict[str, float]
+) -> tuple[Robot, ExciteEntry, list[Identification]]:
     """Robot, table ``[excite]`` and result of what was named."""
     from pivident.diagnostics.verdict_file import result_of
     from pivident.estimation.stored_identification import load_identification
@@ -149,8 +155,15 @@ def _subject(subject: str) -> tuple[Robot, ExciteEntry, list[Identification]]:
     from pivident.experiment.experiment import load_experiment
     from pivident.experiment.toml_file import toml_content
     from pivident.robot.gallery import load_robot
+    from pivident.robot.urdf import read_urdf
 
     empty, path = ExciteEntry.model_validate({}), Path(subject)
+    if frozen:
+        if path.suffix in (".toml", ".json") or path.is_dir():
+            raise ExperimentError(
+                "--frozen is for a URDF; an experiment file has its own, frozen = {…} under [robot]"
+            )
+        return read_urdf(path, frozen=frozen), empty, []
     if path.is_dir() or path.suffix == ".json":
         found = load_identification(result_of(path))
         return found.robot, empty, [found]
@@ -194,6 +207,22 @@ def relative_error(text: str) -> float:
     except ValueError:
         raise ExperimentError(f"--to {text} is no number; write it as 2% or 0.02") from None
     return value / 100.0 if percent else value
+
+
+def frozen_joints(given: tuple[str, ...]) -> dict[str, float]:
+    """Positions of joints that stand still, by their names."""
+    found = {}
+    for text in separated(given):
+        name, _, value = text.rpartition("=")
+        try:
+            found[name.strip()] = float(value)
+        except ValueError:
+            name = ""
+        if not name:
+            raise ExperimentError(
+                f"--frozen {text}: write the joint and its position, such as finger_1=0.02"
+            )
+    return found
 
 
 def _numbers(text: str) -> tuple[float, ...]:

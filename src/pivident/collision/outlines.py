@@ -74,13 +74,17 @@ def outline_of(robot: Robot, given: Iterable[Body] = ()) -> Outline:
             urdf_outline(robot, known) or gallery_outline(robot, known) or skeleton(robot, known)
         )
     kept = [body for body in found.bodies if body.link not in known]
+    remarks = found.remarks
+    if found.source == "urdf":
+        more, words = _without_shapes(robot, known | {body.link for body in kept})
+        kept, remarks = [*kept, *more], (*remarks, *words)
     bodies = tuple(sorted([*given, *kept], key=lambda body: body.link))
     twice = repeated([body.name for body in bodies])
     if twice:
         raise RobotDescriptionError(
             f"body names used twice: {', '.join(twice)}; name each body once"
         )
-    return Outline(bodies, found.source, found.remarks, tuple(sorted(known)))
+    return Outline(bodies, found.source, remarks, tuple(sorted(known)))
 
 
 def gallery_outline(robot: Robot, without: Collection[int] = ()) -> Outline | None:
@@ -119,9 +123,10 @@ def skeleton(robot: Robot, without: Collection[int] = ()) -> Outline:
         without: links that are given by hand.
 
     Returns:
-        A capsule from the origin of each link to the next joint on it; that of a last link goes as
-        far behind its centre of mass as that is from its joint, the end of an even rod, and is a
-        ball at its joint where it has no mass. None for a robot without reach.
+        A capsule from the origin of each link to the next joint on it; that of a last link, or of
+        one whose next joint is at its origin, goes as far behind its centre of mass as that is from
+        its joint, the end of an even rod, and is a ball at its joint where it has no mass. None for
+        a robot without reach.
     """
     radius = RADIUS_SHARE * reach(robot)
     bodies: list[Body] = []
@@ -131,8 +136,10 @@ def skeleton(robot: Robot, without: Collection[int] = ()) -> Outline:
             continue
         ends = [j.translation for j in robot.joints if j.parent == link]
         ends = [end for end in ends if np.linalg.norm(end) > SHORTEST * radius]
-        if link >= 0 and not any(j.parent == link for j in robot.joints):
-            ends = [_rods_end(robot, link)]
+        is_last = link >= 0 and not any(j.parent == link for j in robot.joints)
+        rod = _rods_end(robot, link) if link >= 0 and not ends else np.zeros(3)
+        if is_last or np.linalg.norm(rod) > SHORTEST * radius:
+            ends = [rod]
             last.append(robot.links[link].name)
         name = BASE if link < 0 else robot.links[link].name
         bodies += (
@@ -152,10 +159,37 @@ def skeleton(robot: Robot, without: Collection[int] = ()) -> Outline:
         )
         if last:
             remark += (
-                f" How far {listed(last)} and a tool reach is a guess from the centre of mass: "
+                f" How far {listed(last)} and a tool reach is assumed from the centre of mass: "
                 "give at least that body by hand before anything stands near the robot."
             )
     return Outline(tuple(bodies), "skeleton", (remark,))
+
+
+def _without_shapes(robot: Robot, covered: Collection[int]) -> tuple[list[Body], tuple[str, ...]]:
+    """Capsules of links that the URDF gives a mass or a length, but no shape, and remarks."""
+    bare = [link for link in range(robot.size) if link not in covered]
+    if not bare:
+        return [], ()
+    stand_in = skeleton(robot, {-1, *range(robot.size)}.difference(bare))
+    bodies = [
+        body
+        for body in stand_in.bodies
+        if robot.links[body.link].inertia[INERTIAL.index("m")] > 0.0
+        or np.linalg.norm(body.end - body.start) > 0.0
+    ]
+    taken = {body.link for body in bodies}
+    words = []
+    if bodies:
+        names = listed([robot.links[link].name for link in sorted(taken)])
+        words.append(
+            f"The URDF has no <collision> element of {names}: capsules from joint to joint of "
+            f"radius {bodies[0].radius:.3f} m stand for them, an assumption. Give bodies by hand."
+        )
+    if left := [robot.links[link].name for link in bare if link not in taken]:
+        words.append(
+            f"Not checked: {listed(left)}, of which the URDF gives neither shape nor mass."
+        )
+    return bodies, tuple(words)
 
 
 def _rods_end(robot: Robot, link: int) -> np.ndarray:

@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pivident.collision.apart import built_apart
-from pivident.collision.bodies import BASE, Body
+from pivident.collision.bodies import BASE, BY_HAND, Body
 from pivident.collision.clearances import Clearances
 from pivident.collision.obstacles import Obstacle, ToolBox
 from pivident.collision.outlines import outline_of
-from pivident.errors import RobotDescriptionError, concerning
+from pivident.errors import ExperimentError, RobotDescriptionError, concerning
 from pivident.robot.description import Robot
 from pivident.robot.frames import rotation_from_rpy
 from pivident.robot.naming import nearest
+from pivident.text.lists import listed
 
 if TYPE_CHECKING:
     from pivident.experiment.room_keys import BodyEntry, ObstacleEntry, RoomEntry
@@ -38,6 +39,13 @@ def clearances_of_room(robot: Robot, room: RoomEntry) -> Clearances:
         MissingExtra: the URDF has meshes, and coal is not installed.
     """
     outline = outline_of(robot, bodies_of_entries(robot, room.body))
+    things = [f"obstacle {entry.name!r}" for entry in room.obstacle]
+    things += [] if room.floor is None else ["the floor"]
+    if things and all(body.link < 0 for body in outline.bodies):
+        raise ExperimentError(
+            f"no body of {robot.name!r} is known, so that nothing keeps it from {listed(things)}; "
+            f"give its bodies by hand: {BY_HAND}"
+        ).about("body")
     apart, remarks = built_apart(robot, outline, room.clearance)
     found = Clearances.of(
         robot,

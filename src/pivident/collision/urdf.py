@@ -122,16 +122,7 @@ def urdf_outline(robot: Robot, without: Collection[int] = ()) -> Outline | None:
                 Body(each, link, capsule.start, capsule.end, capsule.radius)
                 for each, capsule in zip(numbered(name, len(capsules)), capsules, strict=True)
             )
-    covered = {body.link for body in bodies} | set(without)
-    bare = [robot.links[i].name for i in range(robot.size) if i not in covered]
-    remarks: tuple[str, ...] = ()
-    if bare:
-        plural = "s" * (len(bare) > 1)
-        remarks = (
-            f"The URDF has no collision shape of link{plural} {', '.join(bare)}, which "
-            f"{'are' if plural else 'is'} not checked; give a body by hand if there is one.",
-        )
-    return Outline(tuple(bodies), "urdf", remarks)
+    return Outline(tuple(bodies), "urdf")
 
 
 def link_capsules(shapes: list[Balls]) -> list[Capsule]:

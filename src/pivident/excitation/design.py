@@ -173,6 +173,14 @@ class Design:
         return tuple(p for p in self.predicted if p.remark)
 
     @property
+    def reasons(self) -> dict[str, list[str]]:
+        """Why parameters remain undetermined, with the names that share a reason."""
+        found: dict[str, list[str]] = {}
+        for p in self.undetermined:
+            found.setdefault(p.remark, []).append(p.name)
+        return found
+
+    @property
     def binding(self) -> tuple[LimitUse | ClearanceUse, ...]:
         """Limits that the motion uses to 94 % or more, bodies within 15 mm of theirs."""
         limits = [use for use in self.limits if use.share >= 0.94]

@@ -77,7 +77,7 @@ def account(task: DesignTask, fine: FineCheck, motion: ExcitingMotion, best: Bes
 def _settings(task: DesignTask) -> dict[str, Any]:
     """What was asked for, without what was left open."""
     given = {key: value for key, value in task.request.plain().items() if value not in (None, ())}
-    return given | ({} if task.question.runs is None else {"about": task.question.words})
+    return given | ({} if task.question.runs is None else {"about": task.question.about})
 
 
 def _torques(

@@ -17,9 +17,9 @@ from pivident.excitation.design import ClearanceUse, Design
 from pivident.excitation.design_account import account
 from pivident.excitation.design_task import DesignTask
 from pivident.excitation.design_text import share_words
-from pivident.excitation.feasibility import ROOM, check_start, check_travel, why_none
+from pivident.excitation.feasibility import check_start, check_travel, why_none
 from pivident.excitation.knowledge import Knowledge, knowledge
-from pivident.excitation.limits import PLANNED_SHARE, JointLimits, joint_limits
+from pivident.excitation.limits import PLANNED_SHARE, ROOM, JointLimits, joint_limits
 from pivident.excitation.motions import ExcitingMotion
 from pivident.excitation.objective import Objective
 from pivident.excitation.questions import Question, robot_question

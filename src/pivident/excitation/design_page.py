@@ -18,6 +18,8 @@ from pivident.excitation.design_figures import (
 )
 from pivident.excitation.design_picture import picture_values
 from pivident.excitation.design_text import (
+    BINDING,
+    NO_LIMIT,
     broken,
     headline,
     kind_words,
@@ -116,7 +118,7 @@ def _sections(
     if correlation is not None:
         content = {"map": correlation_figure(correlation), "strong": STRONG_CORRELATION}
         yield "correlations", "Correlations", content
-    yield "undetermined", "What remains undetermined", {"reasons": _reasons(design)}
+    yield "undetermined", "What remains undetermined", {"reasons": list(design.reasons.items())}
     yield (
         "files",
         "Files, and how to go on",
@@ -125,6 +127,7 @@ def _sections(
             "beside": [(file.name, file.words) for file in files if not _is_held(file)],
             "unwritten": unwritten_programs(design),
             "commands": next_commands(design),
+            "twice": design.settings.get("about") in ("load", "gains"),
         },
     )
 
@@ -139,12 +142,14 @@ def _summary(design: Design) -> dict[str, Any]:
         "design": design,
         "headline": headline(design),
         "broken": [limit_words(use) for use in wrong],
+        "binding_heading": BINDING,
+        "no_limit": NO_LIMIT,
         "binding": [limit_words(use) for use in design.binding if use not in wrong],
         "figures": [
             ("Motion", f"{format_exact(design.motion.duration)} s", kind_words(design)),
             ("Criterion", end, f"{design.cost_words}; start of the search {start}"),
             ("Condition number", last, f"start of the search {first}"),
-            ("Determined", f"{determined} of {len(design.predicted)}", "base parameters"),
+            ("Determined", f"{determined} of {len(design.predicted)}", "parameters"),
             ("Search", f"{format_significant(design.seconds)} s", f"criterion {design.criterion}"),
         ],
         "settings": [(str(k), _setting(x)) for k, x in design.settings.items() if x is not None],
@@ -168,14 +173,6 @@ def _gain(p: PredictedError) -> float:
     return p.before / p.std if math.isfinite(p.before) and p.std > 0.0 else math.nan
 
 
-def _reasons(design: Design) -> list[tuple[str, list[str]]]:
-    """Why parameters remain undetermined, with the names that share a reason."""
-    found: dict[str, list[str]] = {}
-    for p in design.undetermined:
-        found.setdefault(p.remark, []).append(p.name)
-    return list(found.items())
-
-
 def next_commands(design: Design) -> tuple[str, ...]:
     """Commands with which the record of this motion is identified.
 
@@ -184,6 +181,15 @@ def next_commands(design: Design) -> tuple[str, ...]:
     """
     named = design.settings.get("robot")
     robot = shlex.quote(named) if isinstance(named, str) and named else "ROBOT"
+    about = design.settings.get("about")
+    if about in ("load", "gains"):
+        command = "payload" if about == "load" else "gains"
+        return (
+            f"pivident init without_load.csv --robot {robot} --out experiment.toml",
+            f"# add [[{command}.recording]] with the record with the load, and [payload] or "
+            "[gains.payload]",
+            f"pivident {command} experiment.toml",
+        )
     return (
         f"pivident init record.csv --robot {robot} --out experiment.toml",
         "pivident check experiment.toml",

@@ -8,6 +8,7 @@ from textwrap import wrap
 import numpy as np
 
 from pivident.excitation.design import ClearanceUse, Design, LimitUse, PredictedError
+from pivident.excitation.limits import ASSUMED, DESCRIPTION, FILE, PLANNED_SHARE, ROOM
 from pivident.text.lists import listed
 from pivident.text.numbers import format_exact, format_significant, percent, with_spread
 from pivident.text.plain_table import plain_table
@@ -18,6 +19,20 @@ LISTED = 8
 
 #: Width of a line, in characters.
 WIDTH = 100
+
+#: Where limits come from.
+SOURCES = {
+    DESCRIPTION: "limit of the description",
+    FILE: "limit that was given",
+    ASSUMED: "limit assumed",
+}
+
+#: Heading over the limits that a motion reaches, and what stands in its place.
+BINDING = (
+    f"Limits that bind (the search keeps to {100 * PLANNED_SHARE:.0f} % of them, and "
+    f"{1e3 * ROOM:.0f} mm beyond the clearance)"
+)
+NO_LIMIT = "The motion comes near to no limit."
 
 
 def design_text(design: Design) -> str:
@@ -73,7 +88,7 @@ def limit_words(use: LimitUse | ClearanceUse) -> str:
         )
     return (
         f"{use.quantity} of {use.joint}: {percent(100.0 * use.share)} of its limit "
-        f"{'' if np.isnan(use.t) else f'at {use.t:.2f} s '}({use.source})"
+        f"{'' if np.isnan(use.t) else f'at {use.t:.2f} s '}({SOURCES.get(use.source, use.source)})"
     )
 
 
@@ -132,15 +147,18 @@ def _lines(design: Design) -> Iterator[str]:
     yield f"{determined} of {len(design.predicted)} parameters are determined. Least certain:"
     if rows := hardest(design, LISTED):
         yield plain_table(_columns(rows))
+    if small := [p.name for p in design.predicted if not p.remark and p.relative > 1.0]:
+        text = f"Standard error above the value itself, which is of little effect: {listed(small)}."
+        yield from wrap(text, WIDTH)
     if wrong := broken(design):
         yield f"LIMITS THAT ARE NOT KEPT: {len(wrong)}"
         yield from _some(wrong)
     binding = [use for use in design.binding if use not in wrong]
     if binding:
-        yield f"Limits that bind: {len(binding)}"
+        yield f"{BINDING}: {len(binding)}"
         yield from _some(binding)
     elif not wrong:
-        yield "No limit binds: the search could not use more, or ended early."
+        yield NO_LIMIT
     if design.undetermined:
         yield from _undetermined(design)
     for note in design.notes:
@@ -170,11 +188,8 @@ def _some(uses: tuple[LimitUse | ClearanceUse, ...] | list[LimitUse | ClearanceU
 
 def _undetermined(design: Design) -> Iterator[str]:
     """Parameters that remain undetermined, those of one reason together."""
-    reasons: dict[str, list[str]] = {}
-    for p in design.undetermined:
-        reasons.setdefault(p.remark, []).append(p.name)
     yield f"Not determined: {len(design.undetermined)}"
-    for reason, names in list(reasons.items())[:LISTED]:
+    for reason, names in design.reasons.items():
         yield from wrap(
             f"{listed(names)}: {reason}", WIDTH, initial_indent="  ", subsequent_indent="    "
         )

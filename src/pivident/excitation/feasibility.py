@@ -9,12 +9,9 @@ from pivident.excitation.constraints import Constraints
 from pivident.excitation.criteria import standard_errors
 from pivident.excitation.design_task import DesignTask
 from pivident.excitation.information import Information, assumed_noise
-from pivident.excitation.limits import PLANNED_SHARE
+from pivident.excitation.limits import PLANNED_SHARE, ROOM
 from pivident.text.lists import listed
 from pivident.text.numbers import percent
-
-#: Room beyond the clearance that the search keeps, for what happens between its samples [m].
-ROOM = 0.01
 
 #: Share of its range that a joint must be able to move over in half the time.
 LEAST_TRAVEL = 0.01

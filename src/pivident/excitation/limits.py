@@ -15,8 +15,9 @@ from pivident.text.lists import listed
 #: Time in which a joint is taken to reach its rated speed where no acceleration is given [s].
 RISE = 0.25
 
-#: Share of a limit that a motion is planned to use: the controller does not follow it exactly.
-PLANNED_SHARE = 0.95
+#: Share of a limit that a motion is planned to use, and room that it keeps beyond clearances [m]:
+#: for what happens between the samples of the search, and a controller that follows not exactly.
+PLANNED_SHARE, ROOM = 0.95, 0.01
 
 DESCRIPTION, FILE, ASSUMED = "description", "file", "assumed"
 

@@ -16,6 +16,7 @@ joint j, which all runs share, the information on the unknowns z of a question i
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -39,6 +40,7 @@ class Question:
         asked: indices of the unknowns that count.
         runs: M of each run and joint, each (parameters, unknowns); None: the unknowns are the
             parameters, and the motion is run once.
+        about: ``robot``, ``load`` or ``gains``.
         words: what is asked, a few words.
         loads: base parameters that the body of each run adds, each (base,).
         notes: what cannot be asked, complete sentences.
@@ -49,6 +51,7 @@ class Question:
     values: np.ndarray
     asked: np.ndarray
     runs: tuple[tuple[np.ndarray, ...], ...] | None = None
+    about: Literal["robot", "load", "gains"] = "robot"
     words: str = "parameters of the robot"
     loads: tuple[np.ndarray, ...] = ()
     notes: tuple[str, ...] = ()
@@ -136,6 +139,7 @@ def load_question(base: BaseParameters, values: np.ndarray, load: np.ndarray) ->
         np.concatenate([values, regrouping @ load]),
         np.arange(p, p + len(kept)),
         ((without,) * n, (loaded,) * n),
+        "load",
         "a load, from a run without it and a run with it",
         (np.zeros(p), spread @ load),
         _not_told(kept, regrouping),
@@ -200,6 +204,7 @@ def gain_question(base: BaseParameters, values: np.ndarray, load: np.ndarray) ->
         np.concatenate([values, np.ones(n)]),
         np.arange(p, p + n),
         (run(values), run(loaded)),
+        "gains",
         "drive gains, from a run without the known load and a run with it",
         (np.zeros(p), loaded - values),
     )

@@ -186,13 +186,14 @@ def _other_motion(followed: Sequence[FollowedMotion], different: Sequence[str]) 
     """That a record holds another motion, with its numbers."""
     worst = max((f for f in followed if not f.is_same), key=lambda f: float(np.median(f.share)))
     names = f"The recording {different[0]}" if len(different) == 1 else listed(list(different))
+    verb = "holds" if len(different) == 1 else "hold"
     if np.median(worst.share) <= ANOTHER:
         return (
-            f"{names} holds {100 * worst.covered:.0f} % of the designed motion; its standard "
+            f"{names} {verb} {100 * worst.covered:.0f} % of the designed motion; its standard "
             "errors are not compared."
         )
     return (
-        f"{names} holds another motion than the design: where it fits best, the positions differ "
+        f"{names} {verb} another motion than the design: where it fits best, the positions differ "
         f"by {100 * float(np.median(worst.share)):.0f} % of the rms of the motion (median of the "
         "joints); standard errors are not compared."
     )

@@ -165,7 +165,7 @@ def _more_or_less(followed: FollowedMotion) -> Iterator[str]:
     """Parts of the motion that are missing, and motion that is not of the design."""
     if followed.covered < COMPLETE:
         yield (
-            f"Only {100 * followed.covered:.0f} % of the motion were recorded, so that standard "
+            f"Only {100 * followed.covered:.0f} % of the motion was recorded, so that standard "
             "errors must be larger than predicted."
         )
     if followed.other > MIN_OTHER:

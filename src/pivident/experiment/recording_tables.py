@@ -84,6 +84,13 @@ def recording_of(entry: RecordingEntry, robot: Robot, folder: Path) -> Recording
             part=part,
             **set_here,
         )
+    with concerning("design"):
+        named = design_file(entry, folder)
+        if entry.design is not None and named is not None and not named.is_file():
+            raise ExperimentError(
+                f"the design {named} does not exist; name its design.json or folder, or leave the "
+                "key out: one beside the log is found"
+            )
     with concerning("part"):
         return recording if entry.part is None else recording.slice(*entry.part)
 
