@@ -308,7 +308,7 @@ def test_a_load_on_a_planar_arm_is_asked_for_what_torques_tell():
 
 def test_gains_that_no_motion_tells_are_named_instead_of_more_time():
     """Without any load the two runs are the same: all gains may be larger by one factor."""
-    with pytest.raises(ExperimentError, match="tells gain of shoulder, gain of elbow, what"):
+    with pytest.raises(ExperimentError, match="identifies gain of shoulder, gain of elbow, what"):
         design_motion(
             PLANAR,
             request(seconds=0.5),

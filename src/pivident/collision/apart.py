@@ -18,7 +18,7 @@ from pivident.collision.pairs import candidate_pairs, position_ranges
 from pivident.extras import is_installed
 from pivident.robot.description import Robot
 
-#: Share of postures in which capsules are too near from which on the shapes are looked at.
+#: Share of postures with capsules too near from which on the shapes themselves are measured.
 OFTEN = 0.02
 
 #: Positions of each of the two joints.

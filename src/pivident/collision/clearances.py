@@ -72,8 +72,8 @@ class Clearances:
         floor. Left out, with a remark, are bodies of the robot that overlap in nearly all of some
         hundred random postures, and bodies of a first link that are as near to what the robot
         stands on, because they are built so; and silently, what no posture brings together. Bodies
-        that are built closer than the clearance, but do not overlap, keep half their usual
-        distance. Neighbouring links are kept apart by the limits of their joint.
+        that are built closer than the clearance, but do not overlap, keep half of what nearly every
+        posture leaves them. Neighbouring links are kept apart by the limits of their joint.
 
         Args:
             robot: the robot.
@@ -143,8 +143,7 @@ class Clearances:
         Args:
             room: beyond the distances asked for [m].
         """
-        pairs = tuple(replace(pair, needed=pair.needed + room) for pair in self.pairs)
-        return replace(self, pairs=pairs)
+        return replace(self, pairs=tuple(pair.with_more(room) for pair in self.pairs))
 
     def distances(self, q: np.ndarray) -> np.ndarray:
         """All distances, negative where bodies penetrate each other.
@@ -290,8 +289,9 @@ class Clearances:
             elif not own and near > STRUCTURAL_SHARE and (constant or self._is_first(pair.body)):
                 standing.append(pair.name)
             elif own and near > STRUCTURAL_SHARE:
-                less = 0.5 * max(float(np.median(distance)), 0.0)
-                kept.append(replace(pair, needed=less))
+                # nearly every posture keeps twice as much, which leaves as much again to plan with
+                less = 0.5 * max(float(np.quantile(distance, 1.0 - STRUCTURAL_SHARE)), 0.0)
+                kept.append(replace(pair, needed=less, spare=less))
                 close.append(f"{pair.name} ({1e3 * less:.3g} mm)")
             elif not constant and not self._is_out_of_reach(pair):
                 kept.append(pair)

@@ -33,7 +33,7 @@ def exact_distances(
         robot: a robot that was read from a URDF.
         links: pairs of moving links by index, -1 for the base.
         q: joint positions [rad or m], shape (samples, joints).
-        without: links whose shapes are not looked at; their meshes may be missing.
+        without: links whose shapes do not count; their meshes may be missing.
 
     Returns:
         Least distance of any two shapes of each pair of links [m], zero or less where they touch;

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -14,10 +14,10 @@ from pivident.errors import ExperimentError
 from pivident.robot.description import Joint, Robot
 from pivident.robot.naming import repeated
 
-#: Postures in which bodies are looked at that touch all the time, and their seed.
+#: Postures that show which bodies touch all the time, and their seed.
 POSTURES, SEED = 400, 1
 
-#: Positions that a joint without limits is looked at in: half a turn, half a metre either way.
+#: Range of a joint without limits: half a turn, half a metre either way.
 WITHOUT_LIMITS = {"revolute": np.pi, "prismatic": 0.5}
 
 
@@ -30,12 +30,18 @@ class Pair:
         needed: distance that is asked for [m].
         body: the body; None for the tool.
         other: what it must not touch; None for the floor, or for the sides of the tool's box.
+        spare: most room beyond ``needed`` that can be asked for [m].
     """
 
     name: str
     needed: float
     body: Body | None
     other: Body | Obstacle | None
+    spare: float = np.inf
+
+    def with_more(self, room: float) -> Pair:
+        """The same pair, with more room [m] as far as there is some."""
+        return replace(self, needed=self.needed + min(room, self.spare))
 
 
 def candidate_pairs(
@@ -101,10 +107,13 @@ def random_postures(robot: Robot) -> np.ndarray:
 
 
 def position_ranges(robot: Robot) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest position of each joint that are looked at [rad or m], each (joints,).
+    """Lowest and highest position of each joint, assumed where it has no limits.
 
     Args:
         robot: the robot.
+
+    Returns:
+        Two arrays of shape (joints,) [rad or m].
     """
     limits = [
         joint.position_limits or (-WITHOUT_LIMITS[joint.kind], WITHOUT_LIMITS[joint.kind])

@@ -27,7 +27,7 @@ def clearances_of_room(robot: Robot, room: RoomEntry) -> Clearances:
     """What must stay apart, by the tables of a file.
 
     Args:
-        robot: the robot, with the ranges that its joints move in: they tell what can touch.
+        robot: the robot, with the ranges that its joints move in: what can touch depends on them.
         room: the checked tables.
 
     Returns:

@@ -20,7 +20,7 @@ from pivident.robot.urdf_xml import UrdfCollision, file_content, parse_collision
 #: Most capsules of one link; further shapes are merged, those first that lose least room.
 MAX_CAPSULES = 3
 
-#: Most shapes of one link that are looked at one by one; more are one shape.
+#: Most shapes of one link that are treated one by one; more are one shape.
 MAX_SHAPES = 40
 
 

@@ -1,4 +1,4 @@
-"""How much a row of each joint's equation tells: its noise by frequency, and the rows left out.
+"""The information of a row of each joint's equation: its noise by frequency, and the rows left out.
 
 An estimate weighs the rows of joint j with its prefilter L_j, which holds their standard deviation.
 The design of the next motion expects the same noise: what it will know of the parameters is

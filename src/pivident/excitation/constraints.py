@@ -32,7 +32,7 @@ class Constraints:
 
     Attributes:
         family: the functions that motions are made of.
-        rate: of the samples at which limits are looked at [Hz].
+        rate: of the samples at which limits are checked [Hz].
         limits: of the joints.
         torques: models of the torques of all runs of the motion; none where no masses are known.
         clearances: of the bodies, or None where none are known.

@@ -76,7 +76,7 @@ class ClearanceUse:
 
 @dataclass(frozen=True)
 class PredictedError:
-    """What the motion will tell about one parameter.
+    """What the motion will give for one parameter.
 
     Attributes:
         name: of the parameter, such as ``zz1r``.
@@ -118,7 +118,7 @@ class PredictedError:
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """A motion that excites, and what its record is expected to tell.
+    """A motion that excites, and what its record is expected to determine.
 
     Attributes:
         robot: the robot.

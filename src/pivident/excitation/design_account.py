@@ -124,7 +124,7 @@ def _correlation(information: np.ndarray) -> np.ndarray:
 
 
 def _notes(task: DesignTask) -> list[str]:
-    """Assumptions and what was not looked at."""
+    """Assumptions and what was not checked."""
     notes = [*task.known.notes, *task.question.notes]
     assumed = task.limits.source.get("acceleration", ())
     if "assumed" in assumed:

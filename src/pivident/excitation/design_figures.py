@@ -26,8 +26,8 @@ MOTION = "motion"
 #: Rate at which the motion is drawn [Hz], and the points of a trace.
 DRAWN_RATE, POINTS = 200.0, 1500
 
-#: Room between two axes as a share of the figure, and height of an axis [px].
-_GAP, _ROW = 0.055, 118
+#: Height of an axis [px].
+_ROW = 118
 
 #: Axes: quantity of its limit, symbol, unit per unit of the position.
 _SIGNALS = (("position", "q", ""), ("speed", "dq", "/s"), ("acceleration", "ddq", "/s²"))
@@ -69,7 +69,8 @@ def motion_figure(design: Design, joint: int) -> Figure:
             name=f"{symbol} [{unit}]",
             line={"color": colour(joint), "width": 1.4},
         )
-    _stack(plot, [f"{symbol} [{unit}]" for _, symbol, unit, _, _ in rows])
+    titles = [f"{symbol} [{unit}]" for _, symbol, unit, _, _ in rows]
+    plot.stack(titles, automargin=True)
     used = []
     for k, (quantity, *_) in enumerate(rows, start=1):
         _limit_lines(plot, design, own.name, quantity, k)
@@ -162,19 +163,3 @@ def _limit_lines(plot: Plot, design: Design, joint: str, quantity: str, row: int
                 line = {"color": ERROR, "width": 1, "dash": "dash"}
                 ends = {"x0": 0, "x1": 1, "y0": bound, "y1": bound}
                 plot.add_shape("line", xref="paper", yref=axis, line=line, **ends)
-
-
-def _stack(plot: Plot, titles: list[str]) -> None:
-    """Axes y, y2, … below each other, over one axis of time."""
-    height = (1.0 - _GAP * (len(titles) - 1)) / len(titles)
-    axes: dict[str, object] = {
-        "xaxis": {"title": {"text": "time [s]"}, "anchor": f"y{len(titles)}"}
-    }
-    for k, title in enumerate(titles):
-        top = 1.0 - (height + _GAP) * k
-        axes[f"yaxis{k + 1 if k else ''}"] = {
-            "domain": [max(top - height, 0.0), top],
-            "title": {"text": title, "standoff": 4},
-            "automargin": True,
-        }
-    plot.update(**axes)

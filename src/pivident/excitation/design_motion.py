@@ -1,4 +1,4 @@
-"""From a robot to the motion whose record tells most about it."""
+"""From a robot to the motion whose record determines most of its parameters."""
 
 from __future__ import annotations
 
@@ -55,9 +55,9 @@ def design_motion(
         request: what is asked; None: all parameters, in a motion of 20 s.
         limits: of the joints; None: those of the description.
         after: earlier results, the last one first: their noise and information count.
-        clearances: what bodies must keep from each other; None: nothing is looked at.
+        clearances: what bodies must keep from each other; None: nothing is checked.
         question: makes what is asked from what is known; None: the parameters of ``request``.
-        torque_noise: standard deviation of the torque where ``after`` does not tell it, shape
+        torque_noise: standard deviation of the torque where ``after`` does not give it, shape
             (joints,) [N m or N]; None: a share of the largest torques.
         progress: called with one line at each improvement.
 

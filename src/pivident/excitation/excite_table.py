@@ -52,7 +52,7 @@ def limits_of(robot: Robot, entry: ExciteEntry) -> JointLimits:
         entry: the table.
 
     Raises:
-        ExperimentError: a joint that there is not, limits that nobody knows or that contradict.
+        ExperimentError: an unknown joint, or limits that are unknown or contradict each other.
     """
     given: dict[str, dict[str, Any]] = {name: {} for name in robot.joint_names}
     for quantity in ("acceleration", "jerk"):

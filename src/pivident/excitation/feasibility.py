@@ -46,13 +46,13 @@ def check_start(task: DesignTask) -> None:
             ).about("start")
     if task.clearances is not None and task.clearances.needed.size:
         distances = task.clearances.distances(posture[None])[:, 0]
-        needed = task.clearances.needed + ROOM
+        needed = task.clearances.with_more(ROOM).needed
         nearest = int(np.argmin(distances - needed))
         if distances[nearest] < needed[nearest]:
             raise ExperimentError(
                 f"at the start, {task.clearances.names[nearest]}: the clearance is "
-                f"{1e3 * distances[nearest]:.3g} mm; {1e3 * needed[nearest]:.3g} mm are needed, "
-                f"{1e3 * ROOM:g} mm of them for the motion; choose another start, or a smaller "
+                f"{1e3 * distances[nearest]:.3g} mm; {1e3 * needed[nearest]:.3g} mm are needed, up "
+                f"to {1e3 * ROOM:g} mm of them for the motion; choose another start, or a smaller "
                 "clearance"
             ).about("start")
     for model in task.torques:
@@ -96,10 +96,10 @@ def why_none(task: DesignTask, allowed: Constraints, duration: float) -> str:
                 f"the torque limit of {joint} does not hold the arm against gravity in "
                 f"{100 * over.max():.0f} % of its postures; check the limit and the masses"
             )
-    if names := _never_told(task):
+    if names := _never_identified(task):
         return (
-            f"no motion of this robot tells {listed(names)}, whatever its limits and duration; ask "
-            "for something else, or with another load"
+            f"no motion of this robot identifies {listed(names)}, whatever its limits and "
+            "duration; ask for something else, or with another load"
         )
     return (
         f"no motion of {duration:g} s within the limits of position, speed, acceleration and "
@@ -121,7 +121,7 @@ def _crowded(task: DesignTask, most: float) -> str:
     if task.clearances is None or not task.clearances.needed.size:
         return ""
     distances = task.clearances.distances(_postures(task))
-    near = distances < (task.clearances.needed + ROOM)[:, None]
+    near = distances < task.clearances.with_more(ROOM).needed[:, None]
     free = int(np.sum(~near.any(axis=0)))
     if free > most:
         return ""
@@ -134,7 +134,7 @@ def _crowded(task: DesignTask, most: float) -> str:
     )
 
 
-def _never_told(task: DesignTask) -> list[str]:
+def _never_identified(task: DesignTask) -> list[str]:
     """Unknowns that not even random speeds and accelerations in random postures determine."""
     rng = np.random.default_rng(task.request.seed)
     shape = (max(TRIED_POSTURES, task.question.size), task.robot.size)

@@ -1,4 +1,4 @@
-"""Information of a motion: what its record will tell about the parameters, before it is taken.
+"""Information of a motion: what its record will determine, before it is taken.
 
     I = I₀ + Σ_j A_j,      A_j = Σ_t m_jt (L_j Φ_j)_tᵀ (L_j Φ_j)_t                          (P-23)
 
@@ -117,7 +117,7 @@ class Information:
 
 
 def assumed_noise(deviation: np.ndarray, rate: float) -> EquationNoise:
-    """White noise of the torque where no earlier result has told it.
+    """White noise of the torque where no earlier result gives it.
 
     Args:
         deviation: standard deviation of a row, shape (joints,) [N m or N].

@@ -18,7 +18,7 @@ from pivident.excitation.limits import JointLimits
 from pivident.robot.description import Robot
 from pivident.text.lists import listed
 
-#: Noise of the torque where no result tells it: this share of the largest torque, in so many
+#: Noise of the torque where no result gives it: this share of the largest torque, in so many
 #: independent rows per second.
 NOISE_SHARE, NOISE_RATE = 0.01, 40.0
 
@@ -57,7 +57,7 @@ class Knowledge:
 
     @property
     def has_masses(self) -> bool:
-        """Whether any inertial parameter has a value, so that torques can be told."""
+        """Whether any inertial parameter has a value, so that torques can be computed."""
         inertial = np.array([p.is_inertial for p in self.base.parameters])
         return bool(np.isfinite(self.values[inertial]).any())
 
@@ -73,14 +73,14 @@ def knowledge(
     after: Sequence[Identification] = (),
     torque_noise: np.ndarray | None = None,
 ) -> Knowledge:
-    """What a description and earlier results tell about a robot.
+    """What a description and earlier results say about a robot.
 
     Args:
         robot: the robot.
         limits: of its joints.
         after: earlier results, the last one first; their information adds up, values and noise are
             those of the first one.
-        torque_noise: standard deviation of the torque where no result tells it, in rows that are
+        torque_noise: standard deviation of the torque where no result gives it, in rows that are
             independent at 40 Hz, shape (joints,) [N m or N]; None: a share of the largest torques.
 
     Raises:

@@ -23,7 +23,7 @@ PARTS, LEVELS = 8, 5
 #: What may remain in doubt [m].
 TOLERANCE = 5e-5
 
-#: Pairs that keep so much more than needed are not looked at between the samples [m].
+#: Pairs that keep so much more than needed are not followed between the samples [m].
 AMPLE = 0.03
 
 #: Positions, speeds and accelerations at times, (3, samples, joints).

@@ -178,7 +178,7 @@ def wider_than_described(robot: Robot, limits: JointLimits) -> list[str]:
 
 
 def _check_known(robot: Robot, ranges: list[tuple[float, float] | None], speed: np.ndarray) -> None:
-    """Refuse joints whose range or speed nobody knows."""
+    """Refuse joints without a known range or speed."""
     for quantity, missing, example in (
         ("position", [r is None for r in ranges], "[-2.9, 2.9]"),
         ("speed", np.isinf(speed).tolist(), "2.0"),

@@ -125,7 +125,7 @@ def load_question(base: BaseParameters, values: np.ndarray, load: np.ndarray) ->
     if not kept:
         raise ExperimentError(
             f"no torque of {base.robot.name!r} depends on a load at its last link, so that no "
-            "motion tells one"
+            "motion identifies one"
         ).about("about")
     stems = [INERTIAL[k] for k in kept]
     grouped = np.count_nonzero(regrouping, axis=1) > 1
@@ -142,7 +142,7 @@ def load_question(base: BaseParameters, values: np.ndarray, load: np.ndarray) ->
         "load",
         "a load, from a run without it and a run with it",
         (np.zeros(p), spread @ load),
-        _not_told(kept, regrouping),
+        _without_effect(kept, regrouping),
     )
 
 
@@ -156,14 +156,14 @@ def _regrouped(columns: np.ndarray) -> tuple[list[int], np.ndarray]:
     return kept, np.where(np.abs(regrouping) < NO_EFFECT, 0.0, regrouping)
 
 
-def _not_told(kept: list[int], regrouping: np.ndarray) -> tuple[str, ...]:
+def _without_effect(kept: list[int], regrouping: np.ndarray) -> tuple[str, ...]:
     """Which of the load's parameters have no effect, and which regroup with others."""
     notes = []
     without = [stem for stem, column in zip(INERTIAL, regrouping.T, strict=True) if not any(column)]
     if without:
         notes.append(
             f"No torque of this robot depends on {listed(without)} of the load, whatever the "
-            "motion: they are not asked."
+            "motion: they are left out."
         )
     sums = [
         f"{INERTIAL[k]}r = {INERTIAL[k]}"

@@ -65,7 +65,7 @@ def robot_programs(design: Design) -> tuple[RobotProgram, ...]:
         design: the design.
 
     Returns:
-        One program for each controller that can run it; `unwritten_programs` tells about the
+        One program for each controller that can run it; `unwritten_programs` names the
         others.
     """
     return tuple(

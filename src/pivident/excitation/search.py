@@ -19,7 +19,7 @@ from pivident.threads import linear_algebra_in_one_thread, thread_count
 DRAWS = 16
 
 #: Share by which standard errors must have fallen, and seconds passed, for another line.
-TOLD_SHARE, TOLD_SECONDS = 0.95, 2.0
+REPORTED_SHARE, REPORTED_SECONDS = 0.95, 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class Search:
         with linear_algebra_in_one_thread(), threads as pool:
             jobs: list[Future[None]] = []
             try:
-                pool.submit(self._tell, best)
+                pool.submit(self._report, best)
                 for worker in range(workers):
                     jobs.append(pool.submit(self._starts, worker, workers, first, best))
                 for job in jobs:
@@ -85,15 +85,15 @@ class Search:
             best.offer(least, chosen, first=True)
         return chosen
 
-    def _tell(self, best: Best) -> None:
+    def _report(self, best: Best) -> None:
         """Progress, now and then."""
-        told = 1.0
-        while not best.ended.wait(TOLD_SECONDS) and not best.is_over:
+        reported = 1.0
+        while not best.ended.wait(REPORTED_SECONDS) and not best.is_over:
             if not np.isfinite(best.first):
                 continue
             share = float(np.exp(0.5 * (best.value - best.first)))
-            if share < TOLD_SHARE * told:
-                told = share
+            if share < REPORTED_SHARE * reported:
+                reported = share
                 cond = self.objective.criterion.name == "cond"
                 whose = "the condition number is" if cond else "standard errors are"
                 self.say(

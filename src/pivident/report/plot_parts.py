@@ -7,7 +7,7 @@ rest of a page. What is gathered here is written as it is.
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -60,6 +60,22 @@ class Plot:
     def vertical(self, x: float, line: Mapping[str, Any]) -> None:
         """A line from bottom to top."""
         self.add_shape("line", yref="paper", x0=x, x1=x, y0=0, y1=1, line=line)
+
+    def stack(self, titles: Sequence[str], **attributes: Any) -> None:
+        """Axes y, y2, … below each other, over one axis of time; attributes of each of them."""
+        gap = 0.065
+        height = (1.0 - gap * (len(titles) - 1)) / len(titles)
+        axes: dict[str, Any] = {
+            "xaxis": {"title": {"text": "time [s]"}, "anchor": f"y{len(titles)}"}
+        }
+        for k, title in enumerate(titles):
+            top = 1.0 - (height + gap) * k
+            axes[f"yaxis{k + 1 if k else ''}"] = {
+                "domain": [max(top - height, 0.0), top],
+                "title": {"text": title, "standoff": 4},
+                **attributes,
+            }
+        self.update(**axes)
 
     def content(self) -> dict[str, Any]:
         """Traces and layout, arrays as plotly.js unpacks them."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import html
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -135,7 +134,7 @@ def reference_figure(
     plot = empty_plot("")
     lines = _compared(t, measured, reference, points, "reference", colour(method))
     plot.data += [*lines[:2], lines[2] | {"yaxis": "y2"}]
-    _stack(plot, [f"q [{unit}]", f"difference [{unit}]"])
+    plot.stack([f"q [{unit}]", f"difference [{unit}]"])
     plot.update(yaxis2={"automargin": True})
     rms = format_significant(float(np.sqrt(np.mean((measured - reference) ** 2))))
     label = f"Measured position of {name} and its reference over {format_significant(t[-1])} s"
@@ -192,7 +191,7 @@ def signal_figure(
         axis = "y" if k == 1 else f"y{k}"
         line = _line(t, signal[:, joint], points, f"{name} estimated", colour(method), width=1.2)
         plot.data.append(line | {"yaxis": axis})
-    _stack(plot, [f"{name} [{row_unit}]" for name, row_unit, _ in rows])
+    plot.stack([f"{name} [{row_unit}]" for name, row_unit, _ in rows])
     _shade(plot, _excluded(recording, joint), t)
     note = (
         f"smoother: half power at {format_significant(fit.f50)} Hz"
@@ -292,22 +291,6 @@ def _compared(
         _line(t, model, points, name, own, width=1.2),
         _line(t, measured - model, points, "error", ERROR, width=1.0),
     ]
-
-
-def _stack(plot: Plot, titles: Sequence[str]) -> None:
-    """Axes y, y2, … below each other, over one axis of time."""
-    gap = 0.065
-    height = (1.0 - gap * (len(titles) - 1)) / len(titles)
-    axes: dict[str, object] = {
-        "xaxis": {"title": {"text": "time [s]"}, "anchor": f"y{len(titles)}"}
-    }
-    for k, title in enumerate(titles):
-        top = 1.0 - (height + gap) * k
-        axes[f"yaxis{k + 1 if k else ''}"] = {
-            "domain": [max(top - height, 0.0), top],
-            "title": {"text": title, "standoff": 4},
-        }
-    plot.update(**axes)
 
 
 def _shade(plot: Plot, excluded: np.ndarray, t: np.ndarray) -> None:
