@@ -27,7 +27,7 @@ class Wall:
     """The first two joints must keep q1 + q2² below a wall: a clearance with a known gradient."""
 
     names = ("arm and wall",)
-    bodies = obstacles = remarks = ()
+    bodies = surroundings = remarks = ()
     steepest = np.array([[1.0, 2.0 * np.pi, 0.0, 0.0, 0.0, 0.0]])[:, :2]
 
     def __init__(self, needed=0.02):

@@ -329,6 +329,8 @@ def test_room_in_which_no_posture_is_free_is_refused_before_the_search():
     """A floor above the robot, as where metres and millimetres are mixed up."""
     robot = load_robot("staubli_tx40")
     clearances = Clearances.of(robot, outline_of(robot).bodies, floor=1.0)
+    (plate,) = clearances.surroundings
+    assert plate.translation[2] + 0.5 * plate.size[2] == pytest.approx(1.0)
     said: list[str] = []
     with pytest.raises(ExperimentError, match=r"none of 500 .* above the floor.* all in metres"):
         design_motion(robot, request(), clearances=clearances, progress=said.append)

@@ -19,7 +19,8 @@ import numpy as np
 
 from pivident.collision.bodies import Body
 from pivident.collision.distances import SEGMENT, axis_distances, gradient_by_joints
-from pivident.collision.obstacles import Obstacle, ToolBox, upward
+from pivident.collision.obstacles import Obstacle, ToolBox, floor_plate, upward
+from pivident.collision.outlines import reach
 from pivident.collision.pairs import Pair, candidate_pairs, levers, random_postures, swept_ball
 from pivident.collision.poses import LinkPoses
 from pivident.errors import ExperimentError
@@ -131,6 +132,14 @@ class Clearances:
     def names(self) -> tuple[str, ...]:
         """Names of the rows."""
         return tuple(pair.name for pair in self.pairs)
+
+    @property
+    def surroundings(self) -> tuple[Obstacle, ...]:
+        """The obstacles, and a plate for the floor."""
+        if self.floor is None:
+            return self.obstacles
+        width = 2.4 * max(reach(self.robot), 0.2)
+        return (*self.obstacles, floor_plate(self.robot, self.floor, width))
 
     @property
     def needed(self) -> np.ndarray:

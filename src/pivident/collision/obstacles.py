@@ -84,12 +84,12 @@ class Obstacle:
 
     @property
     def kind(self) -> int:
-        """Which solid of `geometry_distances` it is; a sphere is a segment without length."""
+        """Which solid of `collision.distances` it is; a sphere is a segment without length."""
         return {"box": BOX, "cylinder": CYLINDER}.get(self.shape, SEGMENT)
 
     @property
     def solid(self) -> np.ndarray:
-        """The numbers that `geometry_distances.signed_distance` takes, shape (1, 6) [m].
+        """The numbers that `pivident.collision.distances.signed_distance` takes, shape (1, 6) [m].
 
         Of a segment they are its ends in the base frame.
         """
@@ -154,3 +154,17 @@ def upward(robot: Robot) -> np.ndarray:
             "as an obstacle instead, a box below the robot"
         ).about("floor")
     return -np.asarray(robot.gravity, dtype=float) / size
+
+
+def floor_plate(robot: Robot, height: float, width: float) -> Obstacle:
+    """A thin plate that shows where the floor is.
+
+    Args:
+        robot: the robot, whose gravity says where down is.
+        height: of the floor above the base's origin [m].
+        width: of the plate [m].
+    """
+    up, thickness = upward(robot), 0.002
+    middle = (height - 0.5 * thickness) * up
+    size = np.array([width, width, thickness])
+    return Obstacle("floor", "box", rotation_from_z_to(up), middle, size)

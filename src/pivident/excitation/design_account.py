@@ -67,7 +67,7 @@ def account(task: DesignTask, fine: FineCheck, motion: ExcitingMotion, best: Bes
         notes=tuple(_notes(task)),
         settings=_settings(task),
         bodies=() if room is None else room.bodies,
-        obstacles=() if room is None else room.obstacles,
+        obstacles=() if room is None else room.surroundings,
         seconds=task.request.seconds,
         torque=torque,
         torque_margin=margin,

@@ -101,11 +101,13 @@ def why_none(task: DesignTask, allowed: Constraints, duration: float) -> str:
             f"no motion of this robot identifies {listed(names)}, whatever its limits and "
             "duration; ask for something else, or with another load"
         )
+    quantities = ["position", "speed", "acceleration"]
+    quantities += ["jerk"] if np.isfinite(task.limits.jerk).any() else []
+    quantities += ["torque"] if task.torques else []
     return (
-        f"no motion of {duration:g} s within the limits of position, speed, acceleration and "
-        f"torque determines all {task.question.size} parameters ({allowed.family.size} functions "
-        f"for each joint); give it more time, such as --duration {2 * duration:g}, or relax the "
-        "limits"
+        f"no motion of {duration:g} s within the limits of {listed(quantities)} determines all "
+        f"{task.question.size} parameters ({allowed.family.size} functions for each joint); give "
+        f"it more time, such as --duration {2 * duration:g}, or relax the limits"
     )
 
 
