@@ -147,9 +147,9 @@ def _lines(design: Design) -> Iterator[str]:
     yield f"{determined} of {len(design.predicted)} parameters are determined. Least certain:"
     if rows := hardest(design, LISTED):
         yield plain_table(_columns(rows))
-    if small := [p.name for p in design.predicted if not p.remark and p.relative > 1.0]:
-        text = f"Standard error above the value itself, which is of little effect: {listed(small)}."
-        yield from wrap(text, WIDTH)
+    asked = [p for p in design.predicted if p.wanted] or list(design.predicted)
+    if small := [p.name for p in asked if not p.remark and p.value and p.relative > 1.0]:
+        yield from wrap(f"Of little effect, σ is above the value: {listed(small)}.", WIDTH)
     if wrong := broken(design):
         yield f"LIMITS THAT ARE NOT KEPT: {len(wrong)}"
         yield from _some(wrong)
