@@ -183,6 +183,16 @@ def test_a_robot_in_a_command_is_one_word():
     assert "--robot ROBOT " in next_commands(replace(design, settings={}))[0]
 
 
+@pytest.mark.parametrize(("about", "command"), [("load", "payload"), ("gains", "gains")])
+def test_two_runs_are_identified_together(about, command):
+    design = replace(made_design(), settings={"about": about})
+    assert next_commands(design)[-1] == f"pivident {command} experiment.toml"
+    assert f"[[{command}.recording]]" in next_commands(design)[1]
+    text = html.unescape(render_page(design))
+    assert "once without and once with the load" in text
+    assert "once without and once with the load" not in html.unescape(render_page(made_design()))
+
+
 def test_a_design_that_breaks_a_limit_must_not_be_run():
     design = made_design()
     use = replace(design.limits[1], largest=1.2 * design.limits[1].high)
