@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 from pivident.errors import PividentError
 
@@ -39,6 +40,27 @@ def regular_file(path: str | PathLike[str]) -> Path:
     if not stat.S_ISREG(mode):
         raise OSError(errno.EINVAL, "it is a device or a pipe, not a file", str(path))
     return path
+
+
+def json_object(path: str | PathLike[str], max_bytes: int) -> dict[str, Any]:
+    """A JSON object as plain values, of a file that may be anybody's.
+
+    Its OSError says why the file cannot be read, its ValueError what else is wrong with it: too
+    large, not JSON, or no object.
+    """
+    from pydantic_core import from_json
+
+    file = regular_file(path)
+    size = file.stat().st_size
+    if size > max_bytes:
+        raise ValueError(f"has {size} bytes, more than any file of its kind")
+    try:
+        content = from_json(file.read_bytes(), allow_inf_nan=False)
+    except ValueError as error:
+        raise ValueError(f"is not JSON: {error}") from None
+    if not isinstance(content, dict):
+        raise ValueError(f"holds a {type(content).__name__}, not an object")
+    return content
 
 
 def check_output(folder: Path) -> None:

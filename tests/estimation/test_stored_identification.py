@@ -300,7 +300,7 @@ def test_missing_file_names_the_methods_there_are(tmp_path):
 def test_file_that_is_too_large_is_not_read(tmp_path, monkeypatch):
     monkeypatch.setattr(reload, "MAX_FILE", 10)
     save_identification(synthetic_identification(), tmp_path)
-    with pytest.raises(IdentificationFileError, match="more than any identification"):
+    with pytest.raises(IdentificationFileError, match="more than any file of its kind"):
         load_identification(tmp_path)
 
 

@@ -16,7 +16,6 @@ from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field, ValidationError
-from pydantic_core import from_json
 
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters, regrouped_name
 from pivident.dynamics.grouping.closed_form import closed_form_base_parameters
@@ -26,7 +25,7 @@ from pivident.estimation.equation_record import MotionRange
 from pivident.estimation.identification import Identification, Iteration, JointFit
 from pivident.estimation.identification_file import SCHEMA
 from pivident.estimation.method_options import method_of_options
-from pivident.files import regular_file
+from pivident.files import json_object
 from pivident.instruments.given_motion import InstrumentsUsed, Kind
 from pivident.robot.description import Robot, TorqueSide
 from pivident.robot.naming import nearest
@@ -201,14 +200,7 @@ def load_identification(path: str | PathLike[str], robot: Robot | None = None) -
 def json_of_file(file: Path) -> dict[str, Any]:
     """A JSON object as plain values."""
     try:
-        size = regular_file(file).stat().st_size
-        if size > MAX_FILE:
-            raise IdentificationFileError(
-                str(file),
-                f"has {size} bytes, more than any identification; is it the log? Give the file "
-                "identification.json of a result",
-            )
-        content = from_json(file.read_bytes(), allow_inf_nan=False)
+        return json_object(file, MAX_FILE)
     except OSError as error:
         several = sorted(p.parent.name for p in file.parent.glob("*/identification.json"))
         advice = "check the path and its permissions"
@@ -219,13 +211,10 @@ def json_of_file(file: Path) -> dict[str, Any]:
         ) from error
     except ValueError as error:
         raise IdentificationFileError(
-            str(file), f"is not JSON: {error}; write it again with `pivident identify`"
+            str(file),
+            f"{error}; give the file identification.json of a result, or write it again with "
+            "`pivident identify`",
         ) from None
-    if not isinstance(content, dict):
-        raise IdentificationFileError(
-            str(file), f"holds a {type(content).__name__}, not an object; it is no identification"
-        )
-    return content
 
 
 def _content(file: Path, robot: Robot | None) -> FileContent:

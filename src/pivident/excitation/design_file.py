@@ -21,7 +21,6 @@ from typing import Any
 
 import numpy as np
 from pydantic import ValidationError
-from pydantic_core import from_json
 
 from pivident.collision.bodies import Body
 from pivident.collision.obstacles import Obstacle
@@ -44,7 +43,7 @@ from pivident.excitation.design_schema import (
     ObstacleValues,
 )
 from pivident.excitation.motions import ExcitingMotion
-from pivident.files import regular_file
+from pivident.files import json_object
 from pivident.robot.description import Robot
 from pivident.robot.robot_values import made_robot, problem_text, robot_values
 from pivident.text.plain_values import json_of_entries, plain
@@ -136,29 +135,16 @@ def load_design(path: str | PathLike[str]) -> Design:
 def _json_of(file: Path) -> dict[str, Any]:
     """A JSON object as plain values."""
     try:
-        size = regular_file(file).stat().st_size
-        if size > MAX_FILE:
-            raise DesignFileError(
-                str(file), f"has {size} bytes, more than any design; give a design.json"
-            )
-        content = from_json(file.read_bytes(), allow_inf_nan=False)
+        return json_object(file, MAX_FILE)
     except OSError as error:
         raise DesignFileError(
-            str(file),
-            f"cannot be read ({error.strerror}); check the path and its permissions",
+            str(file), f"cannot be read ({error.strerror}); check the path and its permissions"
         ) from error
-    except DesignFileError:
-        raise
     except ValueError as error:
         raise DesignFileError(
-            str(file), f"is not JSON: {error}; design it again with `pivident excite`"
-        ) from None
-    if not isinstance(content, dict):
-        raise DesignFileError(
             str(file),
-            f"holds a {type(content).__name__}, not an object; give a design.json",
-        )
-    return content
+            f"{error}; give a design.json, or design the motion again with `pivident excite`",
+        ) from None
 
 
 def _design(values: DesignValues) -> Design:
