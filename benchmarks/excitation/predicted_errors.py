@@ -3,9 +3,9 @@
     python -m benchmarks.excitation.predicted_errors [--records 4] [--seconds 10] [--designed]
 
 A TX40 in closed loop with encoder noise. PIV of one record, of point-to-point moves or of a
-designed motion, gives the noise; five designs follow that result (three families, three criteria), and each is run with new noise.
-Printed: the median and the largest of |reported/predicted - 1| over the parameters, the geometric
-mean of reported/predicted, and the coverage of the 95 % intervals.
+designed motion, gives the noise; five designs follow that result (three families, three criteria),
+and each is run with new noise. Printed: the median and the largest of |reported/predicted - 1| over
+the parameters, the geometric mean of reported/predicted, and the coverage of the 95 % intervals.
 """
 
 from __future__ import annotations
