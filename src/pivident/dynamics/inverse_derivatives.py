@@ -16,7 +16,12 @@ from pivident.dynamics.forward import make_model, mass_matrix
 from pivident.dynamics.kernels import link_poses
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor import Regressor
-from pivident.dynamics.rigid_body_slopes import move_links, place_links, slope_work, torque_slopes
+from pivident.dynamics.rigid_body_slopes import (
+    move_links,
+    place_links,
+    slope_scratch,
+    torque_slopes,
+)
 from pivident.robot.description import Robot
 
 
@@ -35,12 +40,12 @@ class InverseDynamicsDerivatives(NamedTuple):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _along(tree, inertia, q, dq, ddq, pose, work, by_position, by_speed):
+def _along(tree, inertia, q, dq, ddq, pose, links, body, by_position, by_speed):
     for s in range(q.shape[0]):
         link_poses(tree.prismatic, tree.rotation, tree.translation, q[s], pose)
-        place_links(tree.parent, tree.prismatic, pose, inertia, work)
-        move_links(tree.parent, tree.gravity, dq[s], ddq[s], work)
-        torque_slopes(tree.parent, tree.gravity, work, by_position[s], by_speed[s])
+        place_links(tree.parent, tree.prismatic, pose, inertia, links, body)
+        move_links(tree.parent, tree.gravity, dq[s], ddq[s], links, body)
+        torque_slopes(tree.parent, tree.gravity, links, body, by_position[s], by_speed[s])
 
 
 def inverse_dynamics_derivatives(
@@ -80,8 +85,8 @@ def inverse_dynamics_derivatives(
     q, dq, ddq = (np.ascontiguousarray(x, dtype=float) for x in (q, dq, ddq))
     model = make_model(robot, parameters, theta, clip=True)
     by_position, by_speed = np.zeros((len(q), n, n)), np.zeros((len(q), n, n))
-    pose, work = np.zeros((n, 12)), slope_work(n)
-    _along(model.tree, model.inertia, q, dq, ddq, pose, work, by_position, by_speed)
+    scratch = np.zeros((n, 12)), *slope_scratch(n)
+    _along(model.tree, model.inertia, q, dq, ddq, *scratch, by_position, by_speed)
     for slope in column_slopes(Regressor.build(robot, parameters)):
         if slope.quantity > 1:
             continue
