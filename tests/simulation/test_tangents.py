@@ -74,9 +74,9 @@ def difference(loop, direction, step):
 def deviation(loop, direction, found, measure=np.max):
     """Largest difference of the tangents, relative, with the best of some steps."""
     scale = SCALES.get(direction.kind, max(abs(loop.value(direction)), 0.05))
-    # a change by the scale that moves less than a millionth of the signal is no change
+    # where the whole scale moves the signal by less than this, differences are rounding
     motion = motion_of(loop)
-    least = [1e-6 * abs(getattr(motion, c)).max() / scale for c in ("q", "dq", "tau")]
+    least = [1e-4 * abs(getattr(motion, c)).max() / scale for c in ("q", "dq", "tau")]
     best = np.inf
     for step in (1e-4, 1e-3, 1e-2, 1e-5, 1e-6):
         pairs = zip(found, difference(loop, direction, step * scale), least, strict=True)

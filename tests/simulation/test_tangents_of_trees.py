@@ -3,7 +3,6 @@
 Friction is smooth enough for the simulation to be linear in it at every step.
 """
 
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
