@@ -24,6 +24,7 @@ from pivident.simulation.integration import (
     DDQ,
     FACTOR,
     FRICTION,
+    FRICTION_KNOWN,
     LAYERS,
     LEVEL,
     ROWS,
@@ -34,6 +35,7 @@ from pivident.simulation.integration import (
     evaluate,
 )
 from pivident.simulation.loop_tangent import (
+    DELAYED,
     evaluate_tangent,
     law_tangent,
     read_tangent,
@@ -41,7 +43,11 @@ from pivident.simulation.loop_tangent import (
     switch_tangent,
 )
 from pivident.simulation.path_integration import AT_REST, SLOPE_ROWS, advance_on_path
-from pivident.simulation.step_tangent import step_tangent
+from pivident.simulation.step_tangent import (
+    freeze_tangent,
+    linear_tangent,
+    nonlinear_tangent,
+)
 
 #: What may happen: nothing, M(q) is indefinite, a joint is too far off, a joint is too fast.
 DONE, INDEFINITE, TOO_FAR, TOO_FAST = 0, 1, 2, 3
@@ -166,6 +172,7 @@ def run_loop(
         )  # fmt: skip
         of_commanded, of_integral, of_past = tangent.commanded, tangent.integral, tangent.past
         encoder, weight_slope, record = tangent.encoder, tangent.weight_slope, tangent.record
+        passed = tangent.passed
         law_index, law_slope = tangent.law_index, tangent.law_slope
         law_reference, inertial = tangent.law_reference, tangent.inertial
         rotor_index, rotor_slope = tangent.rotor, tangent.rotor_slope
@@ -223,12 +230,15 @@ def run_loop(
                 for m in range(1, late + 2):
                     commanded[m, j] = commanded[0, j]
             if tangent is not None:
-                law_tangent(
-                    feedback, pole, integrand, integral_gain, integrand_reference, past, period,
-                    limits[GAIN, j], j, k, inputs[given, j], integrated, held, u == held,
-                    (u - held) * growth <= 0.0, late,
-                    own, of_past, of_integral, of_commanded, law_reference, law_index, law_slope,
-                )  # fmt: skip
+                passed[j, 0] = integrated
+                passed[j, 1] = 1.0 if u == held else 0.0
+                passed[j, 2] = 1.0 if (u - held) * growth <= 0.0 else 0.0
+        if tangent is not None:
+            law_tangent(
+                feedback, pole, integrand, integral_gain, integrand_reference, past, period,
+                limits[GAIN], inputs, channels[_COMMAND, row], k, given, late, passed,
+                own, of_past, of_integral, of_commanded, law_reference, law_index, law_slope,
+            )  # fmt: skip
         for turn in range(2 * steps):
             before = turn < steps  # the torque of the sample before is still acting
             if before and waiting == 0.0:
@@ -299,12 +309,24 @@ def run_loop(
                     vectors, matrices, slopes, clock, torque, step,
                 )  # fmt: skip
                 if tangent is not None:
-                    step_tangent(
-                        linear, term_index, term_value, pair_index, pair_value,
-                        vectors, matrices, slopes, clock, torque, step,
+                    freeze_tangent(
+                        vectors, matrices, slopes, clock, step,
                         0.0 if waiting == 0.0 else (1.0 if before else -1.0) / steps,
                         late + 1 if before else late,
-                        own, layers, times, of_commanded, of_slopes, constants, constant_slope,
-                        before_step, old, curvature, decay,
+                        own, layers, times, of_commanded, before_step, old,
                     )  # fmt: skip
+                    if clock[FRICTION_KNOWN] == 0.0:
+                        nonlinear_tangent(
+                            linear, term_index, term_value, pair_index, pair_value,
+                            vectors, matrices, slopes, torque, step,
+                            own, layers, times, of_slopes, constants, constant_slope, before_step,
+                            curvature,
+                        )  # fmt: skip
+                    else:
+                        linear_tangent(
+                            term_index, term_value, pair_index, pair_value,
+                            vectors, matrices, slopes, torque, step, old[DELAYED] != 0.0,
+                            own, layers, times, of_slopes, constants, constant_slope, before_step,
+                            curvature, decay,
+                        )  # fmt: skip
     return DONE, -1, -1

@@ -89,6 +89,7 @@ class LoopTangent(NamedTuple):
     commanded: np.ndarray  # (samples of delay + 2, joints, directions)
     integral: np.ndarray  # (joints, directions)
     past: np.ndarray  # (joints, TAPS, directions)
+    passed: np.ndarray  # scratch of ``law_tangent``, (joints, 3)
     encoder: np.ndarray  # of what the law reads beside the position, (joints, directions)
     law_index: np.ndarray  # joint and direction of a parameter of the law, (entries, 2)
     law_slope: np.ndarray  # (entries, LAW_SLOPES)
@@ -137,71 +138,73 @@ def read_tangent(parent, prismatic, gravity, masses, place, vectors, encoder, sl
 
 @_inline
 def law_tangent(
-    feedback, pole, integrand, integral_gain, integrand_reference, past, period, gain,
-    j, k, given, integrated, held, is_free, grows, late,
-    vectors, past_tangent, integral, commanded, reference, index, slope,
+    feedback, pole, integrand, integral_gain, integrand_reference, past, period, gains, inputs,
+    command, k, given, late, passed, vectors, past_tangent, integral, commanded, reference,
+    index, slope,
 ):  # fmt: skip
-    """Tangent of one joint's control law at sample ``k``, after its filters have moved on.
+    """Tangents of the control laws at sample ``k``, after their filters have moved on.
 
-    ``given``: its known input; ``held``: its limited output; ``is_free``: whether that is not at
-    the limit; ``grows``: whether the integrator moved.
+    ``given``: row of ``inputs``; ``command``: limited outputs, shape (joints,); ``passed``: what
+    the integrator was given, whether the output is free, and whether the integrator moved, shape
+    (joints, 3).
     """
     directions = vectors.shape[2]
-    # short loops of few arrays: only such ones are compiled to vector instructions
-    for m in range(1, TAPS):
-        if pole[j, m] != 0.0:
-            for d in range(directions):
-                vectors[_READ, j, d] -= pole[j, m] * past_tangent[j, m - 1, d]
-    for e in range(index.shape[0]):
-        if index[e, 0] == j:
-            for m in range(1, TAPS):
-                vectors[_READ, j, index[e, 1]] -= slope[e, OF_POLE + m] * past[j, m]
-    for d in range(directions):
-        w = vectors[_READ, j, d]
-        vectors[_U, j, d] = vectors[_SUM, j, d] + integral[j, d] - feedback[j, 0] * w
-        vectors[_GROWTH, j, d] = -integral_gain[j] * period * integrand[j, 0] * w
-    for m in range(1, TAPS):
-        if feedback[j, m] != 0.0:
-            for d in range(directions):
-                vectors[_U, j, d] -= feedback[j, m] * past_tangent[j, m - 1, d]
-        growth = integral_gain[j] * period * integrand[j, m]
-        if growth != 0.0:
-            for d in range(directions):
-                vectors[_GROWTH, j, d] -= growth * past_tangent[j, m - 1, d]
-    for m in range(TAPS - 1, 0, -1):
+    for j in range(vectors.shape[1]):
+        # short loops of few arrays: only such ones are compiled to vector instructions
+        for m in range(1, TAPS):
+            if pole[j, m] != 0.0:
+                for d in range(directions):
+                    vectors[_READ, j, d] -= pole[j, m] * past_tangent[j, m - 1, d]
+        for e in range(index.shape[0]):
+            if index[e, 0] == j:
+                for m in range(1, TAPS):
+                    vectors[_READ, j, index[e, 1]] -= slope[e, OF_POLE + m] * past[j, m]
         for d in range(directions):
-            past_tangent[j, m, d] = past_tangent[j, m - 1, d]
-    for d in range(directions):
-        past_tangent[j, 0, d] = vectors[_READ, j, d]
-    for e in range(index.shape[0]):
-        if index[e, 0] != j:
-            continue
-        d = index[e, 1]
-        u, summed = reference[0, k, e], reference[1, k, e]
-        for m in range(TAPS):
-            u -= slope[e, OF_FEEDBACK + m] * past[j, m]
-            summed -= slope[e, OF_INTEGRAND + m] * past[j, m]
-        vectors[_U, j, d] += u + slope[e, OF_INPUTS] * given
-        vectors[_GROWTH, j, d] += period * (
-            integral_gain[j] * summed
-            + slope[e, OF_INTEGRAL_GAIN] * (integrand_reference[k, j] - integrated)
-        )
-    for m in range(late + 1, 0, -1):
-        for d in range(directions):
-            commanded[m, j, d] = commanded[m - 1, j, d]
-    passed = gain if is_free else 0.0
-    for d in range(directions):
-        commanded[0, j, d] = passed * (vectors[_U, j, d] + vectors[_GROWTH, j, d])
-    if grows and integral_gain[j] != 0.0:
-        for d in range(directions):
-            integral[j, d] += vectors[_GROWTH, j, d]
-    for e in range(index.shape[0]):
-        if index[e, 0] == j:
-            commanded[0, j, index[e, 1]] += slope[e, OF_DRIVE_GAIN] * held
-    if k == 0:
-        for m in range(1, late + 2):
+            w = vectors[_READ, j, d]
+            vectors[_U, j, d] = vectors[_SUM, j, d] + integral[j, d] - feedback[j, 0] * w
+            vectors[_GROWTH, j, d] = -integral_gain[j] * period * integrand[j, 0] * w
+        for m in range(1, TAPS):
+            if feedback[j, m] != 0.0:
+                for d in range(directions):
+                    vectors[_U, j, d] -= feedback[j, m] * past_tangent[j, m - 1, d]
+            growth = integral_gain[j] * period * integrand[j, m]
+            if growth != 0.0:
+                for d in range(directions):
+                    vectors[_GROWTH, j, d] -= growth * past_tangent[j, m - 1, d]
+        for m in range(TAPS - 1, 0, -1):
             for d in range(directions):
-                commanded[m, j, d] = commanded[0, j, d]
+                past_tangent[j, m, d] = past_tangent[j, m - 1, d]
+        for d in range(directions):
+            past_tangent[j, 0, d] = vectors[_READ, j, d]
+        for e in range(index.shape[0]):
+            if index[e, 0] != j:
+                continue
+            d = index[e, 1]
+            u, summed = reference[0, k, e], reference[1, k, e]
+            for m in range(TAPS):
+                u -= slope[e, OF_FEEDBACK + m] * past[j, m]
+                summed -= slope[e, OF_INTEGRAND + m] * past[j, m]
+            vectors[_U, j, d] += u + slope[e, OF_INPUTS] * inputs[given, j]
+            vectors[_GROWTH, j, d] += period * (
+                integral_gain[j] * summed
+                + slope[e, OF_INTEGRAL_GAIN] * (integrand_reference[k, j] - passed[j, 0])
+            )
+        for m in range(late + 1, 0, -1):
+            for d in range(directions):
+                commanded[m, j, d] = commanded[m - 1, j, d]
+        gain = gains[j] if passed[j, 1] > 0.0 else 0.0
+        for d in range(directions):
+            commanded[0, j, d] = gain * (vectors[_U, j, d] + vectors[_GROWTH, j, d])
+        if passed[j, 2] > 0.0 and integral_gain[j] != 0.0:
+            for d in range(directions):
+                integral[j, d] += vectors[_GROWTH, j, d]
+        for e in range(index.shape[0]):
+            if index[e, 0] == j:
+                commanded[0, j, index[e, 1]] += slope[e, OF_DRIVE_GAIN] * command[j]
+        if k == 0:
+            for m in range(1, late + 2):
+                for d in range(directions):
+                    commanded[m, j, d] = commanded[0, j, d]
 
 
 @_inline

@@ -17,7 +17,6 @@ from pivident.simulation.integration import (
     BIAS,
     CHANGE,
     FRICTION,
-    FRICTION_KNOWN,
     LAST_BIAS,
     MAX_INNER_STEPS,
     MIDDLE,
@@ -142,7 +141,7 @@ def _damped_tangent(
 
 @_inline
 def freeze_tangent(
-    vectors, matrices, clock, h, share, which, timed, own, layers, times, commanded, old
+    vectors, matrices, slopes, clock, h, share, which, own, layers, times, commanded, before, old
 ):
     """Tangents of the length of the step, of τ - h and of M⁻¹ in its middle.
 
@@ -150,6 +149,9 @@ def freeze_tangent(
     ``commanded``. The friction of the step is not yet in what ``_NET_T`` receives.
     """
     n, directions = own.shape[1], own.shape[2]
+    timed = old[DELAYED] != 0.0
+    for k in range(before.shape[1]):
+        slopes[_WAS, k] = before[SLOPE_BEFORE, k]
     for d in range(directions):
         times[LENGTH, d] = share * times[DELAY, d]
     last = old[LAST_STEP_BEFORE]
@@ -185,42 +187,14 @@ def freeze_tangent(
 
 
 @_inline
-def step_tangent(
-    linear, term_index, term_value, pair_index, pair_value,
-    vectors, matrices, slopes, clock, torque, h, share, which,
-    own, layers, times, commanded, of_slopes, constants, constant_slope, before, old, curvature,
-    decay,
-):  # fmt: skip
-    """Carry the tangents over the step that ``integration.advance`` has just taken.
-
-    ``share which``: see ``freeze_tangent``; the arguments before are those of ``advance``, those
-    after are of ``LoopTangent``.
-    """
-    timed = old[DELAYED] != 0.0
-    freeze_tangent(
-        vectors, matrices, clock, h, share, which, timed, own, layers, times, commanded, old
-    )
-    for k in range(before.shape[1]):
-        slopes[_WAS, k] = before[SLOPE_BEFORE, k]
-    if clock[FRICTION_KNOWN] == 0.0:
-        _nonlinear_tangent(
-            linear, term_index, term_value, pair_index, pair_value,
-            vectors, matrices, slopes, torque, h, timed,
-            own, layers, times, of_slopes, constants, constant_slope, before, curvature,
-        )  # fmt: skip
-    else:
-        _linear_tangent(
-            term_index, term_value, pair_index, pair_value,
-            vectors, matrices, slopes, torque, h, timed,
-            own, layers, times, of_slopes, constants, constant_slope, before, curvature, decay,
-        )  # fmt: skip
-
-
-@_inline
-def _linear_tangent(
+def linear_tangent(
     term_index, term_value, pair_index, pair_value, vectors, matrices, slopes, torque, h, timed,
     own, layers, times, of_slopes, constants, constant_slope, before, curvature, decay,
 ):  # fmt: skip
+    """Carry the tangents over the linear step that ``integration.advance`` has just taken.
+
+    ``timed``: whether a direction changes the length of the step.
+    """
     n, directions = own.shape[1], own.shape[2]
     for i in range(n):
         vectors[_NET, i] = torque[i] - vectors[MIDDLE_BIAS, i] - before[FRICTION_BEFORE, i]
@@ -348,11 +322,11 @@ def _stage_tangent(
 
 
 @inner
-def _nonlinear_tangent(
+def nonlinear_tangent(
     linear, term_index, term_value, pair_index, pair_value, vectors, matrices, slopes, torque, h,
-    timed, own, layers, times, of_slopes, constants, constant_slope, before, curvature,
+    own, layers, times, of_slopes, constants, constant_slope, before, curvature,
 ):  # fmt: skip
-    """The step by Runge–Kutta 4 once more, with its tangents."""
+    """Carry them over a nonlinear step: Runge–Kutta 4 once more, with its tangents."""
     n, directions = own.shape[1], own.shape[2]
     k1, k2, k3, k4, trial, f, v = _A0, _A, _Y, _REST, _Z, _W, _AHEAD
     k1_t, k2_t, k3_t, k4_t, trial_t = _A0_T, _A_T, _Y_T, _X_T, _Z_T
@@ -393,11 +367,8 @@ def _nonlinear_tangent(
             for i in range(n):
                 for d in range(directions):
                     own[trial_t, i, d] = own[V, i, d] + weight * step * own[last_t, i, d]
-                if timed:
-                    for d in range(directions):
-                        own[trial_t, i, d] += (
-                            weight * step / h * times[LENGTH, d] * vectors[last, i]
-                        )
+                for d in range(directions):
+                    own[trial_t, i, d] += weight * step / h * times[LENGTH, d] * vectors[last, i]
             _stage_tangent(
                 term_index, term_value, pair_index, pair_value, vectors, matrices, slopes, torque,
                 f, trial, trial_t, target_t, own, layers, times, of_slopes, constants,
@@ -411,10 +382,9 @@ def _nonlinear_tangent(
                 own[Q, i, d] += step * (own[V, i, d] + step / 6.0 * (own[k1_t, i, d] + within))
                 own[V, i, d] += step / 6.0 * (own[k1_t, i, d] + 2.0 * within + own[k4_t, i, d])
             gained = (vectors[k1, i] + 2.0 * inside + vectors[k4, i]) / 6.0
-            if timed:
-                travelled = vectors[v, i] + step / 3.0 * (vectors[k1, i] + inside)
-                for d in range(directions):
-                    own[Q, i, d] += step / h * times[LENGTH, d] * travelled
-                    own[V, i, d] += step / h * times[LENGTH, d] * gained
+            travelled = vectors[v, i] + step / 3.0 * (vectors[k1, i] + inside)
+            for d in range(directions):
+                own[Q, i, d] += step / h * times[LENGTH, d] * travelled
+                own[V, i, d] += step / h * times[LENGTH, d] * gained
             vectors[v, i] += step * gained
         left -= step

@@ -214,6 +214,7 @@ def _initial_tangent(
         commanded=np.zeros((late + 2, n, count)),
         integral=np.zeros((n, count)),
         past=past,
+        passed=np.zeros((n, 3)),
         encoder=encoder,
         law_index=index,
         law_slope=slope,
