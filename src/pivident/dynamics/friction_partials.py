@@ -19,7 +19,6 @@ _COULOMB = int(FrictionColumn.COULOMB)
 _POSITIVE = int(FrictionColumn.COULOMB_POSITIVE)
 _NEGATIVE = int(FrictionColumn.COULOMB_NEGATIVE)
 _STRIBECK = int(FrictionColumn.STRIBECK)
-_POWER = int(FrictionColumn.POWER)
 _ATAN = int(SignFunction.ATAN)
 
 # Columns of ``FrictionTable.term_value``.
@@ -69,34 +68,12 @@ def _stribeck_fall(first, second, v):
 
 
 @inner
-def _power_partials(sign, gamma, exponent, v, which):
-    """As ``speed_partials`` of sign(v) |v|^p, below p = 1 of s(v) |v|^p."""
-    if v == 0.0:
-        return 0.0, 0.0, 0.0
-    log, power = math.log(abs(v)), abs(v) ** exponent
-    slope = exponent * power / v
-    bend = (exponent - 1.0) * slope / v
-    if exponent >= 1.0:
-        one = math.copysign(1.0, v)
-        if which == _GAMMA:
-            return one * bend, 0.0, 0.0
-        return one * bend, one * power * log, one * (power / v + slope * log)
-    s, s_v, s_vv, s_g, s_vg = sign_partials(sign, gamma, v)
-    curvature = s_vv * power + 2.0 * s_v * slope + s * bend
-    if which == _GAMMA:
-        return curvature, s_g * power, s_vg * power + s_g * slope
-    return curvature, s * power * log, s_v * power * log + s * (power / v + slope * log)
-
-
-@inner
 def speed_partials(column, sign, gamma, first, second, v, which):
     """∂²f/∂v², ∂f/∂p and ∂²f/∂v∂p of one nonlinear term of speed for the constant ``which``.
 
-    ``first second``: v_s and δ, or the exponent; ``which``: a column of ``term_value`` after the
-    parameter: γ, first or second.
+    ``first second``: v_s and δ; ``which``: a column of ``term_value`` after the parameter: γ, v_s
+    or δ.
     """
-    if column == _POWER:
-        return _power_partials(sign, gamma, first, v, which)
     if column != _COULOMB and column != _POSITIVE and column != _NEGATIVE and column != _STRIBECK:
         return 0.0, 0.0, 0.0
     s, s_v, s_vv, s_g, s_vg = sign_partials(sign, gamma, v)

@@ -117,20 +117,27 @@ def initial_state(
     return state
 
 
-def path_arguments(
-    friction: FrictionTable, state: LoopState, samples: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | tuple[None, None, None, None]:
-    """Arguments of ``run_loop`` for friction of position, path and load; Nones without such.
+def is_on_path(friction: FrictionTable) -> bool:
+    """Whether friction is integrated by the scheme of ``path_integration``.
 
-    Powers of the speed and one-sided viscous friction have the kinks that its scheme looks out
-    for, too. The last argument receives the states, shape (samples, entries).
+    Powers of the speed and one-sided viscous friction have the kinks that it looks out for, too.
     """
     kinked = (
         FrictionColumn.POWER,
         FrictionColumn.VISCOUS_POSITIVE,
         FrictionColumn.VISCOUS_NEGATIVE,
     )
-    if not len(friction.path_index) and not np.isin(friction.term_index[:, 1], kinked).any():
+    return bool(len(friction.path_index) or np.isin(friction.term_index[:, 1], kinked).any())
+
+
+def path_arguments(
+    friction: FrictionTable, state: LoopState, samples: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | tuple[None, None, None, None]:
+    """Arguments of ``run_loop`` for friction of position, path and load; Nones without such.
+
+    The last argument receives the states, shape (samples, entries).
+    """
+    if not is_on_path(friction):
         return None, None, None, None
     record = np.zeros((samples, len(friction.path_index)))
     return friction.path_index, friction.path_value, state.path, record

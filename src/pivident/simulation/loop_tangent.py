@@ -225,7 +225,7 @@ def switch_tangent(
     """Tangent along a delay of whole periods, at the instant where torques change.
 
     The old torque acts longer by δT: δdq = M⁻¹ (τ_old - τ_new) δT. Between samples the delay
-    changes the lengths of two steps instead, see ``step_tangent``; at whole periods there is no
+    changes the lengths of two steps instead, see ``freeze_tangent``; at whole periods there is no
     step between the torques, and this is the limit.
 
     ``commanded late``: torques of the last samples, and the row of the one that acts now.

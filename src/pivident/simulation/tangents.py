@@ -15,12 +15,12 @@ import numpy as np
 from pivident.dynamics.forward import Model, make_model
 from pivident.dynamics.rigid_body_slopes import slope_scratch
 from pivident.robot.description import INERTIAL
-from pivident.robot.friction import FrictionColumn
 from pivident.simulation.closed_loop import Trajectory, simulate, simulate_blocks
 from pivident.simulation.controllers import TAPS, PythonController, SampledLaw
 from pivident.simulation.direction import Direction, ParametrisedLoop
 from pivident.simulation.friction_tangent import LINEAR, PAIR, PATH, TERM
 from pivident.simulation.integration import Q, V
+from pivident.simulation.loop_kernel import is_on_path
 from pivident.simulation.loop_tangent import (
     BEFORE,
     CLOCK_ENTRIES,
@@ -133,13 +133,7 @@ def has_compiled_tangents(loop: ParametrisedLoop, model: Model | None = None) ->
         loop: the loop.
         model: its model, where it is known already.
     """
-    friction = (model or loop.model).friction
-    kinked = (
-        FrictionColumn.POWER,
-        FrictionColumn.VISCOUS_POSITIVE,
-        FrictionColumn.VISCOUS_NEGATIVE,
-    )
-    on_path = len(friction.path_index) or np.isin(friction.term_index[:, 1], kinked).any()
+    on_path = is_on_path((model or loop.model).friction)
     return not isinstance(loop.controller, PythonController) and not on_path
 
 
