@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.forward import acceleration, mass_matrix
+from pivident.dynamics.inverse_derivatives import inverse_dynamics_derivatives
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.robot.description import INERTIAL
@@ -89,3 +90,26 @@ def test_number_of_base_parameters_is_the_rank_of_the_regressor(seed):
     phi = phi.reshape(-1, len(base.standard))
     assert len(base) == np.linalg.matrix_rank(phi / np.maximum(np.linalg.norm(phi, axis=0), 1e-9))
     assert len(base) + base.dropped.size + base.without_effect.size == len(base.standard)
+
+
+def assert_derivatives_are_those_of_rnea(tree):
+    parameters = tuple(p for p in standard_parameters(tree.robot) if p.is_inertial)
+    motion = tree.states(3)
+    theta = theta_of(tree, parameters)
+    ours = inverse_dynamics_derivatives(tree.robot, parameters, theta, *motion)
+    for mine, theirs in zip(ours, tree.rnea_derivatives(*motion), strict=True):
+        assert_close(mine, theirs, 1e-9)
+
+
+@settings(max_examples=60, deadline=None)
+@given(SEEDS)
+def test_derivatives_are_those_of_rnea(seed):
+    tree = RandomTree(seed)
+    tree.draw_inertias()
+    assert_derivatives_are_those_of_rnea(tree)
+
+
+@pytest.mark.record
+def test_derivatives_of_a_serial_arm_are_those_of_rnea(data_dir):
+    path = data_dir / "staubli_tx40" / "tx40_mdh_modified.urdf"
+    assert_derivatives_are_those_of_rnea(RandomTree(0, text=path.read_text(encoding="utf-8")))

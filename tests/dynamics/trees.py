@@ -11,16 +11,16 @@ from tests.robot.test_urdf_against_pinocchio import pinocchio_configuration, ran
 
 
 class RandomTree:
-    """A random robot twice: ``robot`` is ours, ``model`` Pinocchio's.
+    """A random robot twice, or that of a URDF: ``robot`` is ours, ``model`` Pinocchio's.
 
     Attributes:
         rng: the generator it came from, for states.
         inertia: ten parameters of each link in our frames, shape (joints, 10).
     """
 
-    def __init__(self, seed, largest=9):
+    def __init__(self, seed, largest=9, text=None):
         self.rng = np.random.default_rng(seed)
-        self.text = random_urdf(self.rng, int(self.rng.integers(1, largest + 1)))
+        self.text = text or random_urdf(self.rng, int(self.rng.integers(1, largest + 1)))
         self.robot = parse_urdf(self.text)
         self.model = pin.buildModelFromXML(self.text)
         self.data = self.model.createData()
@@ -90,3 +90,16 @@ class RandomTree:
             upper = np.triu(pin.crba(self.model, self.data, self.configuration(a)))
             out.append((upper + np.triu(upper, 1).T)[grid])
         return np.array(out)
+
+    def rnea_derivatives(self, q, dq, ddq):
+        """∂τ/∂q, ∂τ/∂dq and M by Pinocchio, each (states, joints, joints)."""
+        grid = np.ix_(self._order, self._order)
+        found = []
+        for a, b, c in zip(q, dq, ddq, strict=True):
+            pin.computeRNEADerivatives(
+                self.model, self.data, self.configuration(a), self.theirs(b), self.theirs(c)
+            )
+            mass = np.triu(self.data.M)
+            mass = mass + np.triu(mass, 1).T
+            found.append([m[grid] for m in (self.data.dtau_dq, self.data.dtau_dv, mass)])
+        return np.array(found).swapaxes(0, 1)

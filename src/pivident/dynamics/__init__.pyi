@@ -1,3 +1,5 @@
 from .base_parameters import BaseParameters as BaseParameters
+from .inverse_derivatives import InverseDynamicsDerivatives as InverseDynamicsDerivatives
+from .inverse_derivatives import inverse_dynamics_derivatives as inverse_dynamics_derivatives
 from .parameters import Parameter as Parameter
 from .regressor import Regressor as Regressor

@@ -174,7 +174,7 @@ def _carried(pose, i, fx, fy, fz, nx, ny, nz):
 
 
 @inner
-def _add_composite(pose, composite, i, parent):
+def add_composite(pose, composite, i, parent):
     """Add the ten parameters of link i's subtree to its parent's, at the parent's origin.
 
     With h' = R h:  I += R I Rᵀ - (p h'ᵀ + h' pᵀ) + 2 (p·h') 1 + m (p·p 1 - p pᵀ),  h += h' + m p.
@@ -228,7 +228,7 @@ def composite_mass_matrix(parents, prismatic, pose, inertia, rotor, composite, m
             fx, fy, fz, nx, ny, nz = 0.0, 0.0, composite[i, 9], -fx, -fy, 0.0
         mass[i, i] += fz if prismatic[i] else nz
         if parents[i] >= 0:
-            _add_composite(pose, composite, i, parents[i])
+            add_composite(pose, composite, i, parents[i])
         k, j = i, parents[i]
         while j >= 0:
             fx, fy, fz, nx, ny, nz = _carried(pose, k, fx, fy, fz, nx, ny, nz)

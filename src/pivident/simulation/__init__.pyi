@@ -1,9 +1,14 @@
 from .controllers import Cascade as Cascade
 from .controllers import PythonController as PythonController
+from .direction import Direction as Direction
+from .direction import ParametrisedLoop as ParametrisedLoop
 from .gravity_compensation import GravityCompensated as GravityCompensated
 from .gravity_compensation import GravityModel as GravityModel
 from .joint_loop import JointFeedback as JointFeedback
 from .joint_loop import JointLoop as JointLoop
 from .joint_loop import joint_feedbacks as joint_feedbacks
 from .simulated_record import SimulatedRecord as SimulatedRecord
+from .tangents import TangentBlock as TangentBlock
+from .tangents import simulate_with_tangents as simulate_with_tangents
+from .tangents import tangent_blocks as tangent_blocks
 from .virtual_pd import virtual_pd as virtual_pd

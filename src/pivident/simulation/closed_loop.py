@@ -45,6 +45,7 @@ from pivident.simulation.loop_kernel import (
     path_arguments,
     run_loop,
 )
+from pivident.simulation.loop_tangent import LoopTangent
 
 #: A law may keep a state of its own: records that are simulated in parallel must not share it.
 _ONE_RUN_AT_A_TIME = threading.Lock()
@@ -93,7 +94,7 @@ def run_python_loop(
             said[k] = _checked(controller.function(k, measured, q_wanted[k], dq_wanted[k]), k, n)
             what, joint, _ = run_loop(
                 model, law, state, rate, delay, q_ref, inputs, heard, limits, steps, oracle,
-                k, k + 1, 0, channels, failure, *on_path,
+                k, k + 1, 0, channels, failure, None, *on_path,
             )  # fmt: skip
             if what != DONE:
                 return what, joint, k, on_path[-1]
@@ -193,12 +194,14 @@ def simulate_blocks(
     start: tuple[np.ndarray, np.ndarray] | None = None,
     oracle: int | None = None,
     block: int = BLOCK,
+    tangent: LoopTangent | None = None,
 ) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
     """Simulate a stretch at a time, so that a long run needs no memory for all of its channels.
 
     Result: the samples, the channels q, dq, ddq, tau and command on them, shape
     (5, stretch, joints), and the states of friction, shape (stretch, states). The next stretch
-    overwrites both.
+    overwrites both. ``tangent``: tangents that are carried along, with room for a stretch; not of a
+    Python law.
     """
     n = len(model.inertia)
     rate, samples = float(signals.rate), len(signals.q_ref)
@@ -240,7 +243,7 @@ def simulate_blocks(
         last = min(first + block, samples)
         what, joint, sample = run_loop(
             model, law, state, rate, delay, q_ref, inputs, noise, limits,
-            steps, oracle, first, last, first, channels, failure, *on_path,
+            steps, oracle, first, last, first, channels, failure, tangent, *on_path,
         )  # fmt: skip
         _check_outcome(what, joint, sample / rate, float(failure[0]), limits, joint_names)
         length = last - first

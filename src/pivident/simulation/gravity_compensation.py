@@ -77,6 +77,63 @@ def gravity_torques(
         out[j] = -(place[j, 2] * fx + place[j, 5] * fy + place[j, 8] * fz)
 
 
+@inner
+def gravity_slopes(parent, prismatic, gravity, masses, place, out):
+    """∂g_j/∂q_k of ``gravity_torques``, from the ``place`` that it leaves, shape (joints, joints).
+
+    With L_jk = Σ m_ji (o_i - o_k) + R_i s_ji over the links beyond joint k, which turns them, g_j
+    changes by -z_j · ((z_k × L_jk) × g) where k is beyond j. Where it is before j, or j itself,
+    only the direction of gravity changes for what j carries: by z_j · (L_jj × (z_k × g)). A
+    prismatic k shifts the mass Σ m_ji by z_k.
+    """
+    n = parent.size
+    for j in range(n):
+        for k in range(n):
+            out[j, k] = 0.0
+    for j in range(n):
+        for k in range(n):
+            outer, inner_joint = max(j, k), min(j, k)
+            p = outer
+            while p > inner_joint:
+                p = parent[p]
+            if p != inner_joint:
+                continue
+            lx, ly, lz, mass = 0.0, 0.0, 0.0, 0.0
+            for i in range(outer, n):
+                p = i
+                while p > outer:
+                    p = parent[p]
+                if p != outer:
+                    continue
+                sx, sy, sz, m = masses[j, i, 0], masses[j, i, 1], masses[j, i, 2], masses[j, i, 3]
+                mass += m
+                lx += m * (place[i, 9] - place[outer, 9])
+                ly += m * (place[i, 10] - place[outer, 10])
+                lz += m * (place[i, 11] - place[outer, 11])
+                lx += place[i, 0] * sx + place[i, 1] * sy + place[i, 2] * sz
+                ly += place[i, 3] * sx + place[i, 4] * sy + place[i, 5] * sz
+                lz += place[i, 6] * sx + place[i, 7] * sy + place[i, 8] * sz
+            zx, zy, zz = place[k, 2], place[k, 5], place[k, 8]
+            gx, gy, gz = gravity[0], gravity[1], gravity[2]
+            if k > j:
+                if prismatic[j]:
+                    continue  # the force of a weight is the same everywhere
+                if prismatic[k]:
+                    lx, ly, lz = mass * zx, mass * zy, mass * zz
+                else:
+                    lx, ly, lz = zy * lz - zz * ly, zz * lx - zx * lz, zx * ly - zy * lx
+                sign = -1.0
+            else:
+                if prismatic[k]:
+                    continue  # all that joint j carries is shifted as one
+                gx, gy, gz = zy * gz - zz * gy, zz * gx - zx * gz, zx * gy - zy * gx
+                sign = 1.0
+            fx, fy, fz = ly * gz - lz * gy, lz * gx - lx * gz, lx * gy - ly * gx
+            if prismatic[j]:
+                fx, fy, fz = mass * gx, mass * gy, mass * gz
+            out[j, k] = sign * (place[j, 2] * fx + place[j, 5] * fy + place[j, 8] * fz)
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def _along(parent, prismatic, rotation, translation, gravity, masses, q, out):
     """``gravity_torques`` of many postures, shape (samples, joints)."""

@@ -24,6 +24,7 @@ from pivident.simulation.integration import (
     DDQ,
     FACTOR,
     FRICTION,
+    FRICTION_KNOWN,
     LAYERS,
     LEVEL,
     ROWS,
@@ -33,7 +34,20 @@ from pivident.simulation.integration import (
     advance_runge_kutta,
     evaluate,
 )
+from pivident.simulation.loop_tangent import (
+    DELAYED,
+    evaluate_tangent,
+    law_tangent,
+    read_tangent,
+    record_tangent,
+    switch_tangent,
+)
 from pivident.simulation.path_integration import AT_REST, SLOPE_ROWS, advance_on_path
+from pivident.simulation.step_tangent import (
+    freeze_tangent,
+    linear_tangent,
+    nonlinear_tangent,
+)
 
 #: What may happen: nothing, M(q) is indefinite, a joint is too far off, a joint is too fast.
 DONE, INDEFINITE, TOO_FAR, TOO_FAST = 0, 1, 2, 3
@@ -103,20 +117,27 @@ def initial_state(
     return state
 
 
-def path_arguments(
-    friction: FrictionTable, state: LoopState, samples: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | tuple[None, None, None, None]:
-    """Arguments of ``run_loop`` for friction of position, path and load; Nones without such.
+def is_on_path(friction: FrictionTable) -> bool:
+    """Whether friction is integrated by the scheme of ``path_integration``.
 
-    Powers of the speed and one-sided viscous friction have the kinks that its scheme looks out
-    for, too. The last argument receives the states, shape (samples, entries).
+    Powers of the speed and one-sided viscous friction have the kinks that it looks out for, too.
     """
     kinked = (
         FrictionColumn.POWER,
         FrictionColumn.VISCOUS_POSITIVE,
         FrictionColumn.VISCOUS_NEGATIVE,
     )
-    if not len(friction.path_index) and not np.isin(friction.term_index[:, 1], kinked).any():
+    return bool(len(friction.path_index) or np.isin(friction.term_index[:, 1], kinked).any())
+
+
+def path_arguments(
+    friction: FrictionTable, state: LoopState, samples: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | tuple[None, None, None, None]:
+    """Arguments of ``run_loop`` for friction of position, path and load; Nones without such.
+
+    The last argument receives the states, shape (samples, entries).
+    """
+    if not is_on_path(friction):
         return None, None, None, None
     record = np.zeros((samples, len(friction.path_index)))
     return friction.path_index, friction.path_value, state.path, record
@@ -125,7 +146,7 @@ def path_arguments(
 @njit(cache=True, nogil=True, error_model="numpy")
 def run_loop(
     model, law, state, rate, delay, q_ref, inputs, noise, limits, steps, oracle, first, last,
-    origin, channels, failure, path_index, path_value, path, path_record,
+    origin, channels, failure, tangent, path_index, path_value, path, path_record,
 ):  # fmt: skip
     """Simulate the samples from ``first`` to before ``last``.
 
@@ -134,7 +155,8 @@ def run_loop(
     (samples, joints) or (1, joints); ``limits``: gains, bounds and counts, see above, shape
     (LIMITS, joints); ``oracle``: None, or Runge–Kutta substeps per control period; ``channels``:
     receives the motion, see above, shape (CHANNELS, rows, joints); ``failure``: receives the pivot,
-    distance or speed that ended the run, shape (1,).
+    distance or speed that ended the run, shape (1,); ``tangent``: None, or a ``LoopTangent`` that
+    is carried along: compiled where it is asked for.
     """
     n = q_ref.shape[1]
     period = 1.0 / rate
@@ -151,6 +173,20 @@ def run_loop(
     vectors, matrices, slopes, clock = state.vectors, state.matrices, state.slopes, state.clock
     pose, motion, force, composite = state.pose, state.motion, state.force, state.composite
     torque, commanded, integral, past = state.torque, state.commanded, state.integral, state.past
+    if tangent is not None:
+        own, layers, of_slopes, times = (
+            tangent.vectors, tangent.matrices, tangent.slopes, tangent.times
+        )  # fmt: skip
+        of_commanded, of_integral, of_past = tangent.commanded, tangent.integral, tangent.past
+        encoder, weight_slope, record = tangent.encoder, tangent.weight_slope, tangent.record
+        passed = tangent.passed
+        law_index, law_slope = tangent.law_index, tangent.law_slope
+        law_reference, inertial = tangent.law_reference, tangent.inertial
+        rotor_index, rotor_slope = tangent.rotor, tangent.rotor_slope
+        constants, constant_slope = tangent.friction, tangent.friction_slope
+        before_step, old, curvature = tangent.before, tangent.clock, tangent.curvature
+        by_position, by_speed, of_mass = tangent.by_position, tangent.by_speed, tangent.of_mass
+        links, body, decay = tangent.links, tangent.body, tangent.decay
     # the torque of ``late`` samples ago comes a part of a period after the sample
     late = int(delay * rate + 1e-9)
     waiting = max(delay - late * period, 0.0)
@@ -173,6 +209,8 @@ def run_loop(
                 parent, prismatic, rotation, translation, gravity, masses, measured, pose, place,
                 weight,
             )  # fmt: skip
+        if tangent is not None:
+            read_tangent(parent, prismatic, gravity, masses, place, own, encoder, weight_slope)
         for j in range(n):
             w = measured[j]
             for m in range(1, TAPS):
@@ -198,6 +236,16 @@ def run_loop(
             if k == 0:  # until the first answer acts the torque is as if it did
                 for m in range(1, late + 2):
                     commanded[m, j] = commanded[0, j]
+            if tangent is not None:
+                passed[j, 0] = integrated
+                passed[j, 1] = 1.0 if u == held else 0.0
+                passed[j, 2] = 1.0 if (u - held) * growth <= 0.0 else 0.0
+        if tangent is not None:
+            law_tangent(
+                feedback, pole, integrand, integral_gain, integrand_reference, past, period,
+                limits[GAIN], inputs, channels[_COMMAND, row], k, given, late, passed,
+                own, of_past, of_integral, of_commanded, law_reference, law_index, law_slope,
+            )  # fmt: skip
         for turn in range(2 * steps):
             before = turn < steps  # the torque of the sample before is still acting
             if before and waiting == 0.0:
@@ -229,6 +277,21 @@ def run_loop(
                 if path is not None:
                     for entry in range(path.shape[1]):
                         path_record[row, entry] = path[STATE, entry]
+                if tangent is not None:
+                    record_tangent(own, of_commanded, record, row, late + 1 if before else late)
+            if tangent is not None:
+                if turn == steps and waiting == 0.0:
+                    switch_tangent(
+                        pair_index, pair_value, vectors, matrices, slopes, commanded, late,
+                        own, of_slopes, times, curvature,
+                    )  # fmt: skip
+                evaluate_tangent(
+                    parent, prismatic, gravity, inertia, term_index, term_value,
+                    pair_index, pair_value, vectors, matrices, slopes, clock, pose,
+                    own, layers, times, of_slopes, constants, constant_slope, inertial,
+                    rotor_index, rotor_slope, before_step, old, curvature, by_position, by_speed,
+                    of_mass, links, body,
+                )  # fmt: skip
             if oracle is not None:  # decided by its type: the oracle is compiled when asked for
                 joint = advance_runge_kutta(
                     parent, prismatic, rotation, translation, gravity, inertia, rotor,
@@ -252,4 +315,25 @@ def run_loop(
                     linear, term_index, term_value, pair_index, pair_value,
                     vectors, matrices, slopes, clock, torque, step,
                 )  # fmt: skip
+                if tangent is not None:
+                    freeze_tangent(
+                        vectors, matrices, slopes, clock, step,
+                        0.0 if waiting == 0.0 else (1.0 if before else -1.0) / steps,
+                        late + 1 if before else late,
+                        own, layers, times, of_commanded, before_step, old,
+                    )  # fmt: skip
+                    if clock[FRICTION_KNOWN] == 0.0:
+                        nonlinear_tangent(
+                            linear, term_index, term_value, pair_index, pair_value,
+                            vectors, matrices, slopes, torque, step,
+                            own, layers, times, of_slopes, constants, constant_slope, before_step,
+                            curvature,
+                        )  # fmt: skip
+                    else:
+                        linear_tangent(
+                            term_index, term_value, pair_index, pair_value,
+                            vectors, matrices, slopes, torque, step, old[DELAYED] != 0.0,
+                            own, layers, times, of_slopes, constants, constant_slope, before_step,
+                            curvature, decay,
+                        )  # fmt: skip
     return DONE, -1, -1

@@ -1,0 +1,345 @@
+"""Tangents of the simulated loop: how law, torques and rigid body change along parameters.
+
+A *direction* is one parameter, a *tangent* the derivative of a quantity along it. Tangents are
+propagated beside the simulation, each the derivative of the very step that the simulation takes:
+its held and extrapolated M⁻¹, its extrapolated h, its carried friction. With M held from the last
+two places where it was computed, and h = h(q, dq; θ),
+
+    δh = (∂h/∂q) δq + (∂h/∂dq) δdq + Φ δθ,      δM⁻¹ = -M⁻¹ (Σ_k ∂M/∂q_k δq_k + ∂M/∂θ δθ) M⁻¹
+
+The matrices are made once for all directions, which lie on the last axis of all arrays here.
+
+What the scheme decides stays as it is: where M⁻¹ is renewed, in how many inner steps, and whether
+friction is linear in a step. Where a small change of a parameter would decide otherwise the motion
+jumps by an error of the scheme; the tangent does not know of such jumps, and should not.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from pivident.compiled import inlined as _inline
+from pivident.compiled import inner, rows
+from pivident.dynamics.rigid_body_slopes import (
+    inertial_columns,
+    inertial_masses,
+    mass_slopes,
+    move_links,
+    place_links,
+    torque_slopes,
+)
+from pivident.simulation.controllers import TAPS
+from pivident.simulation.friction_tangent import friction_tangent
+from pivident.simulation.gravity_compensation import gravity_slopes
+from pivident.simulation.integration import (
+    BIAS,
+    CHANGE,
+    FRICTION,
+    FRICTION_KNOWN,
+    INVERSE,
+    LAST_BIAS,
+    LAST_STEP,
+    NOW,
+    RENEWALS,
+    SINCE,
+    STEPS,
+    STILL,
+    Q,
+    V,
+    slope_times,
+)
+
+# Rows of ``vectors`` of a tangent, shape (TANGENT_ROWS, joints, directions); those of Q, V,
+# FRICTION, BIAS and LAST_BIAS are the rows of the simulation itself, the others scratch.
+TANGENT_ROWS = 24
+_READ, _U, _GROWTH, _SUM = rows(8, 9, 10, 11)
+
+# Scratch rows of the simulation's ``vectors``, free between the steps.
+_JUMP, _BRAKED = rows(9, 10)
+
+#: Layers of ``matrices``: δM⁻¹ where it was renewed, its rate, that of the middle, and scratch.
+RENEWED_TANGENT, CHANGE_TANGENT, MIDDLE_TANGENT, _MASS_TANGENT = rows(0, 1, 2, 3)
+MATRIX_LAYERS = 4
+
+#: Rows of ``times``: change of the drive's delay, of the time since M⁻¹ was renewed, of the lengths
+#: of the last step and of this one.
+DELAY, SINCE_TANGENT, LAST_TANGENT, LENGTH, TIMES = 0, 1, 2, 3, 4
+
+#: Rows of ``before``: speeds, friction and slopes at the start of the step; entries of ``clock``,
+#: the last one 1 where a direction is the drive's delay.
+SPEED_BEFORE, FRICTION_BEFORE, SLOPE_BEFORE, BEFORE = 0, 1, 2, 3
+SINCE_BEFORE, LAST_STEP_BEFORE, DELAYED, CLOCK_ENTRIES = 0, 1, 2, 3
+
+#: Columns of ``law_slope``: B, A and W, then K_i, drive gain and the share of the known inputs.
+OF_FEEDBACK, OF_POLE, OF_INTEGRAND = 0, TAPS, 2 * TAPS
+OF_INTEGRAL_GAIN, OF_DRIVE_GAIN, OF_INPUTS, LAW_SLOPES = 9, 10, 11, 12
+
+
+class LoopTangent(NamedTuple):
+    """Tangents of a simulated loop, the directions on the last axis, and what they depend on."""
+
+    vectors: np.ndarray  # (TANGENT_ROWS, joints, directions)
+    matrices: np.ndarray  # (MATRIX_LAYERS, joints, joints, directions)
+    #: Of the friction slopes now and ahead, then of the coupled viscous parameters, shape
+    #: (2, joints + 2 couplings, directions).
+    slopes: np.ndarray
+    times: np.ndarray  # (TIMES, directions)
+    commanded: np.ndarray  # (samples of delay + 2, joints, directions)
+    integral: np.ndarray  # (joints, directions)
+    past: np.ndarray  # (joints, TAPS, directions)
+    passed: np.ndarray  # scratch of ``law_tangent``, (joints, 3)
+    encoder: np.ndarray  # of what the law reads beside the position, (joints, directions)
+    law_index: np.ndarray  # joint and direction of a parameter of the law, (entries, 2)
+    law_slope: np.ndarray  # (entries, LAW_SLOPES)
+    law_reference: np.ndarray  # of r and w, (2, samples, entries)
+    inertial: np.ndarray  # link, stem and direction of inertial parameters, (entries, 3)
+    rotor: np.ndarray  # joints i ≥ j and direction of rotor inertias, (entries, 3)
+    rotor_slope: np.ndarray  # (entries,)
+    #: Joint or coupling, table, row, column and direction of constants of friction, (entries, 5).
+    friction: np.ndarray
+    friction_slope: np.ndarray  # (entries,)
+    before: np.ndarray  # see above, (BEFORE, joints + couplings)
+    clock: np.ndarray  # (CLOCK_ENTRIES,)
+    curvature: np.ndarray  # ∂²f/∂v² of joints and couplings, (joints + couplings,)
+    by_position: np.ndarray  # ∂h/∂q, (joints, joints)
+    by_speed: np.ndarray  # ∂h/∂dq, (joints, joints)
+    of_mass: np.ndarray  # ∂M/∂q, (joints, joints, joints)
+    decay: np.ndarray  # M⁻¹ D, scratch, (joints, joints)
+    weight_slope: np.ndarray  # ∂g/∂q of the law's gravity, (joints, joints)
+    links: np.ndarray  # scratch of ``rigid_body_slopes``, (joints, LINK)
+    body: np.ndarray  # likewise, (2 joints, 10)
+    #: Tangents of positions, speeds and torques at the samples, (3, rows, joints, directions).
+    record: np.ndarray
+
+
+@_inline
+def read_tangent(parent, prismatic, gravity, masses, place, vectors, encoder, slopes):
+    """Tangents of what the law reads, and of the gravity that it compensates.
+
+    Counts of the encoder are passed over: in the mean what the law reads changes as the position.
+    ``place``: poses of the links as the law reads them.
+    """
+    n, directions = encoder.shape
+    for j in range(n):
+        for d in range(directions):
+            vectors[_READ, j, d] = vectors[Q, j, d] + encoder[j, d]
+            vectors[_SUM, j, d] = 0.0
+    if masses.shape[0] > 0:
+        gravity_slopes(parent, prismatic, gravity, masses, place, slopes)
+        for j in range(n):
+            for k in range(n):
+                slope = slopes[j, k]
+                if slope != 0.0:
+                    for d in range(directions):
+                        vectors[_SUM, j, d] += slope * vectors[_READ, k, d]
+
+
+@_inline
+def law_tangent(
+    feedback, pole, integrand, integral_gain, integrand_reference, past, period, gains, inputs,
+    command, k, given, late, passed, vectors, past_tangent, integral, commanded, reference,
+    index, slope,
+):  # fmt: skip
+    """Tangents of the control laws at sample ``k``, after their filters have moved on.
+
+    ``given``: row of ``inputs``; ``command``: limited outputs, shape (joints,); ``passed``: what
+    the integrator was given, whether the output is free, and whether the integrator moved, shape
+    (joints, 3).
+    """
+    directions = vectors.shape[2]
+    for j in range(vectors.shape[1]):
+        # short loops of few arrays: only such ones are compiled to vector instructions
+        for m in range(1, TAPS):
+            if pole[j, m] != 0.0:
+                for d in range(directions):
+                    vectors[_READ, j, d] -= pole[j, m] * past_tangent[j, m - 1, d]
+        for e in range(index.shape[0]):
+            if index[e, 0] == j:
+                for m in range(1, TAPS):
+                    vectors[_READ, j, index[e, 1]] -= slope[e, OF_POLE + m] * past[j, m]
+        for d in range(directions):
+            w = vectors[_READ, j, d]
+            vectors[_U, j, d] = vectors[_SUM, j, d] + integral[j, d] - feedback[j, 0] * w
+            vectors[_GROWTH, j, d] = -integral_gain[j] * period * integrand[j, 0] * w
+        for m in range(1, TAPS):
+            if feedback[j, m] != 0.0:
+                for d in range(directions):
+                    vectors[_U, j, d] -= feedback[j, m] * past_tangent[j, m - 1, d]
+            growth = integral_gain[j] * period * integrand[j, m]
+            if growth != 0.0:
+                for d in range(directions):
+                    vectors[_GROWTH, j, d] -= growth * past_tangent[j, m - 1, d]
+        for m in range(TAPS - 1, 0, -1):
+            for d in range(directions):
+                past_tangent[j, m, d] = past_tangent[j, m - 1, d]
+        for d in range(directions):
+            past_tangent[j, 0, d] = vectors[_READ, j, d]
+        for e in range(index.shape[0]):
+            if index[e, 0] != j:
+                continue
+            d = index[e, 1]
+            u, summed = reference[0, k, e], reference[1, k, e]
+            for m in range(TAPS):
+                u -= slope[e, OF_FEEDBACK + m] * past[j, m]
+                summed -= slope[e, OF_INTEGRAND + m] * past[j, m]
+            vectors[_U, j, d] += u + slope[e, OF_INPUTS] * inputs[given, j]
+            vectors[_GROWTH, j, d] += period * (
+                integral_gain[j] * summed
+                + slope[e, OF_INTEGRAL_GAIN] * (integrand_reference[k, j] - passed[j, 0])
+            )
+        for m in range(late + 1, 0, -1):
+            for d in range(directions):
+                commanded[m, j, d] = commanded[m - 1, j, d]
+        gain = gains[j] if passed[j, 1] > 0.0 else 0.0
+        for d in range(directions):
+            commanded[0, j, d] = gain * (vectors[_U, j, d] + vectors[_GROWTH, j, d])
+        if passed[j, 2] > 0.0 and integral_gain[j] != 0.0:
+            for d in range(directions):
+                integral[j, d] += vectors[_GROWTH, j, d]
+        for e in range(index.shape[0]):
+            if index[e, 0] == j:
+                commanded[0, j, index[e, 1]] += slope[e, OF_DRIVE_GAIN] * command[j]
+        if k == 0:
+            for m in range(1, late + 2):
+                for d in range(directions):
+                    commanded[m, j, d] = commanded[0, j, d]
+
+
+@_inline
+def record_tangent(vectors, commanded, record, row, which):
+    """Keep the tangents at a sample; ``which``: row of the torque that acts in ``commanded``."""
+    for j in range(vectors.shape[1]):
+        for d in range(vectors.shape[2]):
+            record[0, row, j, d] = vectors[Q, j, d]
+            record[1, row, j, d] = vectors[V, j, d]
+            record[2, row, j, d] = commanded[which, j, d]
+
+
+@inner
+def switch_tangent(
+    pair_index, pair_value, vectors, matrices, slopes, commanded, late, own, of_slopes, times,
+    curvature,
+):  # fmt: skip
+    """Tangent along a delay of whole periods, at the instant where torques change.
+
+    The old torque acts longer by δT: δdq = M⁻¹ (τ_old - τ_new) δT. Between samples the delay
+    changes the lengths of two steps instead, see ``freeze_tangent``; at whole periods there is no
+    step between the torques, and this is the limit.
+
+    ``commanded late``: torques of the last samples, and the row of the one that acts now.
+    """
+    n, directions = own.shape[1], own.shape[2]
+    for i in range(n):
+        jump = 0.0
+        for j in range(n):
+            change = commanded[late + 1, j] - commanded[late, j]
+            jump += matrices[INVERSE, i, j] * change
+        vectors[_JUMP, i] = jump
+        for d in range(directions):
+            own[V, i, d] += jump * times[DELAY, d]
+            of_slopes[NOW, i, d] += curvature[i] * jump * times[DELAY, d]
+    slope_times(pair_index, pair_value, slopes, NOW, vectors, _JUMP, _BRAKED)
+    for i in range(n):
+        for d in range(directions):
+            own[FRICTION, i, d] += vectors[_BRAKED, i] * times[DELAY, d]
+
+
+@_inline
+def evaluate_tangent(
+    parent, prismatic, gravity, inertia, term_index, term_value, pair_index, pair_value,
+    vectors, matrices, slopes, clock, pose,
+    own, layers, times, of_slopes, constants, constant_slope, inertial, rotor, rotor_slope,
+    before, old, curvature, by_position, by_speed, of_mass, links, body,
+):  # fmt: skip
+    """Tangents of h, of M⁻¹ where it was renewed, of friction where it was computed anew.
+
+    To be called after ``integration.evaluate``, whose arguments are the first ones; the others are
+    those of ``LoopTangent``.
+    """
+    n, directions = own.shape[1], own.shape[2]
+    place_links(parent, prismatic, pose, inertia, links, body)
+    move_links(parent, gravity, vectors[V], vectors[STILL], links, body)
+    torque_slopes(parent, gravity, links, body, by_position, by_speed)
+    for i in range(n):
+        for d in range(directions):
+            own[LAST_BIAS, i, d], own[BIAS, i, d] = own[BIAS, i, d], 0.0
+        for j in range(n):
+            a, b = by_position[i, j], by_speed[i, j]
+            if a != 0.0 or b != 0.0:
+                for d in range(directions):
+                    own[BIAS, i, d] += a * own[Q, j, d] + b * own[V, j, d]
+    inertial_columns(parent, inertial, links, own[BIAS])
+    if clock[STEPS] == 0.0:
+        _renew(
+            parent, matrices, clock, own, layers, times, inertial, rotor, rotor_slope, old, of_mass,
+            links, body,
+        )  # fmt: skip
+    if clock[FRICTION_KNOWN] == 0.0:
+        friction_tangent(
+            term_index, term_value, pair_index, pair_value, constants, constant_slope,
+            vectors, V, slopes, NOW, own, V, FRICTION, of_slopes, NOW, curvature,
+        )  # fmt: skip
+    for i in range(n):
+        before[SPEED_BEFORE, i] = vectors[V, i]
+        before[FRICTION_BEFORE, i] = vectors[FRICTION, i]
+    for i in range(before.shape[1]):
+        before[SLOPE_BEFORE, i] = slopes[NOW, i]
+    old[SINCE_BEFORE], old[LAST_STEP_BEFORE] = clock[SINCE], clock[LAST_STEP]
+
+
+@inner
+def _renew(
+    parent, matrices, clock, vectors, own, times, inertial, rotor, rotor_slope, old, of_mass, links,
+    body,
+):  # fmt: skip
+    """Tangents of M⁻¹ and of its rate where the simulation has computed M⁻¹ anew."""
+    n, directions = vectors.shape[1], vectors.shape[2]
+    mass_slopes(parent, links, body, of_mass)
+    for j in range(n):
+        for i in range(j + 1):
+            for d in range(directions):
+                own[_MASS_TANGENT, j, i, d] = 0.0
+            for k in range(n):
+                slope = of_mass[j, i, k]
+                if slope != 0.0:
+                    for d in range(directions):
+                        own[_MASS_TANGENT, j, i, d] += slope * vectors[Q, k, d]
+    inertial_masses(parent, inertial, links, own[_MASS_TANGENT])
+    for e in range(rotor.shape[0]):
+        own[_MASS_TANGENT, rotor[e, 0], rotor[e, 1], rotor[e, 2]] += rotor_slope[e]
+    for j in range(n):
+        for i in range(j):
+            for d in range(directions):
+                own[_MASS_TANGENT, i, j, d] = own[_MASS_TANGENT, j, i, d]
+    # the first factor of M⁻¹ δM M⁻¹ into the layer of the middle, which is made anew in each step
+    for i in range(n):
+        for j in range(n):
+            for d in range(directions):
+                own[MIDDLE_TANGENT, i, j, d] = 0.0
+            for k in range(n):
+                a = matrices[INVERSE, i, k]
+                for d in range(directions):
+                    own[MIDDLE_TANGENT, i, j, d] += a * own[_MASS_TANGENT, k, j, d]
+    since = old[SINCE_BEFORE] + clock[LAST_STEP]
+    known = clock[RENEWALS] > 1.0 and since > 0.0
+    for i in range(n):
+        for j in range(i + 1):
+            for d in range(directions):
+                own[_MASS_TANGENT, i, j, d] = 0.0
+            for k in range(n):
+                a = matrices[INVERSE, k, j]
+                for d in range(directions):
+                    own[_MASS_TANGENT, i, j, d] -= a * own[MIDDLE_TANGENT, i, k, d]
+            for d in range(directions):
+                fresh = own[_MASS_TANGENT, i, j, d]
+                if known:
+                    change = fresh - own[RENEWED_TANGENT, i, j, d]
+                    change -= matrices[CHANGE, i, j] * times[SINCE_TANGENT, d]
+                    own[CHANGE_TANGENT, i, j, d] = change / since
+                    own[CHANGE_TANGENT, j, i, d] = change / since
+                own[RENEWED_TANGENT, i, j, d] = fresh
+                own[RENEWED_TANGENT, j, i, d] = fresh
+    for d in range(directions):
+        times[SINCE_TANGENT, d] = 0.0

@@ -1,0 +1,390 @@
+"""Tangent of one step of the simulation with friction of speed alone; see ``integration``.
+
+The step's own scheme is differentiated, term by term. Of the nonlinear step the lengths of the
+inner steps count as fixed shares of the step: they follow the stiffness of friction, and what
+another length would change is the error of Runge–Kutta's method.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pivident.compiled import inlined as _inline
+from pivident.compiled import inner, rows
+from pivident.dynamics.friction_table import friction_torque
+from pivident.simulation.friction_tangent import friction_tangent, slope_times_tangent
+from pivident.simulation.integration import (
+    BIAS,
+    CHANGE,
+    FRICTION,
+    LAST_BIAS,
+    MAX_INNER_STEPS,
+    MIDDLE,
+    MIDDLE_BIAS,
+    NONLINEAR_STIFFNESS,
+    NOW,
+    RENEWALS,
+    STIFFNESS_PER_STEP,
+    THEN,
+    Q,
+    V,
+    apply_matrix,
+    damping_rate,
+    slope_times,
+    subtract_product,
+)
+from pivident.simulation.loop_tangent import (
+    CHANGE_TANGENT,
+    DELAY,
+    DELAYED,
+    FRICTION_BEFORE,
+    LAST_STEP_BEFORE,
+    LAST_TANGENT,
+    LENGTH,
+    MIDDLE_TANGENT,
+    RENEWED_TANGENT,
+    SINCE_BEFORE,
+    SINCE_TANGENT,
+    SLOPE_BEFORE,
+    SPEED_BEFORE,
+)
+
+# Scratch rows of the simulation's ``vectors``, as the step that was taken has left them.
+_A0, _A, _Y, _Z, _W, _AHEAD, _REST, _NET = rows(9, 10, 11, 13, 14, 15, 16, 18)
+
+# Scratch rows of the tangents' ``vectors``, and one of zeros.
+_NET_T, _A0_T, _A_T, _Y_T, _X_T, _Z_T, _W_T, _AHEAD_T, _REST_T = rows(
+    11, 12, 13, 14, 15, 16, 17, 18, 19
+)
+(STILL_TANGENT,) = rows(23)
+
+#: Row of ``slopes`` that holds those at the start of the step.
+(_WAS,) = rows(2)
+
+
+@_inline
+def product_tangent(matrices, vectors, x, own, layers, of_x, scale, rate, times, base, out):
+    """Tangent of base - scale · M⁻¹ x, M⁻¹ that of the middle: rows of ``own``.
+
+    ``rate``: change of ``scale`` with the length of the step, zero where no direction has one.
+    """
+    n, directions = own.shape[1], own.shape[2]
+    for i in range(n):
+        for d in range(directions):
+            own[out, i, d] = own[base, i, d]
+        moved = 0.0
+        for j in range(n):
+            m, z = scale * matrices[MIDDLE, i, j], scale * vectors[x, j]
+            moved += matrices[MIDDLE, i, j] * vectors[x, j]
+            for d in range(directions):
+                own[out, i, d] -= m * own[of_x, j, d] + z * layers[MIDDLE_TANGENT, i, j, d]
+        if rate != 0.0:
+            moved *= rate
+            for d in range(directions):
+                own[out, i, d] -= moved * times[LENGTH, d]
+
+
+@_inline
+def _fill_decay(pair_index, pair_value, matrices, slopes, row, decay):
+    """K = M⁻¹ D, D the slopes of friction in a row of ``slopes``."""
+    n = decay.shape[0]
+    for i in range(n):
+        for j in range(n):
+            decay[i, j] = matrices[MIDDLE, i, j] * slopes[row, j]
+        for k in range(pair_index.shape[0]):
+            a, b = pair_index[k, 0], pair_index[k, 1]
+            ratio, viscous = pair_value[k, 0], pair_value[k, 0] * pair_value[k, 1]
+            dry = slopes[row, n + k] * (matrices[MIDDLE, i, a] + ratio * matrices[MIDDLE, i, b])
+            decay[i, a] += dry + viscous * matrices[MIDDLE, i, b]
+            decay[i, b] += ratio * dry + viscous * matrices[MIDDLE, i, a]
+
+
+@_inline
+def _damped_tangent(
+    pair_index, pair_value, matrices, decay, vectors, z, w, own, layers, of_slopes, of_w,
+    scale, rate, times, base, out,
+):  # fmt: skip
+    """Tangent of base - scale · M⁻¹ D w, z = D w: K δw + M⁻¹ δD w + δM⁻¹ z, rows of ``own``.
+
+    ``rate``: as for ``product_tangent``.
+    """
+    n, couplings, directions = own.shape[1], pair_index.shape[0], own.shape[2]
+    for i in range(n):
+        for d in range(directions):
+            own[out, i, d] = own[base, i, d]
+        moved = 0.0
+        for j in range(n):
+            a, b = scale * decay[i, j], scale * vectors[z, j]
+            c = scale * matrices[MIDDLE, i, j] * vectors[w, j]
+            moved += matrices[MIDDLE, i, j] * vectors[z, j]
+            for d in range(directions):
+                own[out, i, d] -= (
+                    a * own[of_w, j, d]
+                    + b * layers[MIDDLE_TANGENT, i, j, d]
+                    + c * of_slopes[NOW, j, d]
+                )
+        for k in range(couplings):
+            motor, joint, ratio = pair_index[k, 0], pair_index[k, 1], pair_value[k, 0]
+            a = matrices[MIDDLE, i, motor] + ratio * matrices[MIDDLE, i, joint]
+            a *= scale * (vectors[w, motor] + ratio * vectors[w, joint])
+            b = matrices[MIDDLE, i, motor] * vectors[w, joint]
+            b = scale * ratio * (b + matrices[MIDDLE, i, joint] * vectors[w, motor])
+            for d in range(directions):
+                own[out, i, d] -= (
+                    a * of_slopes[NOW, n + k, d] + b * of_slopes[NOW, n + couplings + k, d]
+                )
+        if rate != 0.0:
+            moved *= rate
+            for d in range(directions):
+                own[out, i, d] -= moved * times[LENGTH, d]
+
+
+@_inline
+def freeze_tangent(
+    vectors, matrices, slopes, clock, h, share, which, own, layers, times, commanded, before, old
+):
+    """Tangents of the length of the step, of τ - h and of M⁻¹ in its middle.
+
+    ``share``: change of the step's length with the drive's delay; ``which``: row of the torque in
+    ``commanded``. The friction of the step is not yet in what ``_NET_T`` receives.
+    """
+    n, directions = own.shape[1], own.shape[2]
+    timed = old[DELAYED] != 0.0
+    for k in range(before.shape[1]):
+        slopes[_WAS, k] = before[SLOPE_BEFORE, k]
+    for d in range(directions):
+        times[LENGTH, d] = share * times[DELAY, d]
+    last = old[LAST_STEP_BEFORE]
+    weight = 0.0 if clock[RENEWALS] < 2.0 else 0.5 * (h / last)
+    for i in range(n):
+        for d in range(directions):
+            change = own[BIAS, i, d] - own[LAST_BIAS, i, d]
+            own[_NET_T, i, d] = commanded[which, i, d] - own[BIAS, i, d] - weight * change
+        if timed and weight > 0.0:
+            change = vectors[BIAS, i] - vectors[LAST_BIAS, i]
+            for d in range(directions):
+                stretch = times[LENGTH, d] / h - times[LAST_TANGENT, d] / last
+                own[_NET_T, i, d] -= weight * stretch * change
+    middle = old[SINCE_BEFORE] + 0.5 * h
+    for i in range(n):
+        for j in range(i + 1):
+            for d in range(directions):
+                between = (
+                    layers[RENEWED_TANGENT, i, j, d] + middle * layers[CHANGE_TANGENT, i, j, d]
+                )
+                layers[MIDDLE_TANGENT, i, j, d] = between
+                layers[MIDDLE_TANGENT, j, i, d] = between
+            if timed:
+                change = matrices[CHANGE, i, j]
+                for d in range(directions):
+                    more = change * (times[SINCE_TANGENT, d] + 0.5 * times[LENGTH, d])
+                    layers[MIDDLE_TANGENT, i, j, d] += more
+                    if i != j:
+                        layers[MIDDLE_TANGENT, j, i, d] += more
+    for d in range(directions):
+        times[SINCE_TANGENT, d] += times[LENGTH, d]
+        times[LAST_TANGENT, d] = times[LENGTH, d]
+
+
+@_inline
+def linear_tangent(
+    term_index, term_value, pair_index, pair_value, vectors, matrices, slopes, torque, h, timed,
+    own, layers, times, of_slopes, constants, constant_slope, before, curvature, decay,
+):  # fmt: skip
+    """Carry the tangents over the linear step that ``integration.advance`` has just taken.
+
+    ``timed``: whether a direction changes the length of the step.
+    """
+    n, directions = own.shape[1], own.shape[2]
+    for i in range(n):
+        vectors[_NET, i] = torque[i] - vectors[MIDDLE_BIAS, i] - before[FRICTION_BEFORE, i]
+        for d in range(directions):
+            own[_NET_T, i, d] -= own[FRICTION, i, d]
+    product_tangent(
+        matrices, vectors, _NET, own, layers, _NET_T, -1.0, 0.0, times, STILL_TANGENT, _A0_T
+    )
+    _taylor_tangent(
+        pair_index, pair_value, vectors, matrices, slopes, h, timed, own, layers, of_slopes, times,
+        before, decay,
+    )  # fmt: skip
+    slope_times_tangent(
+        pair_index, pair_value, slopes, _WAS, of_slopes, NOW, vectors, _Y, own, _Y_T, _Z_T
+    )
+    for i in range(n):
+        for d in range(directions):
+            own[_AHEAD_T, i, d] = own[V, i, d] + own[_Y_T, i, d]
+    friction_tangent(
+        term_index, term_value, pair_index, pair_value, constants, constant_slope,
+        vectors, _AHEAD, slopes, THEN, own, _AHEAD_T, _W_T, of_slopes, THEN, curvature,
+    )  # fmt: skip
+    for i in range(n):
+        for d in range(directions):
+            own[_REST_T, i, d] = own[_W_T, i, d] - own[FRICTION, i, d] - own[_Z_T, i, d]
+    product_tangent(
+        matrices, vectors, _REST, own, layers, _REST_T, h / 3.0, 1.0 / 3.0 if timed else 0.0, times,
+        _AHEAD_T, V,
+    )  # fmt: skip
+    for i in range(n):
+        vectors[_A, i] = vectors[V, i] - vectors[_AHEAD, i]
+        for d in range(directions):
+            own[_A_T, i, d] = own[V, i, d] - own[_AHEAD_T, i, d]
+            own[Q, i, d] += own[_X_T, i, d] + 0.25 * h * own[_A_T, i, d]
+        if timed:
+            for d in range(directions):
+                own[Q, i, d] += 0.25 * times[LENGTH, d] * vectors[_A, i]
+    slope_times_tangent(
+        pair_index, pair_value, slopes, THEN, of_slopes, THEN, vectors, _A, own, _A_T, _Z_T
+    )
+    for i in range(n):
+        for d in range(directions):
+            own[FRICTION, i, d] = own[_W_T, i, d] + own[_Z_T, i, d]
+    for k in range(n + pair_index.shape[0]):
+        for d in range(directions):
+            of_slopes[NOW, k, d] = of_slopes[THEN, k, d]
+
+
+@_inline
+def _taylor_tangent(
+    pair_index, pair_value, vectors, matrices, slopes, h, timed, own, layers, of_slopes, times,
+    before, decay,
+):  # fmt: skip
+    """Tangents of the changes y of speed and x of position, by the polynomial of the step."""
+    n, directions = own.shape[1], own.shape[2]
+    stiffness = damping_rate(pair_index, pair_value, matrices, slopes, _WAS)
+    count = int(np.ceil(min(max(stiffness * h / STIFFNESS_PER_STEP, 1e-3), MAX_INNER_STEPS)))
+    step = h / count
+    _fill_decay(pair_index, pair_value, matrices, slopes, _WAS, decay)
+    for i in range(n):
+        vectors[_Y, i], vectors[_A, i] = 0.0, vectors[_A0, i]
+        for d in range(directions):
+            own[_Y_T, i, d], own[_X_T, i, d], own[_A_T, i, d] = 0.0, 0.0, own[_A0_T, i, d]
+    for s in range(count):
+        for i in range(n):
+            vectors[_W, i] = vectors[_A, i]
+            for d in range(directions):
+                own[_W_T, i, d] = own[_A_T, i, d]
+        for order in range(4, 1, -1):
+            slope_times(pair_index, pair_value, slopes, _WAS, vectors, _W, _Z)
+            # into the row _Z_T and back, because the old one is read until the last joint is done
+            _damped_tangent(
+                pair_index, pair_value, matrices, decay, vectors, _Z, _W, own, layers, of_slopes,
+                _W_T, step / order, 1.0 / (order * count) if timed else 0.0, times, _A_T, _Z_T,
+            )  # fmt: skip
+            for i in range(n):
+                for d in range(directions):
+                    own[_W_T, i, d] = own[_Z_T, i, d]
+            subtract_product(matrices, vectors, _Z, step / order, _A, _W)
+            if order == 3:
+                for i in range(n):
+                    for d in range(directions):
+                        own[_X_T, i, d] += step * (
+                            own[V, i, d] + own[_Y_T, i, d] + 0.5 * step * own[_W_T, i, d]
+                        )
+                    if timed:
+                        speed = before[SPEED_BEFORE, i] + vectors[_Y, i] + step * vectors[_W, i]
+                        for d in range(directions):
+                            own[_X_T, i, d] += times[LENGTH, d] / count * speed
+        for i in range(n):
+            for d in range(directions):
+                own[_Y_T, i, d] += step * own[_W_T, i, d]
+            if timed:
+                for d in range(directions):
+                    own[_Y_T, i, d] += times[LENGTH, d] / count * vectors[_W, i]
+            vectors[_Y, i] += step * vectors[_W, i]
+        if s < count - 1:
+            slope_times(pair_index, pair_value, slopes, _WAS, vectors, _Y, _Z)
+            _damped_tangent(
+                pair_index, pair_value, matrices, decay, vectors, _Z, _Y, own, layers, of_slopes,
+                _Y_T, 1.0, 0.0, times, _A0_T, _A_T,
+            )  # fmt: skip
+            subtract_product(matrices, vectors, _Z, 1.0, _A0, _A)
+
+
+@inner
+def _stage_tangent(
+    term_index, term_value, pair_index, pair_value, vectors, matrices, slopes, torque, f, speed,
+    of_speed, out, own, layers, times, of_slopes, constants, constant_slope, curvature,
+):  # fmt: skip
+    """Tangent of M⁻¹ (τ - h - f(v)) at one stage, friction ``f`` and its slopes known there."""
+    n, directions = own.shape[1], own.shape[2]
+    friction_tangent(
+        term_index, term_value, pair_index, pair_value, constants, constant_slope,
+        vectors, speed, slopes, THEN, own, of_speed, _REST_T, of_slopes, THEN, curvature,
+    )  # fmt: skip
+    for i in range(n):
+        vectors[_NET, i] = torque[i] - vectors[MIDDLE_BIAS, i] - vectors[f, i]
+        for d in range(directions):
+            own[_REST_T, i, d] = own[_NET_T, i, d] - own[_REST_T, i, d]
+    product_tangent(
+        matrices, vectors, _NET, own, layers, _REST_T, -1.0, 0.0, times,
+        STILL_TANGENT, out,
+    )  # fmt: skip
+
+
+@inner
+def nonlinear_tangent(
+    linear, term_index, term_value, pair_index, pair_value, vectors, matrices, slopes, torque, h,
+    own, layers, times, of_slopes, constants, constant_slope, before, curvature,
+):  # fmt: skip
+    """Carry them over a nonlinear step: Runge–Kutta 4 once more, with its tangents."""
+    n, directions = own.shape[1], own.shape[2]
+    k1, k2, k3, k4, trial, f, v = _A0, _A, _Y, _REST, _Z, _W, _AHEAD
+    k1_t, k2_t, k3_t, k4_t, trial_t = _A0_T, _A_T, _Y_T, _X_T, _Z_T
+    for i in range(n):
+        vectors[v, i] = before[SPEED_BEFORE, i]
+    left, shortest = h, h / MAX_INNER_STEPS
+    while left > 1e-9 * h:
+        friction_torque(
+            linear, term_index, term_value, pair_index, pair_value, vectors, v, f, slopes, THEN
+        )
+        stiffness = damping_rate(pair_index, pair_value, matrices, slopes, THEN)
+        step = left / np.ceil(max(stiffness * left / NONLINEAR_STIFFNESS, 1e-3))
+        step = min(max(step, shortest), left)
+        apply_matrix(matrices, MIDDLE, vectors, torque, MIDDLE_BIAS, f, k1)
+        _stage_tangent(
+            term_index, term_value, pair_index, pair_value, vectors, matrices, slopes, torque, f,
+            v, V, k1_t, own, layers, times, of_slopes, constants, constant_slope, curvature,
+        )  # fmt: skip
+        stage = 1
+        while stage < 4:
+            last = k1 if stage == 1 else (k2 if stage == 2 else k3)
+            last_t = k1_t if stage == 1 else (k2_t if stage == 2 else k3_t)
+            weight = 1.0 if stage == 3 else 0.5
+            for i in range(n):
+                vectors[trial, i] = vectors[v, i] + weight * step * vectors[last, i]
+            friction_torque(
+                linear, term_index, term_value, pair_index, pair_value, vectors, trial, f, slopes,
+                THEN,
+            )  # fmt: skip
+            ahead = damping_rate(pair_index, pair_value, matrices, slopes, THEN)
+            if ahead * step > 1.5 * NONLINEAR_STIFFNESS and step > shortest:
+                step = max(NONLINEAR_STIFFNESS / ahead, shortest)
+                stage = 1
+                continue
+            target = k2 if stage == 1 else (k3 if stage == 2 else k4)
+            target_t = k2_t if stage == 1 else (k3_t if stage == 2 else k4_t)
+            apply_matrix(matrices, MIDDLE, vectors, torque, MIDDLE_BIAS, f, target)
+            for i in range(n):
+                for d in range(directions):
+                    own[trial_t, i, d] = own[V, i, d] + weight * step * own[last_t, i, d]
+                for d in range(directions):
+                    own[trial_t, i, d] += weight * step / h * times[LENGTH, d] * vectors[last, i]
+            _stage_tangent(
+                term_index, term_value, pair_index, pair_value, vectors, matrices, slopes, torque,
+                f, trial, trial_t, target_t, own, layers, times, of_slopes, constants,
+                constant_slope, curvature,
+            )  # fmt: skip
+            stage += 1
+        for i in range(n):
+            inside = vectors[k2, i] + vectors[k3, i]
+            for d in range(directions):
+                within = own[k2_t, i, d] + own[k3_t, i, d]
+                own[Q, i, d] += step * (own[V, i, d] + step / 6.0 * (own[k1_t, i, d] + within))
+                own[V, i, d] += step / 6.0 * (own[k1_t, i, d] + 2.0 * within + own[k4_t, i, d])
+            gained = (vectors[k1, i] + 2.0 * inside + vectors[k4, i]) / 6.0
+            travelled = vectors[v, i] + step / 3.0 * (vectors[k1, i] + inside)
+            for d in range(directions):
+                own[Q, i, d] += step / h * times[LENGTH, d] * travelled
+                own[V, i, d] += step / h * times[LENGTH, d] * gained
+            vectors[v, i] += step * gained
+        left -= step

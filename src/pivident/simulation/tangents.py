@@ -1,0 +1,335 @@
+"""A simulated loop with its tangents: derivatives of the motion along parameters of the loop.
+
+Output-error methods compare what a simulation gives with what was measured and need the derivative
+of the simulated motion along every parameter. Finite differences take two simulations for each;
+the tangents of all are carried beside a single one (``loop_tangent``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from pivident.dynamics.forward import Model, make_model
+from pivident.dynamics.rigid_body_slopes import slope_scratch
+from pivident.robot.description import INERTIAL
+from pivident.simulation.closed_loop import Trajectory, simulate, simulate_blocks
+from pivident.simulation.controllers import TAPS, PythonController, SampledLaw
+from pivident.simulation.direction import Direction, ParametrisedLoop
+from pivident.simulation.friction_tangent import LINEAR, PAIR, PATH, TERM
+from pivident.simulation.integration import Q, V
+from pivident.simulation.loop_kernel import is_on_path
+from pivident.simulation.loop_tangent import (
+    BEFORE,
+    CLOCK_ENTRIES,
+    DELAY,
+    DELAYED,
+    LAW_SLOPES,
+    MATRIX_LAYERS,
+    OF_DRIVE_GAIN,
+    OF_FEEDBACK,
+    OF_INPUTS,
+    OF_INTEGRAL_GAIN,
+    OF_INTEGRAND,
+    OF_POLE,
+    TANGENT_ROWS,
+    TIMES,
+    LoopTangent,
+)
+
+#: Samples of a block: their tangents stay in the processor's cache.
+TANGENT_BLOCK = 128
+
+#: Relative step of the central differences of a Python law's loop …
+DIFFERENCE = 1e-6
+
+#: … of constants that enter the tables and the law nonlinearly …
+SHAPE_DIFFERENCE = 1e-5
+
+#: … and of gains, which enter linearly.
+GAIN_DIFFERENCE = 0.5
+
+#: Model parameters in the unit vectors that the tables are made for: friction of the load has to
+#: stay below one.
+_UNIT = 0.5
+
+
+class TangentBlock(NamedTuple):
+    """A stretch of a simulated motion with its tangents."""
+
+    samples: slice  # of the record
+    motion: Trajectory
+    q: np.ndarray  # ∂q/∂p, (samples, joints, directions)
+    dq: np.ndarray  # ∂dq/∂p, likewise
+    tau: np.ndarray  # ∂tau/∂p, likewise
+
+
+def simulate_with_tangents(loop: ParametrisedLoop, directions: Sequence[Direction]) -> TangentBlock:
+    """Simulate the closed loop with the derivatives of its motion along parameters.
+
+    The motion is that of ``simulate``, to the last bit. The tangents are the derivatives of the
+    scheme that the simulator runs; a loop with a Python law, and one with friction of position,
+    path or load, is differentiated by central differences instead, two simulations a direction.
+
+    Args:
+        loop: what is simulated, in terms of its parameters.
+        directions: parameters to differentiate along.
+
+    Returns:
+        The whole motion and its tangents, 3 · samples · joints · directions numbers: see
+        ``tangent_blocks`` for long records.
+
+    Raises:
+        ExperimentError: the loop has no such parameter; says which there are.
+        SimulationDiverged: the loop is unstable; names the joint and the time.
+        MassMatrixNotPositiveDefinite: the values are those of no machine; names the joint.
+    """
+    return next(tangent_blocks(loop, directions, len(loop.signals.q_ref)))
+
+
+def tangent_blocks(
+    loop: ParametrisedLoop, directions: Sequence[Direction], block: int = TANGENT_BLOCK
+) -> Iterator[TangentBlock]:
+    """As ``simulate_with_tangents``, a stretch at a time, so that memory does not grow with time.
+
+    A Gauss–Newton step sums up JᵀJ and Jᵀe over the blocks.
+
+    Args:
+        loop: what is simulated, in terms of its parameters.
+        directions: parameters to differentiate along.
+        block: samples of a stretch. A loop that is differentiated by central differences comes as
+            a single one.
+
+    Yields:
+        Stretch after stretch; the next one overwrites the arrays.
+
+    Raises:
+        ExperimentError: the loop has no such parameter; says which there are.
+        SimulationDiverged: the loop is unstable; names the joint and the time.
+        MassMatrixNotPositiveDefinite: the values are those of no machine; names the joint.
+    """
+    for direction in directions:
+        loop.check(direction)
+    model, names = loop.model, loop.robot.joint_names
+    if not directions or not has_compiled_tangents(loop, model):
+        yield _by_differences(loop, directions)
+        return
+    block = min(block, len(loop.signals.q_ref))
+    tangent = _initial_tangent(loop, model, directions, block)
+    for span, channels, states in simulate_blocks(
+        model, loop.controller, loop.signals, names, loop.begin, None, block, tangent
+    ):
+        q, dq, ddq, tau, command = channels
+        motion = Trajectory(float(loop.signals.rate), q, dq, ddq, tau, command, states)
+        yield TangentBlock(span, motion, *tangent.record[:, : span.stop - span.start])
+
+
+def has_compiled_tangents(loop: ParametrisedLoop, model: Model | None = None) -> bool:
+    """Whether tangents are carried along; if not they are central differences.
+
+    Args:
+        loop: the loop.
+        model: its model, where it is known already.
+    """
+    on_path = is_on_path((model or loop.model).friction)
+    return not isinstance(loop.controller, PythonController) and not on_path
+
+
+def _by_differences(loop: ParametrisedLoop, directions: Sequence[Direction]) -> TangentBlock:
+    """The whole motion, and central differences of it."""
+
+    def run(changed: ParametrisedLoop) -> Trajectory:
+        names = changed.robot.joint_names
+        return simulate(changed.model, changed.controller, changed.signals, names, changed.begin)
+
+    motion = run(loop)
+    q, dq, tau = (np.zeros((*motion.q.shape, len(directions))) for _ in range(3))
+    for d, direction in enumerate(directions):
+        step = DIFFERENCE * (abs(loop.value(direction)) or 1.0)
+        forward = run(loop.moved(direction, step))
+        whole = direction.kind == "delay" and loop.signals.drive_delay < step
+        backward = motion if whole else run(loop.moved(direction, -step))
+        width = step if whole else 2.0 * step
+        for out, channel in ((q, "q"), (dq, "dq"), (tau, "tau")):
+            out[:, :, d] = (getattr(forward, channel) - getattr(backward, channel)) / width
+    return TangentBlock(slice(0, len(motion.q)), motion, q, dq, tau)
+
+
+def _initial_tangent(
+    loop: ParametrisedLoop, model: Model, directions: Sequence[Direction], block: int
+) -> LoopTangent:
+    """Tangents at the first sample, and the slopes of model and law along the directions."""
+    n, count, signals = loop.robot.size, len(directions), loop.signals
+    couplings = len(model.friction.pair_index)
+    late = int(float(signals.drive_delay) * float(signals.rate) + 1e-9)
+    dq_ref = signals.dq_ref
+    q_ref = np.asarray(signals.q_ref, float)
+    law = loop.controller.law(float(signals.rate), q_ref, dq_ref)
+    entries = _LawEntries(len(q_ref))
+    encoder, past = np.zeros((n, count)), np.zeros((n, TAPS, count))
+    vectors, times = np.zeros((TANGENT_ROWS, n, count)), np.zeros((TIMES, count))
+    total = law.pole.sum(axis=1)
+    inverse = np.divide(1.0, total, out=np.zeros(n), where=total != 0.0)
+    for d, direction in enumerate(directions):
+        joints = range(n) if direction.joint < 0 else (direction.joint,)
+        if direction.kind == "law":
+            of_law = _law_slope(loop, direction, q_ref, dq_ref)
+            for j in joints:
+                entries.add(j, d, of_law)
+                past[j, :, d] = -loop.begin[0][j] * inverse[j] ** 2 * of_law.pole[j].sum()
+        elif direction.kind in ("drive_gain", "inputs"):
+            for j in joints:
+                entries.add(j, d, OF_DRIVE_GAIN if direction.kind == "drive_gain" else OF_INPUTS)
+        elif direction.kind == "delay":
+            times[DELAY, d] = 1.0
+        elif direction.kind == "encoder_offset":
+            encoder[list(joints), d] = 1.0
+        elif direction.kind == "initial_position":
+            vectors[Q, direction.joint, d] = 1.0
+            past[direction.joint, :, d] = inverse[direction.joint]
+        elif direction.kind == "initial_speed":
+            vectors[V, direction.joint, d] = 1.0
+    tables = _ModelEntries(loop, directions)
+    slopes = np.zeros((2, n + 2 * couplings, count))
+    for (_, table, row, column, d), weight in tables.friction:
+        if table == PAIR and column == 1:
+            slopes[:, n + couplings + row, d] += weight
+    clock = np.zeros(CLOCK_ENTRIES)
+    clock[DELAYED] = float(times[DELAY].any())
+    index, slope, reference = entries.arrays()
+    links, body = slope_scratch(n)
+    return LoopTangent(
+        vectors=vectors,
+        matrices=np.zeros((MATRIX_LAYERS, n, n, count)),
+        slopes=slopes,
+        times=times,
+        commanded=np.zeros((late + 2, n, count)),
+        integral=np.zeros((n, count)),
+        past=past,
+        passed=np.zeros((n, 3)),
+        encoder=encoder,
+        law_index=index,
+        law_slope=slope,
+        law_reference=reference,
+        inertial=np.array(sorted(tables.inertial), dtype=np.int64).reshape(-1, 3),
+        rotor=np.array([i for i, _ in tables.rotor], dtype=np.int64).reshape(-1, 3),
+        rotor_slope=np.array([w for _, w in tables.rotor], dtype=float),
+        friction=np.array([i for i, _ in tables.friction], dtype=np.int64).reshape(-1, 5),
+        friction_slope=np.array([w for _, w in tables.friction], dtype=float),
+        before=np.zeros((BEFORE, n + couplings)),
+        clock=clock,
+        curvature=np.zeros(n),
+        by_position=np.zeros((n, n)),
+        by_speed=np.zeros((n, n)),
+        of_mass=np.zeros((n, n, n)),
+        decay=np.zeros((n, n)),
+        weight_slope=np.zeros((n, n)),
+        links=links,
+        body=body,
+        record=np.zeros((3, block, n, count)),
+    )
+
+
+def _law_slope(
+    loop: ParametrisedLoop, direction: Direction, q_ref: np.ndarray, dq_ref: np.ndarray | None
+) -> SampledLaw:
+    """Derivative of the sampled law along one of its attributes, by central differences.
+
+    Gains enter linearly, so that differences of any step are exact; times do not.
+    """
+    rate, value = float(loop.signals.rate), abs(loop.value(direction))
+    if "time" in direction.name:
+        step = SHAPE_DIFFERENCE * (value + 1.0 / rate)
+    else:
+        step = GAIN_DIFFERENCE * (value or 1.0)
+    ahead, behind = (
+        loop.moved(direction, sign * step).controller.law(rate, q_ref, dq_ref)
+        for sign in (1.0, -1.0)
+    )
+    return SampledLaw(*((a - b) / (2.0 * step) for a, b in zip(ahead, behind, strict=True)))
+
+
+class _LawEntries:
+    """Slopes of the sampled law along directions, entry by entry."""
+
+    def __init__(self, samples: int) -> None:
+        self._samples = samples
+        self._index: list[tuple[int, int]] = []
+        self._slope: list[np.ndarray] = []
+        self._reference: list[np.ndarray] = []
+
+    def add(self, joint: int, d: int, what: SampledLaw | int) -> None:
+        """One joint's slopes: of its law, or of one in a column of ``law_slope``."""
+        slope, reference = np.zeros(LAW_SLOPES), np.zeros((2, self._samples))
+        if isinstance(what, SampledLaw):
+            slope[OF_FEEDBACK : OF_FEEDBACK + TAPS] = what.feedback[joint]
+            slope[OF_POLE : OF_POLE + TAPS] = what.pole[joint]
+            slope[OF_INTEGRAND : OF_INTEGRAND + TAPS] = what.integrand[joint]
+            slope[OF_INTEGRAL_GAIN] = what.integral_gain[joint]
+            reference[:] = what.reference[:, joint], what.integrand_reference[:, joint]
+        else:
+            slope[what] = 1.0
+        self._index.append((joint, d))
+        self._slope.append(slope)
+        self._reference.append(reference)
+
+    def arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """``law_index``, ``law_slope`` and ``law_reference``."""
+        return (
+            np.array(self._index, dtype=np.int64).reshape(-1, 2),
+            np.array(self._slope, dtype=float).reshape(-1, LAW_SLOPES),
+            np.ascontiguousarray(
+                np.array(self._reference, dtype=float)
+                .reshape(-1, 2, self._samples)
+                .transpose(1, 2, 0)
+            ),
+        )
+
+
+class _ModelEntries:
+    """Which numbers of the model's tables change along directions, and how much.
+
+    The tables are linear in the parameters, so those of a unit vector are the slopes; constants of
+    shape are found by central differences of the tables.
+    """
+
+    def __init__(self, loop: ParametrisedLoop, directions: Sequence[Direction]) -> None:
+        self.inertial: list[tuple[int, int, int]] = []
+        self.rotor: list[tuple[tuple[int, int, int], float]] = []
+        self.friction: list[tuple[tuple[int, int, int, int, int], float]] = []
+        names = [p.name for p in loop.parameters]
+        for d, direction in enumerate(directions):
+            if direction.kind == "parameter":
+                k = names.index(direction.name)
+                p = loop.parameters[k]
+                if p.is_inertial:
+                    self.inertial.append((p.joint, INERTIAL.index(p.stem), d))
+                    continue
+                unit = np.zeros(len(names))
+                unit[k] = _UNIT
+                ahead = make_model(loop.robot, loop.parameters, unit)
+                self._add(make_model(loop.robot, loop.parameters, 0.0 * unit), ahead, _UNIT, d)
+            elif direction.kind == "shape":
+                step = SHAPE_DIFFERENCE * (abs(loop.value(direction)) or 1.0)
+                behind, ahead = (loop.moved(direction, sign * step).model for sign in (-1.0, 1.0))
+                self._add(behind, ahead, 2.0 * step, d)
+            elif direction.kind == "torque_offset":
+                where = (direction.joint, LINEAR, direction.joint, 1, d)
+                self.friction.append((where, 1.0))
+
+    def _add(self, behind: Model, ahead: Model, width: float, d: int) -> None:
+        change = (ahead.rotor - behind.rotor) / width
+        for i, j in np.argwhere(np.tril(change)).tolist():
+            self.rotor.append(((i, j, d), float(change[i, j])))
+        tables = (
+            (LINEAR, behind.friction.linear, ahead.friction.linear),
+            (TERM, behind.friction.term_value, ahead.friction.term_value),
+            (PAIR, behind.friction.pair_value, ahead.friction.pair_value),
+            (PATH, behind.friction.path_value, ahead.friction.path_value),
+        )
+        for table, before, after in tables:
+            change = (after - before) / width
+            for row, column in np.argwhere(change).tolist():
+                self.friction.append(((row, table, row, column, d), float(change[row, column])))
