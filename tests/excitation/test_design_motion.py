@@ -10,7 +10,13 @@ import pytest
 from pivident.collision import Clearances, clearances_of_room, outline_of
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.errors import ExperimentError
-from pivident.excitation import DesignRequest, design_motion, joint_limits
+from pivident.excitation import (
+    DesignRequest,
+    design_motion,
+    joint_limits,
+    load_design,
+    write_design,
+)
 from pivident.excitation.checked_motion import FineCheck
 from pivident.excitation.constraints import Constraints
 from pivident.excitation.excite_table import limits_of
@@ -128,6 +134,12 @@ def test_a_goal_that_no_motion_reaches_says_what_is_reached_and_what_binds():
     design = design_motion(PLANAR, request(parameters=("fv1",), goal=1e-5))
     note = next(n for n in design.notes if n.startswith("No motion"))
     assert "fv1 to" in note and "What binds: " in note
+
+
+def test_numbers_of_numpy_are_numbers(tmp_path):
+    design = design_motion(PLANAR, request(duration=np.float64(6.0), seconds=np.float64(0.5)))
+    write_design(design, tmp_path, 100.0)
+    assert load_design(tmp_path).settings["duration"] == 6.0
 
 
 def test_an_obstacle_is_kept_clear_of():

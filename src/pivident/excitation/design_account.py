@@ -76,7 +76,10 @@ def account(task: DesignTask, fine: FineCheck, motion: ExcitingMotion, best: Bes
 
 def _settings(task: DesignTask) -> dict[str, Any]:
     """What was asked for, without what was left open."""
-    given = {key: value for key, value in task.request.plain().items() if value not in (None, ())}
+    asked = task.request.plain()
+    given = {
+        k: x for k, x in asked.items() if x is not None and not (isinstance(x, tuple) and not x)
+    }
     return given | ({} if task.question.runs is None else {"about": task.question.about})
 
 
