@@ -48,7 +48,7 @@ def main() -> None:
         constraints = with_more_room(task.constraints(task.family(10.0)), PLANNED_SHARE, ROOM)
         start = poor_start(task, constraints)
         begin = time.perf_counter()
-        design = _designed(task, 10.0, options.seconds, lambda line: None, start)
+        design, _ = _designed(task, 10.0, options.seconds, lambda line: None, start)
         seconds = time.perf_counter() - begin
         fine = FineCheck.of(task.constraints(design.motion.family))
         share = fine.constraints.largest_ratio(design.motion.coefficients)
