@@ -159,6 +159,11 @@ def test_joints_of_a_urdf_stand_still(folder, capsys):
         assert "such as finger_1=0.02" in capsys.readouterr().err
 
 
+def test_a_start_may_begin_with_a_minus(folder):
+    assert excite("--start", "-0.2,0.1") == 0
+    np.testing.assert_array_equal(load_design("motion").motion.start, [-0.2, 0.1])
+
+
 @pytest.mark.parametrize("rate", ["0", "-5", "nan"])
 def test_a_rate_that_means_nothing_is_refused_before_the_search(folder, capsys, rate):
     assert excite(f"--rate={rate}") == 1

@@ -34,7 +34,7 @@ def excite(
     after: Annotated[tuple[Path, ...], Parameter(negative=(), show_default=False)] = (),
     cell: Path | None = None,
     frozen: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)] = (),
-    start: Annotated[str | None, Parameter(show_default=False)] = None,
+    start: Annotated[str | None, Parameter(show_default=False, allow_leading_hyphen=True)] = None,
     rate: Annotated[float | None, Parameter(show_default=False)] = None,
     seconds: Annotated[float | None, Parameter(show_default=False)] = None,
     seed: Annotated[int | None, Parameter(show_default=False)] = None,

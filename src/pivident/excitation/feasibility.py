@@ -129,8 +129,8 @@ def _crowded(task: DesignTask, most: float) -> str:
         return ""
     worst = task.clearances.names[int(np.argmax(near.mean(axis=1)))]
     return (
-        f"{free or 'none'} of {TRIED_POSTURES} random postures keep all clearances, and no motion "
-        f"was found among them: what is too near most often is {worst}. Check the bodies, "
+        f"{free or 'none'} of {TRIED_POSTURES} random postures keep{'' if free else 's'} all "
+        f"clearances: what is too near most often is {worst}. Check the bodies, "
         "obstacles, floor, tool box and clearance, all in metres, or begin at a free posture, "
         "start = […]"
     )
