@@ -159,6 +159,13 @@ def test_joints_of_a_urdf_stand_still(folder, capsys):
         assert "such as finger_1=0.02" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(("goal", "code"), [("20%", 0), ("0.001%", 3)])
+def test_a_goal_that_is_missed_shows_in_the_exit_code(folder, capsys, goal, code):
+    assert excite("--for", "fc1", "--to", goal) == code
+    assert ("No motion of up to 6 s reaches" in capsys.readouterr().out) == bool(code)
+    assert load_design("motion").robot.size == 2
+
+
 def test_a_start_may_begin_with_a_minus(folder):
     assert excite("--start", "-0.2,0.1") == 0
     np.testing.assert_array_equal(load_design("motion").motion.start, [-0.2, 0.1])

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from pivident.excitation.request import DesignRequest
     from pivident.experiment.excite_keys import ExciteEntry
     from pivident.robot.description import Robot
+#: Exit codes: done; done, but no motion that was found reaches the goal.
+DONE, GOAL_MISSED = 0, 3
 
 
 def excite(
@@ -136,7 +138,9 @@ def excite(
         written = write_design(design, folder, samples)
     print(design)
     print(f"\nFiles: {', '.join(path.name for path in written)} in {folder}")
-    return 0
+    goal = request.goal
+    missed = goal is not None and max(p.share for p in design.predicted if p.wanted) > goal
+    return GOAL_MISSED if missed else DONE
 
 
 def _new_folder() -> Path:
