@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from pivident.excitation.request import DesignRequest
     from pivident.experiment.excite_keys import ExciteEntry
     from pivident.robot.description import Robot
+
 #: Exit codes: done; done, but no motion that was found reaches the goal.
 DONE, GOAL_MISSED = 0, 3
 
