@@ -15,6 +15,7 @@ import pytest
 import pivident as pv
 from pivident.cli import main
 from pivident.excitation import load_design, write_design
+from pivident.excitation.design_page import next_commands
 from tests.excitation.designs import made_design, named
 from tests.planar_arm import LAW
 from tests.planar_log import planar_log
@@ -310,6 +311,8 @@ def test_the_verdict_ends_with_the_command_of_the_next_motion(designed, capsys, 
     assert run(*command[1:], "--out", "next", "--seconds", "1", "--duration", "6") == 0
     design = load_design("next")
     assert [p.name for p in design.predicted if p.wanted] == content["open"]
+    # the page does not offer a result for the robot of `pivident init`
+    assert next_commands(design)[0].startswith("pivident init record.csv --robot ROBOT ")
     assert all(p.std < p.before for p in design.predicted)
     assert all(p.std < p.alone for p in design.predicted)
 

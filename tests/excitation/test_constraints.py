@@ -28,6 +28,7 @@ class Wall:
 
     names = ("arm and wall",)
     bodies = surroundings = remarks = ()
+    robot = load_robot("planar_2r")
     steepest = np.array([[1.0, 2.0 * np.pi, 0.0, 0.0, 0.0, 0.0]])[:, :2]
 
     def __init__(self, needed=0.02):

@@ -365,7 +365,12 @@ def test_what_can_touch_depends_on_the_limits_that_the_user_gives(tmp_path):
         {"obstacle": [wall], "body": [body], "joint": {"slide": {"position": [0.0, 2.0]}}}
     )
     limits = limits_of(robot, table)
-    assert clearances_of_room(robot, table).names == ()
+    narrow = clearances_of_room(robot, table)
+    assert narrow.names == ()
+    with pytest.raises(
+        ExperimentError, match=r"slide from 0 to 0\.2, the motion may go from 0 to 2 m"
+    ):
+        design_motion(robot, request(), limits=limits, clearances=narrow)
     room = clearances_of_room(limits.of_robot(robot), table)
     assert room.names == ("car and wall",)
     design = design_motion(robot, request(duration=6.0), limits=limits, clearances=room)

@@ -134,7 +134,8 @@ def excite(
             progress=progress.say,
         )
         progress.say("writing the design")
-        asked = {"robot": subject} | table.model_dump(mode="json", exclude_unset=True)
+        asked = table.model_dump(mode="json", exclude_unset=True)
+        asked |= {"robot": subject} if _names_robot(Path(subject)) else {"subject": subject}
         design = replace(design, settings=asked | dict(design.settings))
         written = write_design(design, folder, samples)
     print(design)
@@ -158,24 +159,32 @@ def _subject(
     from pivident.estimation.stored_identification import load_identification
     from pivident.experiment.excite_keys import ExciteEntry
     from pivident.experiment.experiment import load_experiment
-    from pivident.experiment.toml_file import toml_content
     from pivident.robot.gallery import load_robot
     from pivident.robot.urdf import read_urdf
 
     empty, path = ExciteEntry.model_validate({}), Path(subject)
     if frozen:
-        if path.suffix in (".toml", ".json") or path.is_dir():
+        if not _names_robot(path):
             raise ExperimentError(
                 "--frozen is for a URDF; an experiment file has its own, frozen = {…} under [robot]"
             )
         return read_urdf(path, frozen=frozen), empty, []
-    if path.is_dir() or path.suffix == ".json":
-        found = load_identification(result_of(path))
-        return found.robot, empty, [found]
-    if path.suffix == ".toml" and "joints" not in toml_content(path):
+    if _names_robot(path):
+        return load_robot(subject), empty, []
+    if path.suffix == ".toml":
         experiment = load_experiment(path)
         return experiment.robot, experiment.content.excite or empty, []
-    return load_robot(subject), empty, []
+    found = load_identification(result_of(path))
+    return found.robot, empty, [found]
+
+
+def _names_robot(path: Path) -> bool:
+    """Whether a robot is named, not an experiment or a result."""
+    from pivident.experiment.toml_file import toml_content
+
+    if path.suffix == ".toml" and not path.is_dir():
+        return "joints" in toml_content(path)
+    return not (path.is_dir() or path.suffix == ".json")
 
 
 def _results(paths: tuple[Path, ...]) -> list[Identification]:

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pivident.compiled import inner, kernel
+from pivident.compiled import inlined, inner, kernel
 from pivident.dynamics.elementary import sine_and_cosine
 from pivident.robot.description import Robot
 
@@ -171,6 +171,25 @@ def _carried(pose, i, fx, fy, fz, nx, ny, nz):
     mz = pose[i, 6] * nx + pose[i, 7] * ny + pose[i, 8] * nz
     px, py, pz = pose[i, 9], pose[i, 10], pose[i, 11]
     return gx, gy, gz, mx + py * gz - pz * gy, my + pz * gx - px * gz, mz + px * gy - py * gx
+
+
+@inlined
+def place_link(parent, pose, i, place):
+    """Place of link i in the base, ⁰T_i = ⁰T_p ^pT_i, from its pose in its parent.
+
+    ``place``: receives ⁰R_i row by row and ⁰p_i in columns 0 to 11 of row i; those of the parent
+    are there already.
+    """
+    for a in range(3):
+        if parent < 0:
+            for b in range(3):
+                place[i, 3 * a + b] = pose[i, 3 * a + b]
+            place[i, 9 + a] = pose[i, 9 + a]
+            continue
+        x, y, z = place[parent, 3 * a], place[parent, 3 * a + 1], place[parent, 3 * a + 2]
+        for b in range(3):
+            place[i, 3 * a + b] = x * pose[i, b] + y * pose[i, 3 + b] + z * pose[i, 6 + b]
+        place[i, 9 + a] = place[parent, 9 + a] + x * pose[i, 9] + y * pose[i, 10] + z * pose[i, 11]
 
 
 @inner

@@ -29,7 +29,7 @@ import numpy as np
 
 from pivident.compiled import inlined as _inline
 from pivident.compiled import inner, rows
-from pivident.dynamics.kernels import add_composite
+from pivident.dynamics.kernels import add_composite, place_link
 
 # Columns of ``links``: ^0R_i row by row and ^0p_i, S, V, A; force F, momentum p and matrix of B's
 # moments of the links that a joint moves; y and A_p × S + V_p × y of the joint, C S and the moment
@@ -100,17 +100,7 @@ def place_links(parent, prismatic, pose, inertia, links, body):
     """Poses and screws in the base and the composite inertias C, from poses in the parents."""
     n = parent.size
     for i in range(n):
-        p = parent[i]
-        for a in range(3):
-            if p < 0:
-                for b in range(3):
-                    links[i, 3 * a + b] = pose[i, 3 * a + b]
-                links[i, 9 + a] = pose[i, 9 + a]
-                continue
-            x, y, z = links[p, 3 * a], links[p, 3 * a + 1], links[p, 3 * a + 2]
-            for b in range(3):
-                links[i, 3 * a + b] = x * pose[i, b] + y * pose[i, 3 + b] + z * pose[i, 6 + b]
-            links[i, 9 + a] = links[p, 9 + a] + x * pose[i, 9] + y * pose[i, 10] + z * pose[i, 11]
+        place_link(parent[i], pose, i, links)
         zx, zy, zz = links[i, 2], links[i, 5], links[i, 8]
         if prismatic[i]:
             links[i, _S], links[i, _S + 1], links[i, _S + 2] = zx, zy, zz

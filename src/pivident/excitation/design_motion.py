@@ -17,7 +17,7 @@ from pivident.excitation.design import ClearanceUse, Design
 from pivident.excitation.design_account import account
 from pivident.excitation.design_task import DesignTask
 from pivident.excitation.design_text import share_words
-from pivident.excitation.feasibility import check_start, check_travel, why_none
+from pivident.excitation.feasibility import check_ranges, check_start, check_travel, why_none
 from pivident.excitation.knowledge import Knowledge, knowledge
 from pivident.excitation.limits import PLANNED_SHARE, ROOM, JointLimits, joint_limits
 from pivident.excitation.motions import ExcitingMotion
@@ -55,7 +55,9 @@ def design_motion(
         request: what is asked; None: all parameters, in a motion of 20 s.
         limits: of the joints; None: those of the description.
         after: earlier results, the last one first: their noise and information count.
-        clearances: what bodies must keep from each other; None: nothing is checked.
+        clearances: what bodies must keep from each other in these limits, made of
+            ``limits.of_robot(robot)`` where they are wider than the description's; None: nothing
+            is checked.
         question: makes what is asked from what is known; None: the parameters of ``request``.
         torque_noise: standard deviation of the torque where ``after`` does not give it, shape
             (joints,) [N m or N]; None: a share of the largest torques.
@@ -87,6 +89,7 @@ def design_motion(
     else:
         made = question(known)
     task = DesignTask(robot, request, limits, known, made, clearances)
+    check_ranges(task)
     check_start(task)
     check_travel(task)
     say(f"searching for {request.seconds:g} s (Ctrl-C keeps the best motion so far)")

@@ -20,6 +20,21 @@ LEAST_TRAVEL = 0.01
 TRIED_POSTURES, MOST_POSTURES, FEW_POSTURES = 500, 0.8, 0.05
 
 
+def check_ranges(task: DesignTask) -> None:
+    """Refuse clearances that were made for narrower ranges of the joints: they leave pairs out."""
+    if task.clearances is None:
+        return
+    for j, joint in enumerate(task.clearances.robot.joints):
+        own = joint.position_limits
+        if own is None or task.limits.low[j] < own[0] or task.limits.high[j] > own[1]:
+            made = "without limits" if own is None else f"from {own[0]:g} to {own[1]:g}"
+            raise ExperimentError(
+                f"the clearances are those of {joint.name} {made}, the motion may go from "
+                f"{task.limits.low[j]:g} to {task.limits.high[j]:g} {joint.position_unit}; make "
+                "the clearances of limits.of_robot(robot)"
+            ).about("clearances")
+
+
 def check_start(task: DesignTask) -> None:
     """Refuse a given posture that leaves no room for a motion, or clearances that no posture keeps.
 

@@ -20,7 +20,7 @@ import numpy as np
 from numba import njit
 
 from pivident.compiled import inner
-from pivident.dynamics.kernels import link_poses, tree_of
+from pivident.dynamics.kernels import link_poses, place_link, tree_of
 from pivident.dynamics.parameters import Parameter, nominal_values, standard_parameters
 from pivident.errors import ExperimentError
 from pivident.robot.description import Robot
@@ -47,17 +47,7 @@ def gravity_torques(
     link_poses(prismatic, rotation, translation, q, pose)
     n = q.size
     for i in range(n):
-        p = parent[i]
-        for a in range(3):
-            if p < 0:
-                for b in range(3):
-                    place[i, 3 * a + b] = pose[i, 3 * a + b]
-                place[i, 9 + a] = pose[i, 9 + a]
-                continue
-            x, y, z = place[p, 3 * a], place[p, 3 * a + 1], place[p, 3 * a + 2]
-            for b in range(3):
-                place[i, 3 * a + b] = x * pose[i, b] + y * pose[i, 3 + b] + z * pose[i, 6 + b]
-            place[i, 9 + a] = place[p, 9 + a] + x * pose[i, 9] + y * pose[i, 10] + z * pose[i, 11]
+        place_link(parent[i], pose, i, place)
     for j in range(n):
         lx, ly, lz, mass = 0.0, 0.0, 0.0, 0.0
         for i in range(j, n):
