@@ -14,12 +14,13 @@ from pivident.estimation.methods import (
     InstrumentalVariables,
     LeastSquares,
     Method,
+    OutputError,
     PrefilteredIV,
     RandomWalk,
     Repetition,
 )
 
-_METHODS = (LeastSquares, InstrumentalVariables, PrefilteredIV)
+_METHODS = (LeastSquares, InstrumentalVariables, PrefilteredIV, OutputError)
 _PARTS = {
     "signals": (Bandpass, RandomWalk),
     "noise": (AutoRegressive, Repetition, Arma),

@@ -60,9 +60,7 @@ def closed_stretches(
     )
     stretches = []
     for recording, smooth in zip(problem.recordings, kinematics, strict=True):
-        signals, begin = loop_signals(
-            problem.robot, loop, recording, smooth.q.T, smooth.dq.T
-        )
+        signals, begin = loop_signals(problem.robot, loop, recording, smooth.q.T, smooth.dq.T)
         own = ParametrisedLoop(
             problem.robot, parameters, theta, controller, signals, begin, clip=True
         )

@@ -84,7 +84,9 @@ def _of_stretch(
     for error, slopes in reading.blocks(directions, factor, both):
         for channel in both:
             squares[channel] += (error[channel] ** 2).sum(axis=0)
-        stack = np.stack([np.concatenate([error[c][..., None], slopes[c]], -1) for c in channels], 1)
+        stack = np.stack(
+            [np.concatenate([error[c][..., None], slopes[c]], -1) for c in channels], 1
+        )
         thin = thinning.process(np.ascontiguousarray(stack))
         span = slice(done, done + len(thin))
         errors[:, :, span] = thin[..., 0].transpose(1, 2, 0)
