@@ -8,8 +8,6 @@ from typing import Any
 
 from pivident.errors import PividentError
 from pivident.estimation.methods import (
-    Arma,
-    AutoRegressive,
     Bandpass,
     InstrumentalVariables,
     LeastSquares,
@@ -17,8 +15,8 @@ from pivident.estimation.methods import (
     OutputError,
     PrefilteredIV,
     RandomWalk,
-    Repetition,
 )
+from pivident.estimation.noise_options import Arma, AutoRegressive, Repetition
 
 _METHODS = (LeastSquares, InstrumentalVariables, PrefilteredIV, OutputError)
 _PARTS = {

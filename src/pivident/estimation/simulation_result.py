@@ -72,19 +72,21 @@ class SimulationResult:
             ValueError: it is none of that many joints.
         """
         try:
-            rms = [
+            positions, torques = (
                 np.array([np.nan if x is None else float(x) for x in values[key]])
                 for key in ("position_rms", "torque_rms")
-            ]
-            parameters = tuple(LoopParameter(**own) for own in values["loop_parameters"])
+            )
             made = cls(
-                str(values["compares"]), str(values["loop"]), *rms, parameters,
-                tuple(map(str, values["held"])), tuple(map(str, values["at_bound"])),
-            )  # fmt: skip
+                compares=str(values["compares"]),
+                loop=str(values["loop"]),
+                position_rms=positions,
+                torque_rms=torques,
+                loop_parameters=tuple(LoopParameter(**own) for own in values["loop_parameters"]),
+                held=tuple(map(str, values["held"])),
+                at_bound=tuple(map(str, values["at_bound"])),
+            )
         except (KeyError, TypeError, ValueError) as error:
-            raise ValueError(
-                f"simulation: a key is missing or of another kind ({error})"
-            ) from error
-        if any(own.shape != (joints,) for own in rms):
+            raise ValueError(f"simulation: a key is missing or wrong ({error})") from error
+        if positions.shape != (joints,) or torques.shape != (joints,):
             raise ValueError(f"simulation: one rms error for each of {joints} joints is needed")
         return made

@@ -293,8 +293,7 @@ def _identification(content: FileContent, robot: Robot | None) -> Identification
         motion=_motion(content.motion, robot.size),
         torque_sums=_torque_sums(content.torque_sums, base),
         equation_noise=_equation_noise(content.equation_noise, robot.size),
-        simulation=content.simulation
-        and SimulationResult.from_values(content.simulation, robot.size),
+        simulation=_simulation(content.simulation, robot.size),
         instruments=_instruments(content.instruments),
         loop_values={"controller": content.controller, "reference": content.reference},
     )
@@ -386,6 +385,10 @@ def _torque_sums(values: dict[str, Any] | None, base: BaseParameters) -> Any:
 
 def _equation_noise(values: dict[str, Any] | None, joints: int) -> EquationNoise | None:
     return None if values is None else EquationNoise.from_values(values, joints)
+
+
+def _simulation(values: dict[str, Any] | None, joints: int) -> SimulationResult | None:
+    return None if values is None else SimulationResult.from_values(values, joints)
 
 
 def _instruments(values: InstrumentsValues | None) -> InstrumentsUsed | None:

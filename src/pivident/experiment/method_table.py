@@ -13,8 +13,6 @@ from typing import Any
 from pivident.errors import ExperimentError
 from pivident.estimation.methods import (
     METHODS,
-    Arma,
-    AutoRegressive,
     Bandpass,
     InstrumentalVariables,
     LeastSquares,
@@ -22,8 +20,8 @@ from pivident.estimation.methods import (
     OutputError,
     PrefilteredIV,
     RandomWalk,
-    Repetition,
 )
+from pivident.estimation.noise_options import Arma, AutoRegressive, Repetition
 from pivident.experiment.method_keys import IdentifyEntry, MethodEntry, SimulationEntry
 from pivident.robot.mdh_schema import Entry
 
@@ -102,7 +100,9 @@ def takes_any_instruments(method: Method) -> bool:
     return isinstance(method, InstrumentalVariables)
 
 
-def _check_keys(name: str, ready: Method, own: MethodEntry) -> None:
+def _check_keys(
+    name: str, ready: LeastSquares | InstrumentalVariables | PrefilteredIV, own: MethodEntry
+) -> None:
     """Refuse keys that the method has no use for, and those that exclude each other."""
     if isinstance(ready, LeastSquares):
         known = {"signals", "bandpass", "random_walk"}

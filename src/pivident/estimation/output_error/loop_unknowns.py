@@ -57,10 +57,9 @@ def within_bounds(
     Raises:
         ExperimentError: bounds of an unknown that is not sought.
     """
-    names = {u.name: k for k, u in enumerate(unknowns)}
-    names |= {
-        u.direction.name: k for k, u in enumerate(unknowns) if u.direction.kind == "parameter"
-    }
+    # a parameter of the model may be named without the trailing ``r`` of its group
+    names = {u.direction.name or u.name: k for k, u in enumerate(unknowns)}
+    names |= {u.name: k for k, u in enumerate(unknowns)}
     made = list(unknowns)
     for name, (low, high) in bounds.items():
         if name not in names:

@@ -198,7 +198,7 @@ def _result(method: OutputError, fit: SimulationFit, count: int) -> SimulationRe
         compares=method.compares,
         loop=method.loop,
         position_rms=fit.rms[POSITIONS],
-        torque_rms=fit.rms[TORQUES] if method.loop == "closed" else np.full_like(fit.rms[0], np.nan),
+        torque_rms=fit.rms[TORQUES],
         loop_parameters=tuple(
             LoopParameter(
                 own.name, own.unit, float(fit.values[k]), float(fit.std[k]), _side(fit, k),
