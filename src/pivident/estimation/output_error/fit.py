@@ -31,8 +31,10 @@ from pivident.estimation.output_error.bounded_step import (
     undetermined,
 )
 from pivident.estimation.output_error.noise_weights import (
+    HUBER_MEAN,
     NoiseWeights,
     fitted_noise,
+    loss,
     whitened_errors,
     whitened_sums,
 )
@@ -368,6 +370,7 @@ class _Search:
         """Solve, with λ from the errors that the step leaves, twice."""
         sums = whitened_sums(point.made, noise, self.options.robust)
         variance = noise.variance
+        consistent = HUBER_MEAN if self.options.robust else 1.0
         for _ in range(3):
             equations = self._equations(point, sums, variance)
             held = self._held(equations)
@@ -375,15 +378,10 @@ class _Search:
             whole = [np.concatenate([found.step, own.start_step(found.step)])
                      for own in equations.stretches]  # fmt: skip
             variance = error_variances(sums, whole, float(np.count_nonzero(~held)))
-            variance = np.maximum(variance, self._rounding(point, noise))
+            variance = np.maximum(variance / consistent, self._rounding(point, noise))
         equations = self._equations(point, sums, variance)
-        cost = sum(
-            float(joint.tt / variance[c, j])
-            for own in sums
-            for c, channel in enumerate(own)
-            for j, joint in enumerate(channel)
-        ) + self._prior(point.starts)
         settled = replace(noise, variance=variance)
+        cost = self._cost(point, settled)
         return _Solved(settled, equations, found.step, found.bound, held, cost)
 
     def _equations(self, point: _Point, sums: Sequence, variance: np.ndarray) -> ReducedEquations:
@@ -443,9 +441,11 @@ class _Search:
             except (SimulationDiverged, MassMatrixNotPositiveDefinite) as error:
                 failure = error
             else:
-                if self._cost(reached, solved.noise) <= solved.cost * (1.0 + SAME):
-                    easier = damping / EASIER
-                    return step, refused, easier if easier >= DAMPING else 0.0, reached
+                gained = solved.cost - self._cost(reached, solved.noise)
+                if gained >= -SAME * solved.cost:
+                    still = damping > 0.0 and gained <= self.options.tolerance**2
+                    damping = damping / EASIER if damping >= EASIER * DAMPING else 0.0
+                    return step, refused, damping, None if still else reached
                 failure = None
             damping = max(DAMPING, HARDER * damping)
         if failure is not None:
@@ -471,9 +471,10 @@ class _Search:
 
     def _cost(self, point: _Point, noise: NoiseWeights) -> float:
         """Weighted squares of the errors, with that of the initial states' prior."""
-        white = [whitened_errors(own, noise) for own in point.made]
-        squares = sum((own**2).sum(axis=2) for own in white)
-        return float((squares / noise.variance).sum()) + self._prior(point.starts)
+        total = self._prior(point.starts)
+        for own in point.made:
+            total += loss(whitened_errors(own, noise), noise.variance, self.options.robust)
+        return total
 
     def _prior(self, starts: Sequence[np.ndarray]) -> float:
         """Squares of the initial states' distance from what was given."""
