@@ -67,8 +67,8 @@ MODEL_PASSES = 2
 #: Damping after a first refused step, and the factor of each further one.
 DAMPING, HARDER = 1e-4, 10.0
 
-#: Factor by which the damping falls after a step that was taken.
-EASIER = 100.0
+#: Factor by which the damping falls after a step that was taken, and where it ends.
+EASIER, UNDAMPED = 10.0, 1e-9
 
 #: Steps in a row that may be refused.
 MAX_REFUSED = 8
@@ -444,10 +444,10 @@ class _Search:
                 gained = solved.cost - self._cost(reached, solved.noise)
                 if gained >= -SAME * solved.cost:
                     still = damping > 0.0 and gained <= self.options.tolerance**2
-                    damping = damping / EASIER if damping >= EASIER * DAMPING else 0.0
+                    damping = damping / EASIER if damping > UNDAMPED else 0.0
                     return step, refused, damping, None if still else reached
                 failure = None
-            damping = max(DAMPING, HARDER * damping)
+            damping = HARDER * damping or DAMPING
         if failure is not None:
             raise failure
         if solved.gain <= WITHIN_NOISE:
