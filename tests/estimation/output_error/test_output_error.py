@@ -129,6 +129,19 @@ def test_noise_in_the_loop_does_not_bias_friction(monkeypatch):
     assert np.sum(z["with"] ** 2) < 0.5 * np.sum(z["without"] ** 2)
 
 
+def test_kinds_of_covariance():
+    made = {
+        kind: identify(problem(), OutputError("positions", covariance=kind))
+        for kind in ("auto", "sandwich", "formula")
+    }
+    for kind, own in made.items():
+        np.testing.assert_allclose(own.theta, made["auto"].theta)
+        ratio = own.std / made["formula"].std
+        assert (ratio > 0.3).all() and (ratio < 3.0).all(), kind
+        np.testing.assert_allclose(own.formula_covariance, made["formula"].covariance)
+    assert not np.allclose(made["sandwich"].std, made["formula"].std)
+
+
 def test_an_open_loop_may_be_cut_into_segments():
     found = identify(problem(), replace(METHODS["oloe"], segment=1.0))
     z = (found.theta - truth(found.names)) / found.std

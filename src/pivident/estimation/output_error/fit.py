@@ -10,36 +10,18 @@ loop that cannot be simulated, is taken back and shortened by Levenberg–Marqua
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from pivident.errors import (
     IdentificationError,
     MassMatrixNotPositiveDefinite,
-    RankDeficientRegressor,
     SimulationDiverged,
 )
-from pivident.estimation.covariance.stationary_noise import covariance_by_test
-from pivident.estimation.output_error.bounded_step import (
-    BoundedStep,
-    bounded_step,
-    condition_of,
-    to_hold,
-    undetermined,
-)
+from pivident.estimation.output_error.fit_answer import fit_answer
 from pivident.estimation.output_error.noise_weights import (
-    HUBER_MEAN,
     NoiseWeights,
-    fitted_noise,
-    loss,
-    whitened_errors,
-    whitened_sums,
-)
-from pivident.estimation.output_error.reduced_equations import (
-    ReducedEquations,
-    error_variances,
-    stretch_equations,
 )
 from pivident.estimation.output_error.shaking import loop_noise, shaking
 from pivident.estimation.output_error.simulated_errors import (
@@ -55,9 +37,12 @@ from pivident.estimation.output_error.unknowns import (
     values_of,
     with_values,
 )
-
-#: Rounds of weights and step in a pass that makes noise models.
-ROUNDS = 2
+from pivident.estimation.output_error.weighted_step import (
+    Point,
+    WeightedStep,
+    WeightedSteps,
+    inverse_of_free,
+)
 
 #: Passes that make noise models; later ones keep them, so that the estimate can settle.
 MODEL_PASSES = 2
@@ -79,9 +64,6 @@ LITTLE = 1e-3
 
 #: What squared errors of unit variance may still have to gain where no step is taken any more.
 WITHIN_NOISE = 1.0
-
-#: Relative error of a simulated signal that is rounding.
-ROUNDING = 1e-12
 
 #: A value smaller than so many standard errors is near zero: its change is compared with them.
 NEAR_ZERO = 5.0
@@ -114,32 +96,6 @@ def fit_simulation(
     return _Search(tuple(stretches), tuple(unknowns), options or FitOptions()).run(say)
 
 
-@dataclass(frozen=True, eq=False)
-class _Point:
-    """Where the search stands: values, initial states, errors, derivatives."""
-
-    values: np.ndarray  # of the unknowns
-    starts: tuple[np.ndarray, ...]  # how far each stretch's initial state is from what was given
-    made: tuple[SimulatedErrors, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class _Solved:
-    """A step from a point, with the weights that it was solved with."""
-
-    noise: NoiseWeights
-    equations: ReducedEquations
-    step: np.ndarray
-    bound: np.ndarray
-    held: np.ndarray
-    cost: float  # weighted squares of the errors at the point
-
-    @property
-    def gain(self) -> float:
-        """By how much the step, with those of the initial states, makes the squares smaller."""
-        return self.equations.gain(self.step)
-
-
 class _Search:
     """The iteration."""
 
@@ -153,11 +109,7 @@ class _Search:
             )
         self.stretches, self.unknowns, self.options = stretches, unknowns, options
         self.shaking: list[np.ndarray] = []
-        self.held = np.zeros(len(unknowns), bool)
-        #: What was declared, the loop, is held rather than a parameter of the model.
-        self.declared = np.array([u.direction.kind != "parameter" for u in unknowns])
-        self.low = np.array([u.low for u in unknowns])
-        self.high = np.array([u.high for u in unknowns])
+        self.steps = WeightedSteps(stretches, unknowns, options)
         # compared up to the bandwidth: the window of ``Thinning`` halves the amplitude there
         self.factors = [
             max(1, int(s.rate / 2.0 / options.bandwidth + 1e-9)) if options.bandwidth else 1
@@ -166,7 +118,8 @@ class _Search:
 
     def run(self, say: Callable[[str], None]) -> SimulationFit:
         """Passes until the unknowns settle."""
-        start = np.clip(values_of(self.stretches[0].loop, self.unknowns), self.low, self.high)
+        start = values_of(self.stretches[0].loop, self.unknowns)
+        start = np.clip(start, self.steps.low, self.steps.high)
         zeros = tuple(
             np.zeros(0 if s.start_std is None else s.start_std.size) for s in self.stretches
         )
@@ -175,7 +128,7 @@ class _Search:
         noise: NoiseWeights | None = None
         damping, converged, shaken = 0.0, False, False
         for number in range(self.options.max_iterations):
-            solved = self._solved(point, noise, number < MODEL_PASSES)
+            solved = self.steps.solved(point, noise, number < MODEL_PASSES)
             noise = solved.noise
             change, settled = self._change(point, solved), self._has_settled(solved)
             if settled and not shaken and number >= MODEL_PASSES - 1:
@@ -196,15 +149,16 @@ class _Search:
                 converged = True
                 break
             point = reached
-        return self._answer(point, solved, history, converged)
+        stretches = [self._moved(k, point.values, own) for k, own in enumerate(point.starts)]
+        return fit_answer(self.steps, stretches, self.factors, point, solved, history, converged)
 
-    def _at(self, values: np.ndarray, starts: tuple[np.ndarray, ...]) -> _Point:
+    def _at(self, values: np.ndarray, starts: tuple[np.ndarray, ...]) -> Point:
         """(a) Simulate with tangents."""
         stretches = [self._moved(k, values, own) for k, own in enumerate(starts)]
         made = simulated_errors(stretches, self.unknowns, self.options.channels, self.factors)
-        return _Point(values, starts, self._without_shaking(made))
+        return Point(values, starts, self._without_shaking(made))
 
-    def _shaken(self, point: _Point) -> _Point | None:
+    def _shaken(self, point: Point) -> Point | None:
         """The same point, with the mean of what noise in the loop does taken from the errors.
 
         None: there is no such noise.
@@ -234,83 +188,12 @@ class _Search:
                 loop = loop.moved(direction, step)
         return stretch.with_loop(loop)
 
-    def _solved(self, point: _Point, before: NoiseWeights | None, models: bool) -> _Solved:
-        """(b) and (c): the step, with weights from what it leaves.
-
-        ``before``: noise models of the last pass; ``models``: whether to make new ones.
-        """
-        channels, joints = point.made[0].errors.shape[:2]
-        noise = before or replace(
-            NoiseWeights.white(channels, joints), variance=self._first_variances(point)
-        )
-        solved = self._step(point, noise)
-        if not models or self.options.noise is None:
-            return solved
-        for _ in range(ROUNDS):
-            left = self._left(point, solved)
-            noise = fitted_noise(
-                left,
-                [own.used for own in point.made],
-                point.made[0].rate,
-                self.options.noise,
-                self.options.motion_band,
-            )
-            solved = self._step(point, noise)
-        return solved
-
-    def _first_variances(self, point: _Point) -> np.ndarray:
-        """λ before anything is known: mean squares of the errors, shape (channels, joints)."""
-        squares = sum((own.errors**2 * own.used).sum(axis=2) for own in point.made)
-        rows = sum(own.used.sum(axis=2) for own in point.made)
-        return np.maximum(squares / np.maximum(rows, 1), 1e-300)
-
-    def _step(self, point: _Point, noise: NoiseWeights) -> _Solved:
-        """Solve, with λ from the errors that the step leaves, twice."""
-        sums = whitened_sums(point.made, noise, self.options.robust)
-        variance = noise.variance
-        consistent = HUBER_MEAN if self.options.robust else 1.0
-        for _ in range(3):
-            equations = self._equations(point, sums, variance)
-            held = self._held(equations)
-            found = self._bounded(point, equations, held)
-            whole = [np.concatenate([found.step, own.start_step(found.step)])
-                     for own in equations.stretches]  # fmt: skip
-            variance = error_variances(sums, whole, float(np.count_nonzero(~held)))
-            variance = np.maximum(variance / consistent, self._rounding(point, noise))
-        equations = self._equations(point, sums, variance)
-        settled = replace(noise, variance=variance)
-        cost = self._cost(point, settled)
-        return _Solved(settled, equations, found.step, found.bound, held, cost)
-
-    def _equations(self, point: _Point, sums: Sequence, variance: np.ndarray) -> ReducedEquations:
-        """Normal equations of all stretches."""
-        return ReducedEquations.of(
-            [
-                stretch_equations(own, variance, len(self.unknowns), stretch.start_std, moved)
-                for own, stretch, moved in zip(sums, self.stretches, point.starts, strict=True)
-            ]
-        )
-
-    def _held(self, equations: ReducedEquations) -> np.ndarray:
-        """Unknowns to hold, or the refusal of them; what was held once stays so."""
-        free = np.flatnonzero(~self.held)
-        groups = undetermined(equations.gram[np.ix_(free, free)])
-        if not groups:
-            return self.held
-        if self.options.undetermined == "refuse":
-            names = [tuple(self.unknowns[int(free[i])].name for i in group) for group in groups]
-            raise RankDeficientRegressor(
-                len(self.unknowns) - len(groups), len(self.unknowns), names
-            )
-        self.held = to_hold(equations.gram, self.held, self.declared)
-        return self.held
-
-    def _change(self, point: _Point, solved: _Solved) -> float:
+    def _change(self, point: Point, solved: WeightedStep) -> float:
         """Largest |δ| / max(|p|, 5σ) of the step."""
         size = np.maximum(np.abs(point.values), NEAR_ZERO * self._formula_std(solved))
         return float(np.max(np.abs(solved.step) / np.maximum(size, 1e-300), initial=0.0))
 
-    def _has_settled(self, solved: _Solved) -> bool:
+    def _has_settled(self, solved: WeightedStep) -> bool:
         """Whether the step is next to nothing.
 
         Its gain δᵀ H δ is at least (δ_i/σ_i)² with the standard errors of white errors. Where
@@ -319,7 +202,7 @@ class _Search:
         small = solved.gain <= self.options.tolerance**2 + SAME * solved.cost
         return small or self._is_little(solved, solved.step, solved.gain)
 
-    def _is_little(self, solved: _Solved, step: np.ndarray, gained: float) -> bool:
+    def _is_little(self, solved: WeightedStep, step: np.ndarray, gained: float) -> bool:
         """Whether a step and its gain are small beside standard errors of the windows."""
         if gained > LITTLE * solved.cost:
             return False
@@ -327,13 +210,15 @@ class _Search:
         std = np.sqrt(np.diag(solved.equations.scores_without(step, kept).covariance))
         return bool((np.abs(step[kept]) <= self.options.tolerance * std).all())
 
-    def _formula_std(self, solved: _Solved) -> np.ndarray:
+    def _formula_std(self, solved: WeightedStep) -> np.ndarray:
         """√diag H⁻¹ of the free unknowns, zero for the others."""
-        return np.sqrt(np.diag(_inverse(solved.equations.gram, ~solved.held & ~solved.bound)))
+        return np.sqrt(
+            np.diag(inverse_of_free(solved.equations.gram, ~solved.held & ~solved.bound))
+        )
 
     def _advance(
-        self, point: _Point, solved: _Solved, damping: float
-    ) -> tuple[np.ndarray, int, float, _Point | None]:
+        self, point: Point, solved: WeightedStep, damping: float
+    ) -> tuple[np.ndarray, int, float, Point | None]:
         """Take the step, shorter as long as it makes things worse.
 
         Result: the step, how many were refused, the damping, the new point; None where the errors
@@ -342,7 +227,7 @@ class _Search:
         failure: IdentificationError | None = None
         for refused in range(MAX_REFUSED + 1):
             equations = solved.equations.damped(damping) if damping else solved.equations
-            step = self._bounded(point, equations, solved.held).step
+            step = self.steps.bounded(point, equations, solved.held).step
             starts = tuple(
                 own + each.start_step(step)
                 for own, each in zip(point.starts, equations.stretches, strict=True)
@@ -352,7 +237,7 @@ class _Search:
             except (SimulationDiverged, MassMatrixNotPositiveDefinite) as error:
                 failure = error
             else:
-                gained = solved.cost - self._cost(reached, solved.noise)
+                gained = solved.cost - self.steps.cost(reached, solved.noise)
                 if gained >= -SAME * solved.cost:
                     small = gained <= self.options.tolerance**2
                     still = damping > 0.0 and (small or self._is_little(solved, step, gained))
@@ -370,99 +255,11 @@ class _Search:
             "reached); start from other values, or use piv"
         )
 
-    def _rounding(self, point: _Point, noise: NoiseWeights) -> np.ndarray:
-        """Variance of rounding errors behind the filters, shape (channels, joints)."""
-        size = np.max([own.size for own in point.made], axis=0)
-        gain = np.array([[np.sum(np.square(f.fir)) for f in own] for own in noise.filters])
-        return gain * (ROUNDING * size) ** 2 + 1e-300
-
-    def _bounded(self, point: _Point, equations: ReducedEquations, held: np.ndarray) -> BoundedStep:
-        """The step that solves equations within the bounds."""
-        low, high = self.low - point.values, self.high - point.values
-        return bounded_step(equations.gram, equations.moment, low, high, held)
-
-    def _cost(self, point: _Point, noise: NoiseWeights) -> float:
-        """Weighted squares of the errors, with that of the initial states' prior."""
-        total = self._prior(point.starts)
-        for own in point.made:
-            total += loss(whitened_errors(own, noise), noise.variance, self.options.robust)
-        return total
-
-    def _prior(self, starts: Sequence[np.ndarray]) -> float:
-        """Squares of the initial states' distance from what was given."""
-        return sum(
-            float(np.sum((own / s.start_std) ** 2))
-            for own, s in zip(starts, self.stretches, strict=True)
-            if s.start_std is not None
-        )
-
-    def _left(self, point: _Point, solved: _Solved) -> list[np.ndarray]:
-        """Errors that a step leaves, by the derivatives: e - J δ."""
-        left = []
-        for made, own in zip(point.made, solved.equations.stretches, strict=True):
-            whole = np.concatenate([solved.step, own.start_step(solved.step)])
-            left.append(made.errors - np.einsum("cjdr,d->cjr", made.columns, whole))
-        return left
-
-    def _pass(self, point: _Point, solved: _Solved, change: float, refused: int) -> FitPass:
+    def _pass(self, point: Point, solved: WeightedStep, change: float, refused: int) -> FitPass:
         """An entry of the history."""
         rows = sum(int(own.used.sum()) for own in point.made)
         values = point.values + solved.step
         return FitPass(values, change, solved.cost / rows, refused, solved.noise.orders)
-
-    def _answer(
-        self, point: _Point, solved: _Solved, history: Sequence[FitPass], converged: bool
-    ) -> SimulationFit:
-        """Everything that comes with the estimate."""
-        # where it has settled the last step is next to nothing, and was not simulated
-        values = point.values
-        free = ~solved.held & ~solved.bound
-        formula = _inverse(solved.equations.gram, free)
-        kept = np.flatnonzero(free)
-        windows = solved.equations.scores_without(solved.step, kept)
-        covariance, own = np.zeros_like(formula), np.zeros_like(formula)
-        grid = np.ix_(kept, kept)
-        own[grid] = windows.covariance
-        covariance[grid] = covariance_by_test(formula[grid], windows)
-        everywhere = _inverse(solved.equations.gram, ~solved.held)
-        for i in np.flatnonzero(solved.bound):
-            formula[i, i] = covariance[i, i] = own[i, i] = everywhere[i, i]
-        condition, share = condition_of(solved.equations.gram[np.ix_(kept, kept)])
-        order = np.argsort(-share)
-        weakest = tuple(self.unknowns[int(kept[i])].name for i in order if share[i] > 0.3)
-        white = []
-        for made in point.made:
-            own = whitened_errors(made, solved.noise)
-            own /= np.sqrt(solved.noise.variance)[:, :, None]
-            own[~made.used] = np.nan
-            white.append(own)
-        samples = np.array([float(s.samples) for s in self.stretches])
-        squares = sum(
-            n * own.mean_square for n, own in zip(samples.tolist(), point.made, strict=True)
-        )
-        return SimulationFit(
-            unknowns=self.unknowns,
-            values=values,
-            covariance=covariance,
-            window_covariance=own,
-            formula_covariance=formula,
-            held=solved.held,
-            bound=solved.bound,
-            converged=converged,
-            history=tuple(history),
-            condition=condition,
-            weakest=weakest,
-            noise=solved.noise,
-            errors=tuple(own.errors for own in point.made),
-            white=tuple(white),
-            rates=tuple(own.rate for own in point.made),
-            rms=np.sqrt(squares / samples.sum()),
-            stretches=tuple(self._moved(k, values, own) for k, own in enumerate(point.starts)),
-            windows=windows,
-            channels=self.options.channels,
-            factors=tuple(self.factors),
-            made=point.made,
-        )
 
 
 def _after(damping: float, gained: float, promised: float) -> float:
@@ -470,15 +267,6 @@ def _after(damping: float, gained: float, promised: float) -> float:
     if damping > 0.0 and gained < 0.25 * promised:
         return damping * HARDER**0.5
     return damping / EASIER if damping > UNDAMPED else 0.0
-
-
-def _inverse(gram: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """H⁻¹ of the free unknowns, zero for the others, shape of ``gram``."""
-    out, kept = np.zeros_like(gram), np.flatnonzero(free)
-    own = gram[np.ix_(kept, kept)]
-    scale = np.sqrt(np.maximum(np.diag(own), 1e-300))
-    out[np.ix_(kept, kept)] = np.linalg.inv(own / np.outer(scale, scale)) / np.outer(scale, scale)
-    return out
 
 
 def _line(history: Sequence[FitPass]) -> str:
