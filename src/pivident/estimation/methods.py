@@ -382,6 +382,9 @@ METHODS: dict[str, Method] = {
     "piv-as-printed": PrefilteredIV(as_printed=True),
 }
 
+#: Methods that are taken where a log has no torque and nobody names others.
+WITHOUT_TORQUE: tuple[str, ...] = ("cloe",) if "cloe" in METHODS else ("piv",)
+
 
 def method_named(method: Method | str) -> Method:
     """A method, given itself or one of the names in ``METHODS``."""
