@@ -17,6 +17,7 @@ from pivident.errors import PividentError
 from pivident.estimation.methods import Method
 from pivident.estimation.problem import Problem
 from pivident.experiment.experiment import Experiment, problem_of
+from pivident.experiment.missing_torque import check_torque
 from pivident.experiment.recording_tables import loop_of
 from pivident.files import check_output
 from pivident.logs.clocks.timestamps import LOWEST_RATE
@@ -103,6 +104,11 @@ class ProblemCheck:
                 loop = None
             else:
                 self._stability(robot, fitted)
+        try:
+            check_torque(self._content)
+        except PividentError as error:
+            self.remarks.append(of_error(error, "file", ("recording", 0, "columns")))
+            return None
         if not fitted:
             self._parameters(robot)
             return None
