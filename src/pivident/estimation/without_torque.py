@@ -12,6 +12,7 @@ from collections.abc import Sequence
 
 from pivident.errors import IdentificationError
 from pivident.estimation.methods import (
+    METHODS,
     WITHOUT_TORQUE,
     InstrumentalVariables,
     LeastSquares,
@@ -140,6 +141,8 @@ def equation_error(method: Method, recordings: Sequence[Recording]) -> tuple[Fin
         Findings; none where every torque was measured.
     """
     if all(recording.torque_source != "law" for recording in recordings):
+        return ()
+    if isinstance(method, type(METHODS[WITHOUT_TORQUE[0]])):
         return ()
     if isinstance(method, LeastSquares):
         return (_BIASED,)

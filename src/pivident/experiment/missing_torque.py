@@ -13,8 +13,8 @@ from pivident.simulation.controllers import UNKNOWN_GAIN
 
 #: What a known law has to state.
 _LAW = (
-    "under [controller] the law that was active, its type and gains (kp, kd …), and drive_gain, "
-    f'the joint torque per unit of its output, or drive_gain = "{UNKNOWN_GAIN}" for ratios'
+    "give the law that was active under [controller]: type, gains (kp, kd …) and drive_gain, the "
+    f'joint torque per unit of its output ("{UNKNOWN_GAIN}": parameters are ratios to it)'
 )
 
 
@@ -60,23 +60,29 @@ def _missing(law: ControllerEntry | None, entry: RecordingEntry) -> tuple[str, S
         )
     if law is None:
         return (
-            "there is no control law that it would follow from; name the column of tau, or, where "
-            f"no torque was logged, state {_LAW}",
+            "there is no control law that it would follow from; map the column of tau, or, where "
+            f"no torque was logged, {_LAW}",
             columns,
         )
     if law.type == "identify" or law.source == "reconstruct":
         found = "its law" if law.type == "identify" else "its reference"
         return (
-            f"{found} cannot be found without a torque; name the column of tau, or state {_LAW}",
+            f"{found} cannot be found without a torque; map the column of tau, or {_LAW}",
             ("controller", "type" if law.type == "identify" else "reference"),
         )
     if law.type == "virtual_pd" or law.source == "smoothed":
-        return f"a virtual law commands nothing; state {_LAW}", ("controller", "type")
+        return f"a virtual law commands nothing; map the column of tau, or {_LAW}", (
+            "controller",
+            "type",
+        )
     if entry.columns is not None and entry.columns.q_ref is None:
-        return "no q_ref that the control law would follow; name the column of q_ref", columns
+        return (
+            "no q_ref that the control law would follow; map the column of q_ref, or that of tau",
+            columns,
+        )
     for key in ("torque_timing", "delay"):
         if getattr(entry, key) is not None:
-            reason = f"{key} would be that of its channel; remove {key}, or name the column of tau"
+            reason = f"{key} would be that of its channel; remove {key}, or map the column of tau"
             return reason, ("recording", key)
     return "", columns
 

@@ -158,10 +158,11 @@ class Recording:
             raise RecordingError(
                 f"recording {self.name!r}: joint names {self.joint_names} are missing or repeated"
             )
-        for channel, values in self.channels().items():
+        channels = {"tau": self.tau} | self.channels()
+        for channel, values in channels.items():
             checks.check_shape(channel, values, (*self.q.shape[:1], self.joints))
         timestamps.check_length(self.samples)
-        for channel, values in self.channels().items():
+        for channel, values in channels.items():
             checks.check_finite(channel, values, self.joint_names)
         if not self.allow_constant:
             checks.check_changing("q", self.q, self.joint_names)
@@ -209,12 +210,8 @@ class Recording:
 
     def __repr__(self) -> str:
         joints = f"{self.joints} joint{'s' * (self.joints != 1)}"
-        torque = {"measured": ["tau"], "law": ["tau by the control law"], "none": []}
-        named = [
-            shown
-            for name in self.channels()
-            for shown in (torque[self.torque_source] if name == "tau" else [name])
-        ]
+        law = {"tau": "tau by the control law"} if self.torque_source == "law" else {}
+        named = [law.get(name, name) for name in self.channels()]
         return (
             f"<Recording {self.name!r}: {self.samples} samples of {joints} at {self.rate:.6g} Hz, "
             f"{self.duration:.4g} s, channels {', '.join(named)}>"
@@ -226,6 +223,8 @@ class Recording:
     def channels(self) -> dict[str, np.ndarray]:
         """All arrays that are there, by name: q, tau, references, then inputs."""
         named = {channel: getattr(self, channel) for channel in CHANNELS}
+        if self.torque_source == "none":
+            del named["tau"]
         return {key: values for key, values in named.items() if values is not None} | self.inputs
 
     @property

@@ -62,7 +62,9 @@ def torque_figure(
     measured, model = recording.tau[:, joint], recording.tau_model[:, joint]
     t = _time(recording)
     plot = _torque_plot(fit.torque_unit)
-    plot.data += _compared(t, measured, model, points, "reconstructed", colour(method))
+    plot.data += _compared(
+        t, measured, model, points, "reconstructed", colour(method), recording.torque_label
+    )
     _shade(plot, _excluded(recording, joint), t)
     error = f"relative error {percent(100.0 * fit.relative_error)}"
     rms = f"rms error {format_significant(fit.rms_error)} {fit.torque_unit}"
@@ -283,11 +285,17 @@ def _line(
 
 
 def _compared(
-    t: np.ndarray, measured: np.ndarray, model: np.ndarray, points: int, name: str, own: str
+    t: np.ndarray,
+    measured: np.ndarray,
+    model: np.ndarray,
+    points: int,
+    name: str,
+    own: str,
+    label: str = "measured",
 ) -> list[Trace]:
     """What was measured, what a model makes of it, and the error, as three lines."""
     return [
-        _line(t, measured, points, "measured", MEASURED, width=2.4),
+        _line(t, measured, points, label, MEASURED, width=2.4),
         _line(t, model, points, name, own, width=1.2),
         _line(t, measured - model, points, "error", ERROR, width=1.0),
     ]
