@@ -1,11 +1,13 @@
 """`init` on a log of positions and references: the law's gains are the question to answer."""
 
+import io
+
 import numpy as np
 import pytest
 
 from pivident.check.experiment_check import check_experiment
 from pivident.cli import main
-from pivident.cli.init import _are_positive
+from pivident.cli.init import _are_positive, run_init
 from pivident.estimation.methods import WITHOUT_TORQUE
 from pivident.experiment.experiment import load_experiment
 from pivident.init.assumption import UNKNOWN, DraftError
@@ -76,3 +78,13 @@ def test_the_command_writes_it_with_its_to_do(log, monkeypatch, capsys):
 )
 def test_an_answer_is_one_number_or_one_for_each_joint(text, fits):
     assert _are_positive(text, 2) == fits
+
+
+def test_a_person_may_not_know_the_gains(log, monkeypatch, capsys):
+    """Wrong answers are asked for again; what is not known is left to be written."""
+    monkeypatch.setattr("sys.stdin", io.StringIO("1 2 3\nunknown\n"))
+    out = log.parent / "first.toml"
+    assert not run_init([log], "planar_2r", out, ask=True)
+    said = capsys.readouterr().err
+    assert said.count("[2 numbers or one for all, or unknown]") == 2
+    assert "# kp = " in out.read_text()

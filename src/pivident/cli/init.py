@@ -145,8 +145,9 @@ def _asked(question: Question) -> str:
     from pivident.init.assumption import UNKNOWN
 
     choices = f" [{' / '.join(question.choices)}]" if question.choices else ""
-    if question.numbers > 1:
-        choices = f" [{question.numbers} numbers, one for all, or {UNKNOWN}]"
+    if question.optional:
+        several = f"{question.numbers} numbers or one for all" if question.numbers > 1 else "number"
+        choices = f" [{several}, or {UNKNOWN}]"
     while True:
         print(f"{question.text}{choices} ", end="", file=sys.stderr, flush=True)
         line = sys.stdin.readline()
@@ -157,7 +158,7 @@ def _asked(question: Question) -> str:
             fits = [c for c in question.choices if c.lower().startswith(answer.lower())]
             if answer and len(fits) == 1:
                 return fits[0]
-        elif question.numbers > 1 and answer.lower() == UNKNOWN:
+        elif question.optional and answer.lower() == UNKNOWN:
             return UNKNOWN
         elif _are_positive(answer, question.numbers):
             return answer

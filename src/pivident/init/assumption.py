@@ -8,7 +8,7 @@ from typing import Any
 from pivident.errors import PividentError
 from pivident.logs.recognition.sureness import Sureness
 
-#: The answer to a question for several numbers that nobody can give.
+#: The answer to a question that nobody can answer.
 UNKNOWN = "unknown"
 
 
@@ -24,14 +24,15 @@ class Question:
         about: short name of what is asked, key of its answer.
         text: the question.
         choices: possible answers; empty where any positive number is one.
-        numbers: how many numbers are an answer, where it has no choices; one stands for all of
-            them, and `UNKNOWN` for an answer that nobody has where there may be several.
+        numbers: how many numbers are an answer, where it has no choices; one stands for all.
+        optional: whether `UNKNOWN` is an answer, too.
     """
 
     about: str
     text: str
     choices: tuple[str, ...] = ()
     numbers: int = 1
+    optional: bool = False
 
 
 @dataclass(frozen=True)

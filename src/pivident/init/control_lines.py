@@ -65,7 +65,6 @@ def _methods(findings: Findings, names: Sequence[str], seen: str) -> list[Assump
 
 def _known_law(found: RecordingLines, answers: Answers) -> list[Assumption]:
     """Lines of the law that gives the torque that was not logged, as far as somebody knows it."""
-    n = found.machine.size
     seen = "no torque was logged, and the control law that was active gives it: its gains are the "
     seen += "scale of all parameters, and nobody but you knows them"
     correct = 'Or "pid" with ki, "cascade" with kp, kv and ki. Where the gains are not in N m (N): '
