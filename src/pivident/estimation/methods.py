@@ -5,13 +5,14 @@ The signal recipe belongs to the method, since methods are compared with differe
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, Literal, get_args
 
 import numpy as np
 
 from pivident.errors import ExperimentError, IdentificationError
-from pivident.estimation.noise_options import Arma, AutoRegressive, Repetition
+from pivident.estimation.noise_options import Arma, AutoRegressive
 from pivident.motion.kinematics import MOTION_BAND
 from pivident.robot.naming import nearest
 from pivident.signals.decimation import Convention
@@ -299,7 +300,98 @@ class PrefilteredIV:
         return "IDIM-PIV (as printed)" if self.as_printed else "IDIM-PIV"
 
 
-Method = LeastSquares | InstrumentalVariables | PrefilteredIV
+@dataclass(frozen=True)
+class OutputError:
+    """Simulation error: parameters whose simulated motion is nearest to what was measured.
+
+    Attributes:
+        compares: ``positions`` (CLOE), ``torques`` (CLIE) or ``both``, weighted by noise (ML).
+        loop: ``closed``: the control law answers to the simulated motion; ``open``: the recorded
+            torques drive it (OLOE).
+        free: further unknowns of the loop: ``delay``, ``drive_gain``, ``inputs``, ``kp``, ``kd``
+            and other gains of the law, ``encoder_offset``, ``torque_offset``, or a constant of a
+            friction law; of one joint with its label, ``kp2``.
+        bounds: lowest and highest value of an unknown by its name.
+        signals: the smoother, for the start and for the torque that the report shows.
+        noise: recipe of the noise models.
+        prefilter: ``noise``: errors are weighted by the inverse of their identified noise, as in
+            IDIM-PIV; ``none``: squares of the errors, each joint by its size; ``auto``: the former
+            in a closed loop, the latter in an open one, whose errors are drift.
+        bandwidth: highest frequency that is compared [Hz]; motions of robots end far below.
+        segment: longest stretch that an open loop runs from its own initial state [s]; None: the
+            whole record.
+        loss: ``squares``, or ``huber`` where single stretches do not fit.
+        undetermined: ``refuse`` unknowns that nothing determines, or ``hold`` them where they are.
+        covariance: ``sandwich``, from windows of time, or ``formula``, for errors that are white
+            behind their prefilters.
+        start: ``least-squares`` on the record, or the problem's ``initial`` values.
+        tolerance: relative change of an unknown at which the iteration may end.
+        max_iterations: give up after so many.
+        simulates_loop: whether a loop is simulated, for all such methods.
+        weight_power: power of λ in the weights, likewise.
+    """
+
+    compares: Literal["positions", "torques", "both"] = "both"
+    loop: Literal["closed", "open"] = "closed"
+    free: tuple[str, ...] = ()
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    signals: RandomWalk = field(default_factory=RandomWalk)
+    noise: AutoRegressive = field(default_factory=AutoRegressive)
+    prefilter: Literal["auto", "noise", "none"] = "auto"
+    bandwidth: float = 100.0
+    segment: float | None = None
+    loss: Literal["squares", "huber"] = "squares"
+    undetermined: Literal["refuse", "hold"] = "refuse"
+    covariance: Literal["sandwich", "formula"] = "sandwich"
+    start: Start = "least-squares"
+    tolerance: float = 1e-2
+    max_iterations: int = 30
+
+    simulates_loop: ClassVar[bool] = True
+    weight_power: ClassVar[float] = 1.0
+
+    def __post_init__(self) -> None:
+        _check_iteration(self.tolerance, self.max_iterations)
+        _check_start(self.start)
+        for name, choices in (
+            ("compares", ("positions", "torques", "both")),
+            ("loop", ("closed", "open")),
+            ("prefilter", ("auto", "noise", "none")),
+            ("loss", ("squares", "huber")),
+            ("undetermined", ("refuse", "hold")),
+            ("covariance", ("sandwich", "formula")),
+        ):
+            if getattr(self, name) not in choices:
+                raise ExperimentError(
+                    f"{name} is {getattr(self, name)!r}; choose one of "
+                    f"{', '.join(map(repr, choices))}"
+                ).about(name)
+        if self.loop == "open" and self.compares != "positions":
+            raise ExperimentError(
+                "an open loop is driven by the recorded torques, so that only positions can be "
+                "compared: compares = 'positions'"
+            ).about("compares")
+        if self.segment is not None and (self.loop == "closed" or not self.segment > 0.0):
+            raise ExperimentError(
+                f"segment is {self.segment} s; it cuts the records of an open loop, and is positive"
+            ).about("segment")
+        if not self.bandwidth > 0.0:
+            raise ExperimentError(f"bandwidth is {self.bandwidth} Hz; it has to be positive").about(
+                "bandwidth"
+            )
+        object.__setattr__(self, "free", tuple(self.free))
+        bounds = {name: (float(low), float(high)) for name, (low, high) in self.bounds.items()}
+        object.__setattr__(self, "bounds", bounds)
+
+    @property
+    def label(self) -> str:
+        """Name as in the literature."""
+        if self.loop == "open":
+            return "OLOE"
+        return {"positions": "CLOE", "torques": "CLIE", "both": "ML"}[self.compares]
+
+
+Method = LeastSquares | InstrumentalVariables | PrefilteredIV | OutputError
 
 #: Names that the command line and experiment files use.
 METHODS: dict[str, Method] = {
@@ -311,6 +403,10 @@ METHODS: dict[str, Method] = {
     "piv": PrefilteredIV(),
     "didim": PrefilteredIV(regressor="simulated"),
     "piv-as-printed": PrefilteredIV(as_printed=True),
+    "cloe": OutputError("positions"),
+    "clie": OutputError("torques"),
+    "ml": OutputError("both"),
+    "oloe": OutputError("positions", loop="open"),
 }
 
 #: Methods that are taken where a log has no torque and nobody names others.

@@ -30,4 +30,6 @@ class OpenLoop:
         n = q_ref.shape[1]
         none, monic = np.zeros((n, TAPS)), np.zeros((n, TAPS))
         monic[:, 0] = 1.0
-        return SampledLaw(none, monic, none, np.zeros(n), np.zeros_like(q_ref), np.zeros_like(q_ref))
+        return SampledLaw(
+            none, monic, none, np.zeros(n), np.zeros_like(q_ref), np.zeros_like(q_ref)
+        )

@@ -10,7 +10,7 @@ loop that cannot be simulated, is taken back and shortened by Levenberg–Marqua
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -96,7 +96,7 @@ class FitOptions:
     """
 
     channels: tuple[int, ...] = (POSITIONS, TORQUES)
-    noise: AutoRegressive | None = AutoRegressive()
+    noise: AutoRegressive | None = field(default_factory=AutoRegressive)
     motion_band: float = 20.0
     bandwidth: float = 100.0
     robust: bool = False
@@ -139,6 +139,9 @@ class SimulationFit:
             step, shape (2, joints) [rad or m; N m or N].
         stretches: with the loops of the estimate.
         windows: windows of time behind ``covariance``.
+        channels: what was compared, see `FitOptions`.
+        factors: measured samples for each thinned row, one for each stretch.
+        made: errors and derivatives before the last step.
     """
 
     unknowns: tuple[Unknown, ...]
@@ -158,6 +161,9 @@ class SimulationFit:
     rms: np.ndarray
     stretches: tuple[Stretch, ...]
     windows: Jackknife
+    channels: tuple[int, ...]
+    factors: tuple[int, ...]
+    made: tuple[SimulatedErrors, ...]
 
     @property
     def std(self) -> np.ndarray:
@@ -264,7 +270,7 @@ class _Search:
             if settled and not shaken and number >= MODEL_PASSES - 1:
                 shaken, again = True, self._shaken(point)
                 if again is not None:
-                    history.append(self._pass(point, replace(solved, step=0.0 * solved.step), change, 0))
+                    say("mean motion that noise in the loop adds")
                     point = again
                     continue
             if settled and number >= MODEL_PASSES - 1:
@@ -349,9 +355,7 @@ class _Search:
 
     def _first_variances(self, point: _Point) -> np.ndarray:
         """λ before anything is known: mean squares of the errors, shape (channels, joints)."""
-        squares = sum(
-            (own.errors**2 * own.used).sum(axis=2) for own in point.made
-        )
+        squares = sum((own.errors**2 * own.used).sum(axis=2) for own in point.made)
         rows = sum(own.used.sum(axis=2) for own in point.made)
         return np.maximum(squares / np.maximum(rows, 1), 1e-300)
 
@@ -379,9 +383,7 @@ class _Search:
         settled = replace(noise, variance=variance)
         return _Solved(settled, equations, found.step, found.bound, held, cost)
 
-    def _equations(
-        self, point: _Point, sums: Sequence, variance: np.ndarray
-    ) -> ReducedEquations:
+    def _equations(self, point: _Point, sums: Sequence, variance: np.ndarray) -> ReducedEquations:
         """Normal equations of all stretches."""
         return ReducedEquations.of(
             [
@@ -533,6 +535,9 @@ class _Search:
             rms=np.sqrt(squares / samples.sum()),
             stretches=tuple(self._moved(k, values, own) for k, own in enumerate(starts)),
             windows=windows,
+            channels=self.options.channels,
+            factors=tuple(self.factors),
+            made=point.made,
         )
 
 

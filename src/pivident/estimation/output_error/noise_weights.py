@@ -145,4 +145,8 @@ def _huber_weights(white: np.ndarray, used: np.ndarray) -> np.ndarray:
     """min(1, k s/|x|), s from the median of |x|."""
     size = np.abs(white)
     spread = float(np.median(size[used])) / NORMAL_MEDIAN if used.any() else 0.0
-    return np.minimum(1.0, HUBER * spread / np.maximum(size, 1e-300)) if spread else np.ones(size.shape)
+    return (
+        np.minimum(1.0, HUBER * spread / np.maximum(size, 1e-300))
+        if spread
+        else np.ones(size.shape)
+    )

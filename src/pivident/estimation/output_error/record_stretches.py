@@ -60,9 +60,7 @@ def closed_stretches(
     )
     stretches = []
     for recording, smooth in zip(problem.recordings, kinematics, strict=True):
-        signals, begin = loop_signals(
-            problem.robot, loop, recording, smooth.q.T, smooth.dq.T
-        )
+        signals, begin = loop_signals(problem.robot, loop, recording, smooth.q.T, smooth.dq.T)
         own = ParametrisedLoop(
             problem.robot, parameters, theta, controller, signals, begin, clip=True
         )
@@ -153,10 +151,8 @@ def _stretch(
         moving = moving[np.minimum((wanted * rate + 0.5).astype(int), len(moving) - 1)]
         step = 1
     late = recording.delay * control + step * (recording.torque_timing == "averaged")
-    dq = smooth.dq
-    start_std = np.concatenate(
-        [START_POSITION * np.ptp(smooth.q, axis=1) + 1e-9, START_SPEED * np.abs(dq).max(axis=1) + 1e-9]
-    )  # fmt: skip
+    reach, fastest = np.ptp(smooth.q, axis=1), np.abs(smooth.dq).max(axis=1)
+    start_std = np.concatenate([START_POSITION * reach, START_SPEED * fastest]) + 1e-9
     return Stretch(
         recording.name, loop, q, tau, step, round(late), moving, recording.start_time, start_std, 0
     )

@@ -77,14 +77,17 @@ def _of_stretch(
     errors = np.empty((len(channels), n, rows))
     columns = working_array((len(channels), n, count + len(starts), rows))
     columns[:, :, count:] = 0.0
-    squares = np.zeros((2, n))
+    squares = np.full((2, n), np.nan)
+    both = [POSITIONS, TORQUES] if stretch.tau is not None else [POSITIONS]
+    squares[both] = 0.0
     done = 0
     reading = _Reading(stretch)
-    both = [POSITIONS, TORQUES] if stretch.tau is not None else [POSITIONS]
     for error, slopes in reading.blocks(directions, factor, both):
         for channel in both:
             squares[channel] += (error[channel] ** 2).sum(axis=0)
-        stack = np.stack([np.concatenate([error[c][..., None], slopes[c]], -1) for c in channels], 1)
+        stack = np.stack(
+            [np.concatenate([error[c][..., None], slopes[c]], -1) for c in channels], 1
+        )
         thin = thinning.process(np.ascontiguousarray(stack))
         span = slice(done, done + len(thin))
         errors[:, :, span] = thin[..., 0].transpose(1, 2, 0)
