@@ -9,7 +9,7 @@ from pivident.errors import ExperimentError, IdentificationError
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS, WITHOUT_TORQUE
 from pivident.estimation.problem import Problem
-from pivident.estimation.without_torque import TOPIC, compares_torques
+from pivident.estimation.without_torque import TOPIC, needs_torques
 from pivident.recording.recording import Recording
 from pivident.robot.gallery import load_robot
 from pivident.simulation.control_loop import Loop
@@ -101,9 +101,9 @@ def test_least_squares_is_called_biased(problem):
     assert "biased" in kinds(identify(problem, "ls").warnings)
 
 
-@pytest.mark.parametrize("name", [n for n, m in METHODS.items() if compares_torques(m)])
+@pytest.mark.parametrize("name", [n for n, m in METHODS.items() if needs_torques(m)])
 def test_methods_that_compare_torques_are_refused(name, problem):
-    with pytest.raises(IdentificationError, match="compares torques") as caught:
+    with pytest.raises(IdentificationError, match="needs measured torques") as caught:
         identify(problem, name)
     assert str(caught.value).endswith(f"use {WITHOUT_TORQUE[0]}")
 

@@ -35,7 +35,7 @@ def test_methods_are_those_of_logs_without_torque(tmp_path):
 
 def test_methods_that_compare_torques_are_refused(tmp_path):
     text = POSITIONS_ONLY.replace("[identify]", '[identify]\nmethods = ["didim"]')
-    with pytest.raises(ExperimentError, match=r"'didim' compares torques.*use ") as caught:
+    with pytest.raises(ExperimentError, match=r"'didim' needs measured torques.*use ") as caught:
         load_experiment(write_positions(tmp_path, text))
     assert caught.value.table == ("identify",)
 

@@ -42,7 +42,7 @@ CASES = [
     said("the log has no torque and the law is not known", "line 5", "no tau", "no control law", "under [controller]", text=replaced((', tau = ["tau1", "tau2"]', ""), ("[controller]\n" + CONTROLLER, ""))),
     said("the log has no torque and the law is to be identified", "[controller] type", "cannot be found without a torque", text=replaced((', tau = ["tau1", "tau2"]', ""), (CONTROLLER, 'type = "identify"\n'))),
     said("the log has no torque and no reference", "line 5", "no q_ref that the control law would follow", text=replaced((', q_ref = ["r1", "r2"], tau = ["tau1", "tau2"]', ""))),
-    said("a method compares torques that were not logged", "[identify] methods", "'didim' compares torques", text=replaced((', tau = ["tau1", "tau2"]', ""), ('methods = ["ls"]', 'methods = ["didim"]'))),
+    said("a method compares torques that were not logged", "[identify] methods", "'didim' needs measured torques", text=replaced((', tau = ["tau1", "tau2"]', ""), ('methods = ["ls"]', 'methods = ["didim"]'))),
     swap("the drive gain is unknown beside a torque", "kp =", 'drive_gain = "unknown"\nkp =', "line 9", "for logs without torque", 'type = "identify"'),
     swap("no columns are named for the position", 'q = ["q1", "q2"], ', "", "line 5", "'columns.q'", "missing"),
     swap("there is no file", 'files = "log.csv"', "", "neither is given", "files or a dataset"),

@@ -410,7 +410,7 @@ METHODS: dict[str, Method] = {
 }
 
 #: Methods that are taken where a log has no torque and nobody names others.
-WITHOUT_TORQUE: tuple[str, ...] = ("cloe",) if "cloe" in METHODS else ("piv",)
+WITHOUT_TORQUE: tuple[str, ...] = ("cloe",)
 
 
 def method_named(method: Method | str) -> Method:

@@ -12,11 +12,10 @@ from collections.abc import Sequence
 
 from pivident.errors import IdentificationError
 from pivident.estimation.methods import (
-    METHODS,
     WITHOUT_TORQUE,
-    InstrumentalVariables,
     LeastSquares,
     Method,
+    OutputError,
     PrefilteredIV,
 )
 from pivident.recording.recording import Recording
@@ -105,7 +104,7 @@ def _integrator(joints: Sequence[str]) -> Finding:
 
 
 def check_method(method: Method, recordings: Sequence[Recording]) -> None:
-    """Refuse a method that compares simulated with measured torques where none was measured.
+    """Refuse a method that cannot do without measured torques where there are none.
 
     Args:
         method: the method.
@@ -114,19 +113,21 @@ def check_method(method: Method, recordings: Sequence[Recording]) -> None:
     Raises:
         IdentificationError: names the method and what to use.
     """
-    if not compares_torques(method):
+    if not needs_torques(method):
         return
     for recording in recordings:
         if recording.torque_source == "law":
             raise IdentificationError(
-                f"{method.label} compares torques, but recording {recording.name!r} has none: the "
-                "torque computed from the control law holds nothing that the positions do not; "
+                f"{method.label} needs measured torques, but recording {recording.name!r} has "
+                "none: one computed from the control law holds nothing that the positions do not; "
                 f"use {WITHOUT_TORQUE[0]}"
             )
 
 
-def compares_torques(method: Method) -> bool:
-    """Whether a method compares simulated torques with measured ones."""
+def needs_torques(method: Method) -> bool:
+    """Whether a method compares simulated torques with measured ones, or simulates with these."""
+    if isinstance(method, OutputError):
+        return method.loop == "open" or method.compares != "positions"
     return isinstance(method, PrefilteredIV) and method.regressor == "simulated"
 
 
@@ -142,8 +143,6 @@ def equation_error(method: Method, recordings: Sequence[Recording]) -> tuple[Fin
     """
     if all(recording.torque_source != "law" for recording in recordings):
         return ()
-    if isinstance(method, type(METHODS[WITHOUT_TORQUE[0]])):
+    if isinstance(method, OutputError):
         return ()
-    if isinstance(method, LeastSquares):
-        return (_BIASED,)
-    return (_INSTRUMENTS,) if isinstance(method, (InstrumentalVariables, PrefilteredIV)) else ()
+    return (_BIASED,) if isinstance(method, LeastSquares) else (_INSTRUMENTS,)

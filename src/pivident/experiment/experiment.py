@@ -32,7 +32,7 @@ from pivident.consistency.options import ConsistencyOptions
 from pivident.errors import ExperimentError, IdentificationError
 from pivident.estimation.methods import METHODS, WITHOUT_TORQUE, LeastSquares, Method
 from pivident.estimation.problem import Problem
-from pivident.estimation.without_torque import compares_torques
+from pivident.estimation.without_torque import needs_torques
 from pivident.experiment.consistency_table import consistency_of
 from pivident.experiment.explained import validated
 from pivident.experiment.method_keys import IdentifyEntry
@@ -227,10 +227,10 @@ class Experiment:
         """Refuse a method that simulates the loop where controller or reference are missing."""
         controller = self.content.controller
         if is_without_torque(self.content):  # whose law `problem` asks for, whatever the method
-            if compares_torques(method):
+            if needs_torques(method):
                 raise ExperimentError(
-                    f"the method {name!r} compares torques, but the log has none, and one computed "
-                    "from the control law holds nothing that the positions do not; use "
+                    f"the method {name!r} needs measured torques, but the log has none, and one "
+                    "computed from the control law holds nothing that the positions do not; use "
                     f"{WITHOUT_TORQUE[0]}"
                 ).within("identify", "methods")
             return

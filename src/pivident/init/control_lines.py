@@ -76,10 +76,8 @@ def _known_law(found: RecordingLines, answers: Answers) -> list[Assumption]:
         example = '"pd"\n# kp = [1000.0, 800.0]\n# kd = [50.0, 40.0]\n# drive_gain = "unknown"'
         asked = None
         if question is not None:
-            text = (
-                f"No torque was logged, so the control law gives it. What is its {GAINS[question]}?"
-            )
-            asked = Question(question, text, numbers=max(n, 2))
+            text = f"No torque was logged; the control law gives it. What is its {GAINS[question]}?"
+            asked = Question(question, text, numbers=found.machine.size, optional=True)
         return [Assumption("controller", "type", None, "likely", seen, correct, asked, example)]
     lines = [Assumption("controller", "type", "pd", "assumed", f"{seen}; a PD law", correct)]
     for key, values in given.items():
