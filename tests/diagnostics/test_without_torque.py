@@ -13,8 +13,8 @@ from tests.positions_only import POSITIONS_ONLY, write_positions
 @pytest.fixture(scope="module")
 def judged(tmp_path_factory):
     problem = load_experiment(write_positions(tmp_path_factory.mktemp("log"))).problem()
-    results = {"piv": identify(problem, "piv")}
-    return results["piv"], verdict(diagnose(problem, results, folds=0))
+    results = {"cloe": identify(problem, "cloe")}
+    return results["cloe"], verdict(diagnose(problem, results, folds=0))
 
 
 def test_the_common_scale_is_a_statement(judged):
@@ -23,6 +23,11 @@ def test_the_common_scale_is_a_statement(judged):
     assert scale.severity == "warning"
     assert "inertias, friction, gravity" in scale.message
     assert "declared gains" in scale.message
+
+
+def test_methods_that_are_biased_here_are_not_recommended(judged):
+    _, found = judged
+    assert [s for s in found.statements if s.topic == "feedback"] == []
 
 
 def test_signals_are_not_called_measured(judged):
