@@ -274,3 +274,10 @@ def test_a_log_without_torque_says_so():
 def test_torques_come_from_known_sources():
     with pytest.raises(RecordingError, match="torque_source is 'guessed'"):
         recording(torque_source="guessed")
+
+
+def test_what_only_a_measured_torque_tells_is_refused():
+    recording().require_torque("a law is identified")
+    for source in ("law", "none"):
+        with pytest.raises(RecordingError, match=r"'run' has no measured torque, and a law is"):
+            recording(torque_source=source).require_torque("a law is identified")

@@ -44,14 +44,11 @@ def study_flexibility(
         bandwidth: of the control loop [Hz], if known.
 
     Raises:
-        IdentificationError: no recording has a link encoder or a reference, or one has no torque.
+        IdentificationError: no recording has a link encoder or a reference.
+        RecordingError: one has no measured torque.
     """
     for recording in recordings:
-        if not recording.has_torque:
-            raise IdentificationError(
-                f"recording {recording.name!r} has no measured torque, and stiffness is torque "
-                "over deflection; map the column of tau"
-            )
+        recording.require_torque("stiffness is identified")
     if all(r.q_link is None and r.q_ref is None for r in recordings):
         raise IdentificationError(
             "no recording has a link encoder (q_link) or a reference (q_ref); name the columns of "

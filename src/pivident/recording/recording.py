@@ -232,6 +232,21 @@ class Recording:
         """Whether a torque was measured."""
         return self.torque_source == "measured"
 
+    def require_torque(self, purpose: str) -> None:
+        """Refuse what only a measured torque can tell.
+
+        Args:
+            purpose: what needs it, the beginning of a sentence such as ``drive gains are found``.
+
+        Raises:
+            RecordingError: the torque was not measured.
+        """
+        if not self.has_torque:
+            raise RecordingError(
+                f"recording {self.name!r} has no measured torque, and {purpose} from one; map the "
+                "column of tau"
+            ).about("columns", "tau")
+
     @property
     def samples(self) -> int:
         """Number of samples."""
