@@ -57,8 +57,9 @@ def colour(method: int) -> str:
 def torque_figure(
     identification: Identification, recording: FittedRecording, joint: int, method: int, points: int
 ) -> Figure:
-    """Measured and reconstructed torque of one joint, and their difference."""
+    """Measured, or commanded, and reconstructed torque of one joint, and their difference."""
     fit = identification.joints[joint]
+    origin = "Measured" if recording.torque_source == "measured" else "Commanded"
     measured, model = recording.tau[:, joint], recording.tau_model[:, joint]
     t = _time(recording)
     plot = _torque_plot(fit.torque_unit)
@@ -72,7 +73,7 @@ def torque_figure(
         plot,
         height=250,
         title=fit.name,
-        label=f"Measured and reconstructed torque of {fit.name} over "
+        label=f"{origin} and reconstructed torque of {fit.name} over "
         f"{format_significant(t[-1])} s: {error}, {rms}",
         note=f"{error}, {rms}",
         recording=recording.name,
