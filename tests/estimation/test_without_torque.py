@@ -8,6 +8,7 @@ import pytest
 from pivident.errors import ExperimentError, IdentificationError
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS, WITHOUT_TORQUE
+from pivident.estimation.parameter_rows import parameter_rows
 from pivident.estimation.problem import Problem
 from pivident.estimation.without_torque import TOPIC, needs_torques
 from pivident.recording.recording import Recording
@@ -92,6 +93,9 @@ def test_an_unknown_drive_gain_gives_ratios(method, robot, made):
     assert np.all(np.abs(4.0 * found.theta - truth) < 4.0 * 4.0 * found.std)
     assert "ratio" in kinds(found.warnings)
     assert any("ratio to the drive gain" in w.message for w in found.warnings)
+    units = {row.name: row.unit for row in parameter_rows(found)}
+    assert units["ia2"] == "kg m²/(N m/output)"
+    assert {joint.torque_unit for joint in found.joints} == {"output"}
 
 
 def test_a_gain_of_one_joint_that_is_wrong_shows(robot, made):

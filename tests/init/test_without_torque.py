@@ -88,3 +88,12 @@ def test_a_person_may_not_know_the_gains(log, monkeypatch, capsys):
     said = capsys.readouterr().err
     assert said.count("[2 numbers or one for all, or unknown]") == 2
     assert "# kp = " in out.read_text()
+
+
+def test_a_column_that_reads_like_a_torque_is_named(log):
+    """One effort for two joints is no channel, and worth a look."""
+    table = np.column_stack([planar_log()[:, :5], planar_log()[:, 5]])
+    names = "time,q1,q2,r1,r2,effort"
+    np.savetxt(log, table, fmt="%.9g", delimiter=",", header=names, comments="")
+    text = draft(log, kp=UNKNOWN).text
+    assert "These read like torques: effort" in " ".join(text.replace("# ", "").split())

@@ -101,7 +101,7 @@ def test_an_audit_does_not_take_an_assumed_scale_for_confirmed(tmp_path):
 
 
 def test_the_output_of_a_law_with_unknown_gain_is_a_ratio():
-    marks = [TorqueScale("a", "controller output", "output"), TorqueScale("b", "A", "assumed")]
+    marks = [TorqueScale("a", "output", "output"), TorqueScale("b", "A", "assumed")]
     assumed, output = scale_sentences(marks)
     assert output.startswith("The torque of a is in units of the controller's output")
     assert "drive_gain" in output

@@ -105,5 +105,5 @@ def test_the_scale_of_a_mass_without_torque_is_that_of_the_gains():
     q = np.sin(np.arange(100) / 10.0)[:, None]
     bare = Recording.from_arrays(q, None, 100.0)
     assert "the declared gains of the control law" in scale_sentence([bare])
-    marked = replace(bare, torque_scale=(TorqueScale("joint_1", "controller output", "output"),))
+    marked = replace(bare, torque_scale=(TorqueScale("joint_1", "output", "output"),))
     assert "ratio to the drive gain" in scale_sentence([marked])

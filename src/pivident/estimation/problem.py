@@ -21,6 +21,7 @@ from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import ExperimentError, IdentificationError, concerning
 from pivident.estimation.without_torque import scale_findings
+from pivident.logs.torque_scale import OUTPUT_UNIT, is_ratio
 from pivident.motion.law_torque import with_law_torque
 from pivident.motion.speed_limits import SpeedLimits
 from pivident.recording.checks import check_within_reach
@@ -196,7 +197,9 @@ def _robot_of_torques(robot: Robot, recordings: Sequence[Recording]) -> Robot:
 
 
 def torque_units(problem: Problem) -> list[str]:
-    """N m or N, for each joint."""
+    """N m or N, for each joint; that of the controller's output where no drive gain is known."""
+    if any(is_ratio(recording.torque_scale) for recording in problem.recordings):
+        return [OUTPUT_UNIT] * problem.robot.size
     return ["N m" if j.kind == "revolute" else "N" for j in problem.robot.joints]
 
 

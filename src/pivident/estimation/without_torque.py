@@ -37,14 +37,16 @@ _SCALE = Finding(
     next_step="Compare a parameter with a known mass or inertia before you use their sizes.",
 )
 
-#: The same where the drive gain is not known; the torque's scale says the rest.
+#: The same where the drive gain is not known.
 _RATIO = Finding(
     "warning",
     TOPIC,
     "ratio",
     "No torque was logged, and the drive gain is not known. Positions cannot tell the common scale "
-    "of inertias, friction, gravity and gains: every parameter is a ratio to the drive gain.",
-    next_step="Compare a parameter with a known mass or inertia: that gives the drive gain.",
+    "of inertias, friction, gravity and gains: every parameter is a ratio to the drive gain, the "
+    "same for all joints. Ratios between parameters hold, their sizes in SI units are not known.",
+    next_step="Write drive_gain, the joint torque per unit of the law's output, under "
+    "[controller]; one known mass or inertia gives it as that value over its estimate.",
 )
 
 

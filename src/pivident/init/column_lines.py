@@ -15,6 +15,7 @@ from pivident.logs.bags.bag_table import OwnClock
 from pivident.logs.recognition.joint_columns import JointMap
 from pivident.logs.recognition.log_clock import LogClock
 from pivident.logs.recognition.position_units import AssumedUnits
+from pivident.text.lists import listed
 
 #: Time before and after the motion that is kept [s].
 MARGIN = 0.5
@@ -73,8 +74,12 @@ def column_lines(
     others: Mapping[str, OwnClock],
     besides: Mapping[str, Any],
     keys: Mapping[str, int],
+    like_torques: Sequence[str] = (),
 ) -> list[Assumption]:
-    """Where every channel is; ``besides``: unit and reason of those that are not needed."""
+    """Where every channel is; ``besides``: unit and reason of those that are not needed.
+
+    ``like_torques``: columns that read like torques, where none were recognised as those of joints.
+    """
     numbers = {number: key for key, number in keys.items()}
     has_torque = "tau" in joints.channels
     read = ["q", "tau", *besides] if has_torque else ["q", *besides]
@@ -101,6 +106,8 @@ def column_lines(
     if not has_torque:
         seen = "no column seems to hold torques or currents of the joints; name them if there are "
         seen += "some. Without them the control law below gives the torque"
+        if like_torques:
+            seen += f". These read like torques: {listed(like_torques)}"
         example = f"[{', '.join(string_text(f'tau_{j}') for j in kept.names)}]"
         lines.append(Assumption("recording.columns", "tau", None, "likely", seen, example=example))
     speed = joints.channels.get("dq")

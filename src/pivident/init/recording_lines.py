@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,7 @@ from pivident.init.torque_unit import (
     torque_unit,
     without_torque,
 )
+from pivident.logs.recognition.channel_words import plain_channel
 from pivident.logs.recognition.joint_columns import ChannelColumns, JointMap, joint_map
 from pivident.logs.recognition.log_clock import LogClock, read_clock, speed_rate
 from pivident.logs.recognition.log_file import Run
@@ -70,7 +71,7 @@ def recording_lines(
     run: Run, machine: RobotFile, wanted: tuple[str, ...], answers: Answers
 ) -> RecordingLines:
     """Everything that is assumed about one log."""
-    joints = joint_map(run, machine.joint_names)
+    joints = _of_its_joints(joint_map(run, machine.joint_names))
     if "q" not in joints.channels:
         raise DraftError(_not_found("position", run))
     kept = kept_joints(run, joints, machine, wanted)
@@ -123,7 +124,7 @@ def recording_lines(
         *clock_lines(clock, others),
         *window_line(clock, window, still, (first, last)),
         *side_lines(torque, found),
-        *column_lines(joints, kept, clock, others, besides, keys),
+        *column_lines(joints, kept, clock, others, besides, keys, _like_torques(run)),
         *unit_lines(clock, unit, own, torque, besides),
     ]
     return RecordingLines(
@@ -137,6 +138,19 @@ def recording_lines(
         torque is not None and measures_link_torques(torque, found),
         torque is not None,
     )
+
+
+def _of_its_joints(joints: JointMap) -> JointMap:
+    """The channels without a torque of other joints than those that have positions."""
+    q, tau = joints.channels.get("q"), joints.channels.get("tau")
+    if q is None or tau is None or set(q.columns) & set(tau.columns):
+        return joints
+    return replace(joints, channels={k: c for k, c in joints.channels.items() if k != "tau"})
+
+
+def _like_torques(run: Run) -> list[str]:
+    """Names of columns that read like torques, whatever they belong to."""
+    return [name for file in run.files for name in file.columns if plain_channel(name) == "tau"]
 
 
 def _not_found(what: str, run: Run) -> str:

@@ -25,7 +25,7 @@ BASES = (MASSES, ASSUMED)
 OUTPUT = "output"
 
 #: Its unit.
-OUTPUT_UNIT = "controller output"
+OUTPUT_UNIT = "output"
 
 #: What earlier versions wrote for an assumed scale; such files are read all the same.
 EARLIER = {"guessed": ASSUMED}
@@ -55,6 +55,24 @@ def torque_scales(spec: Any, joint_names: Sequence[str]) -> tuple[TorqueScale, .
         for joint, unit in zip(joint_names, listed, strict=False)
         if isinstance(unit, Mapping) and "scale" in unit
     )
+
+
+def is_ratio(scales: Sequence[TorqueScale]) -> bool:
+    """Whether parameters are ratios to a drive gain that nobody knows.
+
+    Args:
+        scales: of the torques that they were identified from.
+    """
+    return any(s.basis == OUTPUT for s in scales)
+
+
+def marked_scales(scales: Sequence[TorqueScale]) -> list[TorqueScale]:
+    """Scales that a unit of the log marks, without those of a control law's output.
+
+    Args:
+        scales: of the torques; what the others mean is said with the law.
+    """
+    return [s for s in scales if s.basis != OUTPUT]
 
 
 def scale_sentences(scales: Sequence[TorqueScale]) -> tuple[str, ...]:
@@ -89,7 +107,7 @@ def scale_sentences(scales: Sequence[TorqueScale]) -> tuple[str, ...]:
 
 def scale_headline(scales: Sequence[TorqueScale]) -> str:
     """The same in a few words; empty where all scales are verified."""
-    if any(s.basis == OUTPUT for s in scales):
+    if is_ratio(scales):
         return "Parameters are ratios to the drive gain, which is not known."
     if any(s.basis == ASSUMED for s in scales):
         return "Parameters are in units of the logged torque; its scale to N m is an assumption."
