@@ -55,6 +55,12 @@ def test_what_positions_cannot_tell_is_said_once(problem):
     assert kinds(again.findings) == ["scale"]
 
 
+def test_torques_that_are_fed_forward_have_the_scale_of_the_description(robot, made):
+    loop = replace(LOOP, feed_forward="gravity")
+    (found,) = Problem(robot, positions_only(made.recording), loop).findings
+    assert "of the description, whose torques the law feeds forward" in found.message
+
+
 def test_a_measured_torque_has_nothing_to_say(robot, made):
     assert kinds(Problem(robot, made.recording, LOOP).findings) == []
 

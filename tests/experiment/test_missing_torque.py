@@ -83,6 +83,11 @@ def test_an_unknown_drive_gain_beside_a_torque_is_refused(tmp_path):
         load_experiment(write_experiment(tmp_path, text)).problem()
 
 
+def test_a_feed_forward_in_newton_metres_needs_the_drive_gain(tmp_path):
+    lines = 'drive_gain = "unknown"\nfeed_forward = "gravity"\nkp ='
+    assert "give drive_gain" in refusal(tmp_path, POSITIONS_ONLY.replace("kp =", lines))
+
+
 def test_another_word_is_no_drive_gain(tmp_path):
     text = POSITIONS_ONLY.replace("kp =", 'drive_gain = "none"\nkp =')
     with pytest.raises(ExperimentError, match="drive_gain"):

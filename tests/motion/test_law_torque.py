@@ -130,6 +130,7 @@ def test_an_unknown_drive_gain_marks_the_scale(robot):
         (replace(LOOPS["pd"], reference="smoothed"), {}, "virtual one"),
         (LOOPS["pd"], {"q_ref": None}, "no reference q_ref"),
         (LOOPS["pd"], {"torque_side": "link"}, "behind the gears"),
+        (replace(LOOPS["gravity as measured"], gain_known=False), {}, "feeds forward gravity"),
         (Loop(PD([0.0, 1.0], [0.0, 1.0])), {}, "commands 0 to shoulder"),
     ],
 )

@@ -9,6 +9,7 @@ biased by construction.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from pivident.errors import IdentificationError
 from pivident.estimation.methods import (
@@ -20,6 +21,7 @@ from pivident.estimation.methods import (
 )
 from pivident.recording.recording import Recording
 from pivident.simulation.control_loop import Loop
+from pivident.simulation.controllers import PythonController
 from pivident.text.finding import Finding
 from pivident.text.lists import listed
 
@@ -37,6 +39,15 @@ _SCALE = Finding(
     next_step="Compare a parameter with a known mass or inertia before you use their sizes.",
 )
 
+#: The same where the law feeds torques of the description forward, which are in N m by themselves.
+_FED_SCALE = replace(
+    _SCALE,
+    message="No torque was logged. The scale of inertias, friction and gravity is that of the "
+    "declared gains and of the description, whose torques the law feeds forward. If all of these "
+    "are 10 % too large, so are all parameters, and no test of this record shows it; their "
+    "intervals do not contain it.",
+)
+
 #: The same where the drive gain is not known.
 _RATIO = Finding(
     "warning",
@@ -48,7 +59,6 @@ _RATIO = Finding(
     next_step="Write drive_gain, the joint torque per unit of the law's output, under "
     "[controller]; one known mass or inertia gives it as that value over its estimate.",
 )
-
 
 #: What least squares of a computed torque says.
 _BIASED = Finding(
@@ -84,10 +94,11 @@ def scale_findings(loop: Loop | None, recordings: Sequence[Recording]) -> tuple[
     computed = [r for r in recordings if r.torque_source == "law"]
     if loop is None or not computed:
         return ()
-    found = [_SCALE if loop.gain_known else _RATIO]
+    known = _SCALE if loop.feed_forward == "none" else _FED_SCALE
+    found = [known if loop.gain_known else _RATIO]
     first = computed[0]
     assert first.q_ref is not None, "the torque was computed from it"
-    if not hasattr(loop.controller, "function"):
+    if not isinstance(loop.controller, PythonController):
         law = loop.controller.law(first.rate, first.q_ref[:1], None)
         if joints := [n for n, k in zip(first.joint_names, law.integral_gain, strict=True) if k]:
             found.append(_integrator(joints))

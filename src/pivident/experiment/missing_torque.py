@@ -88,8 +88,14 @@ def _missing(law: ControllerEntry | None, entry: RecordingEntry) -> tuple[str, S
 
 
 def _check_ratios(content: ExperimentFile) -> None:
-    """Refuse an unknown drive gain beside a measured torque, which has units of its own."""
+    """Refuse an unknown drive gain beside torques that have units of their own."""
     everything = [*content.recording, *content.validation.recording]
+    law = content.controller
+    if law is not None and law.feed_forward != "none":
+        raise ExperimentError(
+            f'feed_forward = "{law.feed_forward}" is a torque in N m, beside an output whose '
+            "drive_gain is not known; give drive_gain"
+        ).within("controller", "feed_forward")
     if all(entry.is_without_torque for entry in everything):
         return
     raise ExperimentError(

@@ -89,6 +89,11 @@ def _missing(loop: Loop | None, recording: Recording) -> str:
         return f"the control law is a virtual one that commanded nothing; {_NEXT_STEP}"
     if recording.q_ref is None:
         return f"no reference q_ref for the control law; {_NEXT_STEP}"
+    if loop.feed_forward != "none" and not loop.gain_known:
+        return (
+            f"its law feeds forward {loop.feed_forward}, a torque in N m, beside an output whose "
+            "drive gain is not known; give drive_gain"
+        )
     return ""
 
 
