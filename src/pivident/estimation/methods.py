@@ -318,8 +318,8 @@ class OutputError:
             IDIM-PIV; ``none``: squares of the errors, each joint by its size; ``auto``: the former
             in a closed loop, the latter in an open one, whose errors are drift.
         bandwidth: highest frequency that is compared [Hz]; motions of robots end far below.
-        segment: longest stretch that an open loop runs from its own initial state [s]; None: the
-            whole record.
+        segment: longest stretch that an open loop runs from its own initial state [s]; None: until
+            an error of that state has grown five-fold, the whole record where it never does.
         loss: ``squares``, or ``huber`` where single stretches do not fit.
         undetermined: ``refuse`` unknowns that nothing determines, or ``hold`` them where they are.
         covariance: ``formula``, for errors that are white behind their prefilters, ``sandwich``,

