@@ -1,5 +1,6 @@
 """Logs that identification would refuse are read all the same, and columns told by name."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -216,3 +217,17 @@ def test_currents_of_a_bare_log_are_commands_without_a_gain(tmp_path):
         log = bare_log(path)
         assert log.commands == (0, 1), names
         assert np.allclose(log.channels["tau"], factor * table[:, 2:])
+
+
+def test_a_log_without_torque_is_audited_as_far_as_it_goes():
+    log = planar()
+    channels = {"q": log.channels["q"]}
+    audit = audit_log(replace(log, logged=channels, channels=channels))
+    assert audit.model is None
+    (left_out,) = [f for f in audit.findings if f.kind == "no torque"]
+    assert left_out.severity == "note"
+    assert "[controller]" in left_out.next_step
+    assert serious(audit) == {("note", "no torque", "")}
+    turns = {"q": np.rad2deg(channels["q"])}
+    wrong = audit_log(replace(log, logged=turns, channels=turns))
+    assert "reach" in [f.kind for f in wrong.findings]

@@ -102,3 +102,12 @@ def test_trembling_is_said_with_its_size():
     (found,) = recording_faults(load_robot("planar_2r"), [recording(q=moved)])
     assert (found.severity, found.kind) == ("warning", "hidden jitter")
     assert found.quantity.value == pytest.approx(0.3, rel=0.15)
+
+
+def test_a_computed_torque_is_not_held_against_its_motion():
+    tau = planar().channels["tau"] * np.array([1.0, -1.0])
+    made = replace(recording(tau=tau), torque_source="law")
+    assert faults(made) == []
+    q = made.q.copy()
+    q[900, 1] += 0.3
+    assert [kind for _, kind, _ in faults(replace(made, q=q))] == ["spike"]

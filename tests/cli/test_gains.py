@@ -8,6 +8,7 @@ from pivident.drives.known_payload import Payload
 from pivident.experiment.experiment import load_experiment
 from pivident.simulation.controllers import PD
 from tests.planar_arm import nominal_parameters, planar_motion, planar_record
+from tests.positions_only import write_positions
 
 GAINS = np.array([12.0, 5.0])
 PAYLOAD = Payload(1.2, (0.35, 0.0, 0.0), (0.001, 0.0, 0.0, 0.001, 0.0, 0.001))
@@ -178,3 +179,11 @@ def test_a_folder_that_cannot_be_written_is_told_before_the_work(folder, capsys)
     assert run(folder, HEAD, "--out", folder / "file" / "gains.toml") == 1
     errors = capsys.readouterr().err
     assert "file" in errors and "smoothing" not in errors and "bug in pivident" not in errors
+
+
+def test_a_log_without_torque_has_no_commands(tmp_path, capsys):
+    experiment = write_positions(tmp_path)
+    assert main(["gains", str(experiment)]) == 1
+    said = " ".join(capsys.readouterr().err.split())
+    assert "drive gains follow from logged commands" in said
+    assert 'drive_gain = "unknown"' in said

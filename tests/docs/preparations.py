@@ -25,6 +25,13 @@ def planar_log() -> dict:
     return {"pv": pv, "problem": problem, "recording": problem.recordings[0]}
 
 
+def positions_log() -> None:
+    """`positions.csv` of the planar arm: time, positions and references, no torque."""
+    rows = planar.planar_log(samples=2500)[:, :5]
+    names = planar.HEADER.rpartition(",tau1")[0]
+    np.savetxt("positions.csv", rows, fmt="%.9g", delimiter=",", header=names, comments="")
+
+
 def another_motion() -> None:
     """`my_robot-results` of two methods, and `new_log.csv` of another motion."""
     from pivident.cli import main

@@ -9,7 +9,12 @@ from pivident.estimation.identification_file import to_dict
 from pivident.estimation.identify import identify
 from pivident.experiment.experiment import load_experiment
 from pivident.experiment.recording_tables import log_of
-from pivident.logs.torque_scale import TorqueScale, scale_sentences, torque_scales
+from pivident.logs.torque_scale import (
+    TorqueScale,
+    scale_headline,
+    scale_sentences,
+    torque_scales,
+)
 from pivident.logs.units import factor_to_si
 from pivident.report.builder import render_report
 from tests.planar_log import EXPERIMENT, write_experiment
@@ -93,3 +98,14 @@ def test_an_audit_does_not_take_an_assumed_scale_for_confirmed(tmp_path):
         audit = audit_log(log_of(entry, experiment.robot, tmp_path))
         assumed = [f for f in audit.of("scale") if f.kind == "assumed"]
         assert [f.severity for f in assumed] == ["warning"] * count
+
+
+def test_the_output_of_a_law_with_unknown_gain_is_a_ratio():
+    marks = [TorqueScale("a", "output", "output"), TorqueScale("b", "A", "assumed")]
+    assumed, output = scale_sentences(marks)
+    assert output.startswith("The torque of a is in units of the controller's output")
+    assert "drive_gain" in output
+    assert "[recording.units]" in assumed
+    assert "[recording.units]" not in output
+    assert scale_sentences(marks[:1]) == (output,)
+    assert scale_headline(marks).startswith("Parameters are ratios to the drive gain")

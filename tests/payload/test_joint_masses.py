@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from pivident.estimation.identify import identify
+from pivident.logs.torque_scale import TorqueScale
 from pivident.payload.identify_payload import identify_payload
 from pivident.payload.payload_files import payload_values
+from pivident.payload.payload_findings import scale_sentence
+from pivident.recording.recording import Recording
 from tests.load_scenario import LOAD, tx40_with_load
 from tests.payload.test_identify_payload import loaded
 
@@ -96,3 +99,11 @@ def test_a_joint_behind_the_load_has_no_mass_of_its_own():
         <= set(found.masses.joints)
         <= {f"joint_{j}" for j in range(1, 6)}
     )
+
+
+def test_the_scale_of_a_mass_without_torque_is_that_of_the_gains():
+    q = np.sin(np.arange(100) / 10.0)[:, None]
+    bare = Recording.from_arrays(q, None, 100.0)
+    assert "the declared gains of the control law" in scale_sentence([bare])
+    marked = replace(bare, torque_scale=(TorqueScale("joint_1", "output", "output"),))
+    assert "ratio to the drive gain" in scale_sentence([marked])

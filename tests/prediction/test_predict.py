@@ -228,3 +228,13 @@ def test_another_robots_recording_is_refused(change, message):
         pv.predict(result, more)
     with pytest.raises(ExperimentError, match="type Problem predicts no torques"):
         pv.predict(pv.Problem(result.robot, (record,)), record)
+
+
+def test_a_computed_torque_is_no_measured_one():
+    """Neither zeros nor the torque of a control law are compared with the prediction."""
+    result, record = result_and_record()
+    for source in ("none", "law"):
+        found = pv.predict(result, replace(record, torque_source=source))
+        assert found.tau is None
+        assert found.error is None
+        np.testing.assert_allclose(found.tau_model, pv.predict(result, record).tau_model)

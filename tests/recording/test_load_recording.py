@@ -289,7 +289,7 @@ def test_channels_of_different_length_are_refused(tmp_path):
 @pytest.mark.parametrize(
     ("columns", "options", "message"),
     [
-        ({"q": "q"}, {"rate": RATE}, "no columns are given for tau"),
+        ({"tau": "tau"}, {"rate": RATE}, "no columns are given for q"),
         (ARRAYS | {"torque": "q"}, {"rate": RATE}, "'torque'"),
         (ARRAYS, {}, "or give the rate"),
         (ARRAYS, {"rate": RATE, "resample": True}, "resampling needs it"),
@@ -387,3 +387,12 @@ def test_arguments_of_another_kind_are_refused(log, options, message):
         load_recording(log, ARRAYS, rate=RATE, **options)
     with pytest.raises(RecordingError, match="columns is 'q'"):
         load_recording(log, "q", rate=RATE)
+
+
+def test_a_log_without_torque_is_read(log):
+    columns = {key: spec for key, spec in ARRAYS.items() if key != "tau"}
+    np.savez(log.parent / "positions.npz", q=Q)
+    made = load_recording(log.parent / "positions.npz", columns, rate=RATE)
+    np.testing.assert_array_equal(made.q, Q)
+    assert made.torque_source == "none"
+    assert "tau" not in made.reading["columns"]

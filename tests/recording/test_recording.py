@@ -257,3 +257,27 @@ def test_motor_signals_of_another_number_of_joints_are_refused():
     q, tau = motion(joints=3)
     with pytest.raises(ShapeMismatch):
         Recording.from_motor_side("run", ("a", "b"), q, tau, COUPLED, 100.0)
+
+
+def test_a_log_without_torque_says_so():
+    q, _ = motion()
+    made = Recording.from_arrays(q, None, 100.0, q_ref=q + 0.01)
+    assert made.torque_source == "none"
+    assert not made.has_torque
+    assert not made.tau.any()
+    assert "tau" not in repr(made)
+    assert "No torque was logged." in made.account
+    assert not any("A torque sample" in said for said in made.account)
+    assert made.part(0, 100).torque_source == "none"
+
+
+def test_torques_come_from_known_sources():
+    with pytest.raises(RecordingError, match="torque_source is 'guessed'"):
+        recording(torque_source="guessed")
+
+
+def test_what_only_a_measured_torque_tells_is_refused():
+    recording().require_torque("a law is identified")
+    for source in ("law", "none"):
+        with pytest.raises(RecordingError, match=r"'run' has no measured torque, and a law is"):
+            recording(torque_source=source).require_torque("a law is identified")

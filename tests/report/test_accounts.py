@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from pivident.report.builder import _sentence, render_report
+from pivident.report.downloads import signals_csv
 from tests.planar_results import planar_results
 from tests.report.test_report import HOSTILE, Page
 
@@ -55,3 +56,15 @@ def test_commands_in_sentences_are_code():
     assert _sentence("`pivident laws <b>` at 1e-05; a ` alone") == (
         "<code>pivident laws &lt;b&gt;</code> at 1&thinsp;×&thinsp;10<sup>-5</sup>; a ` alone"
     )
+
+
+def test_a_torque_that_was_not_measured_is_not_called_so():
+    (found,) = planar_results("ls")
+    records = tuple(replace(r, torque_source="law") for r in found.recordings)
+    (record,) = records
+    computed = replace(found, recordings=records)
+    page = render_report([computed])
+    assert "Commanded and reconstructed torque of shoulder" in page
+    assert "of the control law" in text_of(computed)
+    assert "Measured and reconstructed torque of shoulder" in render_report([found])
+    assert "shoulder commanded torque [N m]" in signals_csv(computed, record)

@@ -38,6 +38,17 @@ MADE_GOOD = (("error", "late"), ("error", "early"), ("note", "timing"))
 #: Share of a joint's torque that its inverse model may leave unexplained.
 UNEXPLAINED = 0.5
 
+#: What is left out where a log has positions only.
+_NO_TORQUE = Finding(
+    "note",
+    "reading",
+    "no torque",
+    "No torque was logged, or none is named: order, delay, signs, gains and excitation were not "
+    "judged.",
+    next_step="Name the columns of the torque (--experiment); where there is none, the known "
+    "control law under [controller] stands for it.",
+)
+
 
 @dataclass(frozen=True, eq=False)
 class Audit:
@@ -152,7 +163,10 @@ def _audit(log: Log, say: Callable[[str], None]) -> Audit:
     findings += check_assumed(log)
     findings += [*timing.findings, *check_channels(log), *quantisation.findings]
     findings += check_speeds(log, timing)
-    if not {"q", "tau"} <= set(log.channels):
+    if "q" in log.channels and "tau" not in log.channels:
+        findings += [*check_standstill(log), *check_reach(log, timing), _NO_TORQUE]
+        return Audit(log, tuple(findings), timing, quantisation)
+    if "q" not in log.channels:
         findings.append(_not_judged("no columns are known for q and tau"))
         return Audit(log, tuple(findings), timing, quantisation)
     still = check_standstill(log)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from pivident.check.remark import Place, Remark
@@ -16,6 +16,7 @@ from pivident.logs.recognition.channel_words import (
 )
 from pivident.robot.description import Robot
 from pivident.text.finding import Severity
+from pivident.text.lists import listed
 
 #: What a channel is called in a sentence.
 CALLED = {
@@ -59,6 +60,27 @@ def check_columns(
         remarks += [*_another_order(channel, names, joints, table)]
         remarks += [*_another_unit(channel, names, units.get(channel), table)]
     return remarks
+
+
+def check_unnamed_torque(
+    columns: Mapping[str, Any], others: Iterable[str], table: Place
+) -> list[Remark]:
+    """Columns that read like torques where none is named, so that the control law stands for it.
+
+    ``others``: names of the columns that the experiment does not use.
+    """
+    if columns.get("tau") is not None:
+        return []
+    found = [name for name in others if plain_channel(name) == "tau"]
+    if not found:
+        return []
+    text = f"No column is named for tau, but {listed([repr(n) for n in found])} read like torques."
+    step = (
+        "Name them for tau if they are: a measured torque tells the scale of all parameters, one "
+        "computed from the control law does not."
+    )
+    place = (*table, "columns")
+    return [Remark("warning", "columns", "torque not named", text, "tau", step, place=place)]
 
 
 def _names(spec: Any) -> list[str]:

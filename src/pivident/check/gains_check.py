@@ -81,7 +81,7 @@ def check_limit(log: Log, entry: ControllerEntry) -> list[Remark]:
         return []
     remarks = []
     for j, name in enumerate(log.joint_names[: tau.shape[1]]):
-        gain = abs(of_joint(entry.drive_gain, j))
+        gain = abs(of_joint(entry.gain, j))
         limit, largest = of_joint(entry.limit, j), float(np.nanmax(np.abs(tau[:, j])))
         if largest <= 1.02 * gain * limit:
             continue
@@ -127,7 +127,7 @@ def _compared(
 ) -> Iterator[Remark]:
     """Declared gains that differ from the log's; a sample of delay may take kp/rate from kd."""
     late = LATE * abs(found[0]) / rate
-    gain = of_joint(entry.drive_gain, j)
+    gain = of_joint(entry.gain, j)
     kp = of_joint(entry.kp, j)
     if entry.type == "cascade":
         kv = of_joint(entry.kv, j)

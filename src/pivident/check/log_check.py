@@ -12,7 +12,7 @@ from pathlib import Path
 
 from pivident.audit.audit import Audit, audit_log
 from pivident.audit.timing import Timing, check_timing
-from pivident.check.columns_check import check_columns
+from pivident.check.columns_check import check_columns, check_unnamed_torque
 from pivident.check.gains_check import check_gains, check_limit
 from pivident.check.geometry_check import check_geometry
 from pivident.check.gravity_check import check_gravity
@@ -96,15 +96,17 @@ def check_log(
         remarks.append(of_error(failure, "recording", place))
         return LogCheck(tuple(remarks))  # the columns are not what they are called
     audit = audit_log(log)
-    own = [of_finding(f, place) for f in audit.findings if f.severity != "ok"]
+    # that there is no torque concerns the control law, which is looked at later
+    grave = [f for f in audit.findings if f.severity != "ok" and f.kind != "no torque"]
+    own = [of_finding(f, place) for f in grave]
     if failure is not None and not _is_reported(failure, audit):
         remarks.append(of_error(failure, "recording", place, _kind(failure)))
     elif failure is not None:
         kinds = _kinds(failure)
         own = [replace(r, refused=True) if r.kind in kinds else r for r in own]
     remarks += own
-    grave = [f.kind for f in audit.findings if f.severity == "error"]
-    if audit.model is not None and not set(grave) & set(HIDES_GEOMETRY):
+    errors = {f.kind for f in grave if f.severity == "error"}
+    if audit.model is not None and not errors & set(HIDES_GEOMETRY):
         remarks += check_geometry(log, audit.timing, audit.model, place)
         side = entry.torque_side or "motor"
         remarks += check_torque_side(log, audit.timing, audit.model, side, place)
@@ -115,6 +117,9 @@ def check_log(
         every = _with_other_columns(log, entry, folder)
         stretch, timing = _without_gaps(every, audit.timing, failure)
         has_inputs = entry.columns is not None and bool(entry.columns.inputs)
+        if entry.columns is not None:
+            named = entry.columns.model_dump(exclude_unset=True)
+            remarks += check_unnamed_torque(named, every.columns, place)
         remarks += _motion(stretch, timing, audit, place, controller, has_inputs)
     looked_at = _looked_at(log, audit, entry) if robot is not None or not remarks else ""
     return LogCheck(tuple(remarks), recordings, audit, looked_at)

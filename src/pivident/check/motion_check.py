@@ -35,19 +35,27 @@ BEYOND, ABOVE = 0.02, 1.2
 def check_motion(log: Log, timing: Timing, parameters: int, table: Place) -> list[Remark]:
     """Length, rate, held samples, limits, and channels that are something else."""
     q, tau = log.channels.get("q"), log.channels.get("tau")
-    if q is None or tau is None or not timing.rate or len(q) < 50 or q.shape != tau.shape:
+    if q is None or not timing.rate or len(q) < 50:
         return []
-    rows = usable_rows(q, tau)
+    if tau is not None and tau.shape != q.shape:
+        return []
+    rows = usable_rows(q) if tau is None else usable_rows(q, tau)
     if len(rows) < 50:
         return []
-    q, tau = q[rows], tau[rows]
+    q = q[rows]
     remarks = [*_length(log, timing.rate, parameters, table)]
-    remarks += [*_something_else(log, q, tau, table)]
+    if tau is not None:
+        tau = tau[rows]
+        remarks += [*_something_else(log, q, tau, table)]
     if timing.regular and not still_joints(q):
         remarks += [*_slow_rate(q, timing.rate, table)]
-    remarks += [*_held(log, q, tau, timing.rate, table)]
+    if tau is not None:
+        remarks += [*_held_torque(log, tau, timing.rate, table)]
+    remarks += [*_held_positions(log, q, timing.rate, table)]
     if log.robot is not None and log.robot.size == q.shape[1]:
-        remarks += [*_limits(log.robot, q, tau, log.commands, table)]
+        remarks += [*_position_limits(log.robot, q, table)]
+        if tau is not None:
+            remarks += [*_torque_limits(log.robot, tau, log.commands, table)]
     return remarks
 
 
@@ -143,8 +151,8 @@ def _slow_rate(q: np.ndarray, rate: float, table: Place) -> Iterator[Remark]:
         yield Remark("warning", "motion", "rate", text, next_step=step, place=(*table, "rate"))
 
 
-def _held(log: Log, q: np.ndarray, tau: np.ndarray, rate: float, table: Place) -> Iterator[Remark]:
-    """Signals that change only at every n-th sample, against the declared control rate."""
+def _held_torque(log: Log, tau: np.ndarray, rate: float, table: Place) -> Iterator[Remark]:
+    """Torques that change only at every n-th sample, against the declared control rate."""
     holds = [_hold(tau[:, j]) for j in range(tau.shape[1])]
     place = (*table, "control_rate")
     n = min(holds)
@@ -175,6 +183,10 @@ def _held(log: Log, q: np.ndarray, tau: np.ndarray, rate: float, table: Place) -
         )
         step = "It is in Hz; correct it."
         yield Remark("warning", "timing", "control rate", text, next_step=step, place=place)
+
+
+def _held_positions(log: Log, q: np.ndarray, rate: float, table: Place) -> Iterator[Remark]:
+    """Positions that change only at every n-th sample."""
     slow = [j for j in range(q.shape[1]) if _hold(q[:, j]) > 1]
     if slow:
         n = _hold(q[:, slow[0]])
@@ -203,10 +215,8 @@ def _hold(x: np.ndarray) -> int:
     return n if phase.max() > REGULAR * len(changes) else 1
 
 
-def _limits(
-    robot: Robot, q: np.ndarray, tau: np.ndarray, commands: tuple[int, ...], table: Place
-) -> Iterator[Remark]:
-    """Positions a little beyond the limits, and torques that the drives do not have."""
+def _position_limits(robot: Robot, q: np.ndarray, table: Place) -> Iterator[Remark]:
+    """Positions a little beyond the limits."""
     for j, joint in enumerate(robot.joints):
         turning = joint.kind == "revolute"
         scale, unit = (180 / np.pi, "°") if turning else (1e3, "mm")
@@ -227,10 +237,17 @@ def _limits(
                     place=(*table, "position_offset"),
                     evidence={"lowest": Quantity(lowest, unit), "highest": Quantity(highest, unit)},
                 )
+
+
+def _torque_limits(
+    robot: Robot, tau: np.ndarray, commands: tuple[int, ...], table: Place
+) -> Iterator[Remark]:
+    """Torques that the drives do not have."""
+    for j, joint in enumerate(robot.joints):
         limit = joint.torque_limit
         largest = float(np.abs(tau[:, j]).max())
         if limit and j not in commands and largest > ABOVE * limit:
-            unit = "N m" if turning else "N"
+            unit = "N m" if joint.kind == "revolute" else "N"
             yield Remark(
                 "warning",
                 "limits",

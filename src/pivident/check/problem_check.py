@@ -16,7 +16,9 @@ from pivident.dynamics.base_parameters import base_parameters, parameter_index
 from pivident.errors import PividentError
 from pivident.estimation.methods import Method
 from pivident.estimation.problem import Problem
+from pivident.estimation.without_torque import TOPIC, equation_error
 from pivident.experiment.experiment import Experiment, problem_of
+from pivident.experiment.missing_torque import check_torque
 from pivident.experiment.recording_tables import loop_of
 from pivident.files import check_output
 from pivident.logs.clocks.timestamps import LOWEST_RATE
@@ -72,6 +74,7 @@ class ProblemCheck:
             kind, source = ("", "") if law is None else (law.type, law.source)
             if not unseen:
                 self.remarks += _folds(fitted, folds)
+            self.remarks += _without_torque(problem, methods)
             self.plan = plan_of(problem, methods, unseen, folds, kind, source)
 
     def _joints(self, robot: Robot) -> None:
@@ -103,6 +106,11 @@ class ProblemCheck:
                 loop = None
             else:
                 self._stability(robot, fitted)
+        try:
+            check_torque(self._content)
+        except PividentError as error:
+            self.remarks.append(of_error(error, "file", ("recording", 0, "columns")))
+            return None
         if not fitted:
             self._parameters(robot)
             return None
@@ -139,6 +147,18 @@ class ProblemCheck:
             check_output(folder)
         except PividentError as error:
             self.remarks.append(of_error(error, "file", ("output", "folder")))
+
+
+def _without_torque(problem: Problem, methods: dict[str, Method]) -> Iterator[Remark]:
+    """What positions alone cannot tell, and methods that take a computed torque for a measured."""
+    for finding in problem.findings:
+        if finding.topic == TOPIC:
+            yield Remark(**vars(finding), place=("controller",))
+    for method in methods.values():
+        for finding in equation_error(method, problem.recordings):
+            yield Remark(
+                **(vars(finding) | {"subject": method.label}), place=("identify", "methods")
+            )
 
 
 def _folds(fitted: list[Recording], folds: int) -> Iterator[Remark]:

@@ -34,7 +34,7 @@ def check_stability(
         return []
     n, h = robot.size, 1.0 / rate
     inverse = np.linalg.inv(mass_matrix(robot, base.parameters, theta, posture[None])[0])
-    gain = np.array([of_joint(entry.drive_gain, j) for j in range(n)])
+    gain = np.array([of_joint(entry.gain, j) for j in range(n)])
     kp = gain * [of_joint(entry.kp, j) for j in range(n)]
     kd = gain * [of_joint(entry.kd if entry.kv is None else entry.kv, j) for j in range(n)]
     if entry.type == "cascade":

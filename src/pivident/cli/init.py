@@ -142,7 +142,12 @@ def print_draft(draft: Draft, out: Path) -> None:
 
 def _asked(question: Question) -> str:
     """The answer of the person at the terminal; questions go to standard error."""
+    from pivident.init.assumption import UNKNOWN
+
     choices = f" [{' / '.join(question.choices)}]" if question.choices else ""
+    if question.optional:
+        several = f"{question.numbers} numbers or one for all" if question.numbers > 1 else "number"
+        choices = f" [{several}, or {UNKNOWN}]"
     while True:
         print(f"{question.text}{choices} ", end="", file=sys.stderr, flush=True)
         line = sys.stdin.readline()
@@ -153,9 +158,17 @@ def _asked(question: Question) -> str:
             fits = [c for c in question.choices if c.lower().startswith(answer.lower())]
             if answer and len(fits) == 1:
                 return fits[0]
-        elif _is_positive(answer):
+        elif question.optional and answer.lower() == UNKNOWN:
+            return UNKNOWN
+        elif _are_positive(answer, question.numbers):
             return answer
         print("Please answer with one of these.", file=sys.stderr)
+
+
+def _are_positive(text: str, numbers: int) -> bool:
+    """Whether a text is one positive, finite number, or so many of them."""
+    parts = text.replace(",", " ").split()
+    return len(parts) in (1, numbers) and all(map(_is_positive, parts))
 
 
 def _is_positive(text: str) -> bool:

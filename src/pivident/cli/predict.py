@@ -54,7 +54,7 @@ def predict(
                 f"--experiment {log.name}"
             )
         progress.say("predicting")
-        made = [stored.predict(new.recording, compare=new.has_torque) for new in logs]
+        made = [stored.predict(new.recording) for new in logs]
         if csv is not None:
             written.append(f"CSV:  {write_csv(made[0], csv)}")
         if html is not None and can_draw(progress, html.name):

@@ -68,7 +68,7 @@ def render_page(comparison: ComparedResults) -> str:
 
 def friction_figure(comparison: ComparedResults, joint: JointFriction) -> Figure:
     """Friction against speed of one joint by all results, each with its ±2σ band."""
-    quantity = "torque" if joint.torque_unit == "N m" else "force"
+    quantity = "force" if joint.torque_unit == "N" else "torque"
     plot = empty_plot(f"friction {quantity} [{joint.torque_unit}]")
     plot.x_axis(f"speed [{joint.speed_unit}]")
     for curve in joint.curves:

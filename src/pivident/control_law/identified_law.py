@@ -144,6 +144,7 @@ def identify_controller(
     """
     recordings = tuple(recordings)
     for recording in recordings:
+        recording.require_torque("a control law is identified")
         if recording.q_ref is None:
             raise ExperimentError(
                 f"recording {recording.name!r} has no reference q_ref, from which the control "

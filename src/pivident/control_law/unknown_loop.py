@@ -100,6 +100,7 @@ def feedback_from_noise(recording: Recording, drive_gain: np.ndarray) -> tuple[F
     Raises:
         IdentificationError: the recording is sampled too slowly.
     """
+    recording.require_torque("a control law is identified")
     known_inputs = sum(recording.inputs.values(), np.zeros(recording.tau.shape))
     u = recording.tau / drive_gain - known_inputs
     found = []

@@ -9,7 +9,7 @@ from pivident.diagnostics.wanted_motion import wanted_motions
 from pivident.dynamics.signs import negative_parameters
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import ParameterRow, parameter_rows, shown_std
-from pivident.logs.torque_scale import scale_sentences
+from pivident.logs.torque_scale import marked_scales, scale_sentences
 from pivident.text.finding import Finding, Quantity, Severity
 from pivident.text.lists import listed
 from pivident.text.numbers import format_significant, percent
@@ -133,7 +133,7 @@ def corrected(result: Identification) -> Iterator[Finding]:
 
 def torque_scale(result: Identification) -> Iterator[Finding]:
     """Where the scale of the torque is an assumption, so are all parameters."""
-    for sentence in scale_sentences(result.torque_scale):
+    for sentence in scale_sentences(marked_scales(result.torque_scale)):
         yield Finding("warning", "torque scale", "assumed", sentence)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from pivident.diagnostics.diagnostics import Diagnostics
+from pivident.estimation.methods import OutputError
 from pivident.instruments.given_motion import (
     CURES,
     EXOGENOUS,
@@ -23,7 +24,9 @@ WEAK_BELOW = 10.0
 
 
 def feedback_bias(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
-    """Whether least squares and instruments differ."""
+    """Whether least squares and instruments differ; a fitted simulation is neither."""
+    if isinstance(diagnostics.identifications[name].method_used, OutputError):
+        return
     tests = diagnostics.instruments.get(name) or next(
         reversed(list(diagnostics.instruments.values())), None
     )

@@ -124,6 +124,8 @@ def identify_drive_gains(
         ExperimentError: payload and recordings that do not go together, unknown names.
         IdentificationError: a motor with too few rows, or gains that do not settle.
     """
+    for recording in (*problem.recordings, *loaded):
+        recording.require_torque("drive gains are found")
     say = progress or (lambda line: None)
     refuse_load_friction(problem.regressor)
     setting = gain_unknowns(

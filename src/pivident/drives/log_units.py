@@ -65,6 +65,8 @@ def identify_in_log_units(
     Returns:
         One answer for each motor.
     """
+    for recording in problem.recordings:
+        recording.require_torque("motors are identified in the unit of their log")
     units = (unit,) * problem.robot.size if isinstance(unit, str) else tuple(unit)
     records = [
         DriveRecord(estimate_kinematics(r, signals or RandomWalk()), problem.speed_limits(r))

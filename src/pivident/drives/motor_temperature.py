@@ -81,6 +81,8 @@ def identify_motor_temperature(
     ``temperatures`` of each recording have shape (samples, joints) or (samples,); None: time
     replaces them, and the drift is linear in it. T₀ is their mean if not given.
     """
+    for recording in problem.recordings:
+        recording.require_torque("the temperature of motors is found")
     recipe = signals or RandomWalk()
     timed = temperatures is None
     refuse_load_friction(problem.regressor)

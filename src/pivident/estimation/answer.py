@@ -25,7 +25,7 @@ from pivident.estimation.problem import Problem, position_units, torque_units
 from pivident.estimation.simulation_result import SimulationResult
 from pivident.estimation.solved_equations import Equations
 from pivident.instruments.given_motion import InstrumentsUsed
-from pivident.logs.torque_scale import scale_sentences
+from pivident.logs.torque_scale import marked_scales, scale_sentences
 from pivident.robot.description import Robot
 from pivident.simulation.control_loop import Loop
 from pivident.text.finding import Finding, Quantity
@@ -187,7 +187,7 @@ def _warnings(
     problem: Problem, estimate: Estimate, run: Run, std: np.ndarray, own: Sequence[Finding]
 ) -> tuple[Finding, ...]:
     """What the estimator noticed."""
-    scales = [s for r in problem.recordings for s in r.torque_scale]
+    scales = marked_scales([s for r in problem.recordings for s in r.torque_scale])
     parameters, names = problem.regressor.parameters, problem.names
     signs = sign_warnings(problem.robot, parameters, names, estimate.theta, std)
     assumed = [Finding("warning", "torque scale", "assumed", s) for s in scale_sentences(scales)]

@@ -11,11 +11,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from pivident.dynamics.forward import Model, make_model
-from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.errors import ExperimentError, MassMatrixNotPositiveDefinite, SimulationDiverged
 from pivident.estimation.problem import Problem
 from pivident.motion.kinematics import Kinematics
-from pivident.motion.motion import SimulatedMotion, central_differences
+from pivident.motion.law_torque import held, known_inputs, upsampled
+from pivident.motion.motion import SimulatedMotion
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.scratch import working_array
@@ -27,11 +27,7 @@ from pivident.simulation.closed_loop import (
     simulate_blocks,
 )
 from pivident.simulation.control_loop import Loop
-from pivident.simulation.feed_forward import (
-    computed_torque_feed_forward,
-    gravity_feed_forward,
-    with_measured_gravity,
-)
+from pivident.simulation.feed_forward import with_measured_gravity
 from pivident.simulation.loop_kernel import TORQUE
 from pivident.text import display
 from pivident.threads import run_in_threads
@@ -197,20 +193,17 @@ def loop_signals(
         )
     if loop.reference == "recorded" and recording.q_ref is not None:
         q_ref, dq_ref = recording.q_ref, recording.dq_ref
-    inputs = np.sum(list(recording.inputs.values()), axis=0) if recording.inputs else None
+    inputs = known_inputs(robot, loop, recording, q_ref, dq_ref)
     gain = np.broadcast_to(np.asarray(loop.drive_gain, float), (n,)).copy()
-    if loop.feed_forward in ("gravity", "computed_torque"):
-        known = 0.0 if inputs is None else inputs
-        inputs = known + _feed_forward(robot, loop, q_ref, dq_ref, recording) / gain
     tracking = np.abs(recording.q - q_ref).max(axis=0)
     reach = np.ptp(q_ref, axis=0)
     speed = np.abs(dq).max(axis=0)
     rate = recording.control_rate
     signals = LoopSignals(
         rate=rate,
-        q_ref=_upsampled(q_ref, recording.rate, rate),
-        dq_ref=None if dq_ref is None else _upsampled(dq_ref, recording.rate, rate),
-        inputs=None if inputs is None else _held(inputs, recording.rate, rate),
+        q_ref=upsampled(q_ref, recording.rate, rate),
+        dq_ref=None if dq_ref is None else upsampled(dq_ref, recording.rate, rate),
+        inputs=None if inputs is None else held(inputs, recording.rate, rate),
         noise=None,
         drive_gain=gain,
         limit=np.broadcast_to(np.asarray(loop.limit, float), (n,)).copy(),
@@ -219,39 +212,3 @@ def loop_signals(
         drive_delay=recording.drive_delay,
     )
     return signals, (q[0].copy(), dq[0].copy())
-
-
-def _feed_forward(
-    robot: Robot,
-    loop: Loop,
-    q_ref: np.ndarray,
-    dq_ref: np.ndarray | None,
-    recording: Recording,
-) -> np.ndarray:
-    """Feed-forward torque of the nominal robot on the reference, (samples, joints) [N m or N]."""
-    standard = standard_parameters(robot)
-    theta = nominal_values(robot, standard)
-    if loop.feed_forward == "gravity":
-        return gravity_feed_forward(robot, standard, theta, q_ref)
-    dq, ddq = central_differences(q_ref, recording.rate)
-    dq = dq if dq_ref is None else dq_ref
-    ddq = ddq if recording.ddq_ref is None else recording.ddq_ref
-    return computed_torque_feed_forward(robot, standard, theta, q_ref, dq, ddq)
-
-
-def _upsampled(x: np.ndarray, rate: float, wanted: float) -> np.ndarray:
-    """A smooth reference at the control rate."""
-    if abs(rate - wanted) < 1e-9 * rate:
-        return x
-    from scipy.interpolate import CubicSpline
-
-    t = np.arange(len(x)) / rate
-    return CubicSpline(t, x, axis=0)(np.arange(int(t[-1] * wanted + 1e-6) + 1) / wanted)
-
-
-def _held(x: np.ndarray, rate: float, wanted: float) -> np.ndarray:
-    """An input at the control rate, held between the samples of the record."""
-    if abs(rate - wanted) < 1e-9 * rate:
-        return x
-    times = np.arange(int((len(x) - 1) / rate * wanted + 1e-6) + 1) / wanted
-    return x[np.minimum((times * rate + 1e-6).astype(int), len(x) - 1)]

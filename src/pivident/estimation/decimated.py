@@ -117,6 +117,7 @@ class DecimatedRecord:
             None if recording.q_ref is None else recording.q_ref[index],
             recording.account,
             recording.torque_scale,
+            recording.torque_source,
         )
 
     def columns_of(

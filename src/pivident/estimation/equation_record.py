@@ -18,6 +18,7 @@ from pivident.estimation.normal_equations import JointSums
 from pivident.logs.torque_scale import TorqueScale
 from pivident.motion.kinematics import Kinematics
 from pivident.motion.motion import SimulatedMotion
+from pivident.recording.recording import TorqueSource
 from pivident.signals.prefilter import Prefilter
 
 
@@ -43,6 +44,12 @@ class FittedRecording:
     #: How the record was logged and what was done to its samples, in sentences.
     account: tuple[str, ...] = ()
     torque_scale: tuple[TorqueScale, ...] = ()  # joints whose torque has an unverified scale
+    torque_source: TorqueSource = "measured"  # whether the torque was measured, see `Recording`
+
+    @property
+    def torque_label(self) -> str:
+        """What the torque is, for the legend of a figure."""
+        return "measured" if self.torque_source == "measured" else "of the control law"
 
 
 @dataclass(frozen=True, eq=False)

@@ -121,6 +121,7 @@ class FullRateRecord:
             None if k.recording.q_ref is None else k.recording.q_ref[part],
             k.recording.account,
             k.recording.torque_scale,
+            k.recording.torque_source,
         )
 
     def columns_of(

@@ -32,6 +32,7 @@ from pivident.estimation.methods import (
 from pivident.estimation.output_error.output_error import identify_output_error
 from pivident.estimation.prefiltered_iv import identify_piv
 from pivident.estimation.problem import Problem
+from pivident.estimation.without_torque import check_method, equation_error
 from pivident.threads import linear_algebra_in_one_thread
 
 Progress = Callable[[str], None]
@@ -61,14 +62,16 @@ def identify(
             f"identify takes a Problem, not an object of type {type(problem).__name__}; {advice}"
         )
     method = method_named(method)
+    check_method(method, problem.recordings)
     if isinstance(method, (LeastSquares, InstrumentalVariables)):
         method = replace(method, signals=settled_recipe(method.signals, problem.recordings))
     say = progress or (lambda line: None)
     with linear_algebra_in_one_thread():
         found = _estimate(problem, method, say)
+    noticed = equation_error(method, problem.recordings)
     if reads_counts(problem) and found.method != LABEL:
-        return replace(found, warnings=(*found.warnings, NOT_SIMULATED))
-    return found
+        noticed = (*noticed, NOT_SIMULATED)
+    return replace(found, warnings=(*found.warnings, *noticed)) if noticed else found
 
 
 def _estimate(problem: Problem, method: Method, say: Progress) -> Identification:

@@ -410,6 +410,9 @@ METHODS: dict[str, Method] = {
     "oloe": OutputError("positions", loop="open"),
 }
 
+#: Methods that are taken where a log has no torque and nobody names others.
+WITHOUT_TORQUE: tuple[str, ...] = ("cloe",)
+
 
 def method_named(method: Method | str) -> Method:
     """A method, given itself or one of the names in ``METHODS``."""

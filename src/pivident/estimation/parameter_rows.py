@@ -11,6 +11,7 @@ from itertools import combinations
 import numpy as np
 
 from pivident.estimation.identification import Identification
+from pivident.logs.torque_scale import OUTPUT_UNIT, is_ratio
 
 #: Estimates further apart than this many combined standard errors contradict each other.
 CONTRADICTION = 3.0
@@ -63,6 +64,7 @@ def parameter_rows(
     columns = zip(
         identification.names,
         identification.parameters,
+        parameter_units(identification),
         identification.theta,
         identification.std,
         identification.robust_std,
@@ -77,12 +79,31 @@ def parameter_rows(
             std=float(std),
             robust_std=float(robust),
             relative_std=float(relative),
-            unit=parameter.unit,
+            unit=unit,
             expression=expression,
             truth=known.get(name.lower(), known.get(parameter.name.lower(), math.nan)),
         )
-        for name, parameter, value, std, robust, relative, expression in columns
+        for name, parameter, unit, value, std, robust, relative, expression in columns
     )
+
+
+def parameter_units(identification: Identification) -> tuple[str, ...]:
+    """Unit of each estimate: that of the parameter, over that of a drive gain nobody knows.
+
+    Args:
+        identification: the result.
+
+    Returns:
+        Such as ``kg m²``, or ``kg m²/(N m/output)``.
+    """
+    units = tuple(parameter.unit for parameter in identification.parameters)
+    if not is_ratio(identification.torque_scale):
+        return units
+    joints = identification.robot.joints
+    torques = (
+        "N m" if joints[p.joint].kind == "revolute" else "N" for p in identification.parameters
+    )
+    return tuple(f"{u}/({t}/{OUTPUT_UNIT})" for u, t in zip(units, torques, strict=True))
 
 
 def shown_std(identification: Identification) -> np.ndarray:

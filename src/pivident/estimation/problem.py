@@ -20,6 +20,9 @@ from pivident.dynamics.base_parameters import (
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import ExperimentError, IdentificationError, concerning
+from pivident.estimation.without_torque import scale_findings
+from pivident.logs.torque_scale import OUTPUT_UNIT, is_ratio
+from pivident.motion.law_torque import with_law_torque
 from pivident.motion.speed_limits import SpeedLimits
 from pivident.recording.checks import check_within_reach
 from pivident.recording.recording import Recording
@@ -47,7 +50,8 @@ class Problem:
     Attributes:
         robot: the robot; for torques of sensors behind the gears without its rotors and drives,
             see `Robot.with_link_torques`.
-        recordings: one run or several that share the parameters.
+        recordings: one run or several that share the parameters. Those without torque get that
+            of the loop's known control law.
         loop: the control loop, from which IV and PIV make their instruments; None: they take them
             from the record itself.
         parameters: names of the base parameters to estimate (with or without the trailing
@@ -88,6 +92,7 @@ class Problem:
                 check_within_reach("q_ref", recording.q_ref, self.robot)
         if self.loop is not None:
             self.loop.controller.check(self.robot.size)
+        self._complete_torques()
         if isinstance(self.mask, (int, float)) and not 0 <= self.mask < 1:
             raise ExperimentError(f"mask is a share of the rated speed, 0 to 1, not {self.mask}")
         base = base_parameters(self.robot)
@@ -115,6 +120,14 @@ class Problem:
                 raise ExperimentError(
                     f"{recording!r} is not a recording; load_recording reads one from a log"
                 )
+
+    def _complete_torques(self) -> None:
+        """The torque of the control law where none was logged, and what that leaves open."""
+        made = tuple(with_law_torque(self.robot, self.loop, r) for r in self.recordings)
+        open_ = scale_findings(self.loop, made)
+        findings = (*self.findings, *(f for f in open_ if f not in self.findings))
+        object.__setattr__(self, "recordings", made)
+        object.__setattr__(self, "findings", findings)
 
     base: BaseParameters = field(init=False, repr=False)
     selection: tuple[int, ...] = field(init=False, repr=False)
@@ -184,7 +197,9 @@ def _robot_of_torques(robot: Robot, recordings: Sequence[Recording]) -> Robot:
 
 
 def torque_units(problem: Problem) -> list[str]:
-    """N m or N, for each joint."""
+    """N m or N, for each joint; that of the controller's output where no drive gain is known."""
+    if any(is_ratio(recording.torque_scale) for recording in problem.recordings):
+        return [OUTPUT_UNIT] * problem.robot.size
     return ["N m" if j.kind == "revolute" else "N" for j in problem.robot.joints]
 
 

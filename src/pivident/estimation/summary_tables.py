@@ -127,7 +127,9 @@ def rows_line(identification: Identification) -> str:
     rows = f"Errors: over {error_rows(identification)}"
     if identification.is_decimated:
         return f"{rows}: low-passed and thinned, which takes most of the noise out of the torque"
-    return f"{rows}, with all the noise of the logged torque"
+    if all(r.torque_source == "measured" for r in identification.recordings):
+        return f"{rows}, with all the noise of the logged torque"
+    return f"{rows}, with the encoder noise that the control law answers to"
 
 
 def std_line(identifications: Sequence[Identification]) -> str:

@@ -30,16 +30,19 @@ from pathlib import Path
 from pivident.consistency.method_names import free_methods, made_consistent
 from pivident.consistency.options import ConsistencyOptions
 from pivident.errors import ExperimentError, IdentificationError
-from pivident.estimation.methods import METHODS, LeastSquares, Method
+from pivident.estimation.methods import METHODS, WITHOUT_TORQUE, LeastSquares, Method
 from pivident.estimation.problem import Problem
+from pivident.estimation.without_torque import needs_torques
 from pivident.experiment.consistency_table import consistency_of
 from pivident.experiment.explained import validated
 from pivident.experiment.method_keys import IdentifyEntry
 from pivident.experiment.method_table import method_of, takes_any_instruments
+from pivident.experiment.missing_torque import check_torque, is_without_torque
 from pivident.experiment.recording_tables import loop_of, one_by_one, recording_of
 from pivident.experiment.robot_table import FRICTION_KEYS, robot_of
 from pivident.experiment.schema import ExperimentFile
 from pivident.experiment.toml_file import errors_name, toml_content
+from pivident.motion.law_torque import with_law_torque
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
@@ -106,12 +109,23 @@ class Experiment:
         Raises:
             RecordingError: a file or its content cannot be used.
             DatasetUnavailable: a public record is not here and cannot be fetched.
+            ExperimentError: a log without torque, which does not follow from the control law.
         """
         read = []
         for number, entry in enumerate(self.content.validation.recording, start=1):
             with errors_name(self.path, f"[[validation.recording]] {number}:"):
-                read.append(recording_of(entry, self.robot, self.path.parent))
+                recording = recording_of(entry, self.robot, self.path.parent)
+                read.append(self._with_torque(recording))
         return tuple(read)
+
+    def _with_torque(self, recording: Recording) -> Recording:
+        """A recording with the torque of the known law, where it has none."""
+        law = self.content.controller
+        if recording.torque_source != "none":
+            return recording
+        known = law is not None and law.type != "identify" and law.source == "recorded"
+        loop = loop_of(law, self.robot, [recording])[1] if law is not None and known else None
+        return with_law_torque(self.robot, loop, recording)
 
     def problem(
         self,
@@ -130,6 +144,8 @@ class Experiment:
             RecordingError: a recording cannot be used.
         """
         say = progress or (lambda line: None)
+        with errors_name(self.path, ""):
+            check_torque(self.content)
         say(f"reading the robot {self.content.robot.model}")
         robot = self.robot
         if recordings is None:
@@ -159,7 +175,7 @@ class Experiment:
         Args:
             names: which; default: those of the file, of ``pc-piv`` and the like the method before
                 the stage, or else ``ls``, ``iv-full-rate`` and ``piv``, and with a controller also
-                ``iv``.
+                ``iv``; of logs without torque those of `WITHOUT_TORQUE`.
 
         Raises:
             ExperimentError: an unknown method, contradictory options, or a method that needs the
@@ -201,6 +217,8 @@ class Experiment:
 
     def _method_names(self) -> list[str]:
         """The file's methods, or the default ones."""
+        if is_without_torque(self.content):
+            return self.content.identify.methods or list(WITHOUT_TORQUE)
         loop = self.content.controller is not None
         default = ["ls", "iv", "iv-full-rate", "piv"] if loop else ["ls", "iv-full-rate", "piv"]
         return self.content.identify.methods or default
@@ -208,6 +226,14 @@ class Experiment:
     def _check_loop(self, name: str, method: Method) -> None:
         """Refuse a method that simulates the loop where controller or reference are missing."""
         controller = self.content.controller
+        if is_without_torque(self.content):  # whose law `problem` asks for, whatever the method
+            if needs_torques(method):
+                raise ExperimentError(
+                    f"the method {name!r} needs measured torques, but the log has none, and one "
+                    "computed from the control law holds nothing that the positions do not; use "
+                    f"{WITHOUT_TORQUE[0]}"
+                ).within("identify", "methods")
+            return
         if isinstance(method, LeastSquares):
             return
         if controller is None:

@@ -14,6 +14,7 @@ from pivident.drives.motor_temperature import (
     at_reference_temperature,
     identify_motor_temperature,
 )
+from pivident.errors import ExperimentError
 from pivident.experiment.experiment import Experiment
 from pivident.experiment.schema import ExperimentFile, GainsEntry, RecordingEntry
 from pivident.experiment.temperature import TEMPERATURE, with_temperature, without_temperature
@@ -22,6 +23,7 @@ from pivident.logs.units import COMMAND, TORQUE, factor_to_si
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.robot.naming import find_joint
+from pivident.simulation.controllers import UNKNOWN_GAIN
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,14 @@ def gains_of(
 ) -> GainsOfExperiment:
     """Drive gains of the records of an experiment file."""
     given, robot = experiment.content.gains, experiment.robot
+    for entry in (*experiment.content.recording, *given.recording):
+        if entry.is_without_torque:
+            with errors_name(experiment.path, "[gains]"):
+                raise ExperimentError(
+                    "drive gains follow from logged commands, but a recording has no column of "
+                    "tau; map it, or identify ratios to the gain: drive_gain = "
+                    f'"{UNKNOWN_GAIN}" under [controller], and one known mass gives it'
+                )
     complete = with_unit_gains(experiment)
     problem = complete.problem(progress)
     temperatures: tuple[MotorTemperature, ...] = ()

@@ -22,7 +22,7 @@ from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.robot.naming import near_names, nearest
 from pivident.simulation.control_loop import Loop
-from pivident.simulation.controllers import PID, Cascade, Controller
+from pivident.simulation.controllers import PID, UNKNOWN_GAIN, Cascade, Controller
 from pivident.simulation.virtual_pd import virtual_pd
 
 #: What `pivident excite` calls a design, and the log of its motion may lie beside.
@@ -151,7 +151,7 @@ def loop_of(
         law = virtual_pd(robot, posture, **given)
     elif entry.type != "identify":
         law = control_law(entry, n)
-    gain = _gains("drive_gain", entry.drive_gain, n)
+    gain = _gains("drive_gain", entry.gain, n)
     limit = np.full(n, np.inf) if entry.limit is None else _gains("limit", entry.limit, n)
     count = size_of_count("counts", entry.counts, robot)
     if law is None or entry.source == "reconstruct":
@@ -170,6 +170,7 @@ def loop_of(
         reference=entry.source,
         feed_forward=entry.feed_forward,
         count=count,
+        gain_known=entry.drive_gain != UNKNOWN_GAIN,
     )
 
 

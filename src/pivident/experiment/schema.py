@@ -16,7 +16,15 @@ from pivident.errors import ExperimentError
 from pivident.experiment.consistency_keys import ConsistencyEntry  # consistency
 from pivident.experiment.excite_keys import ExciteEntry  # excite
 from pivident.experiment.method_keys import IdentifyEntry
-from pivident.experiment.table_values import Folder, Interval, Names, Numbers, Paths, PerJoint
+from pivident.experiment.table_values import (
+    DriveGain,
+    Folder,
+    Interval,
+    Names,
+    Numbers,
+    Paths,
+    PerJoint,
+)
 from pivident.recording.recording import Saturation, TorqueTiming
 from pivident.robot.description import TorqueSide
 from pivident.robot.mdh_schema import Entry, FrictionTerms, Gravity, JointReference
@@ -100,7 +108,6 @@ class ColumnsEntry(UnitsEntry):
     """Where the channels are in the files; see `pivident.logs.channel_places`."""
 
     q: Any
-    tau: Any
 
 
 class RecordingEntry(Entry):
@@ -127,6 +134,11 @@ class RecordingEntry(Entry):
     allow_constant: bool | None = None
     part: Interval | None = None
     design: Annotated[str, Field(min_length=1)] | None = None
+
+    @property
+    def is_without_torque(self) -> bool:
+        """Whether no column is named for the torque; a public record has one."""
+        return self.columns is not None and self.columns.tau is None
 
     @model_validator(mode="after")
     def _one_source(self) -> RecordingEntry:
@@ -169,7 +181,7 @@ class ControllerEntry(Entry):
     derivative_time: NonNegativeFloat = 0.0
     averaged: bool = False
     speed_feed_forward: float = 0.0
-    drive_gain: Numbers = 1.0
+    drive_gain: DriveGain = 1.0
     limit: Numbers | None = None
     feed_forward: FeedForward = "none"
     counts: Numbers | None = None
@@ -198,6 +210,11 @@ class ControllerEntry(Entry):
                 'the control error; use "recorded" or "reconstruct"'
             ).about("reference")
         return self
+
+    @property
+    def gain(self) -> float | list[float]:
+        """Joint torque per unit of the output; 1 where it is not known."""
+        return 1.0 if isinstance(self.drive_gain, str) else self.drive_gain
 
     @property
     def source(self) -> Literal["recorded", "smoothed", "reconstruct"]:

@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field
 from pydantic.functional_validators import PlainValidator
 
+from pivident.simulation.controllers import UNKNOWN_GAIN
 from pivident.text.printable import is_printable
 
 
@@ -28,6 +29,10 @@ def _numbers(value: Any) -> Any:
     if _is_number(value) or (isinstance(value, list) and value and all(map(_is_number, value))):
         return value
     raise ValueError("must be a number for all joints, or a list with one number for each joint")
+
+
+def _drive_gain(value: Any) -> Any:
+    return value if value == UNKNOWN_GAIN else _numbers(value)
 
 
 def _cutoff(value: Any) -> Any:
@@ -116,6 +121,7 @@ def _below(folder: str) -> str:
 
 
 Numbers = Annotated[float | list[float], PlainValidator(_numbers)]
+DriveGain = Annotated[float | list[float] | Literal["unknown"], PlainValidator(_drive_gain)]
 PerJoint = Annotated[list[float] | dict[str, float], PlainValidator(_per_joint)]
 Paths = Annotated[str | dict[str, str], PlainValidator(_paths)]
 Mask = Annotated[Literal["auto"] | float, PlainValidator(_mask)]

@@ -61,7 +61,7 @@ def figure_of_friction(
                     ends = (curve.torque - 2.0 * curve.std, curve.torque + 2.0 * curve.std)
                     ax.fill_between(joint.speed, *ends, color=style["color"], alpha=0.2, lw=0)
                 ax.plot(joint.speed, curve.torque, label=plain(labels[curve.entry]), **style)
-            quantity = "torque" if joint.torque_unit == "N m" else "force"
+            quantity = "force" if joint.torque_unit == "N" else "torque"
             ax.set(
                 xlabel=f"speed [{joint.speed_unit}]",
                 ylabel=f"friction {quantity} [{joint.torque_unit}]",

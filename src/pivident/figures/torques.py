@@ -48,10 +48,10 @@ def figure_of_torques(
             tau, model = record.tau[:, j], record.tau_model[:, j]
             for start, stop in stretches(~np.asarray(record.used, dtype=bool)[:, j], t):
                 ax.axvspan(start, stop, color="#000000", alpha=0.07, linewidth=0)
-            draw_trace(ax, t, tau, label="measured", color=MEASURED, linewidth=1.8)
+            draw_trace(ax, t, tau, label=record.torque_label, color=MEASURED, linewidth=1.8)
             draw_trace(ax, t, model, label="reconstructed", color="#000000", linewidth=0.8)
             draw_trace(ax, t, tau - model, label="error", color=ERROR, linewidth=0.8, linestyle=":")
-            quantity = "torque" if fit.torque_unit == "N m" else "force"
+            quantity = "force" if fit.torque_unit == "N" else "torque"
             ax.set(ylabel=f"{quantity} [{fit.torque_unit}]", xlim=(0.0, float(t[-1])))
             ax.set_title(f"{plain(fit.name)}, relative error {percent(100 * fit.relative_error)}")
         legend_above(figure, axes[0], 3)

@@ -217,6 +217,7 @@ def identify_compliances(
     The link encoders are read together, so joints share their lag up to the viscous friction before
     the spring, which the spread of the lags covers. Inertias are on the joint side [kg m²].
     """
+    recording.require_torque("stiffness is identified")
 
     def one(joint: int, lag: tuple[float, float] | None) -> Compliance:
         return identify_compliance(

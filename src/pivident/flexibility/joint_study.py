@@ -45,7 +45,10 @@ def study_flexibility(
 
     Raises:
         IdentificationError: no recording has a link encoder or a reference.
+        RecordingError: one has no measured torque.
     """
+    for recording in recordings:
+        recording.require_torque("stiffness is identified")
     if all(r.q_link is None and r.q_ref is None for r in recordings):
         raise IdentificationError(
             "no recording has a link encoder (q_link) or a reference (q_ref); name the columns of "

@@ -85,6 +85,7 @@ def find_resonance(
     Raises:
         IdentificationError: there is no reference.
     """
+    recording.require_torque("a resonance is found")
     name = recording.joint_names[joint]
     if recording.q_ref is None:
         raise IdentificationError(

@@ -119,6 +119,7 @@ def identify_two_mass(
     Raises:
         IdentificationError: there is no link encoder, or the parameters are not identifiable.
     """
+    recording.require_torque("two masses are identified")
     if recording.q_link is None:
         raise IdentificationError(
             f"recording {recording.name!r} has no link encoder; name its columns as q_link, or use "

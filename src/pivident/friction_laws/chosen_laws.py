@@ -129,7 +129,7 @@ class LawChoice:
 
 def _constants(score: LawScore, torque_unit: str) -> str:
     """The free constants with their units."""
-    length = "rad" if torque_unit == "N m" else "m"
+    length = "m" if torque_unit == "N" else "rad"
     units = {"speed": f" {length}/s", "position": f" {length}", "angle": " rad"}
     parts = [
         f"{s.name.replace('_', ' ')} {format_significant(s.value)}{units.get(s.unit, '')}"

@@ -8,6 +8,9 @@ from typing import Any
 from pivident.errors import PividentError
 from pivident.logs.recognition.sureness import Sureness
 
+#: The answer to a question that nobody can answer.
+UNKNOWN = "unknown"
+
 
 class DraftError(PividentError):
     """A log or a robot of which no experiment file can be made."""
@@ -21,11 +24,15 @@ class Question:
         about: short name of what is asked, key of its answer.
         text: the question.
         choices: possible answers; empty where any positive number is one.
+        numbers: how many numbers are an answer, where it has no choices; one stands for all.
+        optional: whether `UNKNOWN` is an answer, too.
     """
 
     about: str
     text: str
     choices: tuple[str, ...] = ()
+    numbers: int = 1
+    optional: bool = False
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,14 @@ from typing import Any
 
 from pivident.init.assumption import Assumption, Question
 from pivident.init.clock_lines import clock_place
+from pivident.init.experiment_text import string_text
 from pivident.init.kept_joints import KeptJoints
 from pivident.init.torque_unit import Comparison, TorqueUnit
 from pivident.logs.bags.bag_table import OwnClock
 from pivident.logs.recognition.joint_columns import JointMap
 from pivident.logs.recognition.log_clock import LogClock
 from pivident.logs.recognition.position_units import AssumedUnits
+from pivident.text.lists import listed
 
 #: Time before and after the motion that is kept [s].
 MARGIN = 0.5
@@ -38,8 +40,11 @@ def window_line(
     return []
 
 
-def side_lines(torque: TorqueUnit, found: Comparison) -> list[Assumption]:
+def side_lines(torque: TorqueUnit | None, found: Comparison) -> list[Assumption]:
     """The side of the gear, and whether torques are those of motors or of sensors behind it."""
+    if torque is None:
+        seen = "positions are taken for those of the joints, a motor's over its gear ratio"
+        return [Assumption("recording", "side", "joint", "likely", seen, 'Or "motor".')]
     if torque.motor_side:
         value: Any = {"q": "joint", "tau": "motor"}
         return [Assumption("recording", "side", value, "likely", torque.seen, torque.correct)]
@@ -69,10 +74,15 @@ def column_lines(
     others: Mapping[str, OwnClock],
     besides: Mapping[str, Any],
     keys: Mapping[str, int],
+    like_torques: Sequence[str] = (),
 ) -> list[Assumption]:
-    """Where every channel is; ``besides``: unit and reason of those that are not needed."""
+    """Where every channel is; ``besides``: unit and reason of those that are not needed.
+
+    ``like_torques``: columns that read like torques, where none were recognised as those of joints.
+    """
     numbers = {number: key for key, number in keys.items()}
-    read = ["q", "tau", *besides]
+    has_torque = "tau" in joints.channels
+    read = ["q", "tau", *besides] if has_torque else ["q", *besides]
     lines = []
     if clock.column is not None:
         place: Any = clock_place(clock.column, others, read)
@@ -93,6 +103,13 @@ def column_lines(
             seen += f". Other series that could be meant begin with {', '.join(channel.others[:4])}"
         sure = joints.sure if name == "q" or joints.sure == "assumed" else "likely"
         lines.append(Assumption("recording.columns", name, value, sure, seen))
+    if not has_torque:
+        seen = "no column seems to hold torques or currents of the joints; name them if there are "
+        seen += "some. Without them the control law below gives the torque"
+        if like_torques:
+            seen += f". These read like torques: {listed(like_torques)}"
+        example = f"[{', '.join(string_text(f'tau_{j}') for j in kept.names)}]"
+        lines.append(Assumption("recording.columns", "tau", None, "likely", seen, example=example))
     speed = joints.channels.get("dq")
     if not {"q_ref", "dq_ref"} & besides.keys():
         seen = "no column follows the positions as their reference; name one if there is"
@@ -116,7 +133,7 @@ def unit_lines(
     clock: LogClock,
     unit: AssumedUnits,
     own: Sequence[int],
-    torque: TorqueUnit,
+    torque: TorqueUnit | None,
     besides: Mapping[str, tuple[Any, str]],
 ) -> list[Assumption]:
     """Unit of every channel."""
@@ -131,12 +148,13 @@ def unit_lines(
     lines.append(
         Assumption("recording.units", "q", mine.value, mine.sure, mine.seen, correct, question)
     )
-    lines.append(
-        Assumption(
-            "recording.units", "tau", torque.value, torque.sure, torque.seen, torque.correct,
-            torque.question,
-        )
-    )  # fmt: skip
+    if torque is not None:
+        lines.append(
+            Assumption(
+                "recording.units", "tau", torque.value, torque.sure, torque.seen, torque.correct,
+                torque.question,
+            )
+        )  # fmt: skip
     for name, (value, seen) in besides.items():
         lines.append(Assumption("recording.units", name, value, "likely", seen))
     return lines

@@ -2,17 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from pivident.init.assumption import Assumption
+from pivident.estimation.methods import WITHOUT_TORQUE
+from pivident.init.assumption import UNKNOWN, Answers, Assumption, Question
 
 if TYPE_CHECKING:
     from pivident.init.recording_lines import RecordingLines
     from pivident.init.trial import Findings
 
 
-def control_lines(found: RecordingLines, findings: Findings) -> list[Assumption]:
+#: Why those methods are taken where there is no torque.
+_POSITIONS = "no torque was logged: simulated positions are compared with the measured ones"
+
+#: Gains of the law that is asked for where there is no torque, and what they are.
+GAINS = {
+    "kp": "proportional gain kp, in N m/rad (N/m)",
+    "kd": "derivative gain kd, in N m s/rad (N s/m)",
+}
+
+
+def control_lines(found: RecordingLines, findings: Findings, answers: Answers) -> list[Assumption]:
     """Lines of ``[controller]``, ``[identify]`` and ``[validation]``."""
+    if not found.has_torque:
+        return [*_known_law(found, answers), *_methods(findings, WITHOUT_TORQUE, _POSITIONS)]
     lines: list[Assumption] = []
     law = law_to_try(found, findings)
     example = '"pd"\n# kp = [1000.0, 800.0]\n# kd = [50.0, 40.0]'
@@ -28,9 +42,15 @@ def control_lines(found: RecordingLines, findings: Findings) -> list[Assumption]
             reason = "the control law drives the motors, which torques behind the gears do not show"
         seen = f"{reason}: no loop is simulated, instruments come from the record itself"
         lines.append(Assumption("controller", "type", None, "likely", seen, example=example))
-    methods = [m for m in ("ls", "iv-full-rate", "piv") if m not in findings.failed]
     seen = "least squares beside instrumental variables, whose difference is the bias of the "
     seen += "loop; the verdict says which to take"
+    return lines + _methods(findings, ("ls", "iv-full-rate", "piv"), seen)
+
+
+def _methods(findings: Findings, names: Sequence[str], seen: str) -> list[Assumption]:
+    """Lines of ``[identify]`` and ``[validation]``: those of some methods that work."""
+    lines = []
+    methods = [m for m in names if m not in findings.failed]
     if findings.instruments:
         seen += f". Instruments: {findings.instruments}"
     if findings.failed:
@@ -41,6 +61,36 @@ def control_lines(found: RecordingLines, findings: Findings) -> list[Assumption]
         seen += "; 0: errors are those of the fitted motion"
         lines.append(Assumption("validation", "folds", findings.folds, "certain", seen))
     return lines
+
+
+def _known_law(found: RecordingLines, answers: Answers) -> list[Assumption]:
+    """Lines of the law that gives the torque that was not logged, as far as somebody knows it."""
+    seen = "no torque was logged, and the control law that was active gives it: its gains are the "
+    seen += "scale of all parameters, and nobody but you knows them"
+    correct = 'Or "pid" with ki, "cascade" with kp, kv and ki. Where the gains are not in N m (N): '
+    correct += 'drive_gain, the joint torque per unit of the output, or "unknown" for ratios.'
+    given = {key: _numbers(answers.get(key, "")) for key in GAINS}
+    if not all(given.values()):
+        known = UNKNOWN not in (answers.get(key) for key in GAINS)
+        question = next((k for k in GAINS if known and not given[k]), None)
+        example = '"pd"\n# kp = [1000.0, 800.0]\n# kd = [50.0, 40.0]\n# drive_gain = "unknown"'
+        asked = None
+        if question is not None:
+            text = f"No torque was logged; the control law gives it. What is its {GAINS[question]}?"
+            asked = Question(question, text, numbers=found.machine.size, optional=True)
+        return [Assumption("controller", "type", None, "likely", seen, correct, asked, example)]
+    lines = [Assumption("controller", "type", "pd", "assumed", f"{seen}; a PD law", correct)]
+    for key, values in given.items():
+        value = values[0] if len(values) == 1 else values
+        lines.append(Assumption("controller", key, value, "certain", "as answered"))
+    return lines
+
+
+def _numbers(answer: str) -> list[float]:
+    """The numbers of an answer, none where nobody knows."""
+    if answer == UNKNOWN:
+        return []
+    return [float(word) for word in answer.replace(",", " ").split()]
 
 
 def law_to_try(found: RecordingLines, findings: Findings) -> str | None:

@@ -91,7 +91,10 @@ def draft_experiment(
     findings = Findings()
     while True:
         say("trying the file")
-        lines = [*_robot_lines(machine, found, findings, out), *control_lines(found, findings)]
+        lines = [
+            *_robot_lines(machine, found, findings, out),
+            *control_lines(found, findings, answers or {}),
+        ]
         recordings = [_recording(run, found, findings, out, column_names) for run in runs]
         heading = HEADING.format(
             names=", ".join(f.shown for run in runs for f in run.files), file=out.name

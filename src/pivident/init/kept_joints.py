@@ -31,8 +31,8 @@ class KeptJoints:
 def kept_joints(
     run: Run, joints: JointMap, machine: RobotFile, wanted: Sequence[str]
 ) -> KeptJoints:
-    """Choose the joints that move and whose torque is a signal."""
-    q, tau = joints.channels["q"], joints.channels["tau"]
+    """Choose the joints that move and whose torque, where there is one, is a signal."""
+    q, tau = joints.channels["q"], joints.channels.get("tau")
     left_out: dict[str, str] = {}
     names = []
     for name in machine.joint_names:
@@ -51,7 +51,8 @@ def kept_joints(
         why = left_out.get(missing[0], "the log has no position of it")
         raise DraftError(f"joint {missing[0]!r} cannot be identified: {why}; leave it out")
     if not machine.is_urdf:
-        names = [n for n in machine.joint_names if n in q.columns and n in tau.columns]
+        names = [n for n in machine.joint_names if n in q.columns]
+        names = [n for n in names if tau is None or n in tau.columns]
         if len(names) < len(machine.joint_names):
             lacking = next(n for n in machine.joint_names if n not in names)
             raise DraftError(
@@ -61,6 +62,10 @@ def kept_joints(
         left_out = {}
     if not names:
         reasons = "; ".join(f"{name}: {reason}" for name, reason in left_out.items())
+        if tau is None:
+            raise DraftError(
+                f"no joint moves ({reasons or 'no joint is in the log'}); log a motion of them"
+            )
         raise DraftError(
             f"no joint both moves and has a torque signal ({reasons or 'no joint is in the log'});"
             " log a motion of the joints, check the files, or name the columns in an experiment "
@@ -73,8 +78,8 @@ def _reason(
     run: Run, joints: JointMap, name: str, position: np.ndarray, logged: Sequence[str]
 ) -> str:
     """Why a joint cannot be identified, or nothing."""
-    tau = joints.channels["tau"]
-    if name not in tau.columns:
+    tau = joints.channels.get("tau")
+    if tau is not None and name not in tau.columns:
         return "it has no torque column"
     ranges = [
         float(np.nanmax(v) - np.nanmin(v))
@@ -84,6 +89,8 @@ def _reason(
     finite = position[np.isfinite(position)]
     if not finite.size or np.ptp(finite) <= STILL * max(ranges) or is_noise(finite):
         return "it does not move"
+    if tau is None:
+        return ""
     useful, why = is_informative(tau.values(run, [name])[:, 0])
     return "" if useful else f"its torque is {why}"
 

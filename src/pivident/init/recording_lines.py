@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,14 @@ from pivident.init.kept_joints import KeptJoints, kept_joints
 from pivident.init.measured_speeds import measured_speeds
 from pivident.init.motion_window import motion_window
 from pivident.init.robot_file import RobotFile
-from pivident.init.torque_unit import Comparison, compare, torque_unit
+from pivident.init.torque_unit import (
+    Comparison,
+    TorqueUnit,
+    compare,
+    torque_unit,
+    without_torque,
+)
+from pivident.logs.recognition.channel_words import plain_channel
 from pivident.logs.recognition.joint_columns import ChannelColumns, JointMap, joint_map
 from pivident.logs.recognition.log_clock import LogClock, read_clock, speed_rate
 from pivident.logs.recognition.log_file import Run
@@ -55,18 +62,18 @@ class RecordingLines:
     file_keys: dict[str, int]  # number of each file in the run, by its key
     has_reference: bool  # whether a reference of the positions was found
     rate: float  # sampling rate [Hz]
-    comparison: Comparison  # torque and motion against the description
+    comparison: Comparison  # torque and motion against the description; empty without torque
     link_torques: bool  # whether the torques are those of sensors behind the gears
+    has_torque: bool = True  # whether a torque was found
 
 
 def recording_lines(
     run: Run, machine: RobotFile, wanted: tuple[str, ...], answers: Answers
 ) -> RecordingLines:
     """Everything that is assumed about one log."""
-    joints = joint_map(run, machine.joint_names)
-    for kind, called in (("q", "position"), ("tau", "torque")):
-        if kind not in joints.channels:
-            raise DraftError(_not_found(called, run))
+    joints = _of_its_joints(joint_map(run, machine.joint_names))
+    if "q" not in joints.channels:
+        raise DraftError(_not_found("position", run))
     kept = kept_joints(run, joints, machine, wanted)
     clock = _clock(run, joints, kept, answers)
     q = joints.channels["q"]
@@ -88,31 +95,36 @@ def recording_lines(
     frozen = _frozen(machine, logged, kept, si, clock, (first, last))
     robot = machine.robot(kept.names, {n: v for n, (v, _) in frozen.items()})
     window = _window(clock, first, last)
-    tau = joints.channels["tau"].values(run, kept.names)
-    named = next(iter(joints.channels["tau"].units.values()), None)
-    tau = tau * TORQUE.get(answers.get("unit of tau", named or ""), 1.0)
-    rows = rows & np.isfinite(tau).all(axis=1)
     rows &= (clock.seconds >= window[0]) & (clock.seconds <= window[1])
-    found = compare(robot, si[rows][:, own], tau[rows], clock.seconds[rows])
-    if found.angle_unit and unit.sure != "certain":
-        unit = _other_angle(unit)
-        si = raw * unit.factors(POSITION)
+    torque: TorqueUnit | None = None
+    found = without_torque(robot)
+    if (channel := joints.channels.get("tau")) is not None:
+        tau = channel.values(run, kept.names)
+        named = next(iter(channel.units.values()), None)
+        tau = tau * TORQUE.get(answers.get("unit of tau", named or ""), 1.0)
+        rows &= np.isfinite(tau).all(axis=1)
         found = compare(robot, si[rows][:, own], tau[rows], clock.seconds[rows])
-    channel = joints.channels["tau"]
-    torque = torque_unit(robot, found, named, channel.is_current, answers.get("unit of tau"))
+        if found.angle_unit and unit.sure != "certain":
+            unit = _other_angle(unit)
+            si = raw * unit.factors(POSITION)
+            found = compare(robot, si[rows][:, own], tau[rows], clock.seconds[rows])
+        torque = torque_unit(robot, found, named, channel.is_current, answers.get("unit of tau"))
     references = _references(run, joints, kept, si[:, own], clock, unit, own)
     speeds = measured_speeds(
         run, joints, kept, si[:, own], clock.seconds, rows, [unit.units[j] for j in own]
     )
+    if torque is None and "q_ref" not in references:
+        raise DraftError(_not_found("torque", run))
     besides = references | speeds
-    keys = _file_keys(run, joints, ("q", "tau", "q_ref", "dq_ref", *speeds))
-    used = ("tau", *besides)
+    logged_torque = () if torque is None else ("tau",)
+    keys = _file_keys(run, joints, ("q", *logged_torque, "q_ref", "dq_ref", *speeds))
+    used = (*logged_torque, *besides)
     others = {n: c for n in used if (c := joints.channels[n].own_clock(run)) is not None}
     lines = [
         *clock_lines(clock, others),
         *window_line(clock, window, still, (first, last)),
         *side_lines(torque, found),
-        *column_lines(joints, kept, clock, others, besides, keys),
+        *column_lines(joints, kept, clock, others, besides, keys, _like_torques(run)),
         *unit_lines(clock, unit, own, torque, besides),
     ]
     return RecordingLines(
@@ -123,8 +135,22 @@ def recording_lines(
         "q_ref" in references,
         clock.rate,
         found,
-        measures_link_torques(torque, found),
+        torque is not None and measures_link_torques(torque, found),
+        torque is not None,
     )
+
+
+def _of_its_joints(joints: JointMap) -> JointMap:
+    """The channels without a torque of other joints than those that have positions."""
+    q, tau = joints.channels.get("q"), joints.channels.get("tau")
+    if q is None or tau is None or set(q.columns) & set(tau.columns):
+        return joints
+    return replace(joints, channels={k: c for k, c in joints.channels.items() if k != "tau"})
+
+
+def _like_torques(run: Run) -> list[str]:
+    """Names of columns that read like torques, whatever they belong to."""
+    return [name for file in run.files for name in file.columns if plain_channel(name) == "tau"]
 
 
 def _not_found(what: str, run: Run) -> str:
@@ -135,6 +161,8 @@ def _not_found(what: str, run: Run) -> str:
     listed = ", ".join(names[:12]) + (f" and {len(names) - 12} more" if len(names) > 12 else "")
     near = nearest(what, names)
     hint = f"; {near}" if near.startswith("did you mean") else ""
+    if what == "torque":
+        hint += ", nor references of the positions, from which a known control law would give them"
     return (
         f"no column of {', '.join(file.shown for file in run.files)} seems to hold {what}s of "
         f"joints; there are {listed}{hint}. Rename the columns (q_1, tau_1 …), or write the "
@@ -205,8 +233,8 @@ def _joint_lines(
     """Which joints are identified."""
     if not machine.is_urdf:
         return []
-    seen = f"{joints.seen}; {len(kept.names)} of {len(machine.joint_names)} joints move and have a "
-    seen += "torque signal"
+    seen = f"{joints.seen}; {len(kept.names)} of {len(machine.joint_names)} joints move"
+    seen += " and have a torque signal" if "tau" in joints.channels else ""
     if kept.left_out:
         seen += ". Left out: " + ", ".join(f"{n} ({why})" for n, why in kept.left_out.items())
     correct = "The order is that of the columns below; remove a joint in both places."

@@ -76,6 +76,12 @@ class TorqueUnit:
     question: Question | None = None  # what to ask, where somebody may know better
 
 
+def without_torque(robot: Robot) -> Comparison:
+    """What a log without torque says against the description: nothing."""
+    nothing = np.full(robot.size, np.nan)
+    return Comparison(nothing, nothing, trouble="the log has no torque")
+
+
 def compare(robot: Robot, q: np.ndarray, tau: np.ndarray, seconds: np.ndarray) -> Comparison:
     """Hold torque and motion against the robot's description."""
     log = Log(

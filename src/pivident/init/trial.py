@@ -28,6 +28,7 @@ from pivident.estimation.methods import (
 from pivident.estimation.problem import Problem
 from pivident.experiment.experiment import Experiment
 from pivident.experiment.explained import validated
+from pivident.experiment.missing_torque import is_without_torque
 from pivident.experiment.recording_tables import log_of
 from pivident.friction.complete_sign import complete_sign
 from pivident.init.assumption import Assumption
@@ -100,7 +101,7 @@ def _try_methods(
             except PividentError as error:
                 return _stuck(known, error)
             explained = {joint.name: float(joint.relative_error) for joint in result.joints}
-            if known.friction is None:
+            if known.friction is None and isinstance(method, LeastSquares):
                 known = replace(known, friction=_friction(problem, method, result, say))
                 if known.friction:
                     return known
@@ -108,6 +109,9 @@ def _try_methods(
     if timing is not None:
         return replace(known, recording=(*known.recording, timing))
     loops = [m for m in experiment.methods() if m != "ls"]
+    if is_without_torque(experiment.content) and set(loops) <= set(failed):
+        text = f"pivident identify ends with: {next(failed[m] for m in loops)}"
+        return replace(known, troubles=(*known.troubles, text), settled=True)
     if experiment.content.controller is not None and set(loops) <= set(failed):
         reason = next(failed[m] for m in loops)
         return replace(known, law_failed=f"the identified law does not carry the loop ({reason})")

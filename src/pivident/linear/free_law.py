@@ -89,6 +89,7 @@ def identify_free_law(
         ExperimentError: no reference, or orders above two.
         IdentificationError: samples are saturated and the method cannot leave them out.
     """
+    recording.require_torque("a control law is identified")
     if recording.q_ref is None:
         raise ExperimentError(
             f"recording {recording.name!r} has no reference q_ref, from which the control error "

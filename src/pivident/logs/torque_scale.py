@@ -6,7 +6,9 @@ leaves all parameters in units of the log. Who writes such a number says so besi
 
     tau = {unit = "A", gain = 11.4, scale = "masses"}    # or "assumed"
 
-The mark is a part of the unit, so that a gain of one's own takes its place.
+The mark is a part of the unit, so that a gain of one's own takes its place. A torque that was not
+logged, but computed from the control law, has the unit of the law's output where nobody knows the
+drive gain.
 """
 
 from __future__ import annotations
@@ -18,6 +20,12 @@ from typing import Any
 #: What a scale may rest on, other than on somebody's word.
 MASSES, ASSUMED = "masses", "assumed"
 BASES = (MASSES, ASSUMED)
+
+#: On nothing: the torque is the output of a control law whose drive gain is not known.
+OUTPUT = "output"
+
+#: Its unit.
+OUTPUT_UNIT = "output"
 
 #: What earlier versions wrote for an assumed scale; such files are read all the same.
 EARLIER = {"guessed": ASSUMED}
@@ -36,7 +44,7 @@ class TorqueScale:
 
     joint: str
     unit: str  # unit of the log, such as ``A`` or ``command``
-    basis: str  # ``masses`` (of the robot's description) or ``assumed``
+    basis: str  # ``masses`` (of the robot's description), ``assumed`` or ``output``
 
 
 def torque_scales(spec: Any, joint_names: Sequence[str]) -> tuple[TorqueScale, ...]:
@@ -47,6 +55,24 @@ def torque_scales(spec: Any, joint_names: Sequence[str]) -> tuple[TorqueScale, .
         for joint, unit in zip(joint_names, listed, strict=False)
         if isinstance(unit, Mapping) and "scale" in unit
     )
+
+
+def is_ratio(scales: Sequence[TorqueScale]) -> bool:
+    """Whether parameters are ratios to a drive gain that nobody knows.
+
+    Args:
+        scales: of the torques that they were identified from.
+    """
+    return any(s.basis == OUTPUT for s in scales)
+
+
+def marked_scales(scales: Sequence[TorqueScale]) -> list[TorqueScale]:
+    """Scales that a unit of the log marks, without those of a control law's output.
+
+    Args:
+        scales: of the torques; what the others mean is said with the law.
+    """
+    return [s for s in scales if s.basis != OUTPUT]
 
 
 def scale_sentences(scales: Sequence[TorqueScale]) -> tuple[str, ...]:
@@ -67,11 +93,22 @@ def scale_sentences(scales: Sequence[TorqueScale]) -> tuple[str, ...]:
             "masses of the robot's description: parameters are as wrong as these, whatever their "
             "intervals say; torque errors in per cent hold."
         )
-    return (*found[:-1], f"{found[-1]} {_ENTER}.") if found else ()
+    found = [*found[:-1], f"{found[-1]} {_ENTER}."] if found else []
+    if output := [s for s in dict.fromkeys(scales) if s.basis == OUTPUT]:
+        found.append(
+            f"The torque of {_joints(output)} is in units of the controller's output, since the "
+            "drive gain is not known: every parameter is a ratio to the drive gain, the same for "
+            "all joints. Ratios between parameters hold, their sizes in SI units are not known. "
+            "Write drive_gain, the joint torque per unit of the output, under [controller]; one "
+            "known mass or inertia gives it as that value over its estimate."
+        )
+    return tuple(found)
 
 
 def scale_headline(scales: Sequence[TorqueScale]) -> str:
     """The same in a few words; empty where all scales are verified."""
+    if is_ratio(scales):
+        return "Parameters are ratios to the drive gain, which is not known."
     if any(s.basis == ASSUMED for s in scales):
         return "Parameters are in units of the logged torque; its scale to N m is an assumption."
     if scales:

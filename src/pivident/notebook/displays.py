@@ -81,7 +81,7 @@ def recording_html(recording: Recording, units: tuple[tuple[str, str], ...] = ()
 
     ``units`` are those of position and torque of each joint, where the robot is known.
     """
-    rows = []
+    rows, known = [], recording.torque_source != "none"
     for j, name in enumerate(recording.joint_names):
         q, tau = recording.q[:, j], recording.tau[:, j]
         rows.append(
@@ -89,8 +89,8 @@ def recording_html(recording: Recording, units: tuple[tuple[str, str], ...] = ()
                 "name": name,
                 "low": format_significant(float(q.min())),
                 "high": format_significant(float(q.max())),
-                "rms": format_significant(float(np.sqrt(np.mean(tau**2)))),
-                "peak": format_significant(float(np.abs(tau).max())),
+                "rms": format_significant(float(np.sqrt(np.mean(tau**2)))) if known else "–",
+                "peak": format_significant(float(np.abs(tau).max())) if known else "–",
                 "units": units[j] if units else ("rad or m", "N m or N"),
                 "curve": _curve(q),
             }

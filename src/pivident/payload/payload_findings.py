@@ -97,6 +97,11 @@ def scale_sentence(recordings: Sequence[Recording]) -> str:
     Args:
         recordings: with the load.
     """
+    if any(not r.has_torque for r in recordings) and all(not r.torque_scale for r in recordings):
+        return (
+            "No torque was logged: the mass has the scale of the declared gains of the control "
+            "law. If these are all 1 % too large, so is the mass, and it does not show here."
+        )
     if scales := [s for r in recordings for s in r.torque_scale]:
         return " ".join(scale_sentences(scales))
     specs = [r.reading.get("units", {}).get("tau") for r in recordings]

@@ -1,6 +1,6 @@
 """Logs for a prediction, read as an experiment file says, or as those of the result were.
 
-A log without torque is read as well: its torque is a stand-in of zeros, and nothing is compared.
+A log without torque is read as well, and nothing is compared.
 """
 
 from __future__ import annotations
@@ -10,14 +10,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from pivident.errors import RecordingError, UnknownColumn
 from pivident.experiment.experiment import Experiment, load_experiment
 from pivident.experiment.recording_tables import reading_of
 from pivident.experiment.toml_file import errors_name
 from pivident.logs.bare_log import bare_log
-from pivident.logs.log import Log
 from pivident.logs.read_log import read_log
 from pivident.prediction.stored_results import StoredResult, check_same_joints
 from pivident.recording.load import OF_LOGGER, load_recording, recording_from
@@ -36,13 +33,11 @@ class NewLog:
     """A recording for a prediction.
 
     Attributes:
-        recording: positions and torque, SI, joint side.
-        has_torque: whether the torque was measured.
+        recording: positions and, where it was measured, torque, SI, joint side.
         note: how the log was read, a sentence.
     """
 
     recording: Recording
-    has_torque: bool
     note: str
 
 
@@ -109,14 +104,18 @@ def _read(files: Any, reading: Mapping[str, Any], robot: Robot, note: str) -> Ne
     """A log by the arguments of `load_recording`; without its torque where it has none."""
     known = dict(reading) | {"robot": robot} | _channels(reading, CHANNELS)
     try:
-        return NewLog(load_recording(files, **known, **LENIENT), True, note)
+        found = NewLog(load_recording(files, **known, **LENIENT), note)
+        if found.recording.has_torque:
+            return found
+        missing = " No column of its torque is named: nothing is compared."
+        return replace(found, note=note + missing)
     except UnknownColumn as error:
         if error.place != ("columns", "tau") or _has_some_torque(files, known):
             raise
         missing = f" It has no torque (no {error.column}): nothing is compared."
     known |= _channels(reading, ("q",))
     log = read_log(files, **{k: v for k, v in known.items() if k not in OF_LOGGER})
-    return NewLog(_without_torque(log), False, note + missing)
+    return NewLog(recording_from(log, **LENIENT), note + missing)
 
 
 def _channels(reading: Mapping[str, Any], names: tuple[str, ...]) -> dict[str, dict[str, Any]]:
@@ -145,16 +144,6 @@ def _has_some_torque(files: Any, known: Mapping[str, Any]) -> bool:
     return False
 
 
-def _without_torque(log: Log) -> Recording:
-    """A recording whose torque is a stand-in of zeros."""
-    stand_in = np.zeros_like(log.logged["q"])
-    clocks = dict(log.own_clocks)
-    if "q" in clocks:
-        clocks["tau"] = replace(clocks["q"], channel="tau", values=stand_in)
-    log = replace(log, logged=log.logged | {"tau": stand_in}, own_clocks=clocks)
-    return recording_from(log, **LENIENT)
-
-
 def _bare(path: Path, robot: Robot) -> NewLog:
     """A log of which nothing is known but the names of its columns."""
     log = bare_log(path, robot)
@@ -170,7 +159,6 @@ def _bare(path: Path, robot: Robot) -> NewLog:
         described = replace(log.description, units={"t": "s"}, clock=clock)
         log = replace(log, columns=log.clocks, description=described)
     note = " ".join(log.notes)
-    if "tau" in log.logged:
-        return NewLog(recording_from(log, **LENIENT), True, note)
-    note += " No torque was recognised: nothing is compared."
-    return NewLog(_without_torque(log), False, note.strip())
+    if "tau" not in log.logged:
+        note = f"{note} No torque was recognised: nothing is compared.".strip()
+    return NewLog(recording_from(log, **LENIENT), note)

@@ -48,7 +48,7 @@ def predict(
     Args:
         result: what predicts: an `Identification`, a `ConsistentModel` or a `RunnableModel`.
         recording: of the same robot, SI, joint side; it may be one that was fitted.
-        compare: whether its torque was measured; False: a stand-in that nothing is compared with.
+        compare: whether its torque is compared; one that was not measured never is.
         held_out: errors of the result on held-out motion, to compare with.
         fitted: range of the fitted motion; None: that of the result, where it is known.
 
@@ -69,7 +69,10 @@ def predict(
     recording = _of_robot(robot.joint_names, recording)
     judge = Judge(recording)
     k = judge.kinematics
-    problem = Problem(robot, (recording,))
+    compare = compare and recording.has_torque
+    # a motion alone needs no control law that its torque would follow from
+    moved = replace(recording, torque_source="measured", allow_constant=True, saturation="allow")
+    problem = Problem(robot, (recording if recording.has_torque else moved,))
     start, stop = moving_part(problem, k)
     model = torque(k.q.T, k.dq.T, k.ddq.T)
     residual = k.tau.T - model

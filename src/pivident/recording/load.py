@@ -66,9 +66,10 @@ def load_recording(
         files: the log's file, or several by key; a file whose key is a channel's name holds that
             channel (``{"q": "positions.csv", "tau": "currents.csv"}``).
             A ROS 2 bag is a folder, or a file like a ROS 1 bag.
-        columns: columns of ``q`` and ``tau``, and of ``q_ref``, ``dq_ref``, ``ddq_ref``, ``t``,
-            ``q_link`` (encoders behind the gear), ``dq`` (measured speeds, of use where their noise
-            is not that of the positions) where they were logged, in the notation of
+        columns: columns of ``q``, and of ``tau`` (without it see `Recording.torque_source`),
+            ``q_ref``, ``dq_ref``, ``ddq_ref``, ``t``, ``q_link`` (encoders behind the gear), ``dq``
+            (measured speeds, of use where their noise is not that of the positions) where they
+            were logged, in the notation of
             `pivident.logs.channel_places`; known inputs by name under ``inputs``. ``t`` is one
             column for all channels, or a table with one for each channel that has a clock of its
             own; channels from a bag have the stamps of their messages without it.
@@ -170,7 +171,7 @@ def _recording(
             checks.check_shape(channel, values, (len(own), len(joint_names)))
             checks.check_finite(channel, values, joint_names)
     # Limits are judged on the log itself: couplings and interpolation would blur them.
-    if options.get("saturation", "refuse") == "refuse":
+    if "tau" in logged and options.get("saturation", "refuse") == "refuse":
         moving = beside_torque(logged, clocked)
         checks.check_not_saturated("tau", logged["tau"], moving, joint_names)
 
@@ -186,6 +187,8 @@ def _recording(
     for values in logged.values():
         values.flags.writeable = False  # the recording then keeps it instead of a copy
     content: dict[str, Any] = {key: logged[key] for key in CHANNELS if key in logged}
+    if "tau" not in logged:
+        content |= {"tau": np.zeros_like(logged["q"]), "torque_source": "none"}
     content["inputs"] = {
         key.removeprefix("inputs."): logged[key] for key in logged if key not in CHANNELS
     }
@@ -210,12 +213,11 @@ def _check_arguments(columns: Any, units: Any, robot: Any, options: Mapping[str,
         raise RecordingError(
             f"columns are given for {unknown[0]!r}; channels are {', '.join(CHANNELS)}, t, inputs"
         )
-    for needed in ("q", "tau"):
-        if needed not in columns:
-            raise RecordingError(f"no columns are given for {needed}; name those that hold it")
+    if "q" not in columns:
+        raise RecordingError("no columns are given for q; name those that hold it")
     if robot is not None and not isinstance(robot, Robot):
         raise RecordingError(f"robot is {robot!r}; give a Robot, such as load_robot({robot!r})")
-    made_here = {*CHANNELS, "inputs", "sources", "slowed", "reading"}
+    made_here = {*CHANNELS, "inputs", "sources", "slowed", "reading", "torque_source"}
     known = {field.name for field in fields(Recording)} - made_here
     for name in options:
         if name not in known:

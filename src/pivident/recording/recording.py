@@ -41,6 +41,18 @@ TIMING_WORDS = {
     "sampled": "the value at its instant",
 }
 
+#: Where the joint torques come from, see `Recording.torque_source`.
+TorqueSource = Literal["measured", "law", "none"]
+
+#: The same in sentences, for torques that were not measured.
+SOURCE_SENTENCES = {
+    "law": (
+        "No torque was logged: it is what the control law with the declared gains commands at the "
+        "recorded positions."
+    ),
+    "none": "No torque was logged.",
+}
+
 #: What to do with a torque that is cut off at a limit.
 Saturation = Literal["refuse", "allow"]
 
@@ -84,6 +96,10 @@ class Recording:
             columns can be read; empty where the recording was not read from a log.
         torque_side: ``motor``: torques of the motors, on the joint side; ``link``: of sensors
             behind the gears, which feel neither rotors nor the friction of the drives.
+        torque_source: ``measured``: the log holds a torque; ``law``: it does not, and ``tau`` is
+            what the control law commands at the recorded positions, see
+            `pivident.motion.law_torque`; ``none``: it does not, and ``tau`` is zero until a
+            `Problem` with the known law computes it.
 
     Raises:
         ShapeMismatch: a channel is not (samples, joints).
@@ -119,6 +135,7 @@ class Recording:
     torque_scale: tuple[TorqueScale, ...] = field(default=(), kw_only=True)
     reading: dict[str, Any] = field(default_factory=dict, kw_only=True, repr=False)
     torque_side: TorqueSide = field(default="motor", kw_only=True)
+    torque_source: TorqueSource = field(default="measured", kw_only=True)
 
     def __post_init__(self) -> None:
         settle = object.__setattr__
@@ -141,13 +158,17 @@ class Recording:
             raise RecordingError(
                 f"recording {self.name!r}: joint names {self.joint_names} are missing or repeated"
             )
-        for channel, values in self.channels().items():
+        channels = {"tau": self.tau} | self.channels()
+        for channel, values in channels.items():
             checks.check_shape(channel, values, (*self.q.shape[:1], self.joints))
         timestamps.check_length(self.samples)
-        for channel, values in self.channels().items():
+        for channel, values in channels.items():
             checks.check_finite(channel, values, self.joint_names)
         if not self.allow_constant:
             checks.check_changing("q", self.q, self.joint_names)
+        if self.torque_source != "measured":
+            return  # a law is constant and cut off where it commands so
+        if not self.allow_constant:
             checks.check_changing("tau", self.tau, self.joint_names)
         if self.saturation == "refuse":
             checks.check_not_saturated("tau", self.tau, self.q, self.joint_names)
@@ -179,6 +200,7 @@ class Recording:
             ("torque_timing", TorqueTiming),
             ("saturation", Saturation),
             ("torque_side", TorqueSide),
+            ("torque_source", TorqueSource),
         ):
             if getattr(self, name) not in get_args(choices):
                 raise RecordingError(
@@ -188,9 +210,11 @@ class Recording:
 
     def __repr__(self) -> str:
         joints = f"{self.joints} joint{'s' * (self.joints != 1)}"
+        law = {"tau": "tau by the control law"} if self.torque_source == "law" else {}
+        named = [law.get(name, name) for name in self.channels()]
         return (
             f"<Recording {self.name!r}: {self.samples} samples of {joints} at {self.rate:.6g} Hz, "
-            f"{self.duration:.4g} s, channels {', '.join(self.channels())}>"
+            f"{self.duration:.4g} s, channels {', '.join(named)}>"
         )
 
     def _repr_html_(self) -> str:
@@ -199,7 +223,29 @@ class Recording:
     def channels(self) -> dict[str, np.ndarray]:
         """All arrays that are there, by name: q, tau, references, then inputs."""
         named = {channel: getattr(self, channel) for channel in CHANNELS}
+        if self.torque_source == "none":
+            del named["tau"]
         return {key: values for key, values in named.items() if values is not None} | self.inputs
+
+    @property
+    def has_torque(self) -> bool:
+        """Whether a torque was measured."""
+        return self.torque_source == "measured"
+
+    def require_torque(self, purpose: str) -> None:
+        """Refuse what only a measured torque can tell.
+
+        Args:
+            purpose: what needs it, the beginning of a sentence such as ``drive gains are found``.
+
+        Raises:
+            RecordingError: the torque was not measured.
+        """
+        if not self.has_torque:
+            raise RecordingError(
+                f"recording {self.name!r} has no measured torque, and {purpose} from one; map the "
+                "column of tau"
+            ).about("columns", "tau")
 
     @property
     def samples(self) -> int:
@@ -232,8 +278,11 @@ class Recording:
         sentences = [
             f"{self.samples} samples at {self.rate:.6g} Hz, control loop at "
             f"{self.control_rate:.6g} Hz.",
-            f"A torque sample is {TIMING_WORDS[self.torque_timing]}.",
         ]
+        if self.torque_source != "measured":
+            sentences.append(SOURCE_SENTENCES[self.torque_source])
+        if self.torque_source != "none":
+            sentences.append(f"A torque sample is {TIMING_WORDS[self.torque_timing]}.")
         if self.torque_side == "link":
             sentences.append("The torques are those of sensors behind the gears.")
         if self.delay:
@@ -306,7 +355,7 @@ class Recording:
     def from_arrays(
         cls,
         q: ArrayLike,
-        tau: ArrayLike,
+        tau: ArrayLike | None,
         rate: float,
         *,
         joint_names: Sequence[str] | None = None,
@@ -319,7 +368,7 @@ class Recording:
 
         Args:
             q: joint positions, shape (samples, joints) or (samples,) [rad or m].
-            tau: joint torques, likewise [N m or N].
+            tau: joint torques, likewise [N m or N]; None: none were logged, see `torque_source`.
             rate: sampling rate [Hz].
             joint_names: names of the joints in the order of the columns; ``joint_1`` … where they
                 are not given. For `Problem` they are those of the robot.
@@ -344,6 +393,9 @@ class Recording:
                 raise RecordingError(
                     f"a recording has no option {option!r}; {nearest(option, known)}"
                 )
+        if tau is None:
+            tau = np.zeros(np.shape(q))
+            options["torque_source"] = "none"
         inputs = options.pop("inputs", {})
         channels = {key: options.pop(key) for key in CHANNELS if options.get(key) is not None}
         channels = {key: _column(key, x) for key, x in ({"q": q, "tau": tau} | channels).items()}

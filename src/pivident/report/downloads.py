@@ -23,13 +23,14 @@ MAX_NUMBERS = 30_000
 #: A part of a file's name is not longer than this.
 MAX_STEM = 60
 
-#: Signals of a joint in a table: heading, unit (of the position {p}, of the torque {t}), attribute.
+#: Signals of a joint in a table: heading (of a torque {m}, measured or computed), unit (of the
+#: position {p}, of the torque {t}), attribute.
 SIGNALS = (
     ("measured position", "{p}", "q_measured"),
     ("position", "{p}", "q"),
     ("speed", "{p}/s", "dq"),
     ("acceleration", "{p}/s²", "ddq"),
-    ("measured torque", "{t}", "tau"),
+    ("{m} torque", "{t}", "tau"),
     ("model torque", "{t}", "tau_model"),
 )
 
@@ -98,13 +99,15 @@ def signal_step(identification: Identification, recordings: Sequence[FittedRecor
 
 def signals_csv(identification: Identification, recording: FittedRecording, step: int = 1) -> str:
     """Signals as the estimator saw them, one row per instant; numbers not finite are left empty."""
+    origin = "measured" if recording.torque_source == "measured" else "commanded"
     heads, columns = ["time [s]"], [recording.t[::step]]
     for j, (joint, fit) in enumerate(
         zip(identification.robot.joints, identification.joints, strict=True)
     ):
         for words, unit, attribute in SIGNALS:
             shown = unit.format(p=joint.position_unit, t=fit.torque_unit)
-            heads.append(f"{joint.name} {words} [{shown}]")
+            named = words.format(m=origin)
+            heads.append(f"{joint.name} {named} [{shown}]")
             columns.append(np.asarray(getattr(recording, attribute), dtype=float)[::step, j])
         heads.append(f"{joint.name} used [0 or 1]")
         columns.append(np.asarray(recording.used, dtype=float)[::step, j])

@@ -57,12 +57,15 @@ def colour(method: int) -> str:
 def torque_figure(
     identification: Identification, recording: FittedRecording, joint: int, method: int, points: int
 ) -> Figure:
-    """Measured and reconstructed torque of one joint, and their difference."""
+    """Measured, or commanded, and reconstructed torque of one joint, and their difference."""
     fit = identification.joints[joint]
+    origin = "Measured" if recording.torque_source == "measured" else "Commanded"
     measured, model = recording.tau[:, joint], recording.tau_model[:, joint]
     t = _time(recording)
     plot = _torque_plot(fit.torque_unit)
-    plot.data += _compared(t, measured, model, points, "reconstructed", colour(method))
+    plot.data += _compared(
+        t, measured, model, points, "reconstructed", colour(method), recording.torque_label
+    )
     _shade(plot, _excluded(recording, joint), t)
     error = f"relative error {percent(100.0 * fit.relative_error)}"
     rms = f"rms error {format_significant(fit.rms_error)} {fit.torque_unit}"
@@ -70,7 +73,7 @@ def torque_figure(
         plot,
         height=250,
         title=fit.name,
-        label=f"Measured and reconstructed torque of {fit.name} over "
+        label=f"{origin} and reconstructed torque of {fit.name} over "
         f"{format_significant(t[-1])} s: {error}, {rms}",
         note=f"{error}, {rms}",
         recording=recording.name,
@@ -283,11 +286,17 @@ def _line(
 
 
 def _compared(
-    t: np.ndarray, measured: np.ndarray, model: np.ndarray, points: int, name: str, own: str
+    t: np.ndarray,
+    measured: np.ndarray,
+    model: np.ndarray,
+    points: int,
+    name: str,
+    own: str,
+    label: str = "measured",
 ) -> list[Trace]:
     """What was measured, what a model makes of it, and the error, as three lines."""
     return [
-        _line(t, measured, points, "measured", MEASURED, width=2.4),
+        _line(t, measured, points, label, MEASURED, width=2.4),
         _line(t, model, points, name, own, width=1.2),
         _line(t, measured - model, points, "error", ERROR, width=1.0),
     ]

@@ -7,7 +7,7 @@ needs of that is stated here as protocols; ``pivident.control_law`` holds the cl
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol, get_args
 
 import numpy as np
@@ -90,6 +90,8 @@ class Loop:
     Attributes:
         controller: the sampled control law.
         drive_gain: joint torque per controller output, shape (joints,) or a scalar.
+        gain_known: whether the drive gain is known; where it is not, 1 stands for it, and
+            parameters from a log without torque are ratios to it.
         limit: largest controller output, shape (joints,) or a scalar; infinite without one.
         reference: ``recorded``: the log holds q_ref; ``smoothed``: it does not, and the
             smoothed measurement takes its place. Such a loop is virtual: it only has to carry
@@ -117,6 +119,7 @@ class Loop:
     feedback: tuple[Any, ...] = ()
     reconstructed: tuple[FoundReference, ...] = ()
     notes: tuple[str, ...] = ()
+    gain_known: bool = field(default=True, kw_only=True)
 
     def __post_init__(self) -> None:
         if not hasattr(self.controller, "law"):

@@ -28,6 +28,9 @@ Gains = np.ndarray | Sequence[float] | float
 #: inverse dynamics of the reference.
 FeedForward = Literal["none", "gravity", "gravity_measured", "computed_torque"]
 
+#: What stands for a drive gain that nobody knows.
+UNKNOWN_GAIN = "unknown"
+
 TAPS = 3  # B, A and W have at most second order
 
 #: Masses of a law that does not compensate gravity.

@@ -10,9 +10,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from pivident.estimation.methods import Method
+from pivident.estimation.methods import WITHOUT_TORQUE, Method
 from pivident.experiment.experiment import Experiment
 from pivident.experiment.explained import checked, plain_form
+from pivident.experiment.missing_torque import is_without_torque
 from pivident.experiment.temperature import with_temperature
 from pivident.experiment.toml_file import errors_name, toml_content
 from pivident.many.fleet.fleet_schema import FleetEntry, FleetFile, as_template
@@ -56,10 +57,15 @@ class Template:
 
     @property
     def method_name(self) -> str:
-        """Short name of the method: that of the table, ``piv`` with a controller, else ``ls``."""
+        """Short name of the method: that of the table, ``piv`` with a controller, else ``ls``.
+
+        Of logs without torque that of `WITHOUT_TORQUE`.
+        """
         named = self.content.identify.methods
         if self.fleet.method is None and named and len(named) == 1:
             return named[0]
+        if self.fleet.method is None and is_without_torque(self.content):
+            return WITHOUT_TORQUE[0]
         return self.fleet.method or ("ls" if self.content.controller is None else "piv")
 
     @cached_property

@@ -103,7 +103,7 @@ def turn_figure(joint: JointRipple, angle: int = 0) -> Figure | None:
         x=position, y=total, mode="lines", name="sum",
         line={"color": METHOD_COLOURS[0], "width": 2.0},
     )  # fmt: skip
-    unit = "rad" if joint.unit == "N m" else "m"
+    unit = "m" if joint.unit == "N" else "rad"
     plot.x_axis(f"{over.name} [{unit}]")
     what = "one revolution of the motor" if gears else "one period of the slowest line"
     height = format_significant(float(np.ptp(total)))
