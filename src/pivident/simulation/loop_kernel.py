@@ -186,7 +186,7 @@ def run_loop(
         constants, constant_slope = tangent.friction, tangent.friction_slope
         before_step, old, curvature = tangent.before, tangent.clock, tangent.curvature
         by_position, by_speed, of_mass = tangent.by_position, tangent.by_speed, tangent.of_mass
-        links, body, decay = tangent.links, tangent.body, tangent.decay
+        links, body = tangent.links, tangent.body
     # the torque of ``late`` samples ago comes a part of a period after the sample
     late = int(delay * rate + 1e-9)
     waiting = max(delay - late * period, 0.0)
@@ -280,7 +280,7 @@ def run_loop(
                 if tangent is not None:
                     record_tangent(own, of_commanded, record, row, late + 1 if before else late)
             if tangent is not None:
-                if turn == steps and waiting == 0.0:
+                if turn == steps and waiting == 0.0 and old[DELAYED] != 0.0:
                     switch_tangent(
                         pair_index, pair_value, vectors, matrices, slopes, commanded, late,
                         own, of_slopes, times, curvature,
@@ -334,6 +334,6 @@ def run_loop(
                             term_index, term_value, pair_index, pair_value,
                             vectors, matrices, slopes, torque, step, old[DELAYED] != 0.0,
                             own, layers, times, of_slopes, constants, constant_slope, before_step,
-                            curvature, decay,
+                            curvature,
                         )  # fmt: skip
     return DONE, -1, -1

@@ -50,11 +50,13 @@ from pivident.simulation.integration import (
     V,
     slope_times,
 )
+from pivident.simulation.row_sums import add_rows
 
 # Rows of ``vectors`` of a tangent, shape (TANGENT_ROWS, joints, directions); those of Q, V,
 # FRICTION, BIAS and LAST_BIAS are the rows of the simulation itself, the others scratch.
 TANGENT_ROWS = 24
 _READ, _U, _GROWTH, _SUM = rows(8, 9, 10, 11)
+(STILL_TANGENT,) = rows(23)  # zeros
 
 # Scratch rows of the simulation's ``vectors``, free between the steps.
 _JUMP, _BRAKED = rows(9, 10)
@@ -106,7 +108,6 @@ class LoopTangent(NamedTuple):
     by_position: np.ndarray  # ∂h/∂q, (joints, joints)
     by_speed: np.ndarray  # ∂h/∂dq, (joints, joints)
     of_mass: np.ndarray  # ∂M/∂q, (joints, joints, joints)
-    decay: np.ndarray  # M⁻¹ D, scratch, (joints, joints)
     weight_slope: np.ndarray  # ∂g/∂q of the law's gravity, (joints, joints)
     links: np.ndarray  # scratch of ``rigid_body_slopes``, (joints, LINK)
     body: np.ndarray  # likewise, (2 joints, 10)
@@ -125,15 +126,17 @@ def read_tangent(parent, prismatic, gravity, masses, place, vectors, encoder, sl
     for j in range(n):
         for d in range(directions):
             vectors[_READ, j, d] = vectors[Q, j, d] + encoder[j, d]
-            vectors[_SUM, j, d] = 0.0
     if masses.shape[0] > 0:
         gravity_slopes(parent, prismatic, gravity, masses, place, slopes)
         for j in range(n):
-            for k in range(n):
-                slope = slopes[j, k]
-                if slope != 0.0:
-                    for d in range(directions):
-                        vectors[_SUM, j, d] += slope * vectors[_READ, k, d]
+            add_rows(
+                vectors, _SUM * n + j, vectors, STILL_TANGENT * n, 1.0, slopes, j * n, n,
+                vectors, _READ * n, 1,
+            )  # fmt: skip
+    else:
+        for j in range(n):
+            for d in range(directions):
+                vectors[_SUM, j, d] = 0.0
 
 
 @_inline
@@ -148,61 +151,59 @@ def law_tangent(
     the integrator was given, whether the output is free, and whether the integrator moved, shape
     (joints, 3).
     """
-    directions = vectors.shape[2]
-    for j in range(vectors.shape[1]):
-        # short loops of few arrays: only such ones are compiled to vector instructions
-        for m in range(1, TAPS):
-            if pole[j, m] != 0.0:
-                for d in range(directions):
-                    vectors[_READ, j, d] -= pole[j, m] * past_tangent[j, m - 1, d]
-        for e in range(index.shape[0]):
-            if index[e, 0] == j:
-                for m in range(1, TAPS):
-                    vectors[_READ, j, index[e, 1]] -= slope[e, OF_POLE + m] * past[j, m]
-        for d in range(directions):
-            w = vectors[_READ, j, d]
-            vectors[_U, j, d] = vectors[_SUM, j, d] + integral[j, d] - feedback[j, 0] * w
-            vectors[_GROWTH, j, d] = -integral_gain[j] * period * integrand[j, 0] * w
-        for m in range(1, TAPS):
-            if feedback[j, m] != 0.0:
-                for d in range(directions):
-                    vectors[_U, j, d] -= feedback[j, m] * past_tangent[j, m - 1, d]
-            growth = integral_gain[j] * period * integrand[j, m]
-            if growth != 0.0:
-                for d in range(directions):
-                    vectors[_GROWTH, j, d] -= growth * past_tangent[j, m - 1, d]
+    n, directions = vectors.shape[1], vectors.shape[2]
+    for m in range(late + 1, 0, -1):
+        for j in range(n):
+            for d in range(directions):
+                commanded[m, j, d] = commanded[m - 1, j, d]
+    for j in range(n):
+        add_rows(
+            vectors, _READ * n + j, vectors, _READ * n + j, -1.0, pole, j * TAPS + 1, TAPS - 1,
+            past_tangent, j * TAPS, 1,
+        )  # fmt: skip
         for m in range(TAPS - 1, 0, -1):
             for d in range(directions):
                 past_tangent[j, m, d] = past_tangent[j, m - 1, d]
         for d in range(directions):
             past_tangent[j, 0, d] = vectors[_READ, j, d]
-        for e in range(index.shape[0]):
-            if index[e, 0] != j:
-                continue
-            d = index[e, 1]
-            u, summed = reference[0, k, e], reference[1, k, e]
-            for m in range(TAPS):
-                u -= slope[e, OF_FEEDBACK + m] * past[j, m]
-                summed -= slope[e, OF_INTEGRAND + m] * past[j, m]
-            vectors[_U, j, d] += u + slope[e, OF_INPUTS] * inputs[given, j]
-            vectors[_GROWTH, j, d] += period * (
-                integral_gain[j] * summed
-                + slope[e, OF_INTEGRAL_GAIN] * (integrand_reference[k, j] - passed[j, 0])
-            )
-        for m in range(late + 1, 0, -1):
-            for d in range(directions):
-                commanded[m, j, d] = commanded[m - 1, j, d]
+            vectors[_U, j, d] = vectors[_SUM, j, d] + integral[j, d]
+    for e in range(index.shape[0]):
+        j, d = index[e, 0], index[e, 1]
+        for m in range(1, TAPS):
+            past_tangent[j, 0, d] -= slope[e, OF_POLE + m] * past[j, m]
+    for j in range(n):
+        add_rows(
+            vectors, _U * n + j, vectors, _U * n + j, -1.0, feedback, j * TAPS, TAPS,
+            past_tangent, j * TAPS, 1,
+        )  # fmt: skip
+        add_rows(
+            vectors, _GROWTH * n + j, vectors, STILL_TANGENT * n + j, -integral_gain[j] * period,
+            integrand, j * TAPS, TAPS if integral_gain[j] != 0.0 else 0, past_tangent, j * TAPS, 1,
+        )  # fmt: skip
+    for e in range(index.shape[0]):
+        j, d = index[e, 0], index[e, 1]
+        u, summed = reference[0, k, e], reference[1, k, e]
+        for m in range(TAPS):
+            u -= slope[e, OF_FEEDBACK + m] * past[j, m]
+            summed -= slope[e, OF_INTEGRAND + m] * past[j, m]
+        vectors[_U, j, d] += u + slope[e, OF_INPUTS] * inputs[given, j]
+        vectors[_GROWTH, j, d] += period * (
+            integral_gain[j] * summed
+            + slope[e, OF_INTEGRAL_GAIN] * (integrand_reference[k, j] - passed[j, 0])
+        )
+    for j in range(n):
         gain = gains[j] if passed[j, 1] > 0.0 else 0.0
         for d in range(directions):
             commanded[0, j, d] = gain * (vectors[_U, j, d] + vectors[_GROWTH, j, d])
         if passed[j, 2] > 0.0 and integral_gain[j] != 0.0:
             for d in range(directions):
                 integral[j, d] += vectors[_GROWTH, j, d]
-        for e in range(index.shape[0]):
-            if index[e, 0] == j:
-                commanded[0, j, index[e, 1]] += slope[e, OF_DRIVE_GAIN] * command[j]
-        if k == 0:
-            for m in range(1, late + 2):
+    for e in range(index.shape[0]):
+        j = index[e, 0]
+        commanded[0, j, index[e, 1]] += slope[e, OF_DRIVE_GAIN] * command[j]
+    if k == 0:
+        for m in range(1, late + 2):
+            for j in range(n):
                 for d in range(directions):
                     commanded[m, j, d] = commanded[0, j, d]
 
@@ -213,7 +214,9 @@ def record_tangent(vectors, commanded, record, row, which):
     for j in range(vectors.shape[1]):
         for d in range(vectors.shape[2]):
             record[0, row, j, d] = vectors[Q, j, d]
+        for d in range(vectors.shape[2]):
             record[1, row, j, d] = vectors[V, j, d]
+        for d in range(vectors.shape[2]):
             record[2, row, j, d] = commanded[which, j, d]
 
 
@@ -263,13 +266,13 @@ def evaluate_tangent(
     move_links(parent, gravity, vectors[V], vectors[STILL], links, body)
     torque_slopes(parent, gravity, links, body, by_position, by_speed)
     for i in range(n):
+        bias = BIAS * n + i
         for d in range(directions):
-            own[LAST_BIAS, i, d], own[BIAS, i, d] = own[BIAS, i, d], 0.0
-        for j in range(n):
-            a, b = by_position[i, j], by_speed[i, j]
-            if a != 0.0 or b != 0.0:
-                for d in range(directions):
-                    own[BIAS, i, d] += a * own[Q, j, d] + b * own[V, j, d]
+            own[LAST_BIAS, i, d] = own[BIAS, i, d]
+        add_rows(
+            own, bias, own, STILL_TANGENT * n, 1.0, by_position, i * n, n, own, Q * n, 1
+        )
+        add_rows(own, bias, own, bias, 1.0, by_speed, i * n, n, own, V * n, 1)
     inertial_columns(parent, inertial, links, own[BIAS])
     if clock[STEPS] == 0.0:
         _renew(
@@ -296,16 +299,14 @@ def _renew(
 ):  # fmt: skip
     """Tangents of M⁻¹ and of its rate where the simulation has computed M⁻¹ anew."""
     n, directions = vectors.shape[1], vectors.shape[2]
+    mass, middle = _MASS_TANGENT * n * n, MIDDLE_TANGENT * n * n  # rows before their first ones
     mass_slopes(parent, links, body, of_mass)
     for j in range(n):
         for i in range(j + 1):
-            for d in range(directions):
-                own[_MASS_TANGENT, j, i, d] = 0.0
-            for k in range(n):
-                slope = of_mass[j, i, k]
-                if slope != 0.0:
-                    for d in range(directions):
-                        own[_MASS_TANGENT, j, i, d] += slope * vectors[Q, k, d]
+            add_rows(
+                own, mass + j * n + i, vectors, STILL_TANGENT * n, 1.0, of_mass, (j * n + i) * n, n,
+                vectors, Q * n, 1,
+            )  # fmt: skip
     inertial_masses(parent, inertial, links, own[_MASS_TANGENT])
     for e in range(rotor.shape[0]):
         own[_MASS_TANGENT, rotor[e, 0], rotor[e, 1], rotor[e, 2]] += rotor_slope[e]
@@ -316,30 +317,32 @@ def _renew(
     # the first factor of M⁻¹ δM M⁻¹ into the layer of the middle, which is made anew in each step
     for i in range(n):
         for j in range(n):
-            for d in range(directions):
-                own[MIDDLE_TANGENT, i, j, d] = 0.0
-            for k in range(n):
-                a = matrices[INVERSE, i, k]
-                for d in range(directions):
-                    own[MIDDLE_TANGENT, i, j, d] += a * own[_MASS_TANGENT, k, j, d]
-    since = old[SINCE_BEFORE] + clock[LAST_STEP]
-    known = clock[RENEWALS] > 1.0 and since > 0.0
+            add_rows(
+                own, middle + i * n + j, vectors, STILL_TANGENT * n, 1.0,
+                matrices, (INVERSE * n + i) * n, n, own, mass + j, n,
+            )  # fmt: skip
     for i in range(n):
-        for j in range(i + 1):
-            for d in range(directions):
-                own[_MASS_TANGENT, i, j, d] = 0.0
-            for k in range(n):
-                a = matrices[INVERSE, k, j]
+        for j in range(n):
+            add_rows(
+                own, mass + i * n + j, vectors, STILL_TANGENT * n, -1.0,
+                matrices, (INVERSE * n + j) * n, n, own, middle + i * n, 1,
+            )  # fmt: skip
+    since = old[SINCE_BEFORE] + clock[LAST_STEP]
+    if clock[RENEWALS] > 1.0 and since > 0.0:
+        rate = 1.0 / since
+        for i in range(n):
+            for j in range(n):
                 for d in range(directions):
-                    own[_MASS_TANGENT, i, j, d] -= a * own[MIDDLE_TANGENT, i, k, d]
+                    own[CHANGE_TANGENT, i, j, d] = rate * (
+                        own[_MASS_TANGENT, i, j, d] - own[RENEWED_TANGENT, i, j, d]
+                    )
+                if old[DELAYED] != 0.0:
+                    change = rate * matrices[CHANGE, i, j]
+                    for d in range(directions):
+                        own[CHANGE_TANGENT, i, j, d] -= change * times[SINCE_TANGENT, d]
+    for i in range(n):
+        for j in range(n):
             for d in range(directions):
-                fresh = own[_MASS_TANGENT, i, j, d]
-                if known:
-                    change = fresh - own[RENEWED_TANGENT, i, j, d]
-                    change -= matrices[CHANGE, i, j] * times[SINCE_TANGENT, d]
-                    own[CHANGE_TANGENT, i, j, d] = change / since
-                    own[CHANGE_TANGENT, j, i, d] = change / since
-                own[RENEWED_TANGENT, i, j, d] = fresh
-                own[RENEWED_TANGENT, j, i, d] = fresh
+                own[RENEWED_TANGENT, i, j, d] = own[_MASS_TANGENT, i, j, d]
     for d in range(directions):
         times[SINCE_TANGENT, d] = 0.0

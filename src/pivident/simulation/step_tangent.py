@@ -47,16 +47,17 @@ from pivident.simulation.loop_tangent import (
     SINCE_TANGENT,
     SLOPE_BEFORE,
     SPEED_BEFORE,
+    STILL_TANGENT,
 )
+from pivident.simulation.row_sums import add_rows
 
 # Scratch rows of the simulation's ``vectors``, as the step that was taken has left them.
 _A0, _A, _Y, _Z, _W, _AHEAD, _REST, _NET = rows(9, 10, 11, 13, 14, 15, 16, 18)
 
-# Scratch rows of the tangents' ``vectors``, and one of zeros.
+# Scratch rows of the tangents' ``vectors``.
 _NET_T, _A0_T, _A_T, _Y_T, _X_T, _Z_T, _W_T, _AHEAD_T, _REST_T = rows(
     11, 12, 13, 14, 15, 16, 17, 18, 19
 )
-(STILL_TANGENT,) = rows(23)
 
 #: Row of ``slopes`` that holds those at the start of the step.
 (_WAS,) = rows(2)
@@ -70,71 +71,17 @@ def product_tangent(matrices, vectors, x, own, layers, of_x, scale, rate, times,
     """
     n, directions = own.shape[1], own.shape[2]
     for i in range(n):
-        for d in range(directions):
-            own[out, i, d] = own[base, i, d]
-        moved = 0.0
-        for j in range(n):
-            m, z = scale * matrices[MIDDLE, i, j], scale * vectors[x, j]
-            moved += matrices[MIDDLE, i, j] * vectors[x, j]
-            for d in range(directions):
-                own[out, i, d] -= m * own[of_x, j, d] + z * layers[MIDDLE_TANGENT, i, j, d]
+        inverse, row = (MIDDLE * n + i) * n, out * n + i
+        add_rows(
+            own, row, own, base * n + i, -scale, matrices, inverse, n, own, of_x * n, 1
+        )
+        add_rows(
+            own, row, own, row, -scale, vectors, x * n, n, layers, (MIDDLE_TANGENT * n + i) * n, 1
+        )
         if rate != 0.0:
-            moved *= rate
-            for d in range(directions):
-                own[out, i, d] -= moved * times[LENGTH, d]
-
-
-@_inline
-def _fill_decay(pair_index, pair_value, matrices, slopes, row, decay):
-    """K = M⁻¹ D, D the slopes of friction in a row of ``slopes``."""
-    n = decay.shape[0]
-    for i in range(n):
-        for j in range(n):
-            decay[i, j] = matrices[MIDDLE, i, j] * slopes[row, j]
-        for k in range(pair_index.shape[0]):
-            a, b = pair_index[k, 0], pair_index[k, 1]
-            ratio, viscous = pair_value[k, 0], pair_value[k, 0] * pair_value[k, 1]
-            dry = slopes[row, n + k] * (matrices[MIDDLE, i, a] + ratio * matrices[MIDDLE, i, b])
-            decay[i, a] += dry + viscous * matrices[MIDDLE, i, b]
-            decay[i, b] += ratio * dry + viscous * matrices[MIDDLE, i, a]
-
-
-@_inline
-def _damped_tangent(
-    pair_index, pair_value, matrices, decay, vectors, z, w, own, layers, of_slopes, of_w,
-    scale, rate, times, base, out,
-):  # fmt: skip
-    """Tangent of base - scale · M⁻¹ D w, z = D w: K δw + M⁻¹ δD w + δM⁻¹ z, rows of ``own``.
-
-    ``rate``: as for ``product_tangent``.
-    """
-    n, couplings, directions = own.shape[1], pair_index.shape[0], own.shape[2]
-    for i in range(n):
-        for d in range(directions):
-            own[out, i, d] = own[base, i, d]
-        moved = 0.0
-        for j in range(n):
-            a, b = scale * decay[i, j], scale * vectors[z, j]
-            c = scale * matrices[MIDDLE, i, j] * vectors[w, j]
-            moved += matrices[MIDDLE, i, j] * vectors[z, j]
-            for d in range(directions):
-                own[out, i, d] -= (
-                    a * own[of_w, j, d]
-                    + b * layers[MIDDLE_TANGENT, i, j, d]
-                    + c * of_slopes[NOW, j, d]
-                )
-        for k in range(couplings):
-            motor, joint, ratio = pair_index[k, 0], pair_index[k, 1], pair_value[k, 0]
-            a = matrices[MIDDLE, i, motor] + ratio * matrices[MIDDLE, i, joint]
-            a *= scale * (vectors[w, motor] + ratio * vectors[w, joint])
-            b = matrices[MIDDLE, i, motor] * vectors[w, joint]
-            b = scale * ratio * (b + matrices[MIDDLE, i, joint] * vectors[w, motor])
-            for d in range(directions):
-                own[out, i, d] -= (
-                    a * of_slopes[NOW, n + k, d] + b * of_slopes[NOW, n + couplings + k, d]
-                )
-        if rate != 0.0:
-            moved *= rate
+            moved = 0.0
+            for j in range(n):
+                moved += rate * matrices[MIDDLE, i, j] * vectors[x, j]
             for d in range(directions):
                 own[out, i, d] -= moved * times[LENGTH, d]
 
@@ -167,20 +114,17 @@ def freeze_tangent(
                 own[_NET_T, i, d] -= weight * stretch * change
     middle = old[SINCE_BEFORE] + 0.5 * h
     for i in range(n):
-        for j in range(i + 1):
+        for j in range(n):
             for d in range(directions):
-                between = (
+                layers[MIDDLE_TANGENT, i, j, d] = (
                     layers[RENEWED_TANGENT, i, j, d] + middle * layers[CHANGE_TANGENT, i, j, d]
                 )
-                layers[MIDDLE_TANGENT, i, j, d] = between
-                layers[MIDDLE_TANGENT, j, i, d] = between
             if timed:
                 change = matrices[CHANGE, i, j]
                 for d in range(directions):
-                    more = change * (times[SINCE_TANGENT, d] + 0.5 * times[LENGTH, d])
-                    layers[MIDDLE_TANGENT, i, j, d] += more
-                    if i != j:
-                        layers[MIDDLE_TANGENT, j, i, d] += more
+                    layers[MIDDLE_TANGENT, i, j, d] += change * (
+                        times[SINCE_TANGENT, d] + 0.5 * times[LENGTH, d]
+                    )
     for d in range(directions):
         times[SINCE_TANGENT, d] += times[LENGTH, d]
         times[LAST_TANGENT, d] = times[LENGTH, d]
@@ -189,7 +133,7 @@ def freeze_tangent(
 @_inline
 def linear_tangent(
     term_index, term_value, pair_index, pair_value, vectors, matrices, slopes, torque, h, timed,
-    own, layers, times, of_slopes, constants, constant_slope, before, curvature, decay,
+    own, layers, times, of_slopes, constants, constant_slope, before, curvature,
 ):  # fmt: skip
     """Carry the tangents over the linear step that ``integration.advance`` has just taken.
 
@@ -205,7 +149,7 @@ def linear_tangent(
     )
     _taylor_tangent(
         pair_index, pair_value, vectors, matrices, slopes, h, timed, own, layers, of_slopes, times,
-        before, decay,
+        before,
     )  # fmt: skip
     slope_times_tangent(
         pair_index, pair_value, slopes, _WAS, of_slopes, NOW, vectors, _Y, own, _Y_T, _Z_T
@@ -246,33 +190,32 @@ def linear_tangent(
 @_inline
 def _taylor_tangent(
     pair_index, pair_value, vectors, matrices, slopes, h, timed, own, layers, of_slopes, times,
-    before, decay,
+    before,
 ):  # fmt: skip
     """Tangents of the changes y of speed and x of position, by the polynomial of the step."""
     n, directions = own.shape[1], own.shape[2]
     stiffness = damping_rate(pair_index, pair_value, matrices, slopes, _WAS)
     count = int(np.ceil(min(max(stiffness * h / STIFFNESS_PER_STEP, 1e-3), MAX_INNER_STEPS)))
     step = h / count
-    _fill_decay(pair_index, pair_value, matrices, slopes, _WAS, decay)
     for i in range(n):
         vectors[_Y, i], vectors[_A, i] = 0.0, vectors[_A0, i]
         for d in range(directions):
-            own[_Y_T, i, d], own[_X_T, i, d], own[_A_T, i, d] = 0.0, 0.0, own[_A0_T, i, d]
+            own[_Y_T, i, d], own[_X_T, i, d] = 0.0, 0.0
+    of_a = _A0_T
     for s in range(count):
         for i in range(n):
             vectors[_W, i] = vectors[_A, i]
-            for d in range(directions):
-                own[_W_T, i, d] = own[_A_T, i, d]
+        of_w = of_a
         for order in range(4, 1, -1):
             slope_times(pair_index, pair_value, slopes, _WAS, vectors, _W, _Z)
-            # into the row _Z_T and back, because the old one is read until the last joint is done
-            _damped_tangent(
-                pair_index, pair_value, matrices, decay, vectors, _Z, _W, own, layers, of_slopes,
-                _W_T, step / order, 1.0 / (order * count) if timed else 0.0, times, _A_T, _Z_T,
+            slope_times_tangent(
+                pair_index, pair_value, slopes, _WAS, of_slopes, NOW, vectors, _W, own, of_w, _Z_T
+            )
+            product_tangent(
+                matrices, vectors, _Z, own, layers, _Z_T, step / order,
+                1.0 / (order * count) if timed else 0.0, times, of_a, _W_T,
             )  # fmt: skip
-            for i in range(n):
-                for d in range(directions):
-                    own[_W_T, i, d] = own[_Z_T, i, d]
+            of_w = _W_T
             subtract_product(matrices, vectors, _Z, step / order, _A, _W)
             if order == 3:
                 for i in range(n):
@@ -293,11 +236,14 @@ def _taylor_tangent(
             vectors[_Y, i] += step * vectors[_W, i]
         if s < count - 1:
             slope_times(pair_index, pair_value, slopes, _WAS, vectors, _Y, _Z)
-            _damped_tangent(
-                pair_index, pair_value, matrices, decay, vectors, _Z, _Y, own, layers, of_slopes,
-                _Y_T, 1.0, 0.0, times, _A0_T, _A_T,
-            )  # fmt: skip
+            slope_times_tangent(
+                pair_index, pair_value, slopes, _WAS, of_slopes, NOW, vectors, _Y, own, _Y_T, _Z_T
+            )
+            product_tangent(
+                matrices, vectors, _Z, own, layers, _Z_T, 1.0, 0.0, times, _A0_T, _A_T
+            )
             subtract_product(matrices, vectors, _Z, 1.0, _A0, _A)
+            of_a = _A_T
 
 
 @inner

@@ -38,6 +38,7 @@ from pivident.simulation.loop_tangent import (
     TIMES,
     LoopTangent,
 )
+from pivident.simulation.row_sums import row_array
 
 #: Samples of a block: their tangents stay in the processor's cache.
 TANGENT_BLOCK = 128
@@ -123,7 +124,8 @@ def tangent_blocks(
     ):
         q, dq, ddq, tau, command = channels
         motion = Trajectory(float(loop.signals.rate), q, dq, ddq, tau, command, states)
-        yield TangentBlock(span, motion, *tangent.record[:, : span.stop - span.start])
+        record = tangent.record[:, : span.stop - span.start, :, : len(directions)]
+        yield TangentBlock(span, motion, *record)
 
 
 def has_compiled_tangents(loop: ParametrisedLoop, model: Model | None = None) -> bool:
@@ -168,8 +170,8 @@ def _initial_tangent(
     q_ref = np.asarray(signals.q_ref, float)
     law = loop.controller.law(float(signals.rate), q_ref, dq_ref)
     entries = _LawEntries(len(q_ref))
-    encoder, past = np.zeros((n, count)), np.zeros((n, TAPS, count))
-    vectors, times = np.zeros((TANGENT_ROWS, n, count)), np.zeros((TIMES, count))
+    encoder, past = row_array(n, count), row_array(n, TAPS, count)
+    vectors, times = row_array(TANGENT_ROWS, n, count), row_array(TIMES, count)
     total = law.pole.sum(axis=1)
     inverse = np.divide(1.0, total, out=np.zeros(n), where=total != 0.0)
     for d, direction in enumerate(directions):
@@ -192,7 +194,7 @@ def _initial_tangent(
         elif direction.kind == "initial_speed":
             vectors[V, direction.joint, d] = 1.0
     tables = _ModelEntries(loop, directions)
-    slopes = np.zeros((2, n + 2 * couplings, count))
+    slopes = row_array(2, n + 2 * couplings, count)
     for (_, table, row, column, d), weight in tables.friction:
         if table == PAIR and column == 1:
             slopes[:, n + couplings + row, d] += weight
@@ -202,11 +204,11 @@ def _initial_tangent(
     links, body = slope_scratch(n)
     return LoopTangent(
         vectors=vectors,
-        matrices=np.zeros((MATRIX_LAYERS, n, n, count)),
+        matrices=row_array(MATRIX_LAYERS, n, n, count),
         slopes=slopes,
         times=times,
-        commanded=np.zeros((late + 2, n, count)),
-        integral=np.zeros((n, count)),
+        commanded=row_array(late + 2, n, count),
+        integral=row_array(n, count),
         past=past,
         passed=np.zeros((n, 3)),
         encoder=encoder,
@@ -224,11 +226,10 @@ def _initial_tangent(
         by_position=np.zeros((n, n)),
         by_speed=np.zeros((n, n)),
         of_mass=np.zeros((n, n, n)),
-        decay=np.zeros((n, n)),
         weight_slope=np.zeros((n, n)),
         links=links,
         body=body,
-        record=np.zeros((3, block, n, count)),
+        record=row_array(3, block, n, count),
     )
 
 
