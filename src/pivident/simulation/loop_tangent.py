@@ -90,7 +90,7 @@ class LoopTangent(NamedTuple):
     times: np.ndarray  # (TIMES, directions)
     commanded: np.ndarray  # (samples of delay + 2, joints, directions)
     integral: np.ndarray  # (joints, directions)
-    past: np.ndarray  # (joints, TAPS, directions)
+    past: np.ndarray  # (TAPS, joints, directions)
     passed: np.ndarray  # scratch of ``law_tangent``, (joints, 3)
     encoder: np.ndarray  # of what the law reads beside the position, (joints, directions)
     law_index: np.ndarray  # joint and direction of a parameter of the law, (entries, 2)
@@ -116,16 +116,16 @@ class LoopTangent(NamedTuple):
 
 
 @_inline
-def read_tangent(parent, prismatic, gravity, masses, place, vectors, encoder, slopes):
+def read_tangent(parent, prismatic, gravity, masses, place, vectors, flat, encoder, slopes):
     """Tangents of what the law reads, and of the gravity that it compensates.
 
     Counts of the encoder are passed over: in the mean what the law reads changes as the position.
-    ``place``: poses of the links as the law reads them.
+    ``place``: poses of the links as the law reads them; ``flat``: ``vectors`` with joints and
+    directions on one axis, so that one loop passes through them, here and below.
     """
-    n, directions = encoder.shape
-    for j in range(n):
-        for d in range(directions):
-            vectors[_READ, j, d] = vectors[Q, j, d] + encoder[j, d]
+    n = vectors.shape[1]
+    for c in range(flat.shape[1]):
+        flat[_READ, c] = flat[Q, c] + encoder[c]
     if masses.shape[0] > 0:
         gravity_slopes(parent, prismatic, gravity, masses, place, slopes)
         for j in range(n):
@@ -134,16 +134,15 @@ def read_tangent(parent, prismatic, gravity, masses, place, vectors, encoder, sl
                 vectors, _READ * n, 1,
             )  # fmt: skip
     else:
-        for j in range(n):
-            for d in range(directions):
-                vectors[_SUM, j, d] = 0.0
+        for c in range(flat.shape[1]):
+            flat[_SUM, c] = 0.0
 
 
 @_inline
 def law_tangent(
     feedback, pole, integrand, integral_gain, integrand_reference, past, period, gains, inputs,
-    command, k, given, late, passed, vectors, past_tangent, integral, commanded, reference,
-    index, slope,
+    command, k, given, late, passed, vectors, flat, past_tangent, flat_past, integral, commanded,
+    flat_commanded, reference, index, slope,
 ):  # fmt: skip
     """Tangents of the control laws at sample ``k``, after their filters have moved on.
 
@@ -151,35 +150,39 @@ def law_tangent(
     the integrator was given, whether the output is free, and whether the integrator moved, shape
     (joints, 3).
     """
-    n, directions = vectors.shape[1], vectors.shape[2]
+    n, directions, width = vectors.shape[1], vectors.shape[2], flat.shape[1]
     for m in range(late + 1, 0, -1):
-        for j in range(n):
-            for d in range(directions):
-                commanded[m, j, d] = commanded[m - 1, j, d]
+        for c in range(width):
+            flat_commanded[m, c] = flat_commanded[m - 1, c]
     for j in range(n):
         add_rows(
             vectors, _READ * n + j, vectors, _READ * n + j, -1.0, pole, j * TAPS + 1, TAPS - 1,
-            past_tangent, j * TAPS, 1,
+            past_tangent, j, n,
         )  # fmt: skip
-        for m in range(TAPS - 1, 0, -1):
-            for d in range(directions):
-                past_tangent[j, m, d] = past_tangent[j, m - 1, d]
-        for d in range(directions):
-            past_tangent[j, 0, d] = vectors[_READ, j, d]
-            vectors[_U, j, d] = vectors[_SUM, j, d] + integral[j, d]
+    for m in range(TAPS - 1, 0, -1):
+        for c in range(width):
+            flat_past[m, c] = flat_past[m - 1, c]
+    for c in range(width):
+        flat_past[0, c] = flat[_READ, c]
+        flat[_U, c] = flat[_SUM, c] + integral[c]
     for e in range(index.shape[0]):
-        j, d = index[e, 0], index[e, 1]
         for m in range(1, TAPS):
-            past_tangent[j, 0, d] -= slope[e, OF_POLE + m] * past[j, m]
+            j = index[e, 0]
+            past_tangent[0, j, index[e, 1]] -= slope[e, OF_POLE + m] * past[j, m]
+    integrated = False
     for j in range(n):
-        add_rows(
-            vectors, _U * n + j, vectors, _U * n + j, -1.0, feedback, j * TAPS, TAPS,
-            past_tangent, j * TAPS, 1,
-        )  # fmt: skip
-        add_rows(
-            vectors, _GROWTH * n + j, vectors, STILL_TANGENT * n + j, -integral_gain[j] * period,
-            integrand, j * TAPS, TAPS if integral_gain[j] != 0.0 else 0, past_tangent, j * TAPS, 1,
-        )  # fmt: skip
+        row = _U * n + j
+        add_rows(vectors, row, vectors, row, -1.0, feedback, j * TAPS, TAPS, past_tangent, j, n)
+        if integral_gain[j] != 0.0:
+            integrated = True
+    for c in range(width):
+        flat[_GROWTH, c] = 0.0
+    if integrated:
+        for j in range(n):
+            row, rate = _GROWTH * n + j, -integral_gain[j] * period
+            add_rows(
+                vectors, row, vectors, row, rate, integrand, j * TAPS, TAPS, past_tangent, j, n
+            )
     for e in range(index.shape[0]):
         j, d = index[e, 0], index[e, 1]
         u, summed = reference[0, k, e], reference[1, k, e]
@@ -197,27 +200,26 @@ def law_tangent(
             commanded[0, j, d] = gain * (vectors[_U, j, d] + vectors[_GROWTH, j, d])
         if passed[j, 2] > 0.0 and integral_gain[j] != 0.0:
             for d in range(directions):
-                integral[j, d] += vectors[_GROWTH, j, d]
+                integral[j * directions + d] += vectors[_GROWTH, j, d]
     for e in range(index.shape[0]):
         j = index[e, 0]
         commanded[0, j, index[e, 1]] += slope[e, OF_DRIVE_GAIN] * command[j]
     if k == 0:
         for m in range(1, late + 2):
-            for j in range(n):
-                for d in range(directions):
-                    commanded[m, j, d] = commanded[0, j, d]
+            for c in range(width):
+                flat_commanded[m, c] = flat_commanded[0, c]
 
 
 @_inline
-def record_tangent(vectors, commanded, record, row, which):
+def record_tangent(flat, flat_commanded, record, row, which):
     """Keep the tangents at a sample; ``which``: row of the torque that acts in ``commanded``."""
-    for j in range(vectors.shape[1]):
-        for d in range(vectors.shape[2]):
-            record[0, row, j, d] = vectors[Q, j, d]
-        for d in range(vectors.shape[2]):
-            record[1, row, j, d] = vectors[V, j, d]
-        for d in range(vectors.shape[2]):
-            record[2, row, j, d] = commanded[which, j, d]
+    width = flat.shape[1]
+    for c in range(width):
+        record[0, row, c] = flat[Q, c]
+    for c in range(width):
+        record[1, row, c] = flat[V, c]
+    for c in range(width):
+        record[2, row, c] = flat_commanded[which, c]
 
 
 @inner
@@ -253,31 +255,29 @@ def switch_tangent(
 def evaluate_tangent(
     parent, prismatic, gravity, inertia, term_index, term_value, pair_index, pair_value,
     vectors, matrices, slopes, clock, pose,
-    own, layers, times, of_slopes, constants, constant_slope, inertial, rotor, rotor_slope,
-    before, old, curvature, by_position, by_speed, of_mass, links, body,
+    own, flat, layers, flat_layers, times, of_slopes, constants, constant_slope, inertial, rotor,
+    rotor_slope, before, old, curvature, by_position, by_speed, of_mass, links, body,
 ):  # fmt: skip
     """Tangents of h, of M⁻¹ where it was renewed, of friction where it was computed anew.
 
     To be called after ``integration.evaluate``, whose arguments are the first ones; the others are
     those of ``LoopTangent``.
     """
-    n, directions = own.shape[1], own.shape[2]
+    n = own.shape[1]
     place_links(parent, prismatic, pose, inertia, links, body)
     move_links(parent, gravity, vectors[V], vectors[STILL], links, body)
     torque_slopes(parent, gravity, links, body, by_position, by_speed)
+    for c in range(flat.shape[1]):
+        flat[LAST_BIAS, c] = flat[BIAS, c]
     for i in range(n):
         bias = BIAS * n + i
-        for d in range(directions):
-            own[LAST_BIAS, i, d] = own[BIAS, i, d]
-        add_rows(
-            own, bias, own, STILL_TANGENT * n, 1.0, by_position, i * n, n, own, Q * n, 1
-        )
+        add_rows(own, bias, own, STILL_TANGENT * n, 1.0, by_position, i * n, n, own, Q * n, 1)
         add_rows(own, bias, own, bias, 1.0, by_speed, i * n, n, own, V * n, 1)
     inertial_columns(parent, inertial, links, own[BIAS])
     if clock[STEPS] == 0.0:
         _renew(
-            parent, matrices, clock, own, layers, times, inertial, rotor, rotor_slope, old, of_mass,
-            links, body,
+            parent, matrices, clock, own, layers, flat_layers, times, inertial, rotor, rotor_slope,
+            old, of_mass, links, body,
         )  # fmt: skip
     if clock[FRICTION_KNOWN] == 0.0:
         friction_tangent(
@@ -294,8 +294,8 @@ def evaluate_tangent(
 
 @inner
 def _renew(
-    parent, matrices, clock, vectors, own, times, inertial, rotor, rotor_slope, old, of_mass, links,
-    body,
+    parent, matrices, clock, vectors, own, flat, times, inertial, rotor, rotor_slope, old, of_mass,
+    links, body,
 ):  # fmt: skip
     """Tangents of M⁻¹ and of its rate where the simulation has computed M⁻¹ anew."""
     n, directions = vectors.shape[1], vectors.shape[2]
@@ -330,19 +330,15 @@ def _renew(
     since = old[SINCE_BEFORE] + clock[LAST_STEP]
     if clock[RENEWALS] > 1.0 and since > 0.0:
         rate = 1.0 / since
-        for i in range(n):
-            for j in range(n):
-                for d in range(directions):
-                    own[CHANGE_TANGENT, i, j, d] = rate * (
-                        own[_MASS_TANGENT, i, j, d] - own[RENEWED_TANGENT, i, j, d]
-                    )
-                if old[DELAYED] != 0.0:
+        for c in range(flat.shape[1]):
+            flat[CHANGE_TANGENT, c] = rate * (flat[_MASS_TANGENT, c] - flat[RENEWED_TANGENT, c])
+        if old[DELAYED] != 0.0:
+            for i in range(n):
+                for j in range(n):
                     change = rate * matrices[CHANGE, i, j]
                     for d in range(directions):
                         own[CHANGE_TANGENT, i, j, d] -= change * times[SINCE_TANGENT, d]
-    for i in range(n):
-        for j in range(n):
-            for d in range(directions):
-                own[RENEWED_TANGENT, i, j, d] = own[_MASS_TANGENT, i, j, d]
+    for c in range(flat.shape[1]):
+        flat[RENEWED_TANGENT, c] = flat[_MASS_TANGENT, c]
     for d in range(directions):
         times[SINCE_TANGENT, d] = 0.0

@@ -38,9 +38,7 @@ def row_array(*shape: int) -> np.ndarray:
 
 
 @intrinsic
-def add_rows(
-    _context, out, to, base, at, scale, weights, first, count, source, row, stride
-):  # type: ignore[no-untyped-def]
+def add_rows(_context, out, to, base, at, scale, weights, first, count, source, row, stride):  # type: ignore[no-untyped-def]
     """Row ``to`` of ``out`` = row ``at`` of ``base`` + scale · Σ_k w_k · row (row + k stride).
 
     The rows of an array are counted through all of its axes but the last, which is as long in all

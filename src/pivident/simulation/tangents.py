@@ -170,7 +170,7 @@ def _initial_tangent(
     q_ref = np.asarray(signals.q_ref, float)
     law = loop.controller.law(float(signals.rate), q_ref, dq_ref)
     entries = _LawEntries(len(q_ref))
-    encoder, past = row_array(n, count), row_array(n, TAPS, count)
+    encoder, past = row_array(n, count), row_array(TAPS, n, count)
     vectors, times = row_array(TANGENT_ROWS, n, count), row_array(TIMES, count)
     total = law.pole.sum(axis=1)
     inverse = np.divide(1.0, total, out=np.zeros(n), where=total != 0.0)
@@ -180,7 +180,7 @@ def _initial_tangent(
             of_law = _law_slope(loop, direction, q_ref, dq_ref)
             for j in joints:
                 entries.add(j, d, of_law)
-                past[j, :, d] = -loop.begin[0][j] * inverse[j] ** 2 * of_law.pole[j].sum()
+                past[:, j, d] = -loop.begin[0][j] * inverse[j] ** 2 * of_law.pole[j].sum()
         elif direction.kind in ("drive_gain", "inputs"):
             for j in joints:
                 entries.add(j, d, OF_DRIVE_GAIN if direction.kind == "drive_gain" else OF_INPUTS)
@@ -190,7 +190,7 @@ def _initial_tangent(
             encoder[list(joints), d] = 1.0
         elif direction.kind == "initial_position":
             vectors[Q, direction.joint, d] = 1.0
-            past[direction.joint, :, d] = inverse[direction.joint]
+            past[:, direction.joint, d] = inverse[direction.joint]
         elif direction.kind == "initial_speed":
             vectors[V, direction.joint, d] = 1.0
     tables = _ModelEntries(loop, directions)
