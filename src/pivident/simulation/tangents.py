@@ -170,6 +170,7 @@ def _initial_tangent(
     q_ref = np.asarray(signals.q_ref, float)
     law = loop.controller.law(float(signals.rate), q_ref, dq_ref)
     entries = _LawEntries(len(q_ref))
+    laws: dict[str, SampledLaw] = {}
     encoder, past = row_array(n, count), row_array(TAPS, n, count)
     vectors, times = row_array(TANGENT_ROWS, n, count), row_array(TIMES, count)
     total = law.pole.sum(axis=1)
@@ -177,7 +178,11 @@ def _initial_tangent(
     for d, direction in enumerate(directions):
         joints = range(n) if direction.joint < 0 else (direction.joint,)
         if direction.kind == "law":
-            of_law = _law_slope(loop, direction, q_ref, dq_ref)
+            # joints have laws of their own, so that one difference shows the slopes of all of them
+            if direction.name not in laws:
+                every = Direction("law", direction.name)
+                laws[direction.name] = _law_slope(loop, every, q_ref, dq_ref)
+            of_law = laws[direction.name]
             for j in joints:
                 entries.add(j, d, of_law)
                 past[:, j, d] = -loop.begin[0][j] * inverse[j] ** 2 * of_law.pole[j].sum()
@@ -240,7 +245,7 @@ def _law_slope(
 
     Gains enter linearly, so that differences of any step are exact; times do not.
     """
-    rate, value = float(loop.signals.rate), abs(loop.value(direction))
+    rate, value = float(loop.signals.rate), float(abs(loop.law_value(direction.name)).max())
     if "time" in direction.name:
         step = SHAPE_DIFFERENCE * (value + 1.0 / rate)
     else:
@@ -301,6 +306,7 @@ class _ModelEntries:
         self.rotor: list[tuple[tuple[int, int, int], float]] = []
         self.friction: list[tuple[tuple[int, int, int, int, int], float]] = []
         names = [p.name for p in loop.parameters]
+        nothing = make_model(loop.robot, loop.parameters, np.zeros(len(names)))
         for d, direction in enumerate(directions):
             if direction.kind == "parameter":
                 k = names.index(direction.name)
@@ -311,7 +317,7 @@ class _ModelEntries:
                 unit = np.zeros(len(names))
                 unit[k] = _UNIT
                 ahead = make_model(loop.robot, loop.parameters, unit)
-                self._add(make_model(loop.robot, loop.parameters, 0.0 * unit), ahead, _UNIT, d)
+                self._add(nothing, ahead, _UNIT, d)
             elif direction.kind == "shape":
                 step = SHAPE_DIFFERENCE * (abs(loop.value(direction)) or 1.0)
                 behind, ahead = (loop.moved(direction, sign * step).model for sign in (-1.0, 1.0))
