@@ -50,7 +50,7 @@ from pivident.simulation.integration import (
     V,
     slope_times,
 )
-from pivident.simulation.row_sums import add_rows
+from pivident.simulation.row_sums import add_rows, add_rows_twice
 
 # Rows of ``vectors`` of a tangent, shape (TANGENT_ROWS, joints, directions); those of Q, V,
 # FRICTION, BIAS and LAST_BIAS are the rows of the simulation itself, the others scratch.
@@ -130,9 +130,18 @@ def read_tangent(parent, prismatic, gravity, masses, place, vectors, flat, encod
         gravity_slopes(parent, prismatic, gravity, masses, place, slopes)
         for j in range(n):
             add_rows(
-                vectors, _SUM * n + j, vectors, STILL_TANGENT * n, 1.0, slopes, j * n, n,
-                vectors, _READ * n, 1,
-            )  # fmt: skip
+                vectors,
+                _SUM * n + j,
+                vectors,
+                STILL_TANGENT * n,
+                1.0,
+                n,
+                slopes,
+                j * n,
+                vectors,
+                _READ * n,
+                1,
+            )
     else:
         for c in range(flat.shape[1]):
             flat[_SUM, c] = 0.0
@@ -156,9 +165,18 @@ def law_tangent(
             flat_commanded[m, c] = flat_commanded[m - 1, c]
     for j in range(n):
         add_rows(
-            vectors, _READ * n + j, vectors, _READ * n + j, -1.0, pole, j * TAPS + 1, TAPS - 1,
-            past_tangent, j, n,
-        )  # fmt: skip
+            vectors,
+            _READ * n + j,
+            vectors,
+            _READ * n + j,
+            -1.0,
+            TAPS - 1,
+            pole,
+            j * TAPS + 1,
+            past_tangent,
+            j,
+            n,
+        )
     for m in range(TAPS - 1, 0, -1):
         for c in range(width):
             flat_past[m, c] = flat_past[m - 1, c]
@@ -172,7 +190,7 @@ def law_tangent(
     integrated = False
     for j in range(n):
         row = _U * n + j
-        add_rows(vectors, row, vectors, row, -1.0, feedback, j * TAPS, TAPS, past_tangent, j, n)
+        add_rows(vectors, row, vectors, row, -1.0, TAPS, feedback, j * TAPS, past_tangent, j, n)
         if integral_gain[j] != 0.0:
             integrated = True
     for c in range(width):
@@ -181,7 +199,7 @@ def law_tangent(
         for j in range(n):
             row, rate = _GROWTH * n + j, -integral_gain[j] * period
             add_rows(
-                vectors, row, vectors, row, rate, integrand, j * TAPS, TAPS, past_tangent, j, n
+                vectors, row, vectors, row, rate, TAPS, integrand, j * TAPS, past_tangent, j, n
             )
     for e in range(index.shape[0]):
         j, d = index[e, 0], index[e, 1]
@@ -270,9 +288,10 @@ def evaluate_tangent(
     for c in range(flat.shape[1]):
         flat[LAST_BIAS, c] = flat[BIAS, c]
     for i in range(n):
-        bias = BIAS * n + i
-        add_rows(own, bias, own, STILL_TANGENT * n, 1.0, by_position, i * n, n, own, Q * n, 1)
-        add_rows(own, bias, own, bias, 1.0, by_speed, i * n, n, own, V * n, 1)
+        add_rows_twice(
+            own, BIAS * n + i, own, STILL_TANGENT * n, 1.0, n,
+            by_position, i * n, own, Q * n, 1, by_speed, i * n, own, V * n, 1,
+        )  # fmt: skip
     inertial_columns(parent, inertial, links, own[BIAS])
     if clock[STEPS] == 0.0:
         _renew(
@@ -304,9 +323,18 @@ def _renew(
     for j in range(n):
         for i in range(j + 1):
             add_rows(
-                own, mass + j * n + i, vectors, STILL_TANGENT * n, 1.0, of_mass, (j * n + i) * n, n,
-                vectors, Q * n, 1,
-            )  # fmt: skip
+                own,
+                mass + j * n + i,
+                vectors,
+                STILL_TANGENT * n,
+                1.0,
+                n,
+                of_mass,
+                (j * n + i) * n,
+                vectors,
+                Q * n,
+                1,
+            )
     inertial_masses(parent, inertial, links, own[_MASS_TANGENT])
     for e in range(rotor.shape[0]):
         own[_MASS_TANGENT, rotor[e, 0], rotor[e, 1], rotor[e, 2]] += rotor_slope[e]
@@ -318,15 +346,33 @@ def _renew(
     for i in range(n):
         for j in range(n):
             add_rows(
-                own, middle + i * n + j, vectors, STILL_TANGENT * n, 1.0,
-                matrices, (INVERSE * n + i) * n, n, own, mass + j, n,
-            )  # fmt: skip
+                own,
+                middle + i * n + j,
+                vectors,
+                STILL_TANGENT * n,
+                1.0,
+                n,
+                matrices,
+                (INVERSE * n + i) * n,
+                own,
+                mass + j,
+                n,
+            )
     for i in range(n):
         for j in range(n):
             add_rows(
-                own, mass + i * n + j, vectors, STILL_TANGENT * n, -1.0,
-                matrices, (INVERSE * n + j) * n, n, own, middle + i * n, 1,
-            )  # fmt: skip
+                own,
+                mass + i * n + j,
+                vectors,
+                STILL_TANGENT * n,
+                -1.0,
+                n,
+                matrices,
+                (INVERSE * n + j) * n,
+                own,
+                middle + i * n,
+                1,
+            )
     since = old[SINCE_BEFORE] + clock[LAST_STEP]
     if clock[RENEWALS] > 1.0 and since > 0.0:
         rate = 1.0 / since

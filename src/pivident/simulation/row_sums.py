@@ -20,10 +20,8 @@ from numba.extending import intrinsic
 #: Numbers in a vector: rows are padded to a multiple of it.
 LANES = 8
 
-#: Vectors that are summed at a time, as long as the row has so many left.
-_VECTORS = 4
-
 _INDEX, _VECTOR = ir.IntType(64), ir.VectorType(ir.DoubleType(), LANES)
+_NUMBER = types.intp
 _FUSED = ("contract",)  # a product and a sum may be one instruction
 
 
@@ -38,7 +36,7 @@ def row_array(*shape: int) -> np.ndarray:
 
 
 @intrinsic
-def add_rows(_context, out, to, base, at, scale, weights, first, count, source, row, stride):  # type: ignore[no-untyped-def]
+def add_rows(_context, out, to, base, at, scale, count, weights, first, source, row, stride):  # type: ignore[no-untyped-def]
     """Row ``to`` of ``out`` = row ``at`` of ``base`` + scale · Σ_k w_k · row (row + k stride).
 
     The rows of an array are counted through all of its axes but the last, which is as long in all
@@ -46,53 +44,65 @@ def add_rows(_context, out, to, base, at, scale, weights, first, count, source, 
     array ``weights``; rows of ``source`` must not be what is written to.
     """
     signature = types.void(
-        out, types.intp, base, types.intp, types.float64, weights, types.intp, types.intp, source,
-        types.intp, types.intp,
+        out, _NUMBER, base, _NUMBER, types.float64, _NUMBER,
+        weights, _NUMBER, source, _NUMBER, _NUMBER,
+    )  # fmt: skip
+    return signature, _build
+
+
+@intrinsic
+def add_rows_twice(  # type: ignore[no-untyped-def]
+    _context, out, to, base, at, scale, count,
+    weights, first, source, row, stride, weights_2, first_2, source_2, row_2, stride_2,
+):  # fmt: skip
+    """As ``add_rows``, with two sums of as many rows."""
+    signature = types.void(
+        out, _NUMBER, base, _NUMBER, types.float64, _NUMBER,
+        weights, _NUMBER, source, _NUMBER, _NUMBER,
+        weights_2, _NUMBER, source_2, _NUMBER, _NUMBER,
     )  # fmt: skip
     return signature, _build
 
 
 def _build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    """The loops over the vectors of a row, with those over k inside."""
-    arrays = {
-        k: context.make_array(signature.args[k])(context, builder, arguments[k])
-        for k in (0, 2, 5, 8)
-    }
-    to, at, first, count, row, stride = (arguments[k] for k in (1, 3, 6, 7, 9, 10))
-    width = builder.extract_value(arrays[0].shape, signature.args[0].ndim - 1)
-    target, begin, rows = (
-        builder.gep(arrays[k].data, [builder.mul(number, width)])
-        for k, number in ((0, to), (2, at), (8, row))
-    )
-    weights, step = builder.gep(arrays[5].data, [first]), builder.mul(stride, width)
+    """The loop over the vectors of a row, and inside it that over k."""
 
-    def sums(start: Any, vectors: int) -> None:
-        places = [builder.add(start, _INDEX(LANES * k)) for k in range(vectors)]
-        totals = [cgutils.alloca_once(builder, _VECTOR) for _ in places]
+    def array(k: int) -> Any:
+        return context.make_array(signature.args[k])(context, builder, arguments[k])
 
-        def vector(pointer: Any, place: Any) -> Any:
+    out, base, scale, count = array(0), array(2), arguments[4], arguments[5]
+    width = builder.extract_value(out.shape, signature.args[0].ndim - 1)
+
+    def begin_of(memory: Any, row: Any) -> Any:
+        return builder.gep(memory.data, [builder.mul(row, width)])
+
+    target, begin = begin_of(out, arguments[1]), begin_of(base, arguments[3])
+    sums = [
+        (
+            builder.gep(array(k).data, [arguments[k + 1]]),
+            begin_of(array(k + 2), arguments[k + 3]),
+            builder.mul(arguments[k + 4], width),
+        )
+        for k in range(6, len(arguments), 5)
+    ]
+
+    total = cgutils.alloca_once(builder, _VECTOR)
+    vectors = builder.sdiv(width, _INDEX(LANES))
+    with cgutils.for_range(builder, vectors) as over:
+        place = builder.mul(over.index, _INDEX(LANES))
+
+        def vector(pointer: Any) -> Any:
             return builder.bitcast(builder.gep(pointer, [place]), _VECTOR.as_pointer())
 
-        for place, total in zip(places, totals, strict=True):
-            builder.store(builder.load(vector(begin, place), align=8), total)
+        builder.store(builder.load(vector(begin), align=8), total)
         with cgutils.for_range(builder, count) as loop:
-            weight = builder.load(builder.gep(weights, [loop.index]))
-            factor = _everywhere(builder, builder.fmul(arguments[4], weight))
-            here = builder.gep(rows, [builder.mul(loop.index, step)])
-            for place, total in zip(places, totals, strict=True):
-                x = builder.load(vector(here, place), align=8)
-                term = builder.fmul(factor, x, flags=_FUSED)
+            for weights, rows, step in sums:
+                weight = builder.load(builder.gep(weights, [loop.index]))
+                factor = _everywhere(builder, builder.fmul(scale, weight))
+                x = vector(builder.gep(rows, [builder.mul(loop.index, step)]))
+                term = builder.fmul(factor, builder.load(x, align=8), flags=_FUSED)
                 builder.store(builder.fadd(builder.load(total), term, flags=_FUSED), total)
-        for place, total in zip(places, totals, strict=True):
-            builder.store(builder.load(total), vector(target, place), align=8)
-
-    done = _INDEX(0)
-    for vectors in (_VECTORS, 1):
-        length = _INDEX(vectors * LANES)
-        times = builder.sdiv(builder.sub(width, done), length)
-        with cgutils.for_range(builder, times) as loop:
-            sums(builder.add(done, builder.mul(loop.index, length)), vectors)
-        done = builder.add(done, builder.mul(times, length))
+        builder.store(builder.load(total), vector(target), align=8)
     return context.get_dummy_value()
 
 

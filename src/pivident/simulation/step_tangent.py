@@ -49,7 +49,7 @@ from pivident.simulation.loop_tangent import (
     SPEED_BEFORE,
     STILL_TANGENT,
 )
-from pivident.simulation.row_sums import add_rows
+from pivident.simulation.row_sums import add_rows_twice
 
 # Scratch rows of the simulation's ``vectors``, as the step that was taken has left them.
 _A0, _A, _Y, _Z, _W, _AHEAD, _REST, _NET = rows(9, 10, 11, 13, 14, 15, 16, 18)
@@ -72,10 +72,11 @@ def product_tangent(matrices, vectors, x, own, layers, of_x, scale, rate, times,
     n, directions = own.shape[1], own.shape[2]
     for i in range(n):
         inverse, row = (MIDDLE * n + i) * n, out * n + i
-        add_rows(own, row, own, base * n + i, -scale, matrices, inverse, n, own, of_x * n, 1)
-        add_rows(
-            own, row, own, row, -scale, vectors, x * n, n, layers, (MIDDLE_TANGENT * n + i) * n, 1
-        )
+        add_rows_twice(
+            own, row, own, base * n + i, -scale, n,
+            matrices, inverse, own, of_x * n, 1,
+            vectors, x * n, layers, (MIDDLE_TANGENT * n + i) * n, 1,
+        )  # fmt: skip
         if rate != 0.0:
             moved = 0.0
             for j in range(n):
