@@ -20,6 +20,10 @@ from numba.extending import intrinsic
 #: Numbers in a vector: rows are padded to a multiple of it.
 LANES = 8
 
+#: Vectors that are summed side by side, as long as the row has so many left: each product waits
+#: for the sum before it.
+_VECTORS = 2
+
 _INDEX, _VECTOR = ir.IntType(64), ir.VectorType(ir.DoubleType(), LANES)
 _NUMBER = types.intp
 _FUSED = ("contract",)  # a product and a sum may be one instruction
@@ -65,7 +69,7 @@ def add_rows_twice(  # type: ignore[no-untyped-def]
 
 
 def _build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    """The loop over the vectors of a row, and inside it that over k."""
+    """The loops over the vectors of a row, with those over k inside."""
 
     def array(k: int) -> Any:
         return context.make_array(signature.args[k])(context, builder, arguments[k])
@@ -86,23 +90,34 @@ def _build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         for k in range(6, len(arguments), 5)
     ]
 
-    total = cgutils.alloca_once(builder, _VECTOR)
-    vectors = builder.sdiv(width, _INDEX(LANES))
-    with cgutils.for_range(builder, vectors) as over:
-        place = builder.mul(over.index, _INDEX(LANES))
+    def sum_up(start: Any, vectors: int) -> None:
+        places = [builder.add(start, _INDEX(LANES * k)) for k in range(vectors)]
+        totals = [cgutils.alloca_once(builder, _VECTOR) for _ in places]
 
-        def vector(pointer: Any) -> Any:
+        def vector(pointer: Any, place: Any) -> Any:
             return builder.bitcast(builder.gep(pointer, [place]), _VECTOR.as_pointer())
 
-        builder.store(builder.load(vector(begin), align=8), total)
+        for place, total in zip(places, totals, strict=True):
+            builder.store(builder.load(vector(begin, place), align=8), total)
         with cgutils.for_range(builder, count) as loop:
             for weights, rows, step in sums:
                 weight = builder.load(builder.gep(weights, [loop.index]))
                 factor = _everywhere(builder, builder.fmul(scale, weight))
-                x = vector(builder.gep(rows, [builder.mul(loop.index, step)]))
-                term = builder.fmul(factor, builder.load(x, align=8), flags=_FUSED)
-                builder.store(builder.fadd(builder.load(total), term, flags=_FUSED), total)
-        builder.store(builder.load(total), vector(target), align=8)
+                here = builder.gep(rows, [builder.mul(loop.index, step)])
+                for place, total in zip(places, totals, strict=True):
+                    x = builder.load(vector(here, place), align=8)
+                    term = builder.fmul(factor, x, flags=_FUSED)
+                    builder.store(builder.fadd(builder.load(total), term, flags=_FUSED), total)
+        for place, total in zip(places, totals, strict=True):
+            builder.store(builder.load(total), vector(target, place), align=8)
+
+    done = _INDEX(0)
+    for vectors in (_VECTORS, 1):
+        length = _INDEX(vectors * LANES)
+        times = builder.sdiv(builder.sub(width, done), length)
+        with cgutils.for_range(builder, times) as over:
+            sum_up(builder.add(done, builder.mul(over.index, length)), vectors)
+        done = builder.add(done, builder.mul(times, length))
     return context.get_dummy_value()
 
 
