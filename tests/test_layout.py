@@ -38,9 +38,9 @@ MAX_LINES_OF_PACKAGE = 6400
 #: of the simulation.
 MAX_LINES = 109_000
 #: 90, nine for instruments from the record itself, the speeds of standstill, what smoothing takes,
-#: loops whose law reads whole counts, noise of the equations, five that the simulator's kernel
+#: loops whose law reads whole counts, noise of the equations, eight that the simulator's kernel
 #: carries tangents with.
-MAX_MODULES_OF_IDENTIFY = 108
+MAX_MODULES_OF_IDENTIFY = 111
 
 
 def modules() -> dict[str, Path]:

@@ -28,6 +28,8 @@ _INDEX, _VECTOR = ir.IntType(64), ir.VectorType(ir.DoubleType(), LANES)
 _NUMBER = types.intp
 _FUSED = ("contract",)  # a product and a sum may be one instruction
 
+_in_vectors: Any = intrinsic  # without types: compiled code calls it with one argument less
+
 
 def row_array(*shape: int) -> np.ndarray:
     """Zeros whose last axis is padded to whole vectors, and that begin where a vector may."""
@@ -39,8 +41,8 @@ def row_array(*shape: int) -> np.ndarray:
     return memory[skipped : skipped + size].reshape(*others, width)
 
 
-@intrinsic
-def add_rows(_context, out, to, base, at, scale, count, weights, first, source, row, stride):  # type: ignore[no-untyped-def]
+@_in_vectors
+def add_rows(_context, out, to, base, at, scale, count, weights, first, source, row, stride):
     """Row ``to`` of ``out`` = row ``at`` of ``base`` + scale · Σ_k w_k · row (row + k stride).
 
     The rows of an array are counted through all of its axes but the last, which is as long in all
@@ -54,8 +56,8 @@ def add_rows(_context, out, to, base, at, scale, count, weights, first, source, 
     return signature, _build
 
 
-@intrinsic
-def add_rows_twice(  # type: ignore[no-untyped-def]
+@_in_vectors
+def add_rows_twice(
     _context, out, to, base, at, scale, count,
     weights, first, source, row, stride, weights_2, first_2, source_2, row_2, stride_2,
 ):  # fmt: skip
