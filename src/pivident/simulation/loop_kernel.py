@@ -27,6 +27,7 @@ from pivident.simulation.integration import (
     FRICTION_KNOWN,
     LAYERS,
     LEVEL,
+    MIDDLE_BIAS,
     ROWS,
     Q,
     V,
@@ -43,6 +44,7 @@ from pivident.simulation.loop_tangent import (
     switch_tangent,
 )
 from pivident.simulation.path_integration import AT_REST, SLOPE_ROWS, advance_on_path
+from pivident.simulation.path_tangent import copy_state, path_step_tangent
 from pivident.simulation.step_tangent import (
     freeze_tangent,
     linear_tangent,
@@ -194,6 +196,8 @@ def run_loop(
         before_step, old, curvature = tangent.before, tangent.clock, tangent.curvature
         by_position, by_speed, of_mass = tangent.by_position, tangent.by_speed, tangent.of_mass
         links, body = tangent.links, tangent.body
+        of_path, partials, path_copy = tangent.path, tangent.partials, tangent.path_copy
+        vectors_copy, slopes_copy = tangent.vectors_copy, tangent.slopes_copy
     waiting = max(delay - late * period, 0.0)
     if waiting < 1e-9 * period:
         waiting = 0.0
@@ -297,11 +301,19 @@ def run_loop(
                     )  # fmt: skip
                 evaluate_tangent(
                     parent, prismatic, gravity, inertia, term_index, term_value,
-                    pair_index, pair_value, vectors, matrices, slopes, clock, pose,
+                    pair_index, pair_value, path_index, path_value,
+                    vectors, matrices, slopes, clock, pose,
                     own, flat, layers, flat_layers, times, of_slopes, constants, constant_slope,
                     inertial, rotor_index, rotor_slope, before_step, old, curvature, by_position,
                     by_speed, of_mass, links, body,
                 )  # fmt: skip
+                if path is not None:
+                    copy_state(
+                        linear, term_index, term_value, pair_index, pair_value, path_index,
+                        path_value, path, vectors, slopes, torque, path_copy, vectors_copy,
+                        slopes_copy, clock[FRICTION_KNOWN] != 0.0, own, of_slopes, of_path, times,
+                        constants, constant_slope, curvature, partials,
+                    )  # fmt: skip
             if oracle is not None:  # decided by its type: the oracle is compiled when asked for
                 joint = advance_runge_kutta(
                     parent, prismatic, rotation, translation, gravity, inertia, rotor,
@@ -320,6 +332,21 @@ def run_loop(
                     path_index, path_value, path,
                     vectors, matrices, slopes, clock, torque, step,
                 )  # fmt: skip
+                if tangent is not None:
+                    freeze_tangent(
+                        vectors, matrices, slopes, clock, step,
+                        0.0 if waiting == 0.0 else (1.0 if before else -1.0) / steps,
+                        late + 1 if before else late,
+                        own, flat, layers, flat_layers, times, flat_commanded, before_step, old,
+                    )  # fmt: skip
+                    for i in range(n):
+                        vectors_copy[MIDDLE_BIAS, i] = vectors[MIDDLE_BIAS, i]
+                    path_step_tangent(
+                        linear, term_index, term_value, pair_index, pair_value, path_index,
+                        path_value, path_copy, vectors_copy, matrices, slopes_copy, torque, step,
+                        own, flat, layers, times, of_slopes, of_path, constants, constant_slope,
+                        curvature, partials,
+                    )  # fmt: skip
             else:
                 advance(
                     linear, term_index, term_value, pair_index, pair_value,

@@ -22,6 +22,7 @@ import numpy as np
 
 from pivident.compiled import inlined as _inline
 from pivident.compiled import inner, rows
+from pivident.dynamics.path_partials import spring_partials, spring_slopes
 from pivident.dynamics.rigid_body_slopes import (
     inertial_columns,
     inertial_masses,
@@ -31,7 +32,7 @@ from pivident.dynamics.rigid_body_slopes import (
     torque_slopes,
 )
 from pivident.simulation.controllers import TAPS
-from pivident.simulation.friction_tangent import friction_tangent
+from pivident.simulation.friction_tangent import PATH, friction_tangent
 from pivident.simulation.gravity_compensation import gravity_slopes
 from pivident.simulation.integration import (
     BIAS,
@@ -54,7 +55,7 @@ from pivident.simulation.row_sums import add_rows, add_rows_twice
 
 # Rows of ``vectors`` of a tangent, shape (TANGENT_ROWS, joints, directions); those of Q, V,
 # FRICTION, BIAS and LAST_BIAS are the rows of the simulation itself, the others scratch.
-TANGENT_ROWS = 24
+TANGENT_ROWS = 28
 _READ, _U, _GROWTH, _SUM = rows(8, 9, 10, 11)
 (STILL_TANGENT,) = rows(23)  # zeros
 
@@ -84,9 +85,10 @@ class LoopTangent(NamedTuple):
 
     vectors: np.ndarray  # (TANGENT_ROWS, joints, directions)
     matrices: np.ndarray  # (MATRIX_LAYERS, joints, joints, directions)
-    #: Of the friction slopes now and ahead, then of the coupled viscous parameters, shape
-    #: (2, joints + 2 couplings, directions).
+    #: Of the friction slopes now, ahead and midway, then of the coupled viscous parameters, then of
+    #: the stiffnesses, shape (3, 2 joints + 2 couplings, directions).
     slopes: np.ndarray
+    path: np.ndarray  # of the states of friction, (PATH_ROWS, entries, directions)
     times: np.ndarray  # (TIMES, directions)
     commanded: np.ndarray  # (samples of delay + 2, joints, directions)
     integral: np.ndarray  # (joints, directions)
@@ -111,6 +113,10 @@ class LoopTangent(NamedTuple):
     weight_slope: np.ndarray  # ∂g/∂q of the law's gravity, (joints, joints)
     links: np.ndarray  # scratch of ``rigid_body_slopes``, (joints, LINK)
     body: np.ndarray  # likewise, (2 joints, 10)
+    partials: np.ndarray  # scratch of ``path_partials``
+    path_copy: np.ndarray  # states of friction before a step, see ``path_tangent``
+    vectors_copy: np.ndarray  # likewise of the robot
+    slopes_copy: np.ndarray  # and friction slopes
     #: Tangents of positions, speeds and torques at the samples, (3, rows, joints, directions).
     record: np.ndarray
 
@@ -272,7 +278,7 @@ def switch_tangent(
 @_inline
 def evaluate_tangent(
     parent, prismatic, gravity, inertia, term_index, term_value, pair_index, pair_value,
-    vectors, matrices, slopes, clock, pose,
+    path_index, path_value, vectors, matrices, slopes, clock, pose,
     own, flat, layers, flat_layers, times, of_slopes, constants, constant_slope, inertial, rotor,
     rotor_slope, before, old, curvature, by_position, by_speed, of_mass, links, body,
 ):  # fmt: skip
@@ -285,6 +291,8 @@ def evaluate_tangent(
     place_links(parent, prismatic, pose, inertia, links, body)
     move_links(parent, gravity, vectors[V], vectors[STILL], links, body)
     torque_slopes(parent, gravity, links, body, by_position, by_speed)
+    if path_index is not None:  # decided by its type, here and below
+        spring_slopes(path_index, path_value, vectors, Q, by_position)
     for c in range(flat.shape[1]):
         flat[LAST_BIAS, c] = flat[BIAS, c]
     for i in range(n):
@@ -293,12 +301,20 @@ def evaluate_tangent(
             by_position, i * n, own, Q * n, 1, by_speed, i * n, own, V * n, 1,
         )  # fmt: skip
     inertial_columns(parent, inertial, links, own[BIAS])
+    if path_index is not None:
+        for e in range(constants.shape[0]):
+            if constants[e, 1] == PATH:
+                k = constants[e, 2]
+                j = path_index[k, 0]
+                own[BIAS, j, constants[e, 4]] += constant_slope[e] * spring_partials(
+                    path_index, path_value, k, constants[e, 3], vectors[Q, j]
+                )
     if clock[STEPS] == 0.0:
         _renew(
             parent, matrices, clock, own, layers, flat_layers, times, inertial, rotor, rotor_slope,
             old, of_mass, links, body,
         )  # fmt: skip
-    if clock[FRICTION_KNOWN] == 0.0:
+    if path_index is None and clock[FRICTION_KNOWN] == 0.0:
         friction_tangent(
             term_index, term_value, pair_index, pair_value, constants, constant_slope,
             vectors, V, slopes, NOW, own, V, FRICTION, of_slopes, NOW, curvature,

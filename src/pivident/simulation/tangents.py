@@ -13,14 +13,16 @@ from typing import NamedTuple
 import numpy as np
 
 from pivident.dynamics.forward import Model, make_model
+from pivident.dynamics.friction_table import PATH_ROWS, slopes_width
+from pivident.dynamics.path_partials import partials_scratch
 from pivident.dynamics.rigid_body_slopes import slope_scratch
 from pivident.robot.description import INERTIAL
+from pivident.robot.friction import FrictionColumn
 from pivident.simulation.closed_loop import Trajectory, simulate, simulate_blocks
 from pivident.simulation.controllers import TAPS, PythonController, SampledLaw
 from pivident.simulation.direction import Direction, ParametrisedLoop
 from pivident.simulation.friction_tangent import LINEAR, PAIR, PATH, TERM
-from pivident.simulation.integration import Q, V
-from pivident.simulation.loop_kernel import is_on_path
+from pivident.simulation.integration import ROWS, Q, V
 from pivident.simulation.loop_tangent import (
     BEFORE,
     CLOCK_ENTRIES,
@@ -38,6 +40,7 @@ from pivident.simulation.loop_tangent import (
     TIMES,
     LoopTangent,
 )
+from pivident.simulation.path_integration import SLOPE_ROWS
 from pivident.simulation.row_sums import row_array
 
 #: Samples of a block: their tangents stay in the processor's cache.
@@ -135,8 +138,8 @@ def has_compiled_tangents(loop: ParametrisedLoop, model: Model | None = None) ->
         loop: the loop.
         model: its model, where it is known already.
     """
-    on_path = is_on_path((model or loop.model).friction)
-    return not isinstance(loop.controller, PythonController) and not on_path
+    column = (model or loop.model).friction.path_index[:, 1]
+    return not isinstance(loop.controller, PythonController) and FrictionColumn.LOAD not in column
 
 
 def _by_differences(loop: ParametrisedLoop, directions: Sequence[Direction]) -> TangentBlock:
@@ -164,7 +167,7 @@ def _initial_tangent(
 ) -> LoopTangent:
     """Tangents at the first sample, and the slopes of model and law along the directions."""
     n, count, signals = loop.robot.size, len(directions), loop.signals
-    couplings = len(model.friction.pair_index)
+    couplings, entries_of_path = len(model.friction.pair_index), len(model.friction.path_index)
     late = int(float(signals.drive_delay) * float(signals.rate) + 1e-9)
     dq_ref = signals.dq_ref
     q_ref = np.asarray(signals.q_ref, float)
@@ -199,7 +202,7 @@ def _initial_tangent(
         elif direction.kind == "initial_speed":
             vectors[V, direction.joint, d] = 1.0
     tables = _ModelEntries(loop, directions)
-    slopes = row_array(2, n + 2 * couplings, count)
+    slopes = row_array(3, 2 * (n + couplings), count)
     for (_, table, row, column, d), weight in tables.friction:
         if table == PAIR and column == 1:
             slopes[:, n + couplings + row, d] += weight
@@ -211,6 +214,7 @@ def _initial_tangent(
         vectors=vectors,
         matrices=row_array(MATRIX_LAYERS, n, n, count),
         slopes=slopes,
+        path=row_array(PATH_ROWS, entries_of_path, count),
         times=times,
         commanded=row_array(late + 2, n, count),
         integral=row_array(n, count),
@@ -234,6 +238,10 @@ def _initial_tangent(
         weight_slope=np.zeros((n, n)),
         links=links,
         body=body,
+        partials=partials_scratch(),
+        path_copy=np.zeros((PATH_ROWS, entries_of_path)),
+        vectors_copy=np.zeros((ROWS, n)),
+        slopes_copy=np.zeros((SLOPE_ROWS, slopes_width(n, couplings))),
         record=row_array(3, block, n, count),
     )
 
