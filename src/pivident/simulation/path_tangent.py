@@ -141,7 +141,7 @@ def friction_after_tangent(
     )  # fmt: skip
 
 
-@_inline
+@inner
 def copy_state(
     linear, term_index, term_value, pair_index, pair_value, path_index, path_value, path,
     vectors, slopes, torque, path_copy, vectors_copy, slopes_copy, known,
@@ -233,7 +233,7 @@ def _lengthen(own, times, row, vectors, source, factor):
             own[row, i, d] += factor * vectors[source, i] * times[LENGTH, d]
 
 
-@_inline
+@inner
 def _linear_tangent(
     pair_index, pair_value, vectors, matrices, slopes, h, own, flat, layers, of_slopes, times
 ):
@@ -302,7 +302,7 @@ def _linear_tangent(
     return rate * h + square * h * h
 
 
-@_inline
+@inner
 def path_step_tangent(
     linear, term_index, term_value, pair_index, pair_value, path_index, path_value, path,
     vectors, matrices, slopes, torque, h,
@@ -395,7 +395,7 @@ def path_step_tangent(
             of_slopes[NOW, k, d] = of_slopes[THEN, k, d]
 
 
-@_inline
+@inner
 def _simpson_tangent(
     linear, term_index, term_value, pair_index, pair_value, path_index, path_value, path,
     vectors, slopes, matrices, torque, h, feedback,

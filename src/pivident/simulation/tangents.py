@@ -74,8 +74,8 @@ def simulate_with_tangents(loop: ParametrisedLoop, directions: Sequence[Directio
     """Simulate the closed loop with the derivatives of its motion along parameters.
 
     The motion is that of ``simulate``, to the last bit. The tangents are the derivatives of the
-    scheme that the simulator runs; a loop with a Python law, and one with friction of position,
-    path or load, is differentiated by central differences instead, two simulations a direction.
+    scheme that the simulator runs; a loop with a Python law, and one with friction of the load, is
+    differentiated by central differences instead, two simulations a direction.
 
     Args:
         loop: what is simulated, in terms of its parameters.
