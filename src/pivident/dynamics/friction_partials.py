@@ -19,6 +19,7 @@ _COULOMB = int(FrictionColumn.COULOMB)
 _POSITIVE = int(FrictionColumn.COULOMB_POSITIVE)
 _NEGATIVE = int(FrictionColumn.COULOMB_NEGATIVE)
 _STRIBECK = int(FrictionColumn.STRIBECK)
+_POWER = int(FrictionColumn.POWER)
 _ATAN = int(SignFunction.ATAN)
 
 # Columns of ``FrictionTable.term_value``.
@@ -68,12 +69,34 @@ def _stribeck_fall(first, second, v):
 
 
 @inner
+def _power_partials(sign, gamma, exponent, v, which):
+    """Those of ``speed_partials`` for sign(v) |v|^p; below p = 1 with the smoothed sign."""
+    if v == 0.0:
+        return 0.0, 0.0, 0.0
+    if exponent < 1.0:
+        s, s_v, s_vv, s_g, s_vg = sign_partials(sign, gamma, v)
+    else:
+        s, s_v, s_vv, s_g, s_vg = math.copysign(1.0, v), 0.0, 0.0, 0.0, 0.0
+    power, log = abs(v) ** exponent, math.log(abs(v))
+    slope = exponent * power / v
+    curvature = s_vv * power + 2.0 * s_v * slope + s * (exponent - 1.0) * slope / v
+    if which == _GAMMA:
+        return curvature, s_g * power, s_vg * power + s_g * slope
+    if which == _FIRST:
+        rise = s_v * power * log + s * power / v * (1.0 + exponent * log)
+        return curvature, s * power * log, rise
+    return curvature, 0.0, 0.0
+
+
+@inner
 def speed_partials(column, sign, gamma, first, second, v, which):
     """∂²f/∂v², ∂f/∂p and ∂²f/∂v∂p of one nonlinear term of speed for the constant ``which``.
 
     ``first second``: v_s and δ; ``which``: a column of ``term_value`` after the parameter: γ, v_s
     or δ.
     """
+    if column == _POWER:
+        return _power_partials(sign, gamma, first, v, which)
     if column != _COULOMB and column != _POSITIVE and column != _NEGATIVE and column != _STRIBECK:
         return 0.0, 0.0, 0.0
     s, s_v, s_vv, s_g, s_vg = sign_partials(sign, gamma, v)

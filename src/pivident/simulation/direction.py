@@ -125,7 +125,7 @@ class ParametrisedLoop:
                     + (", ".join(known) or "none")
                 )
         if kind == "law":
-            self._law_value(name, joint)
+            self.law_value(name, joint)
         if kind == "inputs" and self.signals.inputs is None:
             raise ExperimentError(
                 "the loop has no known inputs, so there is no share of them; leave the direction "
@@ -140,7 +140,7 @@ class ParametrisedLoop:
         if kind == "shape":
             return self._shapes(joint)[name]
         if kind == "law":
-            return float(np.ravel(self._law_value(name, joint))[max(joint, 0)])
+            return float(np.ravel(self.law_value(name, joint))[max(joint, 0)])
         if kind == "drive_gain":
             return float(self.signals.drive_gain[max(joint, 0)])
         if kind == "delay":
@@ -166,7 +166,7 @@ class ParametrisedLoop:
         if kind == "shape":
             return self._with_shape(joint, name, self._shapes(joint)[name] + step)
         if kind == "law":
-            value = self._law_value(name, joint) + step * (which if joint >= 0 else 1.0)
+            value = self.law_value(name, joint) + step * (which if joint >= 0 else 1.0)
             return replace(self, controller=_with_attribute(self.controller, name, value))
         if kind == "drive_gain":
             gain = np.broadcast_to(np.asarray(signals.drive_gain, float), n) + step * which
@@ -246,8 +246,16 @@ class ParametrisedLoop:
             self, parameters=(*self.parameters, added), theta=np.append(self.theta, value)
         )
 
-    def _law_value(self, name: str, joint: int) -> np.ndarray:
-        """An attribute of the law as numbers: one, or one for each joint."""
+    def law_value(self, name: str, joint: int = -1) -> np.ndarray:
+        """An attribute of the control law as numbers: one, or one for each joint.
+
+        Args:
+            name: of the attribute.
+            joint: index of a joint that is to have a number of its own; -1: none is.
+
+        Raises:
+            ExperimentError: the law has no such number; says which it has.
+        """
         law = self.controller
         while isinstance(law, GravityCompensated):
             law = law.feedback

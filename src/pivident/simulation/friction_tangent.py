@@ -124,16 +124,16 @@ def slope_times_tangent(
         yi, yj, dry = vectors[y, i], vectors[y, j], slopes[row, n + k]
         crossed, turning = ratio * (dry + viscous), yi + ratio * yj
         for d in range(directions):
-            tangents[out, i, d] += dry * tangents[of_y, i, d] + crossed * tangents[of_y, j, d]
-        for d in range(directions):
-            tangents[out, j, d] += crossed * tangents[of_y, i, d] + (
-                ratio * ratio * dry * tangents[of_y, j, d]
-            )
-        for d in range(directions):
-            tangents[out, i, d] += turning * of_slopes[source, n + k, d] + (
-                ratio * yj * of_slopes[source, n + couplings + k, d]
+            tangents[out, i, d] += (
+                dry * tangents[of_y, i, d]
+                + crossed * tangents[of_y, j, d]
+                + turning * of_slopes[source, n + k, d]
+                + ratio * yj * of_slopes[source, n + couplings + k, d]
             )
         for d in range(directions):
             tangents[out, j, d] += ratio * (
-                turning * of_slopes[source, n + k, d] + yi * of_slopes[source, n + couplings + k, d]
+                (dry + viscous) * tangents[of_y, i, d]
+                + ratio * dry * tangents[of_y, j, d]
+                + turning * of_slopes[source, n + k, d]
+                + yi * of_slopes[source, n + couplings + k, d]
             )

@@ -27,6 +27,7 @@ from pivident.simulation.integration import (
     FRICTION_KNOWN,
     LAYERS,
     LEVEL,
+    MIDDLE_BIAS,
     ROWS,
     Q,
     V,
@@ -43,6 +44,7 @@ from pivident.simulation.loop_tangent import (
     switch_tangent,
 )
 from pivident.simulation.path_integration import AT_REST, SLOPE_ROWS, advance_on_path
+from pivident.simulation.path_tangent import copy_state, path_step_tangent
 from pivident.simulation.step_tangent import (
     freeze_tangent,
     linear_tangent,
@@ -173,12 +175,19 @@ def run_loop(
     vectors, matrices, slopes, clock = state.vectors, state.matrices, state.slopes, state.clock
     pose, motion, force, composite = state.pose, state.motion, state.force, state.composite
     torque, commanded, integral, past = state.torque, state.commanded, state.integral, state.past
+    # the torque of ``late`` samples ago comes a part of a period after the sample
+    late = int(delay * rate + 1e-9)
     if tangent is not None:
         own, layers, of_slopes, times = (
             tangent.vectors, tangent.matrices, tangent.slopes, tangent.times
         )  # fmt: skip
         of_commanded, of_integral, of_past = tangent.commanded, tangent.integral, tangent.past
         encoder, weight_slope, record = tangent.encoder, tangent.weight_slope, tangent.record
+        # joints and directions on one axis, for loops that pass through all of them
+        flat, flat_layers = own.reshape(own.shape[0], -1), layers.reshape(layers.shape[0], -1)
+        flat_commanded = of_commanded.reshape(late + 2, -1)
+        flat_past, flat_integral = of_past.reshape(TAPS, -1), of_integral.reshape(-1)
+        flat_encoder, flat_record = encoder.reshape(-1), record.reshape(3, record.shape[1], -1)
         passed = tangent.passed
         law_index, law_slope = tangent.law_index, tangent.law_slope
         law_reference, inertial = tangent.law_reference, tangent.inertial
@@ -186,9 +195,9 @@ def run_loop(
         constants, constant_slope = tangent.friction, tangent.friction_slope
         before_step, old, curvature = tangent.before, tangent.clock, tangent.curvature
         by_position, by_speed, of_mass = tangent.by_position, tangent.by_speed, tangent.of_mass
-        links, body, decay = tangent.links, tangent.body, tangent.decay
-    # the torque of ``late`` samples ago comes a part of a period after the sample
-    late = int(delay * rate + 1e-9)
+        links, body = tangent.links, tangent.body
+        of_path, partials, path_copy = tangent.path, tangent.partials, tangent.path_copy
+        vectors_copy, slopes_copy = tangent.vectors_copy, tangent.slopes_copy
     waiting = max(delay - late * period, 0.0)
     if waiting < 1e-9 * period:
         waiting = 0.0
@@ -210,7 +219,9 @@ def run_loop(
                 weight,
             )  # fmt: skip
         if tangent is not None:
-            read_tangent(parent, prismatic, gravity, masses, place, own, encoder, weight_slope)
+            read_tangent(
+                parent, prismatic, gravity, masses, place, own, flat, flat_encoder, weight_slope
+            )
         for j in range(n):
             w = measured[j]
             for m in range(1, TAPS):
@@ -244,7 +255,8 @@ def run_loop(
             law_tangent(
                 feedback, pole, integrand, integral_gain, integrand_reference, past, period,
                 limits[GAIN], inputs, channels[_COMMAND, row], k, given, late, passed,
-                own, of_past, of_integral, of_commanded, law_reference, law_index, law_slope,
+                own, flat, of_past, flat_past, flat_integral, of_commanded, flat_commanded,
+                law_reference, law_index, law_slope,
             )  # fmt: skip
         for turn in range(2 * steps):
             before = turn < steps  # the torque of the sample before is still acting
@@ -278,20 +290,30 @@ def run_loop(
                     for entry in range(path.shape[1]):
                         path_record[row, entry] = path[STATE, entry]
                 if tangent is not None:
-                    record_tangent(own, of_commanded, record, row, late + 1 if before else late)
+                    record_tangent(
+                        flat, flat_commanded, flat_record, row, late + 1 if before else late
+                    )
             if tangent is not None:
-                if turn == steps and waiting == 0.0:
+                if turn == steps and waiting == 0.0 and old[DELAYED] != 0.0:
                     switch_tangent(
                         pair_index, pair_value, vectors, matrices, slopes, commanded, late,
                         own, of_slopes, times, curvature,
                     )  # fmt: skip
                 evaluate_tangent(
                     parent, prismatic, gravity, inertia, term_index, term_value,
-                    pair_index, pair_value, vectors, matrices, slopes, clock, pose,
-                    own, layers, times, of_slopes, constants, constant_slope, inertial,
-                    rotor_index, rotor_slope, before_step, old, curvature, by_position, by_speed,
-                    of_mass, links, body,
+                    pair_index, pair_value, path_index, path_value,
+                    vectors, matrices, slopes, clock, pose,
+                    own, flat, layers, flat_layers, times, of_slopes, constants, constant_slope,
+                    inertial, rotor_index, rotor_slope, before_step, old, curvature, by_position,
+                    by_speed, of_mass, links, body,
                 )  # fmt: skip
+                if path is not None:
+                    copy_state(
+                        linear, term_index, term_value, pair_index, pair_value, path_index,
+                        path_value, path, vectors, slopes, torque, path_copy, vectors_copy,
+                        slopes_copy, clock[FRICTION_KNOWN] != 0.0, own, of_slopes, of_path, times,
+                        constants, constant_slope, curvature, partials,
+                    )  # fmt: skip
             if oracle is not None:  # decided by its type: the oracle is compiled when asked for
                 joint = advance_runge_kutta(
                     parent, prismatic, rotation, translation, gravity, inertia, rotor,
@@ -310,6 +332,21 @@ def run_loop(
                     path_index, path_value, path,
                     vectors, matrices, slopes, clock, torque, step,
                 )  # fmt: skip
+                if tangent is not None:
+                    freeze_tangent(
+                        vectors, matrices, slopes, clock, step,
+                        0.0 if waiting == 0.0 else (1.0 if before else -1.0) / steps,
+                        late + 1 if before else late,
+                        own, flat, layers, flat_layers, times, flat_commanded, before_step, old,
+                    )  # fmt: skip
+                    for i in range(n):
+                        vectors_copy[MIDDLE_BIAS, i] = vectors[MIDDLE_BIAS, i]
+                    path_step_tangent(
+                        linear, term_index, term_value, pair_index, pair_value, path_index,
+                        path_value, path_copy, vectors_copy, matrices, slopes_copy, torque, step,
+                        own, flat, layers, times, of_slopes, of_path, constants, constant_slope,
+                        curvature, partials,
+                    )  # fmt: skip
             else:
                 advance(
                     linear, term_index, term_value, pair_index, pair_value,
@@ -320,20 +357,20 @@ def run_loop(
                         vectors, matrices, slopes, clock, step,
                         0.0 if waiting == 0.0 else (1.0 if before else -1.0) / steps,
                         late + 1 if before else late,
-                        own, layers, times, of_commanded, before_step, old,
+                        own, flat, layers, flat_layers, times, flat_commanded, before_step, old,
                     )  # fmt: skip
                     if clock[FRICTION_KNOWN] == 0.0:
                         nonlinear_tangent(
                             linear, term_index, term_value, pair_index, pair_value,
                             vectors, matrices, slopes, torque, step,
-                            own, layers, times, of_slopes, constants, constant_slope, before_step,
-                            curvature,
+                            own, flat, layers, times, of_slopes, constants, constant_slope,
+                            before_step, curvature, old[DELAYED] != 0.0,
                         )  # fmt: skip
                     else:
                         linear_tangent(
                             term_index, term_value, pair_index, pair_value,
                             vectors, matrices, slopes, torque, step, old[DELAYED] != 0.0,
-                            own, layers, times, of_slopes, constants, constant_slope, before_step,
-                            curvature, decay,
+                            own, flat, layers, times, of_slopes, constants, constant_slope,
+                            before_step, curvature,
                         )  # fmt: skip
     return DONE, -1, -1

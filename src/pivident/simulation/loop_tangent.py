@@ -22,6 +22,7 @@ import numpy as np
 
 from pivident.compiled import inlined as _inline
 from pivident.compiled import inner, rows
+from pivident.dynamics.path_partials import spring_partials, spring_slopes
 from pivident.dynamics.rigid_body_slopes import (
     inertial_columns,
     inertial_masses,
@@ -31,7 +32,7 @@ from pivident.dynamics.rigid_body_slopes import (
     torque_slopes,
 )
 from pivident.simulation.controllers import TAPS
-from pivident.simulation.friction_tangent import friction_tangent
+from pivident.simulation.friction_tangent import PATH, friction_tangent
 from pivident.simulation.gravity_compensation import gravity_slopes
 from pivident.simulation.integration import (
     BIAS,
@@ -50,11 +51,13 @@ from pivident.simulation.integration import (
     V,
     slope_times,
 )
+from pivident.simulation.row_sums import add_rows, add_rows_twice
 
 # Rows of ``vectors`` of a tangent, shape (TANGENT_ROWS, joints, directions); those of Q, V,
 # FRICTION, BIAS and LAST_BIAS are the rows of the simulation itself, the others scratch.
-TANGENT_ROWS = 24
+TANGENT_ROWS = 28
 _READ, _U, _GROWTH, _SUM = rows(8, 9, 10, 11)
+(STILL_TANGENT,) = rows(23)  # zeros
 
 # Scratch rows of the simulation's ``vectors``, free between the steps.
 _JUMP, _BRAKED = rows(9, 10)
@@ -82,13 +85,14 @@ class LoopTangent(NamedTuple):
 
     vectors: np.ndarray  # (TANGENT_ROWS, joints, directions)
     matrices: np.ndarray  # (MATRIX_LAYERS, joints, joints, directions)
-    #: Of the friction slopes now and ahead, then of the coupled viscous parameters, shape
-    #: (2, joints + 2 couplings, directions).
+    #: Of the friction slopes now, ahead and midway, then of the coupled viscous parameters, then of
+    #: the stiffnesses, shape (3, 2 joints + 2 couplings, directions).
     slopes: np.ndarray
+    path: np.ndarray  # of the states of friction, (PATH_ROWS, entries, directions)
     times: np.ndarray  # (TIMES, directions)
     commanded: np.ndarray  # (samples of delay + 2, joints, directions)
     integral: np.ndarray  # (joints, directions)
-    past: np.ndarray  # (joints, TAPS, directions)
+    past: np.ndarray  # (TAPS, joints, directions)
     passed: np.ndarray  # scratch of ``law_tangent``, (joints, 3)
     encoder: np.ndarray  # of what the law reads beside the position, (joints, directions)
     law_index: np.ndarray  # joint and direction of a parameter of the law, (entries, 2)
@@ -106,41 +110,54 @@ class LoopTangent(NamedTuple):
     by_position: np.ndarray  # ∂h/∂q, (joints, joints)
     by_speed: np.ndarray  # ∂h/∂dq, (joints, joints)
     of_mass: np.ndarray  # ∂M/∂q, (joints, joints, joints)
-    decay: np.ndarray  # M⁻¹ D, scratch, (joints, joints)
     weight_slope: np.ndarray  # ∂g/∂q of the law's gravity, (joints, joints)
     links: np.ndarray  # scratch of ``rigid_body_slopes``, (joints, LINK)
     body: np.ndarray  # likewise, (2 joints, 10)
+    partials: np.ndarray  # scratch of ``path_partials``
+    path_copy: np.ndarray  # states of friction before a step, see ``path_tangent``
+    vectors_copy: np.ndarray  # likewise of the robot
+    slopes_copy: np.ndarray  # and friction slopes
     #: Tangents of positions, speeds and torques at the samples, (3, rows, joints, directions).
     record: np.ndarray
 
 
 @_inline
-def read_tangent(parent, prismatic, gravity, masses, place, vectors, encoder, slopes):
+def read_tangent(parent, prismatic, gravity, masses, place, vectors, flat, encoder, slopes):
     """Tangents of what the law reads, and of the gravity that it compensates.
 
     Counts of the encoder are passed over: in the mean what the law reads changes as the position.
-    ``place``: poses of the links as the law reads them.
+    ``place``: poses of the links as the law reads them; ``flat``: ``vectors`` with joints and
+    directions on one axis, so that one loop passes through them, here and below.
     """
-    n, directions = encoder.shape
-    for j in range(n):
-        for d in range(directions):
-            vectors[_READ, j, d] = vectors[Q, j, d] + encoder[j, d]
-            vectors[_SUM, j, d] = 0.0
+    n = vectors.shape[1]
+    for c in range(flat.shape[1]):
+        flat[_READ, c] = flat[Q, c] + encoder[c]
     if masses.shape[0] > 0:
         gravity_slopes(parent, prismatic, gravity, masses, place, slopes)
         for j in range(n):
-            for k in range(n):
-                slope = slopes[j, k]
-                if slope != 0.0:
-                    for d in range(directions):
-                        vectors[_SUM, j, d] += slope * vectors[_READ, k, d]
+            add_rows(
+                vectors,
+                _SUM * n + j,
+                vectors,
+                STILL_TANGENT * n,
+                1.0,
+                n,
+                slopes,
+                j * n,
+                vectors,
+                _READ * n,
+                1,
+            )
+    else:
+        for c in range(flat.shape[1]):
+            flat[_SUM, c] = 0.0
 
 
 @_inline
 def law_tangent(
     feedback, pole, integrand, integral_gain, integrand_reference, past, period, gains, inputs,
-    command, k, given, late, passed, vectors, past_tangent, integral, commanded, reference,
-    index, slope,
+    command, k, given, late, passed, vectors, flat, past_tangent, flat_past, integral, commanded,
+    flat_commanded, reference, index, slope,
 ):  # fmt: skip
     """Tangents of the control laws at sample ``k``, after their filters have moved on.
 
@@ -148,73 +165,85 @@ def law_tangent(
     the integrator was given, whether the output is free, and whether the integrator moved, shape
     (joints, 3).
     """
-    directions = vectors.shape[2]
-    for j in range(vectors.shape[1]):
-        # short loops of few arrays: only such ones are compiled to vector instructions
+    n, directions, width = vectors.shape[1], vectors.shape[2], flat.shape[1]
+    for m in range(late + 1, 0, -1):
+        for c in range(width):
+            flat_commanded[m, c] = flat_commanded[m - 1, c]
+    for j in range(n):
+        add_rows(
+            vectors,
+            _READ * n + j,
+            vectors,
+            _READ * n + j,
+            -1.0,
+            TAPS - 1,
+            pole,
+            j * TAPS + 1,
+            past_tangent,
+            j,
+            n,
+        )
+    for m in range(TAPS - 1, 0, -1):
+        for c in range(width):
+            flat_past[m, c] = flat_past[m - 1, c]
+    for c in range(width):
+        flat_past[0, c] = flat[_READ, c]
+        flat[_U, c] = flat[_SUM, c] + integral[c]
+    for e in range(index.shape[0]):
         for m in range(1, TAPS):
-            if pole[j, m] != 0.0:
-                for d in range(directions):
-                    vectors[_READ, j, d] -= pole[j, m] * past_tangent[j, m - 1, d]
-        for e in range(index.shape[0]):
-            if index[e, 0] == j:
-                for m in range(1, TAPS):
-                    vectors[_READ, j, index[e, 1]] -= slope[e, OF_POLE + m] * past[j, m]
-        for d in range(directions):
-            w = vectors[_READ, j, d]
-            vectors[_U, j, d] = vectors[_SUM, j, d] + integral[j, d] - feedback[j, 0] * w
-            vectors[_GROWTH, j, d] = -integral_gain[j] * period * integrand[j, 0] * w
-        for m in range(1, TAPS):
-            if feedback[j, m] != 0.0:
-                for d in range(directions):
-                    vectors[_U, j, d] -= feedback[j, m] * past_tangent[j, m - 1, d]
-            growth = integral_gain[j] * period * integrand[j, m]
-            if growth != 0.0:
-                for d in range(directions):
-                    vectors[_GROWTH, j, d] -= growth * past_tangent[j, m - 1, d]
-        for m in range(TAPS - 1, 0, -1):
-            for d in range(directions):
-                past_tangent[j, m, d] = past_tangent[j, m - 1, d]
-        for d in range(directions):
-            past_tangent[j, 0, d] = vectors[_READ, j, d]
-        for e in range(index.shape[0]):
-            if index[e, 0] != j:
-                continue
-            d = index[e, 1]
-            u, summed = reference[0, k, e], reference[1, k, e]
-            for m in range(TAPS):
-                u -= slope[e, OF_FEEDBACK + m] * past[j, m]
-                summed -= slope[e, OF_INTEGRAND + m] * past[j, m]
-            vectors[_U, j, d] += u + slope[e, OF_INPUTS] * inputs[given, j]
-            vectors[_GROWTH, j, d] += period * (
-                integral_gain[j] * summed
-                + slope[e, OF_INTEGRAL_GAIN] * (integrand_reference[k, j] - passed[j, 0])
+            j = index[e, 0]
+            past_tangent[0, j, index[e, 1]] -= slope[e, OF_POLE + m] * past[j, m]
+    integrated = False
+    for j in range(n):
+        row = _U * n + j
+        add_rows(vectors, row, vectors, row, -1.0, TAPS, feedback, j * TAPS, past_tangent, j, n)
+        if integral_gain[j] != 0.0:
+            integrated = True
+    for c in range(width):
+        flat[_GROWTH, c] = 0.0
+    if integrated:
+        for j in range(n):
+            row, rate = _GROWTH * n + j, -integral_gain[j] * period
+            add_rows(
+                vectors, row, vectors, row, rate, TAPS, integrand, j * TAPS, past_tangent, j, n
             )
-        for m in range(late + 1, 0, -1):
-            for d in range(directions):
-                commanded[m, j, d] = commanded[m - 1, j, d]
+    for e in range(index.shape[0]):
+        j, d = index[e, 0], index[e, 1]
+        u, summed = reference[0, k, e], reference[1, k, e]
+        for m in range(TAPS):
+            u -= slope[e, OF_FEEDBACK + m] * past[j, m]
+            summed -= slope[e, OF_INTEGRAND + m] * past[j, m]
+        vectors[_U, j, d] += u + slope[e, OF_INPUTS] * inputs[given, j]
+        vectors[_GROWTH, j, d] += period * (
+            integral_gain[j] * summed
+            + slope[e, OF_INTEGRAL_GAIN] * (integrand_reference[k, j] - passed[j, 0])
+        )
+    for j in range(n):
         gain = gains[j] if passed[j, 1] > 0.0 else 0.0
         for d in range(directions):
             commanded[0, j, d] = gain * (vectors[_U, j, d] + vectors[_GROWTH, j, d])
         if passed[j, 2] > 0.0 and integral_gain[j] != 0.0:
             for d in range(directions):
-                integral[j, d] += vectors[_GROWTH, j, d]
-        for e in range(index.shape[0]):
-            if index[e, 0] == j:
-                commanded[0, j, index[e, 1]] += slope[e, OF_DRIVE_GAIN] * command[j]
-        if k == 0:
-            for m in range(1, late + 2):
-                for d in range(directions):
-                    commanded[m, j, d] = commanded[0, j, d]
+                integral[j * directions + d] += vectors[_GROWTH, j, d]
+    for e in range(index.shape[0]):
+        j = index[e, 0]
+        commanded[0, j, index[e, 1]] += slope[e, OF_DRIVE_GAIN] * command[j]
+    if k == 0:
+        for m in range(1, late + 2):
+            for c in range(width):
+                flat_commanded[m, c] = flat_commanded[0, c]
 
 
 @_inline
-def record_tangent(vectors, commanded, record, row, which):
+def record_tangent(flat, flat_commanded, record, row, which):
     """Keep the tangents at a sample; ``which``: row of the torque that acts in ``commanded``."""
-    for j in range(vectors.shape[1]):
-        for d in range(vectors.shape[2]):
-            record[0, row, j, d] = vectors[Q, j, d]
-            record[1, row, j, d] = vectors[V, j, d]
-            record[2, row, j, d] = commanded[which, j, d]
+    width = flat.shape[1]
+    for c in range(width):
+        record[0, row, c] = flat[Q, c]
+    for c in range(width):
+        record[1, row, c] = flat[V, c]
+    for c in range(width):
+        record[2, row, c] = flat_commanded[which, c]
 
 
 @inner
@@ -249,34 +278,43 @@ def switch_tangent(
 @_inline
 def evaluate_tangent(
     parent, prismatic, gravity, inertia, term_index, term_value, pair_index, pair_value,
-    vectors, matrices, slopes, clock, pose,
-    own, layers, times, of_slopes, constants, constant_slope, inertial, rotor, rotor_slope,
-    before, old, curvature, by_position, by_speed, of_mass, links, body,
+    path_index, path_value, vectors, matrices, slopes, clock, pose,
+    own, flat, layers, flat_layers, times, of_slopes, constants, constant_slope, inertial, rotor,
+    rotor_slope, before, old, curvature, by_position, by_speed, of_mass, links, body,
 ):  # fmt: skip
     """Tangents of h, of M⁻¹ where it was renewed, of friction where it was computed anew.
 
     To be called after ``integration.evaluate``, whose arguments are the first ones; the others are
     those of ``LoopTangent``.
     """
-    n, directions = own.shape[1], own.shape[2]
+    n = own.shape[1]
     place_links(parent, prismatic, pose, inertia, links, body)
     move_links(parent, gravity, vectors[V], vectors[STILL], links, body)
     torque_slopes(parent, gravity, links, body, by_position, by_speed)
+    if path_index is not None:  # decided by its type, here and below
+        spring_slopes(path_index, path_value, vectors, Q, by_position)
+    for c in range(flat.shape[1]):
+        flat[LAST_BIAS, c] = flat[BIAS, c]
     for i in range(n):
-        for d in range(directions):
-            own[LAST_BIAS, i, d], own[BIAS, i, d] = own[BIAS, i, d], 0.0
-        for j in range(n):
-            a, b = by_position[i, j], by_speed[i, j]
-            if a != 0.0 or b != 0.0:
-                for d in range(directions):
-                    own[BIAS, i, d] += a * own[Q, j, d] + b * own[V, j, d]
+        add_rows_twice(
+            own, BIAS * n + i, own, STILL_TANGENT * n, 1.0, n,
+            by_position, i * n, own, Q * n, 1, by_speed, i * n, own, V * n, 1,
+        )  # fmt: skip
     inertial_columns(parent, inertial, links, own[BIAS])
+    if path_index is not None:
+        for e in range(constants.shape[0]):
+            if constants[e, 1] == PATH:
+                k = constants[e, 2]
+                j = path_index[k, 0]
+                own[BIAS, j, constants[e, 4]] += constant_slope[e] * spring_partials(
+                    path_index, path_value, k, constants[e, 3], vectors[Q, j]
+                )
     if clock[STEPS] == 0.0:
         _renew(
-            parent, matrices, clock, own, layers, times, inertial, rotor, rotor_slope, old, of_mass,
-            links, body,
+            parent, matrices, clock, own, layers, flat_layers, times, inertial, rotor, rotor_slope,
+            old, of_mass, links, body,
         )  # fmt: skip
-    if clock[FRICTION_KNOWN] == 0.0:
+    if path_index is None and clock[FRICTION_KNOWN] == 0.0:
         friction_tangent(
             term_index, term_value, pair_index, pair_value, constants, constant_slope,
             vectors, V, slopes, NOW, own, V, FRICTION, of_slopes, NOW, curvature,
@@ -291,21 +329,28 @@ def evaluate_tangent(
 
 @inner
 def _renew(
-    parent, matrices, clock, vectors, own, times, inertial, rotor, rotor_slope, old, of_mass, links,
-    body,
+    parent, matrices, clock, vectors, own, flat, times, inertial, rotor, rotor_slope, old, of_mass,
+    links, body,
 ):  # fmt: skip
     """Tangents of M⁻¹ and of its rate where the simulation has computed M⁻¹ anew."""
     n, directions = vectors.shape[1], vectors.shape[2]
+    mass, middle = _MASS_TANGENT * n * n, MIDDLE_TANGENT * n * n  # rows before their first ones
     mass_slopes(parent, links, body, of_mass)
     for j in range(n):
         for i in range(j + 1):
-            for d in range(directions):
-                own[_MASS_TANGENT, j, i, d] = 0.0
-            for k in range(n):
-                slope = of_mass[j, i, k]
-                if slope != 0.0:
-                    for d in range(directions):
-                        own[_MASS_TANGENT, j, i, d] += slope * vectors[Q, k, d]
+            add_rows(
+                own,
+                mass + j * n + i,
+                vectors,
+                STILL_TANGENT * n,
+                1.0,
+                n,
+                of_mass,
+                (j * n + i) * n,
+                vectors,
+                Q * n,
+                1,
+            )
     inertial_masses(parent, inertial, links, own[_MASS_TANGENT])
     for e in range(rotor.shape[0]):
         own[_MASS_TANGENT, rotor[e, 0], rotor[e, 1], rotor[e, 2]] += rotor_slope[e]
@@ -316,30 +361,46 @@ def _renew(
     # the first factor of M⁻¹ δM M⁻¹ into the layer of the middle, which is made anew in each step
     for i in range(n):
         for j in range(n):
-            for d in range(directions):
-                own[MIDDLE_TANGENT, i, j, d] = 0.0
-            for k in range(n):
-                a = matrices[INVERSE, i, k]
-                for d in range(directions):
-                    own[MIDDLE_TANGENT, i, j, d] += a * own[_MASS_TANGENT, k, j, d]
-    since = old[SINCE_BEFORE] + clock[LAST_STEP]
-    known = clock[RENEWALS] > 1.0 and since > 0.0
+            add_rows(
+                own,
+                middle + i * n + j,
+                vectors,
+                STILL_TANGENT * n,
+                1.0,
+                n,
+                matrices,
+                (INVERSE * n + i) * n,
+                own,
+                mass + j,
+                n,
+            )
     for i in range(n):
-        for j in range(i + 1):
-            for d in range(directions):
-                own[_MASS_TANGENT, i, j, d] = 0.0
-            for k in range(n):
-                a = matrices[INVERSE, k, j]
-                for d in range(directions):
-                    own[_MASS_TANGENT, i, j, d] -= a * own[MIDDLE_TANGENT, i, k, d]
-            for d in range(directions):
-                fresh = own[_MASS_TANGENT, i, j, d]
-                if known:
-                    change = fresh - own[RENEWED_TANGENT, i, j, d]
-                    change -= matrices[CHANGE, i, j] * times[SINCE_TANGENT, d]
-                    own[CHANGE_TANGENT, i, j, d] = change / since
-                    own[CHANGE_TANGENT, j, i, d] = change / since
-                own[RENEWED_TANGENT, i, j, d] = fresh
-                own[RENEWED_TANGENT, j, i, d] = fresh
+        for j in range(n):
+            add_rows(
+                own,
+                mass + i * n + j,
+                vectors,
+                STILL_TANGENT * n,
+                -1.0,
+                n,
+                matrices,
+                (INVERSE * n + j) * n,
+                own,
+                middle + i * n,
+                1,
+            )
+    since = old[SINCE_BEFORE] + clock[LAST_STEP]
+    if clock[RENEWALS] > 1.0 and since > 0.0:
+        rate = 1.0 / since
+        for c in range(flat.shape[1]):
+            flat[CHANGE_TANGENT, c] = rate * (flat[_MASS_TANGENT, c] - flat[RENEWED_TANGENT, c])
+        if old[DELAYED] != 0.0:
+            for i in range(n):
+                for j in range(n):
+                    change = rate * matrices[CHANGE, i, j]
+                    for d in range(directions):
+                        own[CHANGE_TANGENT, i, j, d] -= change * times[SINCE_TANGENT, d]
+    for c in range(flat.shape[1]):
+        flat[RENEWED_TANGENT, c] = flat[_MASS_TANGENT, c]
     for d in range(directions):
         times[SINCE_TANGENT, d] = 0.0

@@ -97,7 +97,7 @@ def friction_after(
 
 
 @_inline
-def _change(pair_index, pair_value, slopes, row, vectors, y, x, out):
+def change(pair_index, pair_value, slopes, row, vectors, y, x, out):
     """Out = D y + K x, joint by joint times the share that load-dependent friction leaves."""
     slope_times(pair_index, pair_value, slopes, row, vectors, y, out)
     n = vectors.shape[1]
@@ -108,7 +108,7 @@ def _change(pair_index, pair_value, slopes, row, vectors, y, x, out):
 
 
 @_inline
-def _stiffness(pair_index, pair_value, matrices, slopes, row):
+def path_stiffness(pair_index, pair_value, matrices, slopes, row):
     """Bounds of ‖M⁻¹D‖ [1/s] and ‖M⁻¹K‖ [1/s²]."""
     n = matrices.shape[1]
     stiffness = n + pair_index.shape[0]
@@ -121,7 +121,7 @@ def _stiffness(pair_index, pair_value, matrices, slopes, row):
 
 
 @_inline
-def _rate_at_reversals(pair_index, pair_value, matrices, slopes, vectors, speed):
+def rate_at_reversals(pair_index, pair_value, matrices, slopes, vectors, speed):
     """Bound of ‖M⁻¹D‖ [1/s] that joints and rotors pass which turn on the way from V to a row.
 
     A whole smoothed sign may lie between two stages of a step and be seen by none of them.
@@ -143,7 +143,7 @@ def _rate_at_reversals(pair_index, pair_value, matrices, slopes, vectors, speed)
 
 
 @_inline
-def _inner_steps(rate, square, h, damping, oscillation):
+def inner_steps(rate, square, h, damping, oscillation):
     """How many inner steps ``h`` needs, in parts of one."""
     return max(rate * h / damping, np.sqrt(square) * h / oscillation)
 
@@ -161,7 +161,7 @@ def advance_on_path(
     freeze_at_middle(vectors, matrices, clock, h)
     apply_matrix(matrices, MIDDLE, vectors, torque, MIDDLE_BIAS, FRICTION, _A0)
     feedback = _linear_step(pair_index, pair_value, vectors, matrices, slopes, h)
-    _change(pair_index, pair_value, slopes, NOW, vectors, _Y, _X, _Z)
+    change(pair_index, pair_value, slopes, NOW, vectors, _Y, _X, _Z)
     for i in range(n):
         vectors[_AHEAD, i] = vectors[V, i] + vectors[_Y, i]
     friction_after(
@@ -172,7 +172,7 @@ def advance_on_path(
     loaded = path_index.shape[0] > 0 and path_index[-1, 1] == _LOAD
     known = 0.0 if loaded else 1.0
     carried = slopes.shape[1] - n
-    turning = _rate_at_reversals(pair_index, pair_value, matrices, slopes, vectors, _AHEAD)
+    turning = rate_at_reversals(pair_index, pair_value, matrices, slopes, vectors, _AHEAD)
     sudden = turning * h > NONLINEAR_STIFFNESS
     small = not sudden
     for i in range(n):
@@ -199,7 +199,7 @@ def advance_on_path(
         vectors[_A, i] = vectors[V, i] - vectors[_AHEAD, i]
         vectors[Q, i] += vectors[_X, i] + vectors[_DX, i]
     # F and z were taken where the linear step ended: carried on by their slopes there
-    _change(pair_index, pair_value, slopes, THEN, vectors, _A, _DX, _Z)
+    change(pair_index, pair_value, slopes, THEN, vectors, _A, _DX, _Z)
     for i in range(n):
         vectors[FRICTION, i] += vectors[_Z, i]
     for k in range(path.shape[1]):
@@ -217,8 +217,8 @@ def _linear_step(pair_index, pair_value, vectors, matrices, slopes, h):
     Taylor polynomial of fourth order, term by term. Returns ‖M⁻¹D‖·h + ‖M⁻¹K‖·h².
     """
     n = vectors.shape[1]
-    rate, square = _stiffness(pair_index, pair_value, matrices, slopes, NOW)
-    wanted = _inner_steps(rate, square, h, STIFFNESS_PER_STEP, OSCILLATION_PER_STEP)
+    rate, square = path_stiffness(pair_index, pair_value, matrices, slopes, NOW)
+    wanted = inner_steps(rate, square, h, STIFFNESS_PER_STEP, OSCILLATION_PER_STEP)
     count = int(np.ceil(min(max(wanted, 1e-3), MAX_INNER_STEPS)))
     step = h / count
     for i in range(n):
@@ -230,7 +230,7 @@ def _linear_step(pair_index, pair_value, vectors, matrices, slopes, h):
             vectors[_Y, i] += vectors[_W, i]
             vectors[_X, i] += vectors[_T, i]
         for order in range(2, 5):
-            _change(pair_index, pair_value, slopes, NOW, vectors, _W, _T, _Z)
+            change(pair_index, pair_value, slopes, NOW, vectors, _W, _T, _Z)
             for i in range(n):
                 vectors[_T, i] = step / order * vectors[_W, i]
                 vectors[_X, i] += vectors[_T, i]
@@ -240,7 +240,7 @@ def _linear_step(pair_index, pair_value, vectors, matrices, slopes, h):
         for i in range(n):
             vectors[_X, i] += 0.2 * step * vectors[_W, i]
         if s < count - 1:
-            _change(pair_index, pair_value, slopes, NOW, vectors, _Y, _X, _Z)
+            change(pair_index, pair_value, slopes, NOW, vectors, _Y, _X, _Z)
             subtract_product(matrices, vectors, _Z, 1.0, _A0, _A)
     return rate * h + square * h * h
 
@@ -271,7 +271,7 @@ def _simpson_step(
         MIDWAY, vectors, slopes, _BETWEEN, torque, 0.5 * h,
         _MIDWAY_TRAVEL, _MIDWAY_SPEED, _MIDWAY_REST,
     )  # fmt: skip
-    _change(pair_index, pair_value, slopes, NOW, vectors, _W, _MIDWAY_TRAVEL, _T)
+    change(pair_index, pair_value, slopes, NOW, vectors, _W, _MIDWAY_TRAVEL, _T)
     for i in range(n):
         vectors[_MIDWAY_REST, i] -= vectors[FRICTION, i] + vectors[_T, i]
         vectors[_T, i] = 4.0 * vectors[_MIDWAY_REST, i] + vectors[_REST, i]
@@ -302,8 +302,8 @@ def _nonlinear_step(
     for k in range(slopes.shape[1]):
         slopes[1, k] = slopes[0, k]
     while left > 1e-9 * h:
-        rate, square = _stiffness(pair_index, pair_value, matrices, slopes, THEN)
-        count = _inner_steps(rate, square, left, NONLINEAR_STIFFNESS, NONLINEAR_OSCILLATION)
+        rate, square = path_stiffness(pair_index, pair_value, matrices, slopes, THEN)
+        count = inner_steps(rate, square, left, NONLINEAR_STIFFNESS, NONLINEAR_OSCILLATION)
         step = min(max(left / np.ceil(max(count, 1e-3)), shortest), left)
         apply_matrix(matrices, MIDDLE, vectors, torque, MIDDLE_BIAS, f, k1)
         stage = 1
@@ -319,11 +319,11 @@ def _nonlinear_step(
                 path_index, path_value, path,
                 AHEAD, vectors, slopes, THEN, torque, weight * step, travel, trial, f,
             )  # fmt: skip
-            rate, square = _stiffness(pair_index, pair_value, matrices, slopes, THEN)
+            rate, square = path_stiffness(pair_index, pair_value, matrices, slopes, THEN)
             rate = max(
-                rate, _rate_at_reversals(pair_index, pair_value, matrices, slopes, vectors, trial)
+                rate, rate_at_reversals(pair_index, pair_value, matrices, slopes, vectors, trial)
             )
-            ahead = _inner_steps(rate, square, step, NONLINEAR_STIFFNESS, NONLINEAR_OSCILLATION)
+            ahead = inner_steps(rate, square, step, NONLINEAR_STIFFNESS, NONLINEAR_OSCILLATION)
             if ahead > 1.5 and step > shortest:
                 step = max(step / ahead, shortest)
                 stage = 1

@@ -13,14 +13,16 @@ from typing import NamedTuple
 import numpy as np
 
 from pivident.dynamics.forward import Model, make_model
+from pivident.dynamics.friction_table import PATH_ROWS, slopes_width
+from pivident.dynamics.path_partials import partials_scratch
 from pivident.dynamics.rigid_body_slopes import slope_scratch
 from pivident.robot.description import INERTIAL
+from pivident.robot.friction import FrictionColumn
 from pivident.simulation.closed_loop import Trajectory, simulate, simulate_blocks
 from pivident.simulation.controllers import TAPS, PythonController, SampledLaw
 from pivident.simulation.direction import Direction, ParametrisedLoop
 from pivident.simulation.friction_tangent import LINEAR, PAIR, PATH, TERM
-from pivident.simulation.integration import Q, V
-from pivident.simulation.loop_kernel import is_on_path
+from pivident.simulation.integration import ROWS, Q, V
 from pivident.simulation.loop_tangent import (
     BEFORE,
     CLOCK_ENTRIES,
@@ -38,6 +40,8 @@ from pivident.simulation.loop_tangent import (
     TIMES,
     LoopTangent,
 )
+from pivident.simulation.path_integration import SLOPE_ROWS
+from pivident.simulation.row_sums import row_array
 
 #: Samples of a block: their tangents stay in the processor's cache.
 TANGENT_BLOCK = 128
@@ -70,8 +74,8 @@ def simulate_with_tangents(loop: ParametrisedLoop, directions: Sequence[Directio
     """Simulate the closed loop with the derivatives of its motion along parameters.
 
     The motion is that of ``simulate``, to the last bit. The tangents are the derivatives of the
-    scheme that the simulator runs; a loop with a Python law, and one with friction of position,
-    path or load, is differentiated by central differences instead, two simulations a direction.
+    scheme that the simulator runs; a loop with a Python law, and one with friction of the load, is
+    differentiated by central differences instead, two simulations a direction.
 
     Args:
         loop: what is simulated, in terms of its parameters.
@@ -123,7 +127,8 @@ def tangent_blocks(
     ):
         q, dq, ddq, tau, command = channels
         motion = Trajectory(float(loop.signals.rate), q, dq, ddq, tau, command, states)
-        yield TangentBlock(span, motion, *tangent.record[:, : span.stop - span.start])
+        record = tangent.record[:, : span.stop - span.start, :, : len(directions)]
+        yield TangentBlock(span, motion, *record)
 
 
 def has_compiled_tangents(loop: ParametrisedLoop, model: Model | None = None) -> bool:
@@ -133,8 +138,8 @@ def has_compiled_tangents(loop: ParametrisedLoop, model: Model | None = None) ->
         loop: the loop.
         model: its model, where it is known already.
     """
-    on_path = is_on_path((model or loop.model).friction)
-    return not isinstance(loop.controller, PythonController) and not on_path
+    column = (model or loop.model).friction.path_index[:, 1]
+    return not isinstance(loop.controller, PythonController) and FrictionColumn.LOAD not in column
 
 
 def _by_differences(loop: ParametrisedLoop, directions: Sequence[Direction]) -> TangentBlock:
@@ -162,23 +167,28 @@ def _initial_tangent(
 ) -> LoopTangent:
     """Tangents at the first sample, and the slopes of model and law along the directions."""
     n, count, signals = loop.robot.size, len(directions), loop.signals
-    couplings = len(model.friction.pair_index)
+    couplings, entries_of_path = len(model.friction.pair_index), len(model.friction.path_index)
     late = int(float(signals.drive_delay) * float(signals.rate) + 1e-9)
     dq_ref = signals.dq_ref
     q_ref = np.asarray(signals.q_ref, float)
     law = loop.controller.law(float(signals.rate), q_ref, dq_ref)
     entries = _LawEntries(len(q_ref))
-    encoder, past = np.zeros((n, count)), np.zeros((n, TAPS, count))
-    vectors, times = np.zeros((TANGENT_ROWS, n, count)), np.zeros((TIMES, count))
+    laws: dict[str, SampledLaw] = {}
+    encoder, past = row_array(n, count), row_array(TAPS, n, count)
+    vectors, times = row_array(TANGENT_ROWS, n, count), row_array(TIMES, count)
     total = law.pole.sum(axis=1)
     inverse = np.divide(1.0, total, out=np.zeros(n), where=total != 0.0)
     for d, direction in enumerate(directions):
         joints = range(n) if direction.joint < 0 else (direction.joint,)
         if direction.kind == "law":
-            of_law = _law_slope(loop, direction, q_ref, dq_ref)
+            # joints have laws of their own, so that one difference shows the slopes of all of them
+            if direction.name not in laws:
+                every = Direction("law", direction.name)
+                laws[direction.name] = _law_slope(loop, every, q_ref, dq_ref)
+            of_law = laws[direction.name]
             for j in joints:
                 entries.add(j, d, of_law)
-                past[j, :, d] = -loop.begin[0][j] * inverse[j] ** 2 * of_law.pole[j].sum()
+                past[:, j, d] = -loop.begin[0][j] * inverse[j] ** 2 * of_law.pole[j].sum()
         elif direction.kind in ("drive_gain", "inputs"):
             for j in joints:
                 entries.add(j, d, OF_DRIVE_GAIN if direction.kind == "drive_gain" else OF_INPUTS)
@@ -188,11 +198,11 @@ def _initial_tangent(
             encoder[list(joints), d] = 1.0
         elif direction.kind == "initial_position":
             vectors[Q, direction.joint, d] = 1.0
-            past[direction.joint, :, d] = inverse[direction.joint]
+            past[:, direction.joint, d] = inverse[direction.joint]
         elif direction.kind == "initial_speed":
             vectors[V, direction.joint, d] = 1.0
     tables = _ModelEntries(loop, directions)
-    slopes = np.zeros((2, n + 2 * couplings, count))
+    slopes = row_array(3, 2 * (n + couplings), count)
     for (_, table, row, column, d), weight in tables.friction:
         if table == PAIR and column == 1:
             slopes[:, n + couplings + row, d] += weight
@@ -202,11 +212,12 @@ def _initial_tangent(
     links, body = slope_scratch(n)
     return LoopTangent(
         vectors=vectors,
-        matrices=np.zeros((MATRIX_LAYERS, n, n, count)),
+        matrices=row_array(MATRIX_LAYERS, n, n, count),
         slopes=slopes,
+        path=row_array(PATH_ROWS, entries_of_path, count),
         times=times,
-        commanded=np.zeros((late + 2, n, count)),
-        integral=np.zeros((n, count)),
+        commanded=row_array(late + 2, n, count),
+        integral=row_array(n, count),
         past=past,
         passed=np.zeros((n, 3)),
         encoder=encoder,
@@ -224,11 +235,14 @@ def _initial_tangent(
         by_position=np.zeros((n, n)),
         by_speed=np.zeros((n, n)),
         of_mass=np.zeros((n, n, n)),
-        decay=np.zeros((n, n)),
         weight_slope=np.zeros((n, n)),
         links=links,
         body=body,
-        record=np.zeros((3, block, n, count)),
+        partials=partials_scratch(),
+        path_copy=np.zeros((PATH_ROWS, entries_of_path)),
+        vectors_copy=np.zeros((ROWS, n)),
+        slopes_copy=np.zeros((SLOPE_ROWS, slopes_width(n, couplings))),
+        record=row_array(3, block, n, count),
     )
 
 
@@ -239,7 +253,7 @@ def _law_slope(
 
     Gains enter linearly, so that differences of any step are exact; times do not.
     """
-    rate, value = float(loop.signals.rate), abs(loop.value(direction))
+    rate, value = float(loop.signals.rate), float(abs(loop.law_value(direction.name)).max())
     if "time" in direction.name:
         step = SHAPE_DIFFERENCE * (value + 1.0 / rate)
     else:
@@ -300,6 +314,7 @@ class _ModelEntries:
         self.rotor: list[tuple[tuple[int, int, int], float]] = []
         self.friction: list[tuple[tuple[int, int, int, int, int], float]] = []
         names = [p.name for p in loop.parameters]
+        nothing = make_model(loop.robot, loop.parameters, np.zeros(len(names)))
         for d, direction in enumerate(directions):
             if direction.kind == "parameter":
                 k = names.index(direction.name)
@@ -310,7 +325,7 @@ class _ModelEntries:
                 unit = np.zeros(len(names))
                 unit[k] = _UNIT
                 ahead = make_model(loop.robot, loop.parameters, unit)
-                self._add(make_model(loop.robot, loop.parameters, 0.0 * unit), ahead, _UNIT, d)
+                self._add(nothing, ahead, _UNIT, d)
             elif direction.kind == "shape":
                 step = SHAPE_DIFFERENCE * (abs(loop.value(direction)) or 1.0)
                 behind, ahead = (loop.moved(direction, sign * step).model for sign in (-1.0, 1.0))
