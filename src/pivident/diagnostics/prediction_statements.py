@@ -70,6 +70,25 @@ def prediction(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
         evidence["largest of a joint"] = Quantity(largest, "%")
     yield Finding(severity, "prediction", kind, f"{text}.", "", step, evidence, basis)
     yield from _missed_joints(judged)
+    if diagnostics.identifications[name].simulation is not None:
+        yield from _simulated_positions(judged)
+
+
+def _simulated_positions(judged: CrossValidation) -> Iterator[Finding]:
+    """How near a fitted simulation comes to positions that were not fitted."""
+    found = judged.simulation
+    if found is None:
+        return
+    each = zip(found.joint_names, found.position, found.units, strict=True)
+    values = ", ".join(f"{joint} {format_significant(x)} {unit}" for joint, x, unit in each)
+    text = (
+        f"Rms error of the positions simulated in {found.loop} loop on {judged.motion}: {values}."
+    )
+    evidence = {
+        joint: Quantity(float(x), unit)
+        for joint, x, unit in zip(found.joint_names, found.position, found.units, strict=True)
+    }
+    yield Finding("ok", "simulation", "held out", text, evidence=evidence)
 
 
 def _missed_joints(judged: CrossValidation) -> Iterator[Finding]:

@@ -209,6 +209,8 @@ def _result(method: OutputError, fit: SimulationFit, count: int) -> SimulationRe
         ),
         held=tuple(names[k] for k in np.flatnonzero(fit.held)),
         at_bound=tuple(names[k] for k in np.flatnonzero(fit.bound)),
+        noise_orders=fit.noise.orders,
+        fit=fit,
     )  # fmt: skip
 
 
