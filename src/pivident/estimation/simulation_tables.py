@@ -99,6 +99,7 @@ def parameter_texts(parameter: LoopParameter) -> tuple[str, str]:
     if parameter.held:
         return format_significant(parameter.value, 5), "held"
     value, spread = with_spread(parameter.value, 2.0 * parameter.std)
+    value = value if parameter.value else "0"
     if parameter.bound == "low":
         return value, f"+{spread}, at its lower bound"
     if parameter.bound == "high":

@@ -175,7 +175,7 @@ def signals_line(identification: Identification) -> str:
         return ""
     head = "Signals"
     if identification.simulation is not None:  # the simulation is compared with what was measured
-        head = "Signals of the torque errors, of σ and AR order beside them, and of the start"
+        head = "Signals of the start and of the torque errors"
     return textwrap.fill(f"{head}: {text}", WIDTH, subsequent_indent="  ", break_on_hyphens=False)
 
 

@@ -28,7 +28,7 @@ class ThinnedErrors:
 
 
 def thinned_errors(fit: SimulationFit) -> list[ThinnedErrors]:
-    """Errors of each recording; gaps between its stretches are rows of NaN."""
+    """Errors of each recording; NaN between its stretches and where nothing was compared."""
     names = list(dict.fromkeys(stretch.name for stretch in fit.stretches))
     return [_of_recording(fit, name) for name in names]
 
@@ -36,7 +36,11 @@ def thinned_errors(fit: SimulationFit) -> list[ThinnedErrors]:
 def _of_recording(fit: SimulationFit, name: str) -> ThinnedErrors:
     times, measured = [], []
     errors: dict[int, list[np.ndarray]] = {channel: [] for channel in fit.channels}
-    for stretch, own, factor in zip(fit.stretches, fit.errors, fit.factors, strict=True):
+    compared = (
+        np.where(made.used, error, np.nan)
+        for made, error in zip(fit.made, fit.errors, strict=True)
+    )
+    for stretch, own, factor in zip(fit.stretches, compared, fit.factors, strict=True):
         if stretch.name != name:
             continue
         half = 0.5 * Thinning(factor).width * factor / stretch.rate if factor > 1 else 0.0
@@ -82,7 +86,7 @@ def simulation_figure(
         for name, values, ink, width in lines:
             trace = line(t, values, points, name, ink, width=width)
             plot.data.append(trace | {"yaxis": f"y{k}" if k > 1 else "y"})
-    plot.stack([title for title, _ in parts])
+    plot.stack([title for title, _ in parts], exponentformat="power", automargin=True)
     note = f"{'; '.join(notes)}, of the means that are compared"
     label = f"Simulation of {fit.name} over {format_significant(t[-1])} s: {note}"
     height = PART * len(parts) + MARGIN

@@ -250,7 +250,7 @@ def _bound(own: Unknown, fit: SimulationFit, k: int) -> Finding:
     )
     step = (
         "Zero friction or less means that the law of friction, or the description, lacks something."
-        if value == 0.0
+        if value == 0.0 and own.direction.kind == "parameter"
         else "Widen the bound if the value beyond it is possible."
     )
     interval = (value, value + 2.0 * std) if side == "low" else (value - 2.0 * std, value)

@@ -379,6 +379,8 @@ def _against(own: Identification) -> str:
     """What a fitted simulation has against it by itself; empty for nothing."""
     if not own.converged:
         return "it has not converged"
+    if own.simulation is not None and not own.simulation.noise_orders:
+        return "without noise models its errors are not tested for model error"
     shown = {(w.topic, w.kind): w.kind for w in own.warnings}
     kinds = [shown[key] for key in AGAINST_SIMULATION if key in shown]
     kinds = [f"a {kind}" if kind == "wrong gain" else kind for kind in kinds]
