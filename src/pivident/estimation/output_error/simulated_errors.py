@@ -40,6 +40,7 @@ class SimulatedErrors:
     columns: np.ndarray
     used: np.ndarray  # rows that count, shape (channels, joints, rows)
     rate: float  # rows per second [Hz]
+    size: np.ndarray  # largest measured value, shape (channels, joints)
     mean_square: np.ndarray  # of e before thinning, shape (2, joints): positions, torques
 
 
@@ -98,9 +99,18 @@ def _of_stretch(
     moving = means_at(stretch.moving.astype(float), factor).T > 0.5
     used = np.stack([np.ones((n, rows), bool) if c == POSITIONS else moving for c in channels])
     used[:, :, : -(-stretch.first // factor)] = False
+    size = np.array([np.abs(_measured(stretch, c)).max(axis=0) for c in channels])
     return SimulatedErrors(
-        errors, columns, used, stretch.rate / factor, squares / max(stretch.samples, 1)
+        errors, columns, used, stretch.rate / factor, size, squares / max(stretch.samples, 1)
     )
+
+
+def _measured(stretch: Stretch, channel: int) -> np.ndarray:
+    """Measured positions or torques."""
+    if channel == POSITIONS:
+        return stretch.q
+    assert stretch.tau is not None
+    return stretch.tau
 
 
 def _add_starts(
