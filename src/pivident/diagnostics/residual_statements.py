@@ -85,7 +85,7 @@ def _simulation_noise(result: Identification) -> Iterator[Finding]:
     names = [f"{t.joint} ({t.what})" for t in coloured]
     own = np.array_equal(result.covariance, result.robust_covariance)
     rest = (
-        "the standard errors, from windows of time, account for that"
+        "the standard errors are tested against windows of time, which account for that"
         if own
         else "the standard errors by the formula do not account for that"
     )

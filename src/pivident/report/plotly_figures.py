@@ -259,7 +259,9 @@ def change_figure(identification: Identification) -> Figure:
         f"Largest relative change and {error} over {len(history)} iterations; at the end "
         f"{percent(100.0 * last.change)} and {percent(100.0 * last.residual)}"
     )
-    note = "the weighted error is 100 % where it is as large as its weights expect" if fitted else ""
+    note = (
+        "the weighted error is 100 % where it is as large as its weights expect" if fitted else ""
+    )
     return Figure(plot, height=300, title="Criteria", label=label, note=note)
 
 

@@ -37,8 +37,7 @@ def _of_recording(fit: SimulationFit, name: str) -> ThinnedErrors:
     times, measured = [], []
     errors: dict[int, list[np.ndarray]] = {channel: [] for channel in fit.channels}
     compared = (
-        np.where(made.used, error, np.nan)
-        for made, error in zip(fit.made, fit.errors, strict=True)
+        np.where(made.used, error, np.nan) for made, error in zip(fit.made, fit.errors, strict=True)
     )
     for stretch, own, factor in zip(fit.stretches, compared, fit.factors, strict=True):
         if stretch.name != name:

@@ -53,7 +53,7 @@ def test_the_simulation_of_a_fold_fits_what_is_left(folds, name):
     equations = _equations(fit, kept, robust=False)
     unbounded = np.full(len(values), np.inf)
     held = fit.held | fit.bound
-    step = bounded_step(equations.gram, equations.moment, 0.0, -unbounded, unbounded, held).step
+    step = bounded_step(equations.gram, equations.moment, -unbounded, unbounded, held).step
     std = np.where(held, 1.0, fit.std)
     assert np.abs(step / std).max() < 0.1
     moved = (values - fit.values) / std

@@ -8,7 +8,8 @@ chance, too: a difference counts only if its interval does not contain zero.
 An estimate from a fitted simulation (CLOE, CLIE, ML, OLOE) rests on law, reference and drives as
 well as on the model: where one of them is wrong, so is the simulated motion. It is taken only where
 its held-out torque error is no larger than that of the estimate that would be taken without it,
-and where its own simulation error shows neither model error nor a wrong gain.
+and where its own simulation error shows neither model error nor a wrong gain
+or delay.
 """
 
 from __future__ import annotations
@@ -41,7 +42,11 @@ from pivident.validation.residuals.model_error import model_error_by_held_out_bl
 TOLERATED = 1.02
 
 #: What a fitted simulation may not have against it to be taken: topics and kinds of findings.
-AGAINST_SIMULATION = (("simulation", "model error"), ("law", "wrong gain"))
+AGAINST_SIMULATION = (
+    ("simulation", "model error"),
+    ("law", "wrong gain"),
+    ("law", "wrong delay"),
+)
 
 #: Why a fitted simulation is not taken where nothing but its error is against it.
 LARGER = "its error is larger"
@@ -255,8 +260,8 @@ class OutOfSample:
                 "drives as well as on the model, is not the one to take."
             ]
         return [
-            f"{text}, and its simulated motion shows neither model error nor a wrong gain: take "
-            f"the estimate of {own}."
+            f"{text}, and its simulated motion shows neither model error nor a wrong gain or "
+            f"delay: take the estimate of {own}."
         ]
 
     def _about_best(self) -> list[str]:
@@ -383,7 +388,7 @@ def _against(own: Identification) -> str:
         return "without noise models its errors are not tested for model error"
     shown = {(w.topic, w.kind): w.kind for w in own.warnings}
     kinds = [shown[key] for key in AGAINST_SIMULATION if key in shown]
-    kinds = [f"a {kind}" if kind == "wrong gain" else kind for kind in kinds]
+    kinds = [f"a {kind}" if kind.startswith("wrong") else kind for kind in kinds]
     return f"it shows {' and '.join(kinds)}" if kinds else ""
 
 

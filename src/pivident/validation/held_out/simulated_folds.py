@@ -78,7 +78,7 @@ def _without(
     equations = _equations(fit, kept, robust)
     low = np.array([u.low for u in fit.unknowns]) - fit.values
     high = np.array([u.high for u in fit.unknowns]) - fit.values
-    step = bounded_step(equations.gram, equations.moment, 0.0, low, high, fit.held).step
+    step = bounded_step(equations.gram, equations.moment, low, high, fit.held).step
     free = np.flatnonzero(~fit.held & ~fit.bound)
     condition, share = condition_of(equations.gram[np.ix_(free, free)])
     if condition > POORER * fit.condition:
