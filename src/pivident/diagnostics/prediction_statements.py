@@ -70,14 +70,14 @@ def prediction(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
         evidence["largest of a joint"] = Quantity(largest, "%")
     yield Finding(severity, "prediction", kind, f"{text}.", "", step, evidence, basis)
     yield from _missed_joints(judged)
-    if diagnostics.identifications[name].simulation is not None:
-        yield from _simulated_positions(judged)
 
 
-def _simulated_positions(judged: CrossValidation) -> Iterator[Finding]:
+def simulated_positions(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     """How near a fitted simulation comes to positions that were not fitted."""
-    found = judged.simulation
-    if found is None:
+    compared = diagnostics.out_of_sample
+    judged = None if compared is None else compared.results.get(name)
+    found = None if judged is None else judged.simulation
+    if judged is None or found is None or diagnostics.identifications[name].simulation is None:
         return
     each = zip(found.joint_names, found.position, found.units, strict=True)
     values = ", ".join(f"{joint} {format_significant(x)} {unit}" for joint, x, unit in each)
