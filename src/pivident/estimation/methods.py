@@ -345,7 +345,7 @@ class OutputError:
     undetermined: Literal["refuse", "hold"] = "refuse"
     covariance: Literal["auto", "sandwich", "formula"] = "auto"
     start: Start = "least-squares"
-    tolerance: float = 0.2
+    tolerance: float = 0.1
     max_iterations: int = 30
 
     simulates_loop: ClassVar[bool] = True

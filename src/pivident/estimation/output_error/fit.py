@@ -10,7 +10,7 @@ loop that cannot be simulated, is taken back and shortened by Levenberg–Marqua
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,9 +20,7 @@ from pivident.errors import (
     RankDeficientRegressor,
     SimulationDiverged,
 )
-from pivident.estimation.covariance.sandwich import Jackknife
 from pivident.estimation.covariance.stationary_noise import covariance_by_test
-from pivident.estimation.noise_options import AutoRegressive
 from pivident.estimation.output_error.bounded_step import (
     BoundedStep,
     bounded_step,
@@ -45,11 +43,11 @@ from pivident.estimation.output_error.reduced_equations import (
 )
 from pivident.estimation.output_error.shaking import loop_noise, shaking
 from pivident.estimation.output_error.simulated_errors import (
-    POSITIONS,
     TORQUES,
     SimulatedErrors,
     simulated_errors,
 )
+from pivident.estimation.output_error.simulation_fit import FitOptions, FitPass, SimulationFit
 from pivident.estimation.output_error.stretch import Stretch
 from pivident.estimation.output_error.unknowns import (
     Unknown,
@@ -76,6 +74,9 @@ MAX_REFUSED = 8
 #: Relative increase of the weighted errors that counts as none.
 SAME = 1e-9
 
+#: Share of the squared errors that a last step of correlated errors may still gain.
+LITTLE = 1e-3
+
 #: What squared errors of unit variance may still have to gain where no step is taken any more.
 WITHIN_NOISE = 1.0
 
@@ -84,105 +85,6 @@ ROUNDING = 1e-12
 
 #: A value smaller than so many standard errors is near zero: its change is compared with them.
 NEAR_ZERO = 5.0
-
-
-@dataclass(frozen=True)
-class FitOptions:
-    """How a simulation is fitted.
-
-    Attributes:
-        channels: what is compared, some of `POSITIONS` and `TORQUES`.
-        noise: recipe of the noise models; None: errors count as white.
-        motion_band: highest frequency of the motion [Hz], see `AutoRegressive`.
-        bandwidth: frequency up to which errors are compared [Hz].
-        robust: Huber's loss in place of squares.
-        undetermined: ``refuse`` unknowns that nothing determines, or ``hold`` them.
-        tolerance: step in standard errors at which the iteration may end: no combination of
-            unknowns moves by more.
-        max_iterations: give up after so many passes.
-    """
-
-    channels: tuple[int, ...] = (POSITIONS, TORQUES)
-    noise: AutoRegressive | None = field(default_factory=AutoRegressive)
-    motion_band: float = 20.0
-    bandwidth: float = 100.0
-    robust: bool = False
-    undetermined: str = "refuse"
-    tolerance: float = 0.2
-    max_iterations: int = 30
-
-
-@dataclass(frozen=True, eq=False)
-class FitPass:
-    """One pass of the iteration, for its history."""
-
-    values: np.ndarray  # unknowns after it, shape (unknowns,)
-    change: float  # largest |δ| / max(|p|, 5σ)
-    cost: float  # weighted errors per row, before the step
-    refused: int  # steps that were taken back before it
-    orders: tuple[int, ...]  # of the noise models
-
-
-@dataclass(frozen=True, eq=False)
-class SimulationFit:
-    """What came out.
-
-    Attributes:
-        unknowns: what was sought.
-        values: estimates, shape (unknowns,).
-        covariance: H⁻¹ where the windows of time agree with it, else theirs, shape
-            (unknowns, unknowns); zero where held.
-        window_covariance: from windows of time, likewise.
-        formula_covariance: H⁻¹, for errors that are white behind their weights, likewise.
-        held: unknowns that nothing determines and that were held, shape (unknowns,).
-        bound: unknowns at a bound, likewise: their interval has one side.
-        converged: whether the iteration settled.
-        history: its passes.
-        condition: condition number of the scaled derivatives.
-        weakest: names in the least determined direction.
-        noise: noise models and variances.
-        errors: of each stretch after the last step, thinned, shape (channels, joints, rows).
-        white: the same of unit variance, NaN where not used.
-        rates: rows per second of each stretch [Hz].
-        rms: root mean square of the errors of positions and torques, not thinned, before the last
-            step, shape (2, joints) [rad or m; N m or N].
-        stretches: with the loops of the estimate.
-        windows: windows of time behind ``covariance``.
-        channels: what was compared, see `FitOptions`.
-        factors: measured samples for each thinned row, one for each stretch.
-        made: errors and derivatives before the last step.
-    """
-
-    unknowns: tuple[Unknown, ...]
-    values: np.ndarray
-    covariance: np.ndarray
-    window_covariance: np.ndarray
-    formula_covariance: np.ndarray
-    held: np.ndarray
-    bound: np.ndarray
-    converged: bool
-    history: tuple[FitPass, ...]
-    condition: float
-    weakest: tuple[str, ...]
-    noise: NoiseWeights
-    errors: tuple[np.ndarray, ...]
-    white: tuple[np.ndarray, ...]
-    rates: tuple[float, ...]
-    rms: np.ndarray
-    stretches: tuple[Stretch, ...]
-    windows: Jackknife
-    channels: tuple[int, ...]
-    factors: tuple[int, ...]
-    made: tuple[SimulatedErrors, ...]
-
-    @property
-    def std(self) -> np.ndarray:
-        """Standard errors, shape (unknowns,); zero where held."""
-        return np.sqrt(np.diag(self.covariance))
-
-    def value(self, name: str) -> float:
-        """The estimate of one unknown."""
-        return float(self.values[[u.name for u in self.unknowns].index(name)])
 
 
 def fit_simulation(
@@ -235,11 +137,7 @@ class _Solved:
     @property
     def gain(self) -> float:
         """By how much the step, with those of the initial states, makes the squares smaller."""
-        gain = 0.0
-        for own in self.equations.stretches:
-            whole = np.concatenate([self.step, own.start_step(self.step)])
-            gain += float(2.0 * own.moment @ whole - whole @ own.gram @ whole)
-        return gain
+        return self.equations.gain(self.step)
 
 
 class _Search:
@@ -413,8 +311,21 @@ class _Search:
         return float(np.max(np.abs(solved.step) / np.maximum(size, 1e-300), initial=0.0))
 
     def _has_settled(self, solved: _Solved) -> bool:
-        """Whether the step is next to nothing: its gain δᵀ H δ is at least (δ_i/σ_i)²."""
-        return solved.gain <= self.options.tolerance**2 + SAME * solved.cost
+        """Whether the step is next to nothing.
+
+        Its gain δᵀ H δ is at least (δ_i/σ_i)² with the standard errors of white errors. Where
+        errors are correlated those of the windows count, if nearly nothing is to be gained.
+        """
+        small = solved.gain <= self.options.tolerance**2 + SAME * solved.cost
+        return small or self._is_little(solved, solved.step, solved.gain)
+
+    def _is_little(self, solved: _Solved, step: np.ndarray, gained: float) -> bool:
+        """Whether a step and its gain are small beside standard errors of the windows."""
+        if gained > LITTLE * solved.cost:
+            return False
+        kept = np.flatnonzero(~solved.held & ~solved.bound)
+        std = np.sqrt(np.diag(solved.equations.scores_without(step, kept).covariance))
+        return bool((np.abs(step[kept]) <= self.options.tolerance * std).all())
 
     def _formula_std(self, solved: _Solved) -> np.ndarray:
         """√diag H⁻¹ of the free unknowns, zero for the others."""
@@ -443,8 +354,9 @@ class _Search:
             else:
                 gained = solved.cost - self._cost(reached, solved.noise)
                 if gained >= -SAME * solved.cost:
-                    still = damping > 0.0 and gained <= self.options.tolerance**2
-                    damping = damping / EASIER if damping > UNDAMPED else 0.0
+                    small = gained <= self.options.tolerance**2
+                    still = damping > 0.0 and (small or self._is_little(solved, step, gained))
+                    damping = _after(damping, gained, equations.gain(step))
                     return step, refused, damping, None if still else reached
                 failure = None
             damping = HARDER * damping or DAMPING
@@ -502,12 +414,12 @@ class _Search:
         self, point: _Point, solved: _Solved, history: Sequence[FitPass], converged: bool
     ) -> SimulationFit:
         """Everything that comes with the estimate."""
-        step = solved.step if converged else np.zeros_like(solved.step)
-        values = np.clip(point.values + step, self.low, self.high)
+        # where it has settled the last step is next to nothing, and was not simulated
+        values = point.values
         free = ~solved.held & ~solved.bound
         formula = _inverse(solved.equations.gram, free)
         kept = np.flatnonzero(free)
-        windows = solved.equations.scores_without(step, kept)
+        windows = solved.equations.scores_without(solved.step, kept)
         covariance, own = np.zeros_like(formula), np.zeros_like(formula)
         grid = np.ix_(kept, kept)
         own[grid] = windows.covariance
@@ -518,17 +430,12 @@ class _Search:
         condition, share = condition_of(solved.equations.gram[np.ix_(kept, kept)])
         order = np.argsort(-share)
         weakest = tuple(self.unknowns[int(kept[i])].name for i in order if share[i] > 0.3)
-        left = self._left(point, replace(solved, step=step))
         white = []
-        for made, errors in zip(point.made, left, strict=True):
-            own = whitened_errors(replace(made, errors=errors), solved.noise)
+        for made in point.made:
+            own = whitened_errors(made, solved.noise)
             own /= np.sqrt(solved.noise.variance)[:, :, None]
             own[~made.used] = np.nan
             white.append(own)
-        starts = tuple(
-            own + equations.start_step(step)
-            for own, equations in zip(point.starts, solved.equations.stretches, strict=True)
-        )
         samples = np.array([float(s.samples) for s in self.stretches])
         squares = sum(
             n * own.mean_square for n, own in zip(samples.tolist(), point.made, strict=True)
@@ -546,16 +453,23 @@ class _Search:
             condition=condition,
             weakest=weakest,
             noise=solved.noise,
-            errors=tuple(left),
+            errors=tuple(own.errors for own in point.made),
             white=tuple(white),
             rates=tuple(own.rate for own in point.made),
             rms=np.sqrt(squares / samples.sum()),
-            stretches=tuple(self._moved(k, values, own) for k, own in enumerate(starts)),
+            stretches=tuple(self._moved(k, values, own) for k, own in enumerate(point.starts)),
             windows=windows,
             channels=self.options.channels,
             factors=tuple(self.factors),
             made=point.made,
         )
+
+
+def _after(damping: float, gained: float, promised: float) -> float:
+    """The damping after a step that was taken: less where it kept what its derivatives promised."""
+    if damping > 0.0 and gained < 0.25 * promised:
+        return damping * HARDER**0.5
+    return damping / EASIER if damping > UNDAMPED else 0.0
 
 
 def _inverse(gram: np.ndarray, free: np.ndarray) -> np.ndarray:

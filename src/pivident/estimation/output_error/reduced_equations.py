@@ -65,6 +65,14 @@ class ReducedEquations:
                 moment -= solved.T @ own.moment[p:]
         return cls(0.5 * (gram + gram.T), moment, tuple(stretches))
 
+    def gain(self, step: np.ndarray) -> float:
+        """By how much a step, with those of the initial states, makes the squares smaller."""
+        gain = 0.0
+        for own in self.stretches:
+            whole = np.concatenate([step, own.start_step(step)])
+            gain += float(2.0 * own.moment @ whole - whole @ own.gram @ whole)
+        return gain
+
     def damped(self, damping: float) -> ReducedEquations:
         """With (1 + μ) times the diagonals, initial states included, for shorter steps."""
         return ReducedEquations.of(
