@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtri
 
-from pivident.estimation.output_error.fit import SimulationFit
+from pivident.estimation.output_error.simulation_fit import SimulationFit
 
 #: What may be compared, and which loop it is.
 COMPARED, LOOPS = ("positions", "torques", "both"), ("closed", "open")

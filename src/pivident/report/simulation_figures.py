@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.estimation.identification import Identification
-from pivident.estimation.output_error.fit import SimulationFit
+from pivident.estimation.output_error.simulation_fit import SimulationFit
 from pivident.estimation.output_error.simulated_errors import POSITIONS, TORQUES
 from pivident.estimation.output_error.thinning import Thinning, means_at
 from pivident.report.plotly_figures import ERROR, MEASURED, Figure, colour, empty_plot, line

@@ -21,7 +21,7 @@ from pivident.errors import IdentificationError
 from pivident.estimation.identification import Identification
 from pivident.estimation.methods import OutputError
 from pivident.estimation.output_error.bounded_step import bounded_step, condition_of
-from pivident.estimation.output_error.fit import SimulationFit
+from pivident.estimation.output_error.simulation_fit import SimulationFit
 from pivident.estimation.output_error.noise_weights import whitened_sums
 from pivident.estimation.output_error.reduced_equations import (
     ReducedEquations,
