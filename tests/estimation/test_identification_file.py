@@ -16,7 +16,7 @@ KEYS = (
     "schema method robot converged iterations parameters covariance robust_covariance "
     "formula_covariance relative_error joints history condition controller reference instruments "
     "options warnings sources version readings motion robot_description torque_sums "
-    "equation_noise"
+    "equation_noise simulation"
 ).split()
 
 

@@ -342,6 +342,8 @@ def _print_results(
         print(f"\n{compared.table()}")
         if found[0].robot.size > 1:
             print(f"\n{compared.joint_heading()}\n{compared.joint_table()}")
+        if positions := compared.position_table():
+            print(f"\n{compared.position_heading()}\n{positions}")
     for estimate in results.diagnostics.consistent.values():
         if isinstance(estimate, ConsistentEstimate):
             print(f"\n{estimate}")

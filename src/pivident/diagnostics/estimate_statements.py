@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 
 from pivident.diagnostics.diagnostics import Diagnostics
 from pivident.diagnostics.wanted_motion import wanted_motions
@@ -80,9 +81,11 @@ def determined(result: Identification) -> Iterator[Finding]:
     rows = parameter_rows(result)
     well = [r for r in rows if is_known(r)]
     zero = tuple(r.name for r in rows if r.includes_zero)
-    middle = tuple(r.name for r in rows if not (is_known(r) or r.includes_zero))
-    best = min(rows, key=lambda r: r.shown_percent)
-    worst = max(rows, key=lambda r: r.shown_percent)
+    held = tuple(r.name for r in rows if math.isnan(r.shown_std))
+    middle = tuple(r.name for r in rows if not (is_known(r) or r.includes_zero or r.name in held))
+    estimated = [r for r in rows if r.name not in held] or list(rows)
+    best = min(estimated, key=lambda r: r.shown_percent)
+    worst = max(estimated, key=lambda r: r.shown_percent)
     evidence = {
         "well known": Quantity(len(well)),
         "parameters": Quantity(len(rows)),
@@ -94,7 +97,7 @@ def determined(result: Identification) -> Iterator[Finding]:
         f"{format_significant(result.condition)}"
     )
     known = f"{len(rows)} parameters are known to {WELL:g} % or better (2σ)"
-    if not (zero or middle):
+    if not (zero or middle or held):
         text = f"All {known}."
         yield Finding("ok", "parameters", "known", text, evidence=evidence, basis=basis)
         return
@@ -103,7 +106,9 @@ def determined(result: Identification) -> Iterator[Finding]:
         parts.append(f"less well known: {listed(middle)}")
     if zero:
         parts.append(f"not significantly different from zero: {listed(zero)}")
-    severity: Severity = "warning" if len(zero) > len(rows) // 4 else "note"
+    if held:
+        parts.append(f"not determined, held where they were: {listed(held)}")
+    severity: Severity = "warning" if len(zero) + len(held) > len(rows) // 4 else "note"
     text = "; ".join(parts) + "."
     yield Finding(severity, "parameters", "partly known", text, evidence=evidence, basis=basis)
     for sentence in wanted_motions(result, zero or middle):
@@ -176,11 +181,9 @@ def is_restated(warning: Finding) -> bool:
 def further_warnings(result: Identification) -> Iterator[Finding]:
     """The estimator's warnings that no statement above repeats; many of one law are one."""
     further = [w for w in result.warnings if not is_restated(w) and w.severity != "note"]
-    of_law = [w for w in further if w.topic == "law"]
-    if len(of_law) <= MAX_OF_LAW:
-        of_law = []
-    yield from (w for w in further if w not in of_law)
-    if of_law:
+    many = [*_many(further, "uncertain"), *_many(further, "wrong gain")]
+    yield from (w for w in further if w not in many)
+    if of_law := _many(further, "uncertain"):
         text = (
             f"The control law found from the record has {len(of_law)} uncertainties (all of them "
             "in the summary of the report), and the instruments depend on it. The first: "
@@ -188,3 +191,16 @@ def further_warnings(result: Identification) -> Iterator[Finding]:
         )
         step = 'Give the law where it is known, or compare with instruments = "response".'
         yield Finding("warning", "law", "uncertain", text, next_step=step)
+    if wrong := _many(further, "wrong gain"):
+        text = (
+            f"The simulation error contradicts {len(wrong)} declared gains, "
+            f"{listed([w.subject for w in wrong])} (all of them in the summary of the report). The "
+            f"first: {wrong[0].message}"
+        )
+        yield Finding("warning", "law", "wrong gain", text, next_step=wrong[0].next_step)
+
+
+def _many(warnings: Sequence[Finding], kind: str) -> list[Finding]:
+    """Warnings of one kind about the law, where they are too many to report one by one."""
+    own = [w for w in warnings if (w.topic, w.kind) == ("law", kind)]
+    return own if len(own) > MAX_OF_LAW else []

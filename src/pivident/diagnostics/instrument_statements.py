@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from pivident.diagnostics.diagnostics import Diagnostics
-from pivident.estimation.methods import OutputError
+from pivident.estimation.simulation_result import SimulationResult
 from pivident.instruments.given_motion import (
     CURES,
     EXOGENOUS,
@@ -24,8 +24,10 @@ WEAK_BELOW = 10.0
 
 
 def feedback_bias(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
-    """Whether least squares and instruments differ; a fitted simulation is neither."""
-    if isinstance(diagnostics.identifications[name].method_used, OutputError):
+    """Whether least squares and instruments differ."""
+    simulation = diagnostics.identifications[name].simulation
+    if simulation is not None:
+        yield _without_measured_motion(simulation)
         return
     tests = diagnostics.instruments.get(name) or next(
         reversed(list(diagnostics.instruments.values())), None
@@ -67,6 +69,21 @@ def feedback_bias(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
         text = "Least squares on the same equations would do as well."
         severity, kind = "ok", "not biased"
     yield Finding(severity, "feedback", kind, text, evidence=evidence, basis=basis)
+
+
+def _without_measured_motion(simulation: SimulationResult) -> Finding:
+    """What feedback does to a fitted simulation."""
+    if simulation.loop == "closed":
+        text = (
+            "The simulated loop is given the reference, no measured position: noise that the "
+            "feedback carries does not bias the estimate. A wrong law, reference or delay does."
+        )
+        return Finding("ok", "feedback", "simulated", text)
+    text = (
+        "The open loop is driven by the recorded torques. What of their noise does not act on the "
+        "robot biases the estimate."
+    )
+    return Finding("note", "feedback", "recorded torques", text)
 
 
 def _what_they_cure(used: InstrumentsUsed) -> str:

@@ -72,6 +72,25 @@ def prediction(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     yield from _missed_joints(judged)
 
 
+def simulated_positions(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
+    """How near a fitted simulation comes to positions that were not fitted."""
+    compared = diagnostics.out_of_sample
+    judged = None if compared is None else compared.results.get(name)
+    found = None if judged is None else judged.simulation
+    if judged is None or found is None or diagnostics.identifications[name].simulation is None:
+        return
+    each = zip(found.joint_names, found.position, found.units, strict=True)
+    values = ", ".join(f"{joint} {format_significant(x)} {unit}" for joint, x, unit in each)
+    text = (
+        f"Rms error of the positions simulated in {found.loop} loop on {judged.motion}: {values}."
+    )
+    evidence = {
+        joint: Quantity(float(x), unit)
+        for joint, x, unit in zip(found.joint_names, found.position, found.units, strict=True)
+    }
+    yield Finding("ok", "simulation", "held out", text, evidence=evidence)
+
+
 def _missed_joints(judged: CrossValidation) -> Iterator[Finding]:
     """Joints whose torque is hardly predicted, which a small error of all joints can hide."""
     e = judged.prediction

@@ -8,23 +8,28 @@ import numpy as np
 
 from pivident.diagnostics.diagnostics import Diagnostics
 from pivident.estimation.identification import Identification
-from pivident.estimation.methods import PrefilteredIV
+from pivident.estimation.methods import OutputError, PrefilteredIV
 from pivident.estimation.noise_options import AutoRegressive
 from pivident.text.finding import Finding, Severity
 from pivident.text.lists import listed
 from pivident.text.numbers import format_significant
 from pivident.validation.residuals.residual_tests import ResidualTests
+from pivident.validation.residuals.simulation_residuals import simulation_whiteness
 
 
 def noise(result: Identification, tests: ResidualTests) -> Iterator[Finding]:
     """Whether the noise model whitens, and what else the residual shows."""
+    yield from _simulation_noise(result)
     whiteness = tests.of("whiteness")
     worst = tests.worst("whiteness")
     if worst is None:
         return
     coloured = tuple(joint for joint, test in whiteness if test.matters)
     modelled = any(j.ar_order for j in result.joints)
-    what = "The noise model whitens the residual" if modelled else "The residual is white"
+    residual = "residual"
+    if result.simulation is not None:  # of equations that the fit did not solve
+        residual = "torque residual on the measured motion"
+    what = f"The noise model whitens the {residual}" if modelled else f"The {residual} is white"
     basis = f"{worst[0]}: {worst[1]}"
     own = np.array_equal(result.covariance, result.robust_covariance)
     robust = bool(np.isfinite(result.robust_std).all())
@@ -32,7 +37,9 @@ def noise(result: Identification, tests: ResidualTests) -> Iterator[Finding]:
         yield Finding("ok", "noise", "white", f"{what} on all joints.", basis=basis)
     else:
         rest = (
-            "the standard errors account for that"
+            "the fit does not use it"
+            if result.simulation is not None
+            else "the standard errors account for that"
             if own
             else "the robust standard errors, shown here, account for that, the method's own do not"
             if robust
@@ -43,27 +50,55 @@ def noise(result: Identification, tests: ResidualTests) -> Iterator[Finding]:
                 ". It leaves the motion's own frequencies alone, where the residual may be mostly "
                 "model error"
             )
-        what = "The noise model does not whiten" if modelled else "The residual is coloured"
-        text = f"{what}{' the residual' if modelled else ''} on {listed(coloured)}; {rest}."
+        what = f"The {residual} is coloured"
+        if modelled:
+            what = f"The noise model does not whiten the {residual}"
+        text = f"{what} on {listed(coloured)}; {rest}."
         severity: Severity = "note" if own or robust else "warning"
         yield Finding(severity, "noise", "coloured", text, basis=basis)
     for topic, sentence in (
-        ("variance", "The residual's variance changes with the motion on {joints}"),
-        ("motion", "The motion explains part of the residual on {joints}"),
+        ("variance", "The {residual}'s variance changes with the motion on {joints}"),
+        ("motion", "The motion explains part of the {residual} on {joints}"),
     ):
         matter = tuple(joint for joint, test in tests.of(topic) if test.matters)
         most = tests.worst(topic)
         if matter and most is not None:
-            text = sentence.format(joints=listed(matter)) + "."
+            whose = residual.removesuffix(" on the measured motion")
+            text = sentence.format(joints=listed(matter), residual=whose) + "."
             basis = f"{most[0]}: {most[1]}"
             yield Finding("note", "noise", topic, text, basis=basis)
+
+
+def _simulation_noise(result: Identification) -> Iterator[Finding]:
+    """Whether noise models whiten the errors of a fitted simulation."""
+    if result.simulation is None or not result.simulation.noise_orders:
+        return
+    tests = simulation_whiteness(result)
+    coloured = [t for t in tests if t.test.matters]
+    if not tests:
+        return
+    worst = min(tests, key=lambda t: (not t.test.matters, t.test.robust_p_value))
+    basis = f"{worst.what} of {worst.joint}: {worst.test}"
+    if not coloured:
+        text = "The noise models whiten the simulation errors on all joints."
+        yield Finding("ok", "simulation", "white", text, basis=basis)
+        return
+    names = [f"{t.joint} ({t.what})" for t in coloured]
+    own = np.array_equal(result.covariance, result.robust_covariance)
+    rest = (
+        "the standard errors are tested against windows of time, which account for that"
+        if own
+        else "the standard errors by the formula do not account for that"
+    )
+    text = f"The noise models do not whiten the simulation errors of {listed(names)}; {rest}."
+    yield Finding("note" if own else "warning", "simulation", "coloured", text, basis=basis)
 
 
 def _continues_level(result: Identification) -> bool:
     """Whether the noise level beyond the motion's band was continued into it."""
     equations = result.equations
     method = result.method_used
-    if equations is None or not isinstance(method, PrefilteredIV):
+    if equations is None or not isinstance(method, (PrefilteredIV, OutputError)):
         return False
     if not isinstance(method.noise, AutoRegressive) or method.noise.motion_band is None:
         return False

@@ -36,7 +36,11 @@ from pivident.diagnostics.model_error_statements import (
     log_faults,
     model_errors,
 )
-from pivident.diagnostics.prediction_statements import prediction, simulated_loop
+from pivident.diagnostics.prediction_statements import (
+    prediction,
+    simulated_loop,
+    simulated_positions,
+)
 from pivident.diagnostics.residual_statements import (
     friction_law,
     model_or_noise,
@@ -152,6 +156,7 @@ def verdict(diagnostics: Diagnostics | Identification) -> Verdict:
         *spectral_lines(result),
         *strength(diagnostics, name),
         *prediction(diagnostics, name),
+        *simulated_positions(diagnostics, name),
         *simulated_loop(diagnostics, name),
         *model_or_noise(diagnostics),
         *model_errors(diagnostics),

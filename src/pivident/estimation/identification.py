@@ -29,8 +29,11 @@ class Iteration:
 
     theta: np.ndarray  # parameters after it, shape (parameters,)
     change: float  # largest |Δθ| / max(|θ|, 2σ)
-    residual: float  # relative error of the reconstructed torque, weighted as in the estimate
-    halvings: int = 0  # how often the step had to be halved before the loop could be simulated
+    #: Relative error of the reconstructed torque, weighted as in the estimate; where a simulation
+    #: is fitted, rms of its weighted errors before the step, 1 where they are as large as noise.
+    residual: float
+    #: How often the step had to be halved before the loop could be simulated, or was taken back.
+    halvings: int = 0
     #: Orders of the noise models used, one per joint, empty without noise models.
     ar_orders: tuple[int, ...] = ()
 

@@ -59,7 +59,12 @@ class ParameterRow:
 def parameter_rows(
     identification: Identification, truth: Mapping[str, float] | None = None
 ) -> tuple[ParameterRow, ...]:
-    """The estimates of one identification, in its order."""
+    """The estimates of one identification, in its order.
+
+    A parameter that nothing determines and that was held has no standard error: NaN.
+    """
+    simulation = identification.simulation
+    held = set() if simulation is None else set(simulation.held)
     known = {name.lower(): float(value) for name, value in (truth or {}).items()}
     columns = zip(
         identification.names,
@@ -76,9 +81,9 @@ def parameter_rows(
         ParameterRow(
             name=name,
             value=float(value),
-            std=float(std),
-            robust_std=float(robust),
-            relative_std=float(relative),
+            std=math.nan if name in held else float(std),
+            robust_std=math.nan if name in held else float(robust),
+            relative_std=math.nan if name in held else float(relative),
             unit=unit,
             expression=expression,
             truth=known.get(name.lower(), known.get(parameter.name.lower(), math.nan)),

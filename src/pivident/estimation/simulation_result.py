@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
 from scipy.special import ndtri
+
+from pivident.estimation.output_error.simulation_fit import SimulationFit
+
+#: What may be compared, and which loop it is.
+COMPARED, LOOPS = ("positions", "torques", "both"), ("closed", "open")
 
 
 @dataclass(frozen=True)
@@ -28,6 +33,23 @@ class LoopParameter:
         high = self.value if self.bound == "high" else self.value + half
         return low, high
 
+    @classmethod
+    def from_values(cls, values: Mapping[str, Any]) -> LoopParameter:
+        """The parameter of ``asdict``.
+
+        Raises:
+            ValueError: a value is none that a parameter can have.
+        """
+        own = cls(
+            str(values["name"]), str(values["unit"]), float(values["value"]), float(values["std"]),
+            str(values["bound"]), values["held"],
+        )  # fmt: skip
+        if not (np.isfinite(own.value) and np.isfinite(own.std) and own.std >= 0.0):
+            raise ValueError(f"{own.name} is {own.value} with standard error {own.std}")
+        if own.bound not in ("", "low", "high") or not isinstance(own.held, bool):
+            raise ValueError(f"{own.name} has bound {own.bound!r} and held {own.held!r}")
+        return own
+
 
 @dataclass(frozen=True, eq=False)
 class SimulationResult:
@@ -42,6 +64,9 @@ class SimulationResult:
         loop_parameters: unknowns of the loop.
         held: names of parameters that nothing determines and that were held.
         at_bound: names of parameters that a bound holds.
+        noise_orders: orders of the noise models, joint by joint, positions before torques; empty
+            where the squares of the errors were weighted by their size alone.
+        fit: errors over time and derivatives; None where the result was read from a file.
     """
 
     compares: str
@@ -51,6 +76,8 @@ class SimulationResult:
     loop_parameters: tuple[LoopParameter, ...] = ()
     held: tuple[str, ...] = ()
     at_bound: tuple[str, ...] = ()
+    noise_orders: tuple[int, ...] = ()
+    fit: SimulationFit | None = field(default=None, repr=False)
 
     def to_values(self) -> dict[str, Any]:
         """Plain values for a file."""
@@ -62,6 +89,7 @@ class SimulationResult:
             "loop_parameters": [asdict(p) for p in self.loop_parameters],
             "held": list(self.held),
             "at_bound": list(self.at_bound),
+            "noise_orders": list(self.noise_orders),
         }
 
     @classmethod
@@ -81,12 +109,17 @@ class SimulationResult:
                 loop=str(values["loop"]),
                 position_rms=positions,
                 torque_rms=torques,
-                loop_parameters=tuple(LoopParameter(**own) for own in values["loop_parameters"]),
+                loop_parameters=tuple(map(LoopParameter.from_values, values["loop_parameters"])),
                 held=tuple(map(str, values["held"])),
                 at_bound=tuple(map(str, values["at_bound"])),
+                noise_orders=tuple(map(int, values.get("noise_orders", ()))),
             )
-        except (KeyError, TypeError, ValueError) as error:
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise ValueError(f"simulation: a key is missing or wrong ({error})") from error
         if positions.shape != (joints,) or torques.shape != (joints,):
             raise ValueError(f"simulation: one rms error for each of {joints} joints is needed")
+        if made.compares not in COMPARED or made.loop not in LOOPS:
+            raise ValueError(f"simulation: compares {made.compares!r} in a {made.loop!r} loop")
+        if (positions < 0.0).any() or (torques < 0.0).any():
+            raise ValueError("simulation: an rms error is negative")
         return made

@@ -17,6 +17,7 @@ from pivident.estimation.parameter_rows import (
     method_labels,
     parameter_rows,
 )
+from pivident.estimation.simulation_tables import simulation_text
 from pivident.text.numbers import format_exact, format_significant, percent, with_spread
 
 #: Width of a table in characters, unless its numbers need more.
@@ -46,6 +47,7 @@ def identification_table(identification: Identification, *, with_warnings: bool 
     room = max(WIDTH - taken, _SHORTEST_EXPRESSION)
     columns.append(column("group", [shortened(row.expression, room) for row in rows], "<"))
     parts = [headline(identification), lines_of(columns), _joint_table(identification)]
+    parts += filter(None, [simulation_text(identification)])
     lines = [
         std_line([identification]),
         rows_line(identification),
@@ -95,6 +97,9 @@ def comparison_table(
         )
     parts += [std_line(identifications), friction_line(identifications[0])]
     parts += label_lines(identifications)
+    for label, identification in zip(labels, identifications, strict=True):
+        if text := simulation_text(identification):
+            parts.append(f"\n{label}\n{text}")
     if len(identifications) > 1 and max(differences) > CONTRADICTION:
         parts.append(f"* two methods differ by more than {CONTRADICTION:g} combined σ")
     return "\n".join(parts)
@@ -170,7 +175,10 @@ def signals_line(identification: Identification) -> str:
         text = f"positions smoothed, half power at {frequencies_text(frequencies, names)}"
     if np.isnan(frequencies).all():
         return ""
-    return textwrap.fill(f"Signals: {text}", WIDTH, subsequent_indent="  ", break_on_hyphens=False)
+    head = "Signals"
+    if identification.simulation is not None:  # the simulation is compared with what was measured
+        head = "Signals of the start and of the torque errors"
+    return textwrap.fill(f"{head}: {text}", WIDTH, subsequent_indent="  ", break_on_hyphens=False)
 
 
 def frequencies_text(frequencies: Sequence[float], names: Sequence[str]) -> str:

@@ -33,6 +33,7 @@ def figure_of_convergence(result: Identification, *, columns: int = 1) -> Figure
         raise FigureError(
             f"{result.method} solved its equations in one step; there is no iteration to draw"
         )
+    fitted = result.simulation is not None
     steps = np.arange(1, len(history) + 1)
     theta = np.array([step.theta for step in history])
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -47,7 +48,10 @@ def figure_of_convergence(result: Identification, *, columns: int = 1) -> Figure
         for k, (name, values) in enumerate(
             (
                 ("largest relative change", [step.change for step in history]),
-                ("weighted torque error", [step.residual for step in history]),
+                (
+                    f"weighted {'simulation' if fitted else 'torque'} error",
+                    [step.residual for step in history],
+                ),
             )
         ):
             values_percent = 100.0 * np.array(values, dtype=float)

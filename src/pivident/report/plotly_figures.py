@@ -93,7 +93,7 @@ def compared_figure(
     """Measured and predicted torque of one joint, and their difference; or the predicted alone."""
     plot, own = _torque_plot(unit), t - t[0]
     if measured is None:
-        plot.data.append(_line(own, model, points, "predicted", colour(0), width=1.2))
+        plot.data.append(line(own, model, points, "predicted", colour(0), width=1.2))
     else:
         plot.data += _compared(own, measured, model, points, "predicted", colour(0))
     what = "Predicted" if measured is None else "Measured and predicted"
@@ -188,12 +188,12 @@ def signal_figure(
     )
     plot = empty_plot("")
     plot.data.append(
-        _line(t, recording.q_measured[:, joint], points, "measured", MEASURED, width=2.4)
+        line(t, recording.q_measured[:, joint], points, "measured", MEASURED, width=2.4)
     )
     for k, (name, _, signal) in enumerate(rows, start=1):
         axis = "y" if k == 1 else f"y{k}"
-        line = _line(t, signal[:, joint], points, f"{name} estimated", colour(method), width=1.2)
-        plot.data.append(line | {"yaxis": axis})
+        own = line(t, signal[:, joint], points, f"{name} estimated", colour(method), width=1.2)
+        plot.data.append(own | {"yaxis": axis})
     plot.stack([f"{name} [{row_unit}]" for name, row_unit, _ in rows])
     _shade(plot, _excluded(recording, joint), t)
     note = (
@@ -235,14 +235,19 @@ def distance_figure(identification: Identification) -> Figure:
 
 
 def change_figure(identification: Identification) -> Figure:
-    """Largest relative change and relative error of the torque over the iterations."""
+    """Largest relative change and relative error over the iterations.
+
+    The error is that of the torque, or of a fitted simulation, weighted by its noise.
+    """
     history = identification.history
+    fitted = identification.simulation is not None
+    error = "weighted simulation error" if fitted else "relative error of the torque"
     plot = empty_plot("%")
     plot.x_axis("iteration", dtick=1, range=[0.8, len(history) + 0.2])
     plot.y_axis(type="log", exponentformat="power")
     for name, line_colour, values in (
         ("largest relative change", METHOD_COLOURS[0], [i.change for i in history]),
-        ("relative error of the torque", METHOD_COLOURS[1], [i.residual for i in history]),
+        (error, METHOD_COLOURS[1], [i.residual for i in history]),
     ):
         plot.add(
             x=packed(np.arange(1, len(history) + 1)),
@@ -254,10 +259,13 @@ def change_figure(identification: Identification) -> Figure:
     plot.update(showlegend=True, legend=LEGEND)
     last = history[-1]
     label = (
-        f"Largest relative change and relative error over {len(history)} iterations; at the end "
+        f"Largest relative change and {error} over {len(history)} iterations; at the end "
         f"{percent(100.0 * last.change)} and {percent(100.0 * last.residual)}"
     )
-    return Figure(plot, height=300, title="Criteria", label=label)
+    note = (
+        "the weighted error is 100 % where it is as large as its weights expect" if fitted else ""
+    )
+    return Figure(plot, height=300, title="Criteria", label=label, note=note)
 
 
 def empty_plot(y_title: str) -> Plot:
@@ -271,9 +279,10 @@ def empty_plot(y_title: str) -> Plot:
     )
 
 
-def _line(
+def line(
     t: np.ndarray, y: np.ndarray, points: int, name: str, line_colour: str, *, width: float
 ) -> Trace:
+    """A signal over time, with so many points."""
     kept = kept_samples(np.asarray(y, dtype=float), points)
     return {
         "type": "scatter",
@@ -296,9 +305,9 @@ def _compared(
 ) -> list[Trace]:
     """What was measured, what a model makes of it, and the error, as three lines."""
     return [
-        _line(t, measured, points, label, MEASURED, width=2.4),
-        _line(t, model, points, name, own, width=1.2),
-        _line(t, measured - model, points, "error", ERROR, width=1.0),
+        line(t, measured, points, label, MEASURED, width=2.4),
+        line(t, model, points, name, own, width=1.2),
+        line(t, measured - model, points, "error", ERROR, width=1.0),
     ]
 
 

@@ -29,6 +29,9 @@ MIN_POINTS = 300
 #: Traces of one joint in one recording: two torques, their difference, q twice, dq and ddq.
 _TRACES = 7
 
+#: Traces of one joint's fitted simulation: two positions and two errors.
+_SIMULATION_TRACES = 4
+
 #: Traces of one joint's control law, and of its reconstructed reference in one recording.
 _LOOP_TRACES = 3
 
@@ -58,6 +61,12 @@ class ReportData:
     def labels(self) -> tuple[str, ...]:
         """Name of each identification, unique."""
         return method_labels(self.identifications)
+
+    @property
+    def fitted(self) -> tuple[str, ...]:
+        """Labels of the methods that fit a simulation."""
+        pairs = zip(self.labels, self.identifications, strict=True)
+        return tuple(label for label, i in pairs if i.simulation is not None)
 
     @property
     def several(self) -> bool:
@@ -131,6 +140,11 @@ class ReportData:
         """Points per trace."""
         traces = _TRACES * sum(
             i.robot.size * len(self.drawn(i.recordings)) for i in self.identifications
+        )
+        traces += _SIMULATION_TRACES * sum(
+            i.robot.size * len(self.drawn(i.recordings))
+            for i in self.identifications
+            if i.simulation is not None and i.simulation.fit is not None
         )
         for loop, methods in self.loops:
             user = self.identifications[methods[-1]]

@@ -96,18 +96,21 @@ def identification_joints(result: Identification) -> Table:
 
 
 def identification_iterations(result: Identification) -> Table:
-    """How the iteration went."""
+    """How the iteration went; the error of a fitted simulation is weighted by its noise."""
+    error = "relative_error_percent" if result.simulation is None else "weighted_error_percent"
     rows = [
         {
             "iteration": k,
             "change_percent": 100.0 * step.change,
-            "relative_error_percent": 100.0 * step.residual,
+            error: 100.0 * step.residual,
             "halvings": step.halvings,
         }
         for k, step in enumerate(result.history, start=1)
     ]
     meanings = {"change_percent": "largest |Δθ|/max(|θ|, 2σ)"}
-    empty = ("iteration", "change_percent", "relative_error_percent", "halvings")
+    if result.simulation is not None:
+        meanings[error] = "rms of the simulation errors, 100 % where they are as large as the noise"
+    empty = ("iteration", "change_percent", error, "halvings")
     return Table.of_rows("iterations", rows, meanings, empty)
 
 

@@ -214,6 +214,8 @@ def _result(method: OutputError, fit: SimulationFit, count: int) -> SimulationRe
         ),
         held=tuple(names[k] for k in np.flatnonzero(fit.held)),
         at_bound=tuple(names[k] for k in np.flatnonzero(fit.bound)),
+        noise_orders=fit.noise.orders,
+        fit=fit,
     )  # fmt: skip
 
 
@@ -253,7 +255,7 @@ def _bound(own: Unknown, fit: SimulationFit, k: int) -> Finding:
     )
     step = (
         "Zero friction or less means that the law of friction, or the description, lacks something."
-        if value == 0.0
+        if value == 0.0 and own.direction.kind == "parameter"
         else "Widen the bound if the value beyond it is possible."
     )
     interval = (value, value + 2.0 * std) if side == "low" else (value - 2.0 * std, value)

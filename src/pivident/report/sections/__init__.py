@@ -18,6 +18,7 @@ from pivident.report.sections.provenance import ProvenanceSection
 from pivident.report.sections.replay import ReplaySection
 from pivident.report.sections.residuals import ResidualsSection
 from pivident.report.sections.signals import SignalsSection
+from pivident.report.sections.simulation import SimulationSection
 from pivident.report.sections.spectra import SpectraSection
 from pivident.report.sections.summary import SummarySection
 from pivident.report.sections.tests import TestsSection
@@ -32,6 +33,7 @@ SECTIONS: tuple[type[Section], ...] = (
     CorrelationSection,
     DesignedMotionSection,
     HeldOutSection,
+    SimulationSection,
     ConsistencySection,
     ReplaySection,
     TorqueSection,

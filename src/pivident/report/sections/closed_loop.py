@@ -76,7 +76,7 @@ class ClosedLoopSection(Section):
         for k in users if own.fastest is not None else ():
             identification = self.data.identifications[k]
             recipe = signal_recipe(identification)
-            if recipe is None:
+            if recipe is None or identification.simulation is not None:  # it is filtered by none
                 continue
             if isinstance(recipe, Bandpass):
                 remarks = _band_pass_remarks(own, recipe, sampling_rate(identification))

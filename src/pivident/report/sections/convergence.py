@@ -24,7 +24,11 @@ class ConvergenceSection(Section):
         data = self.data
         return {
             "entries": [
-                (self.gallery(k, distance_figure(i), change_figure(i)), i.history)
+                (
+                    self.gallery(k, distance_figure(i), change_figure(i)),
+                    i.history,
+                    i.simulation is not None,
+                )
                 for k, i in enumerate(data.identifications)
                 if i.iterations > 1
             ],

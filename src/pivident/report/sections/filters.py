@@ -38,6 +38,7 @@ class FiltersSection(Section):
                     "methods": [(self.data.labels[k], k) for k in methods],
                     "figures": _figures(identification, methods[-1]),
                     "lines": _joints_with_lines(identification),
+                    "fitted": [k for k in methods if self.data.identifications[k].simulation],
                     "twice": getattr(signal_recipe(identification), "passes", 1) > 1,
                 }
             )

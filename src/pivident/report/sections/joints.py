@@ -34,4 +34,5 @@ class JointsSection(Section):
                 )
             ],
             "several": data.several,
+            "fitted": data.fitted,
         }

@@ -41,4 +41,10 @@ class ParametersSection(Section):
                     "rows": list(zip(rows, drawings, strict=True)),
                 }
             )
-        return {"tables": tables, "truth": bool(data.truth), "several": data.several}
+        held = any(i.simulation is not None and i.simulation.held for i in data.identifications)
+        return {
+            "tables": tables,
+            "truth": bool(data.truth),
+            "several": data.several,
+            "held": held,
+        }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from pivident.estimation.identification import Identification
 from pivident.report.frequency_figures import prefilter_figure
 from pivident.report.plotly_figures import Figure
 from pivident.report.recipes import sampling_rate
@@ -20,13 +21,11 @@ class PrefiltersSection(Section):
     @property
     def applies(self) -> bool:
         """Only with a method that prefilters."""
-        return any(scaled_prefilters(i) is not None for i in self.data.identifications)
+        return any(map(_prefilters, self.data.identifications))
 
     def context(self) -> dict[str, Any]:
         """One gallery per method."""
-        prefiltering = [
-            k for k, i in enumerate(self.data.identifications) if scaled_prefilters(i) is not None
-        ]
+        prefiltering = [k for k, i in enumerate(self.data.identifications) if _prefilters(i)]
         return {
             "galleries": [
                 Gallery(self.data.labels[k], k, k == prefiltering[-1], (("", self._figures(k)),))
@@ -44,3 +43,11 @@ class PrefiltersSection(Section):
             prefilter_figure(fit.name, fit.torque_unit, own, rate, method)
             for fit, own in zip(identification.joints, filters, strict=True)
         )
+
+
+def _prefilters(identification: Identification) -> bool:
+    """Whether equations of the torque were prefiltered and solved; a simulation's are tested only.
+
+    Filters of simulation errors have orders in the section about them.
+    """
+    return identification.simulation is None and scaled_prefilters(identification) is not None

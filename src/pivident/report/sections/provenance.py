@@ -40,5 +40,7 @@ def _flat(options: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, s
     for key, value in options.items():
         if isinstance(value, Mapping):
             yield from _flat(value, f"{prefix}{key}.")
+        elif isinstance(value, (tuple, list)):
+            yield f"{prefix}{key}", ", ".join(map(str, value)) or "–"
         else:
             yield f"{prefix}{key}", str(value)

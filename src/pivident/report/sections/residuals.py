@@ -24,5 +24,6 @@ class ResidualsSection(SignalSection):
             "galleries": galleries,
             "left_out_names": (),
             "several": self.data.several,
+            "fitted": self.data.fitted,
             "practical": PRACTICAL_CORRELATION,
         }

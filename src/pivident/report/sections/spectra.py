@@ -21,4 +21,4 @@ class SpectraSection(SignalSection):
         for k, identification in enumerate(self.data.identifications):
             spectra = [own for own in residual_spectra(identification) if own is not None]
             galleries.append(self.gallery(k, *(spectra_figure(own, k) for own in spectra)))
-        return {"galleries": galleries, "several": self.data.several}
+        return {"galleries": galleries, "several": self.data.several, "fitted": self.data.fitted}

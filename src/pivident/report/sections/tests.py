@@ -29,4 +29,4 @@ class TestsSection(Section):
                     diagnostics.instruments.get(name),
                 )
             )
-        return {"entries": entries}
+        return {"entries": entries, "fitted": self.data.fitted}

@@ -60,7 +60,9 @@ class VerdictSection(Section):
             (
                 "Parameters known to 10 % or better (2σ)".replace("10", f"{WELL:g}"),
                 f"{well} of {relative.size}",
-                f"best {percent(float(relative.min()))}" if relative.size else "",
+                f"best {percent(float(np.nanmin(relative)))}"
+                if np.isfinite(relative).any()
+                else "",
             ),
         ]
         compared = data.diagnostics.out_of_sample

@@ -9,7 +9,7 @@ so.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from pivident.errors import IdentificationError, SimulationDiverged
@@ -28,6 +28,12 @@ from pivident.validation.held_out.folds import Piece, contiguous_folds, equal_bl
 from pivident.validation.held_out.judged_motion import JudgedMotion
 from pivident.validation.held_out.prediction import Judge, PredictionError, motion_band, pooled
 from pivident.validation.held_out.replay import ReplayError, pooled_replay
+from pivident.validation.held_out.simulated_folds import simulated_estimates_without
+from pivident.validation.held_out.simulated_positions import (
+    OpenLoop,
+    SimulationError,
+    pooled_simulation,
+)
 
 #: Gap on either side of a held-out block, in periods of the highest frequency of the motion.
 GAP_PERIODS = 2.0
@@ -55,6 +61,8 @@ class HeldOut:
     #: Errors of the simulated loop; None without a loop, or where it failed.
     replay: ReplayError | None = None
     failure: str = ""  # what went wrong, empty if nothing did
+    #: Errors of the simulated positions; None without a loop that says something about them.
+    simulation: SimulationError | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +113,12 @@ class CrossValidation:
         """Errors of the simulated loop over all held-out stretches, where there are any."""
         found = [h.replay for h in self.held_out if h.replay is not None]
         return pooled_replay(found) if found else None
+
+    @property
+    def simulation(self) -> SimulationError | None:
+        """Errors of the simulated positions over all held-out stretches, where there are any."""
+        found = [h.simulation for h in self.held_out if h.simulation is not None]
+        return pooled_simulation(found) if found else None
 
     @property
     def training_only(self) -> bool:
@@ -255,7 +269,10 @@ def judged_on(
     divided = contiguous_folds(problem.recordings, moving, folds, gap)
     solved = found if found.equations is not None else identify(problem, method, say)
     stretches: list[HeldOut] = []
-    estimates = estimates_without(solved, moving, divided)
+    if solved.simulation is None:
+        estimates = estimates_without(solved, moving, divided)
+    else:
+        estimates = simulated_estimates_without(solved, divided)
     for number, (fold, estimate) in enumerate(zip(divided, estimates, strict=True), start=1):
         say(f"fold {number} of {len(divided)}")
         stretches += _judged(motion, estimate, fold.held_out)
@@ -278,18 +295,38 @@ def _judged(
     if isinstance(found, IdentificationError):
         return tuple(_stretch(judges[p.recording], p, failure=str(found)) for p in pieces)
     for k in dict.fromkeys(piece.recording for piece in pieces):
-        own, judge, failure = [p for p in pieces if p.recording == k], judges[k], ""
+        own, judge = [p for p in pieces if p.recording == k], judges[k]
         spans = [p.span for p in own]
-        replays: list[ReplayError] | list[None] = [None] * len(own)
-        used = found.instruments
-        if motion.replays and (used is None or used.kind == "loop"):
-            try:
-                replays = motion.replays[judge].score(found, spans)
-            except (SimulationDiverged, IndefiniteMass) as reason:
-                failure = f"the loop cannot be simulated with this estimate: {reason}"
-        for piece, error, replay in zip(own, judge.score(found, spans), replays, strict=True):
-            stretches.append(_stretch(judge, piece, found, error, replay, failure))
+        replays, simulations, failure = _simulated(motion, judge, found, spans)
+        for piece, error, replay, simulation in zip(
+            own, judge.score(found, spans), replays, simulations, strict=True
+        ):
+            made = _stretch(judge, piece, found, error, replay, failure)
+            stretches.append(replace(made, simulation=simulation))
     return tuple(stretches)
+
+
+def _simulated(
+    motion: JudgedMotion, judge: Judge, found: Identification, spans: Sequence[slice]
+) -> tuple[Sequence[ReplayError | None], Sequence[SimulationError | None], str]:
+    """Errors of the replayed loop and of simulated positions on each span, and what failed."""
+    none, used = [None] * len(spans), found.instruments
+    replays: Sequence[ReplayError | None] = none
+    if motion.replays and (used is None or used.kind == "loop"):
+        try:
+            replays = motion.replays[judge].score(found, spans)
+        except (SimulationDiverged, IndefiniteMass) as reason:
+            return none, none, f"the loop cannot be simulated with this estimate: {reason}"
+    if found.simulation is not None and found.simulation.loop == "open":
+        try:
+            return replays, OpenLoop(motion.problem, judge).score(found, spans), ""
+        except (SimulationDiverged, IndefiniteMass) as reason:
+            text = f"the open loop cannot be simulated with this estimate: {reason}"
+            return replays, none, text
+    loop = motion.problem.loop
+    if loop is None or loop.reference == "smoothed":  # follows the measurement by itself
+        return replays, none, ""
+    return replays, [None if own is None else SimulationError.of(own) for own in replays], ""
 
 
 def _stretch(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -24,11 +24,14 @@ class HeldOutErrors:
     joints: Mapping[str, float]  # of each joint [%]
     rms: Mapping[str, float]  # rms error of each joint [N m or N]
     units: Mapping[str, str]  # its unit
+    loop: str = ""  # closed or open: what was simulated; empty where nothing was
+    positions: Mapping[str, float] = field(default_factory=dict)  # rms error [position unit]
+    position_units: Mapping[str, str] = field(default_factory=dict)  # rad or m
 
     @classmethod
     def of(cls, judged: CrossValidation) -> HeldOutErrors:
         """Those of a cross-validation."""
-        error = judged.prediction
+        error, simulation = judged.prediction, judged.simulation
 
         def by_joint(values: Any) -> dict[str, Any]:
             return dict(zip(error.joint_names, np.asarray(values).tolist(), strict=True))
@@ -42,6 +45,9 @@ class HeldOutErrors:
             by_joint(error.relative_in_band),
             by_joint(error.rms_in_band),
             by_joint(error.units),
+            "" if simulation is None else simulation.loop,
+            {} if simulation is None else by_joint(simulation.position),
+            {} if simulation is None else by_joint(simulation.units),
         )
 
     @property
@@ -67,6 +73,9 @@ class HeldOutErrors:
             band, total, fitted = (float(values[k]) for k in ("band", "total", "fitted"))
             units = {str(n): str(unit) for n, unit in values["units"].items()}
             method, where = str(values["method"]), str(values["where"])
-            return cls(method, where, band, total, fitted, joints, rms, units)
+            loop = str(values.get("loop", ""))
+            positions = {str(n): float(x) for n, x in values.get("positions", {}).items()}
+            own = {str(n): str(unit) for n, unit in values.get("position_units", {}).items()}
+            return cls(method, where, band, total, fitted, joints, rms, units, loop, positions, own)
         except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise IdentificationError(f"held-out errors cannot be read ({error!r})") from None

@@ -4,12 +4,18 @@ PIV has the right intervals where its noise model is right. On a real machine th
 model error, and a prefilter made for noise can weigh the wrong samples and frequencies; then PIV
 predicts worse than plain IV, and IV's estimate is the one to take. Blocks of one motion differ by
 chance, too: a difference counts only if its interval does not contain zero.
+
+An estimate from a fitted simulation (CLOE, CLIE, ML, OLOE) rests on law, reference and drives as
+well as on the model: where one of them is wrong, so is the simulated motion. It is taken only where
+its held-out torque error is no larger than that of the estimate that would be taken without it,
+and where its own simulation error shows neither model error nor a wrong gain
+or delay.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,6 +26,7 @@ from pivident.estimation.methods import (
     METHODS,
     InstrumentalVariables,
     Method,
+    OutputError,
     PrefilteredIV,
 )
 from pivident.estimation.parameter_rows import CONTRADICTION
@@ -33,6 +40,16 @@ from pivident.validation.residuals.model_error import model_error_by_held_out_bl
 
 #: PIV may predict so much worse than IV before IV is the one to take.
 TOLERATED = 1.02
+
+#: What a fitted simulation may not have against it to be taken: topics and kinds of findings.
+AGAINST_SIMULATION = (
+    ("simulation", "model error"),
+    ("law", "wrong gain"),
+    ("law", "wrong delay"),
+)
+
+#: Why a fitted simulation is not taken where nothing but its error is against it.
+LARGER = "its error is larger"
 
 #: Fewest stretches from which an interval of a ratio is made.
 MIN_STRETCHES = 3
@@ -77,6 +94,10 @@ class OutOfSample:
     causes: tuple[str, ...] = ()  # why PIV is likely to be worse, where it is, each with its number
     #: Parameters in which PIV and IV contradict each other, a sentence; empty where they do not.
     apart: str = ""
+    simulated: str = ""  # name of the best fitted simulation, empty without one
+    rival: str = ""  # name of the one to take among the others, empty without any
+    simulated_over_rival: Ratio | None = None  # their errors' ratio, None without both
+    against_simulated: str = ""  # why it is not the one to take, empty where it is
 
     @property
     def piv_is_worse(self) -> bool:
@@ -106,7 +127,9 @@ class OutOfSample:
         return f"{label} [{name}]" if len(alike) > 1 else label
 
     def __str__(self) -> str:
-        return "\n\n".join([self.table(), *self.sentences()])
+        positions = self.position_table()
+        shown = [f"{self.position_heading()}\n{positions}"] if positions else []
+        return "\n\n".join([self.table(), *shown, *self.sentences()])
 
     def table(self) -> str:
         """One line for each method."""
@@ -147,6 +170,23 @@ class OutOfSample:
         marks = ["largest" if j == worst else "" for j in range(len(e.joint_names))]
         return plain_table([*columns, ("", "<", marks)])
 
+    def position_table(self) -> str:
+        """One line for each joint: rms error of the simulated positions; empty where none are."""
+        judged = {n: r.simulation for n, r in self.results.items() if r.simulation is not None}
+        if not judged:
+            return ""
+        first = next(iter(judged.values()))
+        columns: list[tuple[str, str, list[str]]] = [("joint", "<", list(first.joint_names))]
+        for name, error in judged.items():
+            title = f"{self._label(name)}{', open loop' if error.loop == 'open' else ''}"
+            columns.append((title, ".", [format_significant(x) for x in error.position]))
+        return plain_table([*columns, ("unit", "<", list(first.units))])
+
+    def position_heading(self) -> str:
+        """What the table of positions shows."""
+        where = self.results[self.recommended].where
+        return f"Rms error of the simulated positions on {where}, by the estimate of each method:"
+
     def joint_heading(self) -> str:
         """What the table by joint shows."""
         taken = self.results[self.recommended]
@@ -175,43 +215,74 @@ class OutOfSample:
         return [first.warning] if self.training_only else []
 
     def _advice(self) -> list[str]:
-        lines = []
-        taken = self._label(self.recommended)
-        if self.piv_over_iv is not None:
-            piv, iv = self._label(self.piv), self._label(self.iv)
-            if self.piv_is_worse:
-                lines.append(
-                    f"{piv} predicts worse than {iv} by more than "
-                    f"{100 * (TOLERATED - 1):.0f} %: take the estimate of {taken}. "
-                    + " ".join(self.causes)
-                )
-            elif self.undecided:
-                lines.append(
-                    f"{piv} and {iv} show no difference within {self.piv_over_iv.range} (95 %, "
-                    f"from the scatter of the held-out blocks): take the estimate of {taken}, "
-                    "whose intervals are better founded."
-                    + (f" {self.apart} More motion or more folds would decide." * bool(self.apart))
-                )
-            else:
-                lines.append(
-                    f"{piv} predicts as well as {iv} to within {100 * (TOLERATED - 1):.0f} % or "
-                    f"better: take the estimate of {taken}, whose intervals are better founded."
-                )
-        elif self.best == self.recommended:
-            lines.append(f"Smallest held-out torque error: {taken}.")
-        else:
-            lines.append(
-                f"Take the estimate of {taken}: its regressors may share noise with the residual."
-            )
-        best = self.results[self.best]
-        if self.best != self.recommended:
-            lines.append(
-                f"{self._label(self.best)} has the smallest error, "
-                f"{best.prediction.total_in_band:.2f} %. A small prediction error does not show "
-                "that parameters are free of bias."
-            )
-        lines += [f"{name} failed: {text}" for name, text in self.failures.items()]
-        return lines
+        return [
+            *self._between_instruments(),
+            *self._about_simulation(),
+            *self._about_best(),
+            *(f"{name} failed: {text}" for name, text in self.failures.items()),
+        ]
+
+    def _between_instruments(self) -> list[str]:
+        """PIV or IV, where both are there."""
+        if self.piv_over_iv is None:
+            return []
+        piv, iv, taken = (self._label(name) for name in (self.piv, self.iv, self.rival))
+        take = "take the estimate of" if self.rival == self.recommended else "of the two prefer"
+        if self.piv_is_worse:
+            return [
+                f"{piv} predicts worse than {iv} by more than "
+                f"{100 * (TOLERATED - 1):.0f} %: {take} {taken}. " + " ".join(self.causes)
+            ]
+        if self.undecided:
+            return [
+                f"{piv} and {iv} show no difference within {self.piv_over_iv.range} (95 %, "
+                f"from the scatter of the held-out blocks): {take} {taken}, "
+                "whose intervals are better founded."
+                + (f" {self.apart} More motion or more folds would decide." * bool(self.apart))
+            ]
+        return [
+            f"{piv} predicts as well as {iv} to within {100 * (TOLERATED - 1):.0f} % or "
+            f"better: {take} {taken}, whose intervals are better founded."
+        ]
+
+    def _about_simulation(self) -> list[str]:
+        """Whether a fitted simulation is the one to take, where there is one beside others."""
+        ratio = self.simulated_over_rival
+        if ratio is None:
+            return []
+        own, rival = self._label(self.simulated), self._label(self.rival)
+        text = f"The held-out torque error of {own} differs from that of {rival} by {ratio}"
+        if self.against_simulated == LARGER:
+            return [f"{text}: {own} is not the one to take."]
+        if self.against_simulated:
+            return [
+                f"{text}, but {self.against_simulated}: {own}, which rests on law, reference and "
+                "drives as well as on the model, is not the one to take."
+            ]
+        return [
+            f"{text}, and its simulated motion shows neither model error nor a wrong gain or "
+            f"delay: take the estimate of {own}."
+        ]
+
+    def _about_best(self) -> list[str]:
+        """The smallest error, and why it need not decide."""
+        taken, best = self._label(self.recommended), self.results[self.best]
+        said = self.piv_over_iv is not None or self.recommended == self.simulated
+        if self.best == self.recommended:
+            return [] if said else [f"Smallest held-out torque error: {taken}."]
+        lines = [] if said else [self._in_spite_of_error(taken)]
+        return [
+            *lines,
+            f"{self._label(self.best)} has the smallest error, "
+            f"{best.prediction.total_in_band:.2f} %. A small prediction error does not show "
+            "that parameters are free of bias.",
+        ]
+
+    def _in_spite_of_error(self, taken: str) -> str:
+        """Why an estimate is taken whose error is not the smallest."""
+        if self.best == self.simulated and not (self.piv or self.iv):
+            return f"Take the estimate of {taken}."
+        return f"Take the estimate of {taken}: its regressors may share noise with the residual."
 
 
 def compare_out_of_sample(
@@ -270,13 +341,55 @@ def _judged(
         return min(names, key=error.__getitem__, default="")
 
     piv, iv = smallest(PrefilteredIV), smallest(InstrumentalVariables)
-    if not (piv and iv):
-        return OutOfSample(results, failures, best, piv or iv or best, piv, iv)
-    ratio = error_ratio(results[piv], results[iv])
-    worse = is_worse(ratio)
-    causes = tuple(likely_causes(results[piv], results[iv])) if worse else ()
-    apart = _contradictions(results[piv].identification, results[iv].identification)
-    return OutOfSample(results, failures, best, iv if worse else piv, piv, iv, ratio, causes, apart)
+    found = OutOfSample(results, failures, best, piv or iv or best, piv, iv)
+    if piv and iv:
+        ratio = error_ratio(results[piv], results[iv])
+        worse = is_worse(ratio)
+        found = replace(
+            found,
+            recommended=iv if worse else piv,
+            piv_over_iv=ratio,
+            causes=tuple(likely_causes(results[piv], results[iv])) if worse else (),
+            apart=_contradictions(results[piv].identification, results[iv].identification),
+        )
+    others = [n for n in results if not isinstance(methods[n], OutputError)]
+    simulated = min(
+        (n for n in results if n not in others),
+        key=lambda n: (bool(_against(results[n].identification)), error[n]),
+        default="",
+    )
+    rival = found.recommended if piv or iv else min(others, key=error.__getitem__, default="")
+    found = replace(found, rival=rival)
+    if simulated and rival:
+        return _with_simulation(found, simulated)
+    return replace(found, recommended=simulated) if simulated else found
+
+
+def _with_simulation(found: OutOfSample, name: str) -> OutOfSample:
+    """Whether the best fitted simulation is the one to take in place of its rival."""
+    judged, rival = found.results[name], found.results[found.rival]
+    ratio = error_ratio(judged, rival)
+    larger = ratio.value > 1.0 if found.piv or found.iv else is_worse(ratio)
+    why = _against(judged.identification) or LARGER * larger
+    return replace(
+        found,
+        recommended=found.rival if why else name,
+        simulated=name,
+        simulated_over_rival=ratio,
+        against_simulated=why,
+    )
+
+
+def _against(own: Identification) -> str:
+    """What a fitted simulation has against it by itself; empty for nothing."""
+    if not own.converged:
+        return "it has not converged"
+    if own.simulation is not None and not own.simulation.noise_orders:
+        return "without noise models its errors are not tested for model error"
+    shown = {(w.topic, w.kind): w.kind for w in own.warnings}
+    kinds = [shown[key] for key in AGAINST_SIMULATION if key in shown]
+    kinds = [f"a {kind}" if kind.startswith("wrong") else kind for kind in kinds]
+    return f"it shows {' and '.join(kinds)}" if kinds else ""
 
 
 def is_worse(ratio: Ratio) -> bool:

@@ -17,6 +17,7 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.problem import Problem, position_units, torque_units
 from pivident.motion.motion import SimulatedMotion
 from pivident.recording.recording import Recording
+from pivident.validation.held_out.fitted_loop import closed_motion, drive_delay, has_own_loop
 from pivident.validation.held_out.prediction import Judge, total_error
 
 
@@ -48,24 +49,31 @@ class Replay:
 
     def __init__(self, problem: Problem, judge: Judge) -> None:
         self.problem = replace(problem, recordings=(judge.recording,))
-        self.recording = judge.recording
+        self.recording, self.kinematics = judge.recording, judge.kinematics
         self.auxiliary = AuxiliaryModel(
             self.problem, differences=False, kinematics=[judge.kinematics]
         )
 
     def simulate(self, found: Identification, samples: int | None = None) -> SimulatedMotion:
-        """So many samples from the beginning, time last; None: the whole recording."""
+        """So many samples from the beginning, time last; None: the whole recording.
+
+        Positions are those that encoders with the offsets of a fit would show.
+        """
+        if has_own_loop(found):
+            whole = self.recording.samples if samples is None else samples
+            return closed_motion(self.problem, self.kinematics, found, whole)
         return self.auxiliary.simulate(found.theta, samples)[0]
 
     def score(self, found: Identification, spans: Sequence[slice]) -> list[ReplayError]:
         """Errors of an estimate on stretches of the recording."""
         ends = [span.indices(self.recording.samples)[1] for span in spans]
-        ahead = int(np.ceil(self.recording.drive_delay * self.recording.rate)) + 1
+        delay = drive_delay(found, self.recording.drive_delay)
+        ahead = int(np.ceil(delay * self.recording.rate)) + 1
         motion = self.simulate(found, max(ends) + ahead)
         assert motion.tau is not None
         measured = slice(0, motion.tau.shape[1])
         position = motion.q.T - self.recording.q[measured]
-        torque = as_logged(motion.tau.T, self.recording) - self.recording.tau[measured]
+        torque = as_logged(motion.tau.T, self.recording, delay) - self.recording.tau[measured]
         return [
             ReplayError(
                 joint_names=self.recording.joint_names,
@@ -80,12 +88,15 @@ class Replay:
         ]
 
 
-def as_logged(tau: np.ndarray, recording: Recording) -> np.ndarray:
+def as_logged(
+    tau: np.ndarray, recording: Recording, drive_delay: float | None = None
+) -> np.ndarray:
     """Simulated torque, held from each sample on, as the recording's torque channel has it.
 
     Args:
         tau: shape (samples, joints) [N m or N].
         recording: whose delay and timing are applied.
+        drive_delay: of the simulated drives [s]; None: that of the recording.
 
     Returns:
         Torque at the instants of the recording, shape (samples, joints) [N m or N].
@@ -94,7 +105,8 @@ def as_logged(tau: np.ndarray, recording: Recording) -> np.ndarray:
     if recording.torque_timing == "averaged":
         lag += recording.rate / recording.control_rate
     # the log holds what the drive was commanded, the simulation what acts
-    waiting = np.ceil(recording.drive_delay * recording.control_rate - 1e-9)
+    late = recording.drive_delay if drive_delay is None else drive_delay
+    waiting = np.ceil(late * recording.control_rate - 1e-9)
     lag -= waiting * recording.rate / recording.control_rate
     source = np.floor(np.arange(len(tau)) - lag + 1e-6).astype(int)
     return tau[np.clip(source, 0, len(tau) - 1)]

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.estimation.identification import Identification
-from pivident.estimation.methods import PrefilteredIV
-from pivident.estimation.noise_options import AutoRegressive
+from pivident.estimation.methods import OutputError, PrefilteredIV
+from pivident.estimation.noise_options import Arma, AutoRegressive
 
 #: Results with a smaller probability count as significant. There are as many tests as joints, so
 #: one in twenty would be too often a false alarm.
@@ -65,7 +65,12 @@ def joint_residuals(identification: Identification) -> tuple[JointResidual, ...]
 def _penalty(identification: Identification, rows: int) -> float | None:
     """Penalty per coefficient of the noise model's order; None where no order was searched."""
     method = identification.method_used
-    noise = method.noise if isinstance(method, PrefilteredIV) else None
+    noise = method.noise if isinstance(method, (PrefilteredIV, OutputError)) else None
+    return penalty_of(noise, rows)
+
+
+def penalty_of(noise: AutoRegressive | Arma | None, rows: int) -> float | None:
+    """The same of a recipe of noise models."""
     criterion = noise.criterion if isinstance(noise, AutoRegressive) else None
     if criterion in ("aic", "aicc"):
         return 2.0
