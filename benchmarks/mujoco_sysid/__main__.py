@@ -87,8 +87,8 @@ def _own_lines(name: str, judge: Judge, fits: list[OwnFit]) -> None:
     passes = [len(fit.result.history) for fit in fits]
     print(
         f"pivident {name}: processor {np.median([f.processor for f in fits]):.2f} s, wall "
-        f"{np.median([f.wall for f in fits]):.2f} s, {max(passes)} passes (each one simulation with "
-        f"the tangents of {len(first.result.names)} parameters)"
+        f"{np.median([f.wall for f in fits]):.2f} s, {max(passes)} passes (each one simulation "
+        f"with the tangents of {len(first.result.names)} parameters)"
     )
     theta = np.array([fit.result.theta for fit in fits])
     half = np.array([1.96 * np.sqrt(np.diag(fit.result.covariance)) for fit in fits])
@@ -123,9 +123,7 @@ def _peer_lines(judge: Judge, fits: list[PeerFit]) -> None:
     print(f"    infinite in some draw: {', '.join(always) or 'none'}")
 
 
-def _line(
-    name: str, judge: Judge, theta: np.ndarray, half: np.ndarray | None = None
-) -> None:
+def _line(name: str, judge: Judge, theta: np.ndarray, half: np.ndarray | None = None) -> None:
     """Errors, root mean squares over draws; ``theta``: shape (draws, base)."""
     truth = judge.theta(judge.case.bodies)
     off = theta - truth

@@ -97,11 +97,13 @@ def mjcf(bodies: Bodies, friction_time: float = DEFAULT_TIME) -> str:
     opened, chain = [], bodies.chain
     for j, name in enumerate(chain.joints):
         opened.append(
-            f'<body name="{name}_link" pos="{_text(chain.places[j])}" euler="{chain.turns[j]:.17g} 0 0">'
+            f'<body name="{name}_link" pos="{_text(chain.places[j])}" '
+            f'euler="{chain.turns[j]:.17g} 0 0">'
             f'<inertial pos="{_text(bodies.centre[j])}" mass="{bodies.mass[j]:.17g}" '
             f'fullinertia="{_text(bodies.inertia[j])}"/>'
             f'<joint name="{name}" axis="{chain.axes[j]}" armature="{bodies.armature[j]:.17g}" '
-            f'damping="{bodies.damping[j]:.17g}" frictionloss="{bodies.friction[j]:.17g}" solreffriction="{friction_time} 1"/>'
+            f'damping="{bodies.damping[j]:.17g}" frictionloss="{bodies.friction[j]:.17g}" '
+            f'solreffriction="{friction_time} 1"/>'
         )
     actuators = "".join(
         f'<position name="{n}" joint="{n}" kp="{chain.kp[j]}" kv="{chain.kv[j]}"/>'

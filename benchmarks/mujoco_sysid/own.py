@@ -59,7 +59,9 @@ def robot_of(bodies: Bodies, friction: FrictionLaw) -> pv.Robot:
 def problem_of(record: Record, start: Bodies, friction: FrictionLaw) -> pv.Problem:
     """What pivident is given: the file that is wrong, the log and the gains."""
     chain = start.chain
-    log = pv.Recording("run", chain.joints, record.q, record.mean_torque, 1.0 / STEP, q_ref=record.u)
+    log = pv.Recording(
+        "run", chain.joints, record.q, record.mean_torque, 1.0 / STEP, q_ref=record.u
+    )
     return pv.Problem(robot_of(start, friction), log, Loop(PositionActuators(chain.kp, chain.kv)))
 
 

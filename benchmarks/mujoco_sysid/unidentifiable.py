@@ -140,8 +140,8 @@ def _theirs(judge: Judge, true: Record, max_iterations: int) -> None:
     print(f"    masses over the true ones: {', '.join(f'{x:.2f}' for x in mass)}")
     print(f"    moments of inertia off by a factor of up to {ratio.max():.3g}")
     print(
-        f"    intervals of its report: {int(np.isinf(fit.half).sum())} of {fit.half.size} infinite; "
-        f"at a bound: {', '.join(fit.at_bound) or 'none'}"
+        f"    intervals of its report: {int(np.isinf(fit.half).sum())} of {fit.half.size} "
+        f"infinite; at a bound: {', '.join(fit.at_bound) or 'none'}"
     )
     print(
         f"    largest error of a combination {np.abs(off).max():.2g}; torque of another motion "
