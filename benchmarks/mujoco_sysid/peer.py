@@ -124,7 +124,7 @@ def identified(
     # sensors of a rollout show the state before the step, and it drops the last control
     sensors = np.hstack([record.q, record.dq, record.torque])[:-1]
     data = mujoco.MjData(model)
-    data.qpos[:] = record.u[0]
+    data.qpos[:] = record.start
     sequences = sysid.ModelSequences(
         "arm", spec, "run", sysid.create_initial_state(model, data.qpos, data.qvel, data.act),
         sysid.TimeSeries(times - STEP, record.u),

@@ -21,6 +21,7 @@ class Record:
     sample, ``torque`` what MuJoCo's sensor shows at the sample: each program gets its own kind.
     """
 
+    start: np.ndarray  # positions before the first sample, at rest and known [rad], (joints,)
     u: np.ndarray  # reference of the position actuators [rad]
     q: np.ndarray  # [rad]
     dq: np.ndarray  # [rad/s]
@@ -29,13 +30,17 @@ class Record:
 
 
 def simulated(bodies: Bodies, u: np.ndarray, friction_time: float = DEFAULT_TIME) -> Record:
-    """The run without noise; the arm is at rest on its reference at first."""
+    """The run without noise; the actuators carry the arm at rest at first."""
     import mujoco
     from mujoco import rollout
 
     model = mujoco.MjModel.from_xml_string(mjcf(bodies, friction_time))
     data = mujoco.MjData(model)
     data.qpos[:] = u[0]
+    for _ in range(20):  # kp (u - q) = g(q)
+        mujoco.mj_forward(model, data)
+        data.qpos[:] = u[0] - data.qfrc_bias / bodies.chain.kp
+    at_rest = data.qpos.copy()
     full = mujoco.mjtState.mjSTATE_FULLPHYSICS
     start = np.empty(mujoco.mj_stateSize(model, full))
     mujoco.mj_getState(model, data, start, full)
@@ -47,7 +52,7 @@ def simulated(bodies: Bodies, u: np.ndarray, friction_time: float = DEFAULT_TIME
     speeds = np.diff(np.vstack([dq, dq[-1]]), axis=0)
     mean = 0.5 * (q + after) - STEP / 12.0 * speeds
     mean_torque = bodies.chain.kp * (u - mean) - bodies.chain.kv * (after - q) / STEP
-    return Record(u, q, dq, torque, mean_torque)
+    return Record(at_rest, u, q, dq, torque, mean_torque)
 
 
 def measured(true: Record, seed: int) -> Record:
@@ -55,6 +60,7 @@ def measured(true: Record, seed: int) -> Record:
     rng = np.random.default_rng(seed)
     noise = rng.normal(size=(3, *true.q.shape))
     return Record(
+        true.start,
         true.u,
         true.q + ENCODER * noise[0],
         true.dq + SPEED * noise[1],

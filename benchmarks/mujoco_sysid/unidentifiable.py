@@ -77,7 +77,7 @@ def real(seed: int = 3284) -> Bodies:
     )  # fmt: skip
 
 
-def unidentifiable(max_iterations: int = 60) -> None:
+def unidentifiable(max_iterations: int = 45) -> None:
     """Print what both programs say."""
     law = FrictionLaw((viscous(), coulomb("tanh", GAMMA)))
     own = Case(real(), law, SHORT_TIME)

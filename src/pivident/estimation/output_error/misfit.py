@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pivident.errors import MassMatrixNotPositiveDefinite, SimulationDiverged
 from pivident.estimation.methods import OutputError
 from pivident.estimation.output_error.bounded_step import undetermined
 from pivident.estimation.output_error.fit import SimulationFit
@@ -89,7 +90,10 @@ def contradicted(problem: Problem, fit: SimulationFit) -> list[GainStep]:
     Gains of one joint, and a delay, leave similar marks. Each further one has to explain what those
     before it do not.
     """
-    test = _ScoreTest(problem, fit)
+    try:
+        test = _ScoreTest(problem, fit)
+    except (SimulationDiverged, MassMatrixNotPositiveDefinite):
+        return []  # poorly determined parameters at the last step: nothing to test against
     found: list[GainStep] = []
     while True:
         steps = [own for own in test.steps(found) if own.contradicts]
