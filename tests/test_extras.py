@@ -34,6 +34,7 @@ OPTIONAL = {
     "h5py": "matlab",
     "lz4": "bags",
     "coal": "collision",
+    "mujoco": "mujoco",
     "dask": "cluster",
     "distributed": "cluster",
 }

@@ -15,6 +15,7 @@ from pivident.experiment.explained import every_problem, plain_form, refuse_robo
 from pivident.experiment.method_table import method_of
 from pivident.experiment.schema import ExperimentFile
 from pivident.experiment.toml_file import toml_content
+from pivident.robot.naming import ROBOT_FILES
 
 
 def file_problems(
@@ -54,7 +55,7 @@ def file_problems(
 
 
 def _is_file(robot: str) -> bool:
-    return robot.endswith((".toml", ".urdf", ".urdf.gz"))
+    return robot.endswith(ROBOT_FILES)
 
 
 def _place(loc: Sequence[int | str], content: dict[str, Any]) -> Place:

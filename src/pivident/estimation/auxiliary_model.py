@@ -35,6 +35,9 @@ from pivident.threads import run_in_threads
 #: How often a step may be halved before the loop is declared impossible to simulate.
 HALVINGS = 6
 
+#: Speed that a joint at rest may reach, as a share of the fastest one's: those that move shake it.
+SHAKEN = 0.02
+
 
 class AuxiliaryModel:
     """Simulates all recordings of a problem for given parameters.
@@ -208,7 +211,7 @@ def loop_signals(
         drive_gain=gain,
         limit=np.broadcast_to(np.asarray(loop.limit, float), (n,)).copy(),
         bound=np.maximum(10.0 * tracking, np.minimum(0.5, 0.5 * reach + 1e-3)),
-        speed_bound=5.0 * speed + 1e-3,
+        speed_bound=5.0 * np.maximum(speed, SHAKEN * speed.max()) + 1e-3,
         drive_delay=recording.drive_delay,
     )
     return signals, (q[0].copy(), dq[0].copy())

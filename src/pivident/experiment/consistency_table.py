@@ -16,6 +16,8 @@ from pivident.experiment.schema import ExperimentFile
 from pivident.experiment.toml_file import errors_name, toml_content
 from pivident.robot.description import Robot
 from pivident.robot.gallery import load_robot
+from pivident.robot.mjcf import read_mjcf
+from pivident.robot.naming import MJCF_FILES, URDF_FILES
 from pivident.robot.urdf import read_urdf
 
 #: Frames of a reference may differ by rounding of their files [m, and elements of rotations].
@@ -74,8 +76,9 @@ def bounds_of(entry: ConsistencyEntry, robot: Robot) -> Bounds | None:
 
 def reference_of(name: str, robot: Robot, folder: Path) -> Robot:
     """The robot whose bodies are the nominal ones."""
-    if name.endswith((".urdf", ".urdf.gz")):
-        reference = read_urdf(folder / name, joints=robot.joint_names)
+    if name.endswith((*URDF_FILES, *MJCF_FILES)):
+        read = read_mjcf if name.endswith(MJCF_FILES) else read_urdf
+        reference = read(folder / name, joints=robot.joint_names)
     else:
         reference = load_robot(folder / name if name.endswith(".toml") else name)
     if reference.joint_names != robot.joint_names:

@@ -14,8 +14,9 @@ from pivident.robot.description import Coupling, Robot, TorqueSide
 from pivident.robot.drives import implied_coupling, with_drives
 from pivident.robot.friction import FrictionLaw
 from pivident.robot.gallery import load_robot
+from pivident.robot.mjcf import read_mjcf
 from pivident.robot.modified_dh import friction_law
-from pivident.robot.naming import find_joint
+from pivident.robot.naming import MJCF_FILES, ROBOT_FILES, find_joint
 from pivident.robot.urdf import read_urdf
 
 #: Keys of friction laws that somebody chose.
@@ -55,12 +56,13 @@ def robot_of(entry: RobotEntry, folder: Path, torque_side: TorqueSide = "motor")
 
 def _described(entry: RobotEntry, folder: Path) -> Robot:
     """The robot of the gallery or of a file."""
-    if not entry.model.endswith((".toml", ".urdf", ".urdf.gz")):
+    if not entry.model.endswith(ROBOT_FILES):
         return load_robot(entry.model)
     path = folder / entry.model
     if path.suffix == ".toml":
         return load_robot(path)
-    return read_urdf(path, joints=entry.joints, frozen=entry.frozen)
+    read = read_mjcf if entry.model.endswith(MJCF_FILES) else read_urdf
+    return read(path, joints=entry.joints, frozen=entry.frozen)
 
 
 def _with_joint_friction(robot: Robot, entry: RobotEntry) -> Robot:

@@ -28,6 +28,7 @@ from pivident.experiment.table_values import (
 from pivident.recording.recording import Saturation, TorqueTiming
 from pivident.robot.description import TorqueSide
 from pivident.robot.mdh_schema import Entry, FrictionTerms, Gravity, JointReference
+from pivident.robot.naming import MJCF_FILES, URDF_FILES
 from pivident.simulation.controllers import FeedForward
 
 #: Keys that every real loop may have.
@@ -81,11 +82,11 @@ class RobotEntry(Entry):
             raise ExperimentError(
                 "reduction and reduction_matrix are both given; keep one of them"
             ).about("reduction")
-        if not self.model.endswith((".urdf", ".urdf.gz")):
+        if not self.model.endswith((*URDF_FILES, *MJCF_FILES)):
             for key in ("joints", "frozen"):
                 if key in self.model_fields_set:
                     raise ExperimentError(
-                        f"{key} is for URDF robots, not for {self.model!r}; remove it"
+                        f"{key} is for URDF and MJCF robots, not for {self.model!r}; remove it"
                     ).about(key)
         return self
 

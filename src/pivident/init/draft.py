@@ -18,7 +18,7 @@ from pivident.init.recording_lines import RecordingLines, recording_lines
 from pivident.init.robot_file import RobotFile, robot_file
 from pivident.init.trial import Findings, try_out
 from pivident.logs.recognition.log_file import Run
-from pivident.robot.naming import nearest
+from pivident.robot.naming import ROBOT_FILES, nearest
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ def draft_experiment(
 
     Args:
         logs: files of one run side by side, or several runs of the same columns.
-        robot: gallery name, .toml, .urdf or .urdf.gz; None: the only URDF beside the logs.
+        robot: gallery name, .toml, URDF or MJCF; None: the only URDF beside the logs.
         out: where the file is going to be; its paths are relative to that folder.
         joints: joints of a URDF that are to be identified; all that are in the log otherwise.
         column_names: of logs without a header, in the order of their columns.
@@ -143,7 +143,7 @@ def _robot_lines(
     machine: RobotFile, found: RecordingLines, findings: Findings, out: Path
 ) -> list[Assumption]:
     """The table ``[robot]``."""
-    is_file = machine.name.endswith((".toml", ".urdf", ".urdf.gz"))
+    is_file = machine.name.endswith(ROBOT_FILES)
     model = relative_path(Path(machine.name), out) if is_file else machine.name
     seen = "the only URDF beside the log" if machine.found else "as given"
     sure = "likely" if machine.found else "certain"

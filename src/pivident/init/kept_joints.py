@@ -50,7 +50,7 @@ def kept_joints(
     if missing:
         why = left_out.get(missing[0], "the log has no position of it")
         raise DraftError(f"joint {missing[0]!r} cannot be identified: {why}; leave it out")
-    if not machine.is_urdf:
+    if not machine.is_tree:
         names = [n for n in machine.joint_names if n in q.columns]
         names = [n for n in names if tau is None or n in tau.columns]
         if len(names) < len(machine.joint_names):

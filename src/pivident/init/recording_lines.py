@@ -77,7 +77,7 @@ def recording_lines(
     kept = kept_joints(run, joints, machine, wanted)
     clock = _clock(run, joints, kept, answers)
     q = joints.channels["q"]
-    logged = machine.robot(kept.logged if machine.is_urdf else None)
+    logged = machine.robot(kept.logged if machine.is_tree else None)
     raw = q.values(run, logged.joint_names)
     own = [logged.joint_names.index(name) for name in kept.names]
     rows = np.isfinite(raw[:, own]).all(axis=1)
@@ -213,7 +213,7 @@ def _frozen(
     motion: tuple[float, float],
 ) -> dict[str, tuple[float, float]]:
     """Median position of logged joints that are not identified, and their range [rad or m]."""
-    if not machine.is_urdf:
+    if not machine.is_tree:
         return {}
     inside = (clock.seconds >= motion[0]) & (clock.seconds <= motion[1])
     found = {}
@@ -231,7 +231,7 @@ def _joint_lines(
     frozen: Mapping[str, tuple[float, float]],
 ) -> list[Assumption]:
     """Which joints are identified."""
-    if not machine.is_urdf:
+    if not machine.is_tree:
         return []
     seen = f"{joints.seen}; {len(kept.names)} of {len(machine.joint_names)} joints move"
     seen += " and have a torque signal" if "tau" in joints.channels else ""

@@ -10,14 +10,10 @@ from pivident.errors import RobotDescriptionError
 from pivident.init.assumption import DraftError
 from pivident.robot.description import Robot
 from pivident.robot.gallery import gallery_names, load_robot
-from pivident.robot.naming import errors_name
+from pivident.robot.mjcf import movable_joints, read_mjcf
+from pivident.robot.naming import MJCF_FILES, URDF_FILES, errors_name
 from pivident.robot.urdf import read_urdf
 from pivident.robot.urdf_xml import MOVING, UrdfJoint, file_content, parse_model
-
-URDF = (".urdf", ".urdf.gz")
-
-#: Endings of robot files, those that a folder is searched for.
-ENDINGS = (*URDF, ".toml")
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +21,7 @@ class RobotFile:
     """A robot's file, or a robot of the gallery."""
 
     name: str  # path or name in the gallery
-    is_urdf: bool  # whether joints can be chosen and frozen
+    is_tree: bool  # a URDF or MJCF: joints can be chosen and frozen
     joint_names: tuple[str, ...]  # joints that can be identified, parents first
     fixed: tuple[str, ...] = ()  # joints that move but cannot be identified (they mimic, float …)
     found: bool = False  # whether nobody named it
@@ -34,9 +30,10 @@ class RobotFile:
         self, joints: Sequence[str] | None = None, frozen: Mapping[str, float] | None = None
     ) -> Robot:
         """The robot with some of its joints; frozen [rad or m]."""
-        if not self.is_urdf:
+        if not self.is_tree:
             return load_robot(self.name)
-        return read_urdf(self.name, joints=joints or self.joint_names, frozen=frozen)
+        read = read_mjcf if self.name.endswith(MJCF_FILES) else read_urdf
+        return read(self.name, joints=joints or self.joint_names, frozen=frozen)
 
 
 def robot_file(name: str | None, logs: Sequence[Path]) -> RobotFile:
@@ -47,7 +44,10 @@ def robot_file(name: str | None, logs: Sequence[Path]) -> RobotFile:
         raise DraftError(
             f"{name} is a xacro, which has to be expanded first: xacro {name} > robot.urdf"
         )
-    if not name.endswith(URDF):
+    if name.endswith(MJCF_FILES):
+        movable_names, others = movable_joints(name)
+        return RobotFile(name, True, movable_names, others, found)
+    if not name.endswith(URDF_FILES):
         robot = load_robot(name)
         return RobotFile(name, False, robot.joint_names, found=found)
     with errors_name(name):
@@ -81,7 +81,7 @@ def _depth(joint: UrdfJoint, carrier: Mapping[str, UrdfJoint]) -> int:
 def _beside(logs: Sequence[Path]) -> str:
     """The only URDF in the folder of the logs."""
     folder = logs[0].absolute().parent
-    found = sorted(p for p in folder.iterdir() if p.name.endswith(URDF) and p.is_file())
+    found = sorted(p for p in folder.iterdir() if p.name.endswith(URDF_FILES) and p.is_file())
     if len(found) == 1:
         return str(logs[0].parent / found[0].name)
     several = ", ".join(p.name for p in found)

@@ -11,6 +11,11 @@ from contextlib import contextmanager
 from pivident.errors import RobotDescriptionError
 from pivident.text.printable import shortened
 
+#: Endings of robot files: a name with one of them is a path.
+URDF_FILES = (".urdf", ".urdf.gz")
+MJCF_FILES = (".xml", ".mjcf")
+ROBOT_FILES = (".toml", *URDF_FILES, *MJCF_FILES)
+
 #: Maximum digits of a joint number; Python refuses to read numbers of thousands of digits.
 MAX_DIGITS = 9
 

@@ -205,8 +205,8 @@ def _stretch(
     position, speed = smooth.encoder_std, 2.0 * np.pi * smooth.f50 * smooth.encoder_std
     start_std = np.concatenate(
         [
-            START_ERRORS * np.nan_to_num(position) + LEAST_START * reach,
-            START_ERRORS * np.nan_to_num(speed) + LEAST_START * fastest,
+            START_ERRORS * np.nan_to_num(position, posinf=0.0) + LEAST_START * reach,
+            START_ERRORS * np.nan_to_num(speed, posinf=0.0) + LEAST_START * fastest,
         ]
     )
     return Stretch(

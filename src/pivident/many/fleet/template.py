@@ -18,6 +18,7 @@ from pivident.experiment.temperature import with_temperature
 from pivident.experiment.toml_file import errors_name, toml_content
 from pivident.many.fleet.fleet_schema import FleetEntry, FleetFile, as_template
 from pivident.many.fleet.logs import FleetLog
+from pivident.robot.naming import ROBOT_FILES
 
 #: Default name of the template in the folder of logs.
 FILE = "fleet.toml"
@@ -105,7 +106,7 @@ class Template:
         )
         model = self.content.robot.model
         self.experiment.robot  # noqa: B018 - says what is wrong with the robot
-        if model.endswith((".toml", ".urdf", ".urdf.gz")):
+        if model.endswith(ROBOT_FILES):
             file = self.path.parent / model
             content["robot_sha256"] = hashlib.sha256(file.read_bytes()).hexdigest()
         return content | {"method": self.method_name}

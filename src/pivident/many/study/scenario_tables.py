@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from pivident.errors import ExperimentError
+from pivident.robot.naming import ROBOT_FILES
 
 if TYPE_CHECKING:
     from pivident.estimation.methods import Method
@@ -111,7 +112,7 @@ class ScenarioTables:
         )
         robot = self.content.robot.model
         file = Path(self.source).parent / robot
-        if robot.endswith((".toml", ".urdf", ".urdf.gz")):
+        if robot.endswith(ROBOT_FILES):
             self.robot  # noqa: B018 - says what is wrong with the file
             content["robot_sha256"] = hashlib.sha256(file.read_bytes()).hexdigest()
         return content

@@ -1,4 +1,4 @@
-"""Ready robots, and one door for every way to name a robot: gallery name, TOML file or URDF."""
+"""Ready robots, and one door for every way to name a robot: gallery name, TOML, URDF or MJCF."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from pathlib import Path
 
 from pivident.errors import RobotDescriptionError
 from pivident.robot.description import Robot
+from pivident.robot.mjcf import read_mjcf
 from pivident.robot.modified_dh import parse_modified_dh, read_modified_dh
-from pivident.robot.naming import nearest
+from pivident.robot.naming import MJCF_FILES, URDF_FILES, nearest
 from pivident.robot.urdf import read_urdf
 
 
@@ -20,11 +21,12 @@ def gallery_names() -> tuple[str, ...]:
 
 
 def load_robot(name_or_path: str | Path) -> Robot:
-    """A robot by gallery name, modified DH file (``.toml``) or URDF (``.urdf``, ``.urdf.gz``).
+    """A robot by gallery name, modified DH file (``.toml``), URDF or MJCF.
 
     Args:
-        name_or_path: such as ``staubli_tx40`` or ``robots/arm.urdf``. A text with one of these
-            endings is a path, every other text is a name.
+        name_or_path: such as ``staubli_tx40`` or ``robots/arm.urdf``. A text that ends with
+            ``.toml``, ``.urdf``, ``.urdf.gz``, ``.xml`` or ``.mjcf`` is a path, every other text
+            is a name.
 
     Returns:
         The robot.
@@ -35,12 +37,14 @@ def load_robot(name_or_path: str | Path) -> Robot:
     text = str(name_or_path)
     if text.endswith(".toml"):
         return read_modified_dh(text)
-    if text.endswith((".urdf", ".urdf.gz")):
+    if text.endswith(URDF_FILES):
         return read_urdf(text)
+    if text.endswith(MJCF_FILES):
+        return read_mjcf(text)
     if not re.fullmatch(r"\w+", text):
         raise RobotDescriptionError(
-            f"{text!r} is neither a gallery name nor a robot file; a file ends with .toml, .urdf "
-            f"or .urdf.gz, and the gallery has {', '.join(gallery_names())}"
+            f"{text!r} is neither a gallery name nor a robot file; a file ends with .toml, .urdf, "
+            f".urdf.gz, .xml or .mjcf, and the gallery has {', '.join(gallery_names())}"
         )
     if text not in gallery_names():
         raise RobotDescriptionError(

@@ -1,0 +1,1 @@
+"""One record, identified by MuJoCo's system identification toolbox and by pivident."""

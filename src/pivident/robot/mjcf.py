@@ -1,0 +1,352 @@
+"""MJCF, the format of MuJoCo → robot: trees of hinge and slide joints on a fixed base.
+
+MuJoCo's poses are those of the bodies, and the joints of a body act one after the other, each
+about its own anchor a and axis. With ^pT_b the pose of a body at qpos = 0 of its joints, A the
+smallest rotation that takes z to the axis (as for a URDF) and F = (A, a) the frame of a joint in
+its body, the frame of the first joint of a body in that of the last joint of its parent is
+
+    F_p⁻¹ ^pT_b F Z(-ref),      and that of the next one      F⁻¹ F' Z(-ref')
+
+where Z turns about or slides along z and ref is the joint's position in the drawn pose.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from pivident.errors import RobotDescriptionError, concerning
+from pivident.robot.assembly import Member, chosen_order, merge_fixed
+from pivident.robot.description import Joint, Link, Robot
+from pivident.robot.frames import Pose, rotation_from_z_to, rotation_z
+from pivident.robot.friction import DEFAULT_FRICTION, FrictionLaw, offset, spring
+from pivident.robot.inertia import from_center_of_mass, moved
+from pivident.robot.mjcf_model import (
+    compiled,
+    joint_names,
+    mujoco_library,
+    read_spec,
+    refuse_unknown_physics,
+)
+from pivident.robot.naming import errors_name, frozen_example, nearest, repeated
+from pivident.robot.transmission import Transmission
+
+
+def read_mjcf(
+    path: str | Path,
+    *,
+    joints: Sequence[str] | None = None,
+    frozen: Mapping[str, float] | None = None,
+    gravity: Sequence[float] | None = None,
+    friction: FrictionLaw = DEFAULT_FRICTION,
+) -> Robot:
+    """Read a robot with a fixed base from an MJCF file; needs the extra ``mujoco``.
+
+    Bodies, ranges, gravity, armature (nominal rotor inertia), damping and frictionloss (nominal
+    ``fv`` and ``fc``) are taken over. A joint with stiffness gets a spring. Contacts are left out.
+
+    Args:
+        path: the file.
+        joints: names of the joints to keep, in the order of the log's columns; default all, in the
+            order of the file. The others are frozen.
+        frozen: position at which a joint is frozen [rad or m], by name; joints that are not kept
+            and not named here are frozen at zero. A free joint is frozen at 0 where the file
+            places it, which holds the base.
+        gravity: acceleration of gravity in the world frame [m/s²], shape (3,); default: the file's.
+        friction: friction law of all joints.
+
+    Returns:
+        The robot.
+
+    Raises:
+        MissingExtra: MuJoCo is not installed.
+        RobotDescriptionError: the file cannot be read or used; names element, value, next step.
+    """
+    with errors_name(str(path)):
+        model = compiled(read_spec(path))
+        names = joint_names(model)
+        held = _frozen_positions(model, names, joints, frozen or {})
+        moving = [k for k, name in enumerate(names) if name not in held]
+        refuse_unknown_physics(model, moving)
+        tree, links = merge_fixed(_members(model, names, held, friction))
+        order = joints or [names[k] for k in moving]
+        _check_parents_first(tree, order)
+        tree, links = chosen_order(tree, links, order)
+        robot = Robot(
+            name=str(model.names[: model.names.index(b"\0")].decode()) or "mjcf",
+            joints=tree,
+            links=links,
+            gravity=np.array(model.opt.gravity if gravity is None else gravity, dtype=float),
+            rotor_inertia=np.array(
+                [float(model.dof_armature[_dof(model, names, j.name)]) for j in tree]
+            ),
+            transmission=Transmission.direct(len(tree)),
+            description=str(path),
+        )
+        return replace(robot, friction_nominal=_nominal_friction(robot, model, names))
+
+
+def movable_joints(path: str | Path) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names of the joints of an MJCF file that can be kept, and of those that cannot.
+
+    Args:
+        path: the file.
+
+    Raises:
+        MissingExtra: MuJoCo is not installed.
+        RobotDescriptionError: the file cannot be read, or no joint of it can be kept.
+    """
+    with errors_name(str(path)):
+        model = compiled(read_spec(path))
+        names = joint_names(model)
+        usable = [_kind(model, k) in ("hinge", "slide") for k in range(len(names))]
+        if not any(usable):
+            raise RobotDescriptionError(
+                "no hinge or slide joint of it can move; is it the right file?"
+            )
+    kept = tuple(name for name, yes in zip(names, usable, strict=True) if yes)
+    return kept, tuple(name for name in names if name not in kept)
+
+
+@dataclass(frozen=True)
+class PositionGains:
+    """What the position and velocity actuators of an MJCF file say of one joint.
+
+    Attributes:
+        kp: position gain [N m/rad or N/m].
+        kv: speed gain [N m s/rad or N s/m].
+        delay: time that the control is late [s].
+    """
+
+    kp: float
+    kv: float
+    delay: float
+
+
+def position_gains(path: str | Path) -> dict[str, PositionGains]:
+    """Gains of the joints that position and velocity actuators move, by the joint's name.
+
+    An actuator with gain g, biases b and gear r on a joint is the law r (g u + b_1 r q + b_2 r dq)
+    with kp = -b_1 r² and kv = -b_2 r²; those of one joint are added up.
+
+    Args:
+        path: the file.
+
+    Returns:
+        The gains; joints without such an actuator are left out.
+
+    Raises:
+        MissingExtra: MuJoCo is not installed.
+        RobotDescriptionError: the file cannot be read.
+    """
+    mujoco = mujoco_library()
+    with errors_name(str(path)):
+        model = compiled(read_spec(path))
+        names = joint_names(model)
+    found: dict[str, PositionGains] = {}
+    of_joints = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+    affine = int(mujoco.mjtBias.mjBIAS_AFFINE)
+    delays = getattr(model, "actuator_delay", np.zeros(model.nu))
+    for k in range(model.nu):
+        if int(model.actuator_trntype[k]) not in of_joints or model.actuator_biastype[k] != affine:
+            continue
+        name = names[int(model.actuator_trnid[k, 0])]
+        square = float(model.actuator_gear[k, 0]) ** 2
+        bias = np.asarray(model.actuator_biasprm[k], dtype=float)
+        before = found.get(name, PositionGains(0.0, 0.0, 0.0))
+        found[name] = PositionGains(
+            before.kp - square * float(bias[1]),
+            before.kv - square * float(bias[2]),
+            max(before.delay, float(delays[k])),
+        )
+    return {name: gains for name, gains in found.items() if gains.kp or gains.kv}
+
+
+def _dof(model: Any, names: Sequence[str], joint: str) -> int:
+    return int(model.jnt_dofadr[names.index(joint)])
+
+
+def _kind(model: Any, k: int) -> str:
+    """Hinge, slide, ball or free."""
+    return mujoco_library().mjtJoint(int(model.jnt_type[k])).name.removeprefix("mjJNT_").lower()
+
+
+def _frozen_positions(
+    model: Any, names: Sequence[str], kept: Sequence[str] | None, frozen: Mapping[str, float]
+) -> dict[str, float]:
+    """Position of every joint that could move and does not."""
+    for key, given in (("joints", kept or ()), ("frozen", frozen)):
+        for name in given:
+            if name not in names:
+                raise RobotDescriptionError(
+                    f"{key}: there is no joint {name!r}; {nearest(name, names)}"
+                ).about(key, *((name,) if key == "frozen" else ()))
+    both = sorted(set(kept or ()) & set(frozen))
+    if both or repeated(list(kept or ())):
+        raise RobotDescriptionError(
+            f"joints: {', '.join(both or repeated(list(kept or ())))} cannot be kept "
+            f"{'and frozen' if both else 'twice'}; name each joint once"
+        ).about("joints")
+    positions = {
+        name: float(frozen.get(name, 0.0))
+        for name in names
+        if name in frozen or (kept is not None and name not in kept)
+    }
+    for k, name in enumerate(names):
+        kind, freeze = _kind(model, k), f"freeze it, {frozen_example(name)}"
+        if name not in positions and kind not in ("hinge", "slide"):
+            what = (
+                "the base floats, and only robots with a fixed base can be identified; hang the "
+                f"robot up and hold its base: {freeze}"
+                if kind == "free"
+                else f"a {kind} joint has three degrees of freedom, one is supported; {freeze}"
+            )
+            raise RobotDescriptionError(f"joint {name!r}: {what}")
+        if name in positions and not np.isfinite(positions[name]):
+            raise RobotDescriptionError(
+                f"frozen: position of {name!r} is {positions[name]}; not finite"
+            ).about("frozen", name)
+        if positions.get(name) and kind not in ("hinge", "slide"):
+            with concerning("frozen", name):
+                raise RobotDescriptionError(
+                    f"frozen: joint {name!r} of type {kind!r} can only be frozen at 0, where the "
+                    f"file places it, not at {positions[name]:g}"
+                )
+    return positions
+
+
+def _members(
+    model: Any, names: Sequence[str], held: Mapping[str, float], friction: FrictionLaw
+) -> list[Member]:
+    """All joints, and bodies without any as fixed ones, with z along the axes."""
+    members: list[Member] = []
+    last = {0: (-1, Pose.identity())}  # member that carries a body, and the body's frame in its own
+    for b in range(1, model.nbody):
+        parent, pose = last[int(model.body_parentid[b])]
+        pose = pose @ Pose(_rotation(model.body_quat[b]), np.array(model.body_pos[b]))
+        first, count = int(model.body_jntadr[b]), int(model.body_jntnum[b])
+        body, name = _inertia(model, b), model.body(b).name or f"body_{b}"
+        if not count:
+            members.append(_fixed(f"{name} (fixed)", parent, pose, Link(name, body)))
+            last[b] = len(members) - 1, Pose.identity()
+            continue
+        for k in range(first, first + count):
+            frame = _frame(model, k)
+            end = k == first + count - 1
+            back = Pose(frame.rotation.T, -frame.rotation.T @ frame.translation)
+            inertia = moved(body, back.rotation, back.translation) if end else np.zeros(10)
+            link = Link(name if end else f"{name} before {names[k + 1]}", inertia)
+            placed = pose @ frame @ _moved_by(model, k, held.get(names[k]))
+            if names[k] in held:
+                members.append(_fixed(names[k], parent, placed, link))
+            else:
+                joint = _joint(model, k, names[k], parent, placed, friction)
+                members.append(Member(joint, link))
+            parent, pose = len(members) - 1, back
+        last[b] = parent, pose
+    return members
+
+
+def _frame(model: Any, k: int) -> Pose:
+    """F of a joint, in its body; that of a free or ball joint is the body's."""
+    if _kind(model, k) not in ("hinge", "slide"):
+        return Pose.identity()
+    return Pose(rotation_from_z_to(np.array(model.jnt_axis[k])), np.array(model.jnt_pos[k]))
+
+
+def _moved_by(model: Any, k: int, position: float | None) -> Pose:
+    """Z(position - ref); of a joint that moves Z(-ref)."""
+    kind = _kind(model, k)
+    if kind not in ("hinge", "slide"):
+        return Pose.identity()
+    z = (position or 0.0) - float(model.qpos0[model.jnt_qposadr[k]])
+    if kind == "slide":
+        return Pose(np.eye(3), np.array([0.0, 0.0, z]))
+    return Pose(rotation_z(z), np.zeros(3))
+
+
+def _fixed(name: str, parent: int, pose: Pose, link: Link) -> Member:
+    joint = Joint(name, "revolute", parent, pose.rotation, pose.translation)
+    return Member(joint, link, fixed=True)
+
+
+def _joint(model: Any, k: int, name: str, parent: int, pose: Pose, friction: FrictionLaw) -> Joint:
+    kind: Literal["revolute", "prismatic"] = (
+        "revolute" if _kind(model, k) == "hinge" else "prismatic"
+    )
+    limits = model.jnt_range[k] if model.jnt_limited[k] else None
+    if limits is not None and not limits[0] < limits[1]:
+        raise RobotDescriptionError(
+            f"joint {name!r}: range = {limits[0]:g} {limits[1]:g} leaves no room to move; correct "
+            f"it, or freeze the joint, {frozen_example(name)}"
+        )
+    most = float(np.abs(model.jnt_actfrcrange[k]).max()) if model.jnt_actfrclimited[k] else None
+    joint = Joint(
+        name=name,
+        kind=kind,
+        parent=parent,
+        rotation=pose.rotation,
+        translation=pose.translation,
+        position_limits=None if limits is None else (float(limits[0]), float(limits[1])),
+        torque_limit=most or None,
+    )
+    return joint.with_friction(_with_spring(friction) if model.jnt_stiffness[k] else friction)
+
+
+def _with_spring(friction: FrictionLaw) -> FrictionLaw:
+    """With a spring, and the offset that places its rest."""
+    stems = {term.stem for term in friction.terms}
+    added = [term for term in (spring(), offset()) if term.stem not in stems]
+    return FrictionLaw((*friction.terms, *added))
+
+
+def _inertia(model: Any, b: int) -> np.ndarray:
+    """Ten inertial parameters of a body in its own frame."""
+    axes = _rotation(model.body_iquat[b])
+    at_center = axes @ np.diag(model.body_inertia[b]) @ axes.T
+    return from_center_of_mass(float(model.body_mass[b]), np.array(model.body_ipos[b]), at_center)
+
+
+def _rotation(quaternion: np.ndarray) -> np.ndarray:
+    """Rotation of a quaternion w x y z of any length but zero."""
+    w, x, y, z = np.asarray(quaternion, dtype=float) / np.linalg.norm(quaternion)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def _check_parents_first(tree: Sequence[Joint], order: Sequence[str]) -> None:
+    for joint in tree:
+        carrier = tree[joint.parent].name if joint.parent >= 0 else None
+        if carrier is not None and order.index(carrier) > order.index(joint.name):
+            raise RobotDescriptionError(
+                f"joints: {joint.name!r} is listed before {carrier!r}, which carries it; list "
+                "joints from the base outwards"
+            )
+
+
+def _nominal_friction(robot: Robot, model: Any, names: Sequence[str]) -> dict[str, float]:
+    """Damping, frictionloss and springs by parameter name, where the law has the term."""
+    nominal = {}
+    for i, joint in enumerate(robot.joints):
+        k = names.index(joint.name)
+        dof, stiffness = int(model.jnt_dofadr[k]), float(model.jnt_stiffness[k])
+        rest = float(model.qpos_spring[model.jnt_qposadr[k]])
+        values = {
+            "fv": float(model.dof_damping[dof]),
+            "fc": float(model.dof_frictionloss[dof]),
+            spring().stem: stiffness,
+            "off": -stiffness * rest,
+        }
+        for term in joint.friction.terms:
+            if values.get(term.stem):
+                nominal[f"{term.stem}{robot.label(i)}"] = values[term.stem]
+    return nominal

@@ -1,0 +1,144 @@
+"""An MJCF file as MuJoCo compiles it, and what of it a robot of pivident cannot be.
+
+MuJoCo resolves classes, includes and inertias from shapes itself; pivident reads the compiled
+model. This module needs the extra ``mujoco``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pivident.errors import RobotDescriptionError
+from pivident.extras import require
+from pivident.files import regular_file
+
+#: Largest MJCF that is read, without what it includes [bytes].
+MAXIMUM_SIZE = 8 * 2**20
+
+
+def mujoco_library(purpose: str = "reading an MJCF") -> Any:
+    """The library, or an error that names the extra."""
+    return require("mujoco", extra="mujoco", purpose=purpose)
+
+
+def read_spec(path: str | Path) -> Any:
+    """The ``mujoco.MjSpec`` of a file.
+
+    Raises:
+        MissingExtra: MuJoCo is not installed.
+        RobotDescriptionError: the file cannot be read, or MuJoCo refuses it; the message is
+            MuJoCo's.
+    """
+    mujoco, file = mujoco_library(), Path(path)
+    try:
+        if regular_file(file).stat().st_size > MAXIMUM_SIZE:
+            raise RobotDescriptionError(
+                f"is larger than {MAXIMUM_SIZE // 2**20} MiB; this is not a robot description"
+            )
+    except OSError as error:
+        raise RobotDescriptionError(
+            f"cannot be read ({error.strerror}); check the path and its permissions"
+        ) from error
+    try:
+        return mujoco.MjSpec.from_file(str(file))
+    except ValueError as error:
+        raise _refused(error) from error
+
+
+def compiled(spec: Any) -> Any:
+    """The ``mujoco.MjModel`` of a spec; shapes are left out where their files are missing.
+
+    Without shapes MuJoCo cannot compute the inertia of a body that has none written, so they are
+    left out only where every moving body has its own.
+
+    Raises:
+        RobotDescriptionError: MuJoCo refuses it; the message is MuJoCo's.
+    """
+    try:
+        return spec.compile()
+    except ValueError as error:
+        bodies = [body for body in spec.bodies if body.name != "world"]
+        if not spec.meshes or not all(body.explicitinertial for body in bodies):
+            raise _refused(error) from error
+    bare = spec.copy()
+    for kind in (bare.geoms, bare.meshes, bare.textures, bare.materials, bare.excludes, bare.pairs):
+        for element in list(kind):
+            bare.delete(element)
+    try:
+        return bare.compile()
+    except ValueError as error:
+        raise _refused(error) from error
+
+
+def _refused(error: ValueError) -> RobotDescriptionError:
+    said = " ".join(str(error).split()).removesuffix(".")
+    return RobotDescriptionError(f"MuJoCo refuses it: {said}")
+
+
+def joint_names(model: Any) -> tuple[str, ...]:
+    """Names of the joints of a compiled model; one without a name has that of its body."""
+    names = []
+    for k in range(model.njnt):
+        body = model.body(int(model.jnt_bodyid[k]))
+        alone = int(body.jntnum[0]) == 1
+        names.append(model.joint(k).name or (body.name if alone else ""))
+        if not names[-1]:
+            raise RobotDescriptionError(
+                f"a joint of body {body.name!r} has no name; give it one, <joint name=…>"
+            )
+    return tuple(names)
+
+
+def refuse_unknown_physics(model: Any, moving: Iterable[int]) -> None:
+    """Refuse what acts on moving joints and is not in the model of a tree of rigid links.
+
+    Args:
+        model: the compiled model.
+        moving: indices of the joints that move.
+
+    Raises:
+        RobotDescriptionError: names the element and the next step.
+    """
+    mujoco = mujoco_library()
+    if model.neq:
+        kinds = {mujoco.mjtEq(int(k)).name.removeprefix("mjEQ_").lower() for k in model.eq_type}
+        names = [model.equality(k).name or f"number {k + 1}" for k in range(model.neq)]
+        raise RobotDescriptionError(
+            f"has equality constraints ({', '.join(names)}: {', '.join(sorted(kinds))}), and a "
+            "closed loop or a coupled joint is no tree; remove <equality>, and freeze the joints "
+            "that it moves"
+        )
+    if model.ntendon:
+        names = [model.tendon(k).name or f"number {k + 1}" for k in range(model.ntendon)]
+        raise RobotDescriptionError(
+            f"has tendons ({', '.join(names)}), whose forces are not in the model; remove <tendon> "
+            "with its actuators, and declare coupled motors by couplings under [robot]"
+        )
+    if model.opt.density or model.opt.viscosity:
+        raise RobotDescriptionError(
+            f"has a fluid around it (density = {model.opt.density:g}, viscosity = "
+            f"{model.opt.viscosity:g}), whose forces are not in the model; remove both from "
+            "<option>"
+        )
+    for body in range(1, model.nbody):
+        if model.body_gravcomp[body]:
+            raise RobotDescriptionError(
+                f"body {model.body(body).name!r} has gravcomp = {model.body_gravcomp[body]:g}: "
+                "gravity that is compensated is no property of the body; remove it"
+            )
+    names_of_joints = joint_names(model)
+    for k in moving:
+        dof = int(model.jnt_dofadr[k])
+        for what, values in (
+            ("damping", getattr(model, "dof_dampingpoly", np.zeros((model.nv, 1)))[dof]),
+            ("stiffness", getattr(model, "jnt_stiffnesspoly", np.zeros((model.njnt, 1)))[k]),
+        ):
+            if np.any(values):
+                raise RobotDescriptionError(
+                    f"joint {names_of_joints[k]!r}: {what} grows with powers of speed or position; "
+                    f"give one number, {what}=…"
+                )
