@@ -27,7 +27,8 @@ def test_the_common_scale_is_a_statement(judged):
 
 def test_methods_that_are_biased_here_are_not_recommended(judged):
     _, found = judged
-    assert [s for s in found.statements if s.topic == "feedback"] == []
+    (feedback,) = [s for s in found.statements if s.topic == "feedback"]
+    assert feedback.severity == "ok" and not feedback.next_step
 
 
 def test_signals_are_not_called_measured(judged):
