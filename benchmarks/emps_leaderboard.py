@@ -9,7 +9,7 @@ first 20 samples of its position set the initial state, and score
 github.com/GerbenBeintema/nonlinear_benchmarks). Friction law, length of the stretches that are
 fitted and further terms are chosen on the training record alone: its reference has four periods,
 each is left out once and simulated in open loop with the estimate of the others. The test record
-is read after that.
+is read after that. Searches start from IDIM-LS of the same law, whose time is counted.
 
     PIVIDENT_DATA=FOLDER python -m benchmarks.emps_leaderboard
 """
@@ -26,11 +26,12 @@ from benchmarks.open_loop_fit import (
     OpenLoopFit,
     OpenLoopModel,
     Stretch,
-    fit_in_two_steps,
     fit_open_loop,
     rms,
 )
 
+from pivident.estimation.identify import identify
+from pivident.estimation.problem import Problem
 from pivident.recording.public_records import EMPS, load_emps, load_emps_pulses
 from pivident.recording.recording import Recording
 from pivident.robot.friction import (
@@ -64,17 +65,19 @@ GENTLE = 2000.0
 #: Lead of the screw, and a wave as long as the motion [m].
 LEAD, STROKE = 2.5e-3, 0.25
 
+#: Stribeck speeds that are tried [m/s].
+SPEEDS = (0.005, 0.01, 0.02)
+
 #: Periods, of the four, in which a further term has to be better.
 MOST_PERIODS = 3
 
-#: Simulations of a law whose tangents are central differences, once its start is an estimate.
-FEW = 6
+#: Most simulations with tangents: of a law whose tangents are central differences, of others.
+FEW, MANY = 4, 30
 
 #: The authors' least-squares values (kg, N s/m, N, N), and starts of what is beside them.
 PUBLISHED = {"m1": 95.1089, "fv1": 203.5034, "fc1": 20.3935, "off1": -3.1648}
 START = PUBLISHED | {
-    "fvp1": 203.5, "fvn1": 203.5, "fcp1": 17.23, "fcn1": 23.56, "fs1": 2.0,
-    "stribeck_speed": 0.015, "stribeck_excess": 0.1, "presliding_distance": 5e-6,
+    "presliding_distance": 5e-6, "stribeck_excess": 0.1,
 }  # fmt: skip
 
 
@@ -101,8 +104,6 @@ class Candidate:
         robot = load_robot("emps").with_friction(FrictionLaw(self.terms))
         names = ("m1", *(f"{term.stem}1" for term in self.terms), *self.constants)
         values = START | (start or {}) | dict(self.fixed)
-        if "delay" in self.constants:
-            values.setdefault("delay", 0.0)
         values |= {name: 0.0 for name in names if name not in values}
         return OpenLoopModel(robot, float(EMPS["units"]["tau"]["gain"]), values, names)
 
@@ -129,17 +130,27 @@ class Trial:
 
 SIGN = coulomb(gamma=STEEP)
 BY_DIRECTION = (*asymmetric_viscous(), *asymmetric_coulomb(gamma=STEEP))
-EXCESS = stribeck(START["stribeck_speed"], gamma=STEEP)
+
+
+def reference_law() -> Candidate:
+    """The law that the length of the stretches is chosen with."""
+    return Candidate("slopes and levels by direction", BY_DIRECTION)
 
 
 def laws() -> list[Candidate]:
-    """Friction laws of the speed, simplest first."""
+    """Other friction laws of the speed, simplest first."""
+    simple = (viscous(), SIGN, offset())
     return [
-        Candidate("viscous, Coulomb, offset", (viscous(), SIGN, offset())),
-        Candidate("slopes and levels by direction", BY_DIRECTION),
-        Candidate("slopes and levels by direction, Stribeck", (*BY_DIRECTION, EXCESS),
-                  ("stribeck_speed",)),
-    ]  # fmt: skip
+        Candidate("viscous, Coulomb, offset", simple),
+        Candidate("the same, Stribeck 10 mm/s", (*simple, stribeck(0.01, gamma=STEEP))),
+        *(
+            Candidate(
+                f"by direction, Stribeck {1e3 * speed:g} mm/s",
+                (*BY_DIRECTION, stribeck(speed, gamma=STEEP)),
+            )
+            for speed in SPEEDS
+        ),
+    ]
 
 
 def extensions(chosen: Candidate) -> list[Candidate]:
@@ -158,11 +169,9 @@ def extensions(chosen: Candidate) -> list[Candidate]:
         more("ripple of the screw, 2.5 mm", *ripple(2.0 * np.pi / LEAD, "a")),
         more("wave of the position, 250 mm", *ripple(2.0 * np.pi / STROKE, "b")),
         more("spring", spring()),
-        Candidate("Dahl in place of Coulomb", (*bare, dahl(START["presliding_distance"])),
-                  ("presliding_distance",), slow=True),
-        Candidate("LuGre in place of Coulomb and Stribeck",
-                  (*bare, *lugre(START["presliding_distance"], START["stribeck_excess"],
-                                 START["stribeck_speed"], damped=False)),
+        Candidate("Dahl in place of Coulomb", (*bare, dahl(5e-6)), ("presliding_distance",),
+                  slow=True),
+        Candidate("LuGre in place of Coulomb", (*bare, *lugre(5e-6, 0.1, 0.01, damped=False)),
                   ("presliding_distance", "stribeck_excess"), slow=True),
     ]  # fmt: skip
 
@@ -190,6 +199,15 @@ def stretches_of(periods: Sequence[Stretch], length: int) -> list[Stretch]:
     return joined
 
 
+def least_squares_start(
+    candidate: Candidate, train: Recording, periods: Sequence[Stretch]
+) -> dict[str, float]:
+    """IDIM-LS of the same law on the same periods: where the search starts."""
+    parts = tuple(train.part(*own) for own in stretches_of(periods, 0))
+    found = identify(Problem(candidate.model().robot, parts), "ls").params
+    return {"m1" if name == "m1r" else name: float(value) for name, value in found.items()}
+
+
 def fitted(
     candidate: Candidate,
     train: Recording,
@@ -197,13 +215,13 @@ def fitted(
     length: int,
     start: dict[str, float] | None = None,
 ) -> OpenLoopFit:
-    """Estimate from some periods of the training record."""
-    stretches, model = stretches_of(periods, length), candidate.model(start)
-    if candidate.slow:
-        return fit_open_loop(model, train, stretches, FEW)
-    if length:
-        return fit_in_two_steps(model, train, stretches)
-    return fit_open_loop(model, train, stretches, windows=periods)
+    """Estimate from some periods of the training record; ``start``: of slow candidates."""
+    if not candidate.slow:
+        start = least_squares_start(candidate, train, periods)
+    most = FEW if candidate.slow else MANY
+    windows = None if length else periods
+    model = candidate.model(start)
+    return fit_open_loop(model, train, stretches_of(periods, length), most, windows)
 
 
 def tried(
@@ -221,9 +239,13 @@ def tried(
 def estimate_of(trial: Trial, train: Recording) -> dict[str, float]:
     """Values from the whole training record, with the levels of a law without directions."""
     found = fitted(trial.candidate, train, periods_of(train), trial.length).model.values
-    forwards, backwards = found["fcp1"], found["fcn1"]
-    levels = {"fc1": 0.5 * (forwards + backwards), "off1": 0.5 * (forwards - backwards)}
-    return found | levels
+    if "fcp1" in found:
+        forwards, backwards = found["fcp1"], found["fcn1"]
+        found |= {"fc1": 0.5 * (forwards + backwards), "off1": 0.5 * (forwards - backwards)}
+    return found | {
+        "fvp1": found.get("fvp1", found["fv1"]),
+        "fvn1": found.get("fvn1", found["fv1"]),
+    }
 
 
 def better(trial: Trial, than: Trial) -> bool:
@@ -238,17 +260,18 @@ def choose(
     lengths: Sequence[int] = LENGTHS,
     further: bool = True,
 ) -> tuple[Trial, list[Trial]]:
-    """Law, length of the stretches and further terms, on the training record alone.
+    """Length of the stretches, then the law, then further terms, on the training record alone.
 
     Result: what was chosen, and everything that was tried.
     """
-    trials = [_shown(tried(own, train, length)) for own in candidates for length in lengths]
+    trials = [_shown(tried(reference_law(), train, length)) for length in lengths]
+    chosen = min(trials, key=lambda trial: trial.held_out)
+    trials += [_shown(tried(own, train, chosen.length)) for own in candidates]
     chosen = min(trials, key=lambda trial: trial.held_out)
     if further:
         start = estimate_of(chosen, train)
         added = [
-            _shown(tried(own, train, chosen.length, start if own.slow else None))
-            for own in extensions(chosen.candidate)
+            _shown(tried(own, train, chosen.length, start)) for own in extensions(chosen.candidate)
         ]
         trials += added
         gained = [trial for trial in added if better(trial, chosen)]
@@ -269,8 +292,7 @@ def main() -> None:
     print(f"{'held-out error [mm]':44} {'stretches':12} {'all':>6}   each period", flush=True)
     chosen, trials = choose(train, laws())
     print(f"\nchosen: {chosen.candidate.title}, {chosen.length} stretches per period\n", flush=True)
-    simple = min(trials[: len(laws()) * len(LENGTHS)], key=lambda trial: trial.held_out)
-    start = estimate_of(simple, train)
+    start = estimate_of(next(t for t in trials if t.length == chosen.length), train)
     test, whole = load_emps_pulses(), Stretch(0, len(train.q))
     print(
         f"{'score [mm]':48} {'held out':>8} {'train':>6} {'test':>6} {'time [s]':>9} {'CPU [s]':>8}"

@@ -53,7 +53,10 @@ FAILED = 1e3
 DELAY_SIZE, SMALLEST = 1e-4, 1.0
 
 #: Range of the logarithm of a positive constant around its start, and relative tolerance.
-LOGARITHM, TOLERANCE = 4.0, 1e-4
+LOGARITHM, TOLERANCE = 4.0, 1e-3
+
+#: Logarithm at which an end of an interval means "no bound".
+OVERFLOW = 20.0
 
 
 class Stretch(NamedTuple):
@@ -203,7 +206,11 @@ def fit_open_loop(
     count = 0
 
     def values(z: np.ndarray) -> np.ndarray:
-        return np.where(constants, start * np.exp(np.where(constants, z, 0.0)), z * size)
+        return np.where(
+            constants,
+            start * np.exp(np.where(constants, np.clip(z, -OVERFLOW, OVERFLOW), 0.0)),
+            z * size,
+        )
 
     def evaluate(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         nonlocal count
@@ -229,15 +236,6 @@ def fit_open_loop(
     answer = model.with_values(np.maximum(values(found.x), np.where(delays, 0.0, -np.inf)))
     bounds = [dict(zip(model.names, end.tolist(), strict=True)) for end in ends]
     return OpenLoopFit(answer, bounds[0], bounds[1], count)
-
-
-def fit_in_two_steps(
-    model: OpenLoopModel, record: Recording, stretches: Sequence[Stretch], most: int = 30
-) -> OpenLoopFit:
-    """As ``fit_open_loop``, which starts from the estimate of the first third of the stretches."""
-    third = fit_open_loop(model, record, stretches[: -(-len(stretches) // 3)], most)
-    found = fit_open_loop(third.model, record, stretches, most)
-    return replace(found, simulations=found.simulations + third.simulations)
 
 
 def _with_shapes(robot: Robot, shapes: dict[str, float]) -> FrictionLaw:

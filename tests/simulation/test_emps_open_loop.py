@@ -49,7 +49,7 @@ def simulated():
 @pytest.fixture(scope="module")
 def law():
     """Slopes and levels by direction with the smooth sign of the truth."""
-    own = leaderboard.laws()[1]
+    own = leaderboard.reference_law()
     terms = tuple(replace(t, gamma=2000.0) if t.has_sign else t for t in own.terms)
     return replace(own, terms=terms)
 
