@@ -65,6 +65,9 @@ GENTLE = 2000.0
 #: Lead of the screw, and a wave as long as the motion [m].
 LEAD, STROKE = 2.5e-3, 0.25
 
+#: Time after which a constant speed has settled [s].
+SETTLED = 0.15
+
 #: Stribeck speeds that are tried [m/s].
 SPEEDS = (0.005, 0.01, 0.02)
 
@@ -242,10 +245,9 @@ def estimate_of(trial: Trial, train: Recording) -> dict[str, float]:
     if "fcp1" in found:
         forwards, backwards = found["fcp1"], found["fcn1"]
         found |= {"fc1": 0.5 * (forwards + backwards), "off1": 0.5 * (forwards - backwards)}
-    return found | {
-        "fvp1": found.get("fvp1", found["fv1"]),
-        "fvn1": found.get("fvn1", found["fv1"]),
-    }
+    else:
+        found |= {"fvp1": found["fv1"], "fvn1": found["fv1"]}
+    return found
 
 
 def better(trial: Trial, than: Trial) -> bool:
@@ -279,6 +281,25 @@ def choose(
     return chosen, trials
 
 
+def constant_speed_forces(record: Recording) -> dict[float, list[float]]:
+    """Mean force [N] in each period at each constant speed of the reference [m/s].
+
+    Constant: the reference has not changed its speed for ``SETTLED``; the force is friction then.
+    """
+    speed = np.diff(record.q_ref[:, 0], prepend=record.q_ref[0, 0]) * record.rate
+    last_change = np.maximum.accumulate(
+        np.where(np.abs(np.diff(speed, prepend=0.0)) > 1e-6, np.arange(len(speed)), 0)
+    )
+    steady = np.arange(len(speed)) - last_change > SETTLED * record.rate
+    forces: dict[float, list[float]] = {}
+    for own in periods_of(record):
+        rows = np.arange(*own)[steady[slice(*own)]]
+        for value in np.unique(np.round(speed[rows], 3)):
+            force = record.tau[rows[np.round(speed[rows], 3) == value], 0].mean()
+            forces.setdefault(float(value), []).append(float(force))
+    return forces
+
+
 def _shown(trial: Trial) -> Trial:
     parts = f"{trial.length} per period" if trial.length else "whole"
     each = " ".join(f"{e:5.2f}" for e in trial.periods)
@@ -289,6 +310,9 @@ def _shown(trial: Trial) -> Trial:
 def main() -> None:
     """Choose on the training record; then open the test record and score."""
     train = load_emps()
+    print("speed [m/s]: force in each period of the training record [N]")
+    for speed, forces in constant_speed_forces(train).items():
+        print(f"{speed:7.3f}: {' '.join(f'{force:7.2f}' for force in forces)}")
     print(f"{'held-out error [mm]':44} {'stretches':12} {'all':>6}   each period", flush=True)
     chosen, trials = choose(train, laws())
     print(f"\nchosen: {chosen.candidate.title}, {chosen.length} stretches per period\n", flush=True)
