@@ -30,7 +30,7 @@ from pivident.robot.friction import FrictionLaw
 from pivident.simulation.closed_loop import LoopSignals
 from pivident.simulation.direction import Direction, ParametrisedLoop
 from pivident.simulation.open_loop import OpenLoop
-from pivident.simulation.tangents import simulate_with_tangents
+from pivident.simulation.tangents import has_compiled_tangents, simulate_with_tangents
 from pivident.threads import run_in_threads
 
 #: Samples that may set the initial state, and that the score leaves out.
@@ -51,6 +51,9 @@ FAILED = 1e3
 
 #: Size of a delay, which starts at zero [s], and of other unknowns that are zero.
 DELAY_SIZE, SMALLEST = 1e-4, 1.0
+
+#: Relative step of forward differences.
+DIFFERENCE = 2e-3
 
 #: Range of the logarithm of a positive constant around its start, and relative tolerance.
 LOGARITHM, TOLERANCE = 4.0, 1e-3
@@ -145,12 +148,30 @@ class OpenLoopModel:
 
     def linearised(self, record: Recording, stretch: Stretch) -> tuple[np.ndarray, np.ndarray]:
         """Errors [mm] and their derivatives by what is sought, (samples,) and (samples, names)."""
-        made = simulate_with_tangents(self.loop(record, stretch), [*self.directions, *STATE])
+        loop = self.loop(record, stretch)
+        if not has_compiled_tangents(loop):
+            return self._by_differences(record, stretch)
+        made = simulate_with_tangents(loop, [*self.directions, *STATE])
         by_state = made.q[:, 0, len(self.names) :] * STATE_SIZE
         by_sought = made.q[:, 0, : len(self.names)]
         taken = np.linalg.lstsq(by_state[:GIVEN], by_sought[:GIVEN], rcond=None)[0]
         errors = (made.motion.q - record.q[slice(*stretch)])[:, 0]
         return 1e3 * errors, 1e3 * (by_sought - by_state @ taken)
+
+    def _by_differences(self, record: Recording, stretch: Stretch) -> tuple[np.ndarray, np.ndarray]:
+        """As ``linearised``, by forward differences whose steps are above those of the simulator.
+
+        Friction of path and position is integrated to 2e-4 of its level, in steps that depend on
+        the motion: changes that are much smaller drown in that.
+        """
+        here = self.errors(record, stretch)
+        columns = np.empty((len(here), len(self.names)))
+        for k, name in enumerate(self.names):
+            value = self.values[name]
+            step = DIFFERENCE * (abs(value) or SMALLEST)
+            moved = replace(self, values=self.values | {name: value + step})
+            columns[:, k] = (moved.errors(record, stretch) - here) / step
+        return here, columns
 
 
 @dataclass(frozen=True, eq=False)

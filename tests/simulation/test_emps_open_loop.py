@@ -8,7 +8,6 @@ from benchmarks import emps_leaderboard as leaderboard
 from benchmarks.open_loop_fit import GIVEN, Stretch, fit_open_loop, rms
 from scipy.integrate import solve_ivp
 
-from pivident.recording.public_records import load_emps
 from pivident.recording.recording import Recording
 
 GAIN, RATE = 35.15, 1000.0
@@ -116,23 +115,19 @@ def test_a_fit_finds_the_truth_within_its_intervals(simulated, law):
         assert abs(found.model.values[name] - truth) < width
 
 
-@pytest.mark.record
-def test_the_choice_never_opens_the_test_record(data_dir, monkeypatch):
+def test_the_choice_opens_no_file(simulated, law, monkeypatch):
     opened = []
-    monkeypatch.setattr(leaderboard, "load_emps_pulses", lambda *given: opened.append(given))
-    train = load_emps(data_dir / "emps" / "DATA_EMPS.mat")
-    reads = []
-    part = Stretch(0, 2 * 1248)
-    monkeypatch.setattr(leaderboard, "PERIOD", 1248)
-    short = train.part(*part)
-    loader = leaderboard.load_emps
-    monkeypatch.setattr(
-        leaderboard, "load_emps", lambda *given: reads.append(given) or loader(*given)
-    )
-    chosen, trials = leaderboard.choose(short, leaderboard.laws()[:2], (1, 2), further=False)
-    assert not opened and not reads
-    assert len(trials) == 4
-    assert chosen.held_out == min(trial.held_out for trial in trials)
+    for name in ("load_emps", "load_emps_pulses"):
+        monkeypatch.setattr(leaderboard, name, lambda *given: opened.append(given))
+    monkeypatch.setattr(leaderboard, "PERIOD", 500)
+    monkeypatch.setattr(leaderboard, "reference_law", lambda: law)
+    begin = TRUTH | {"fcp1": 18.5, "m1": 96.0}
+    monkeypatch.setattr(leaderboard, "least_squares_start", lambda *given: begin)
+    chosen, trials = leaderboard.choose(simulated, [law], (1, 2), further=False)
+    assert not opened
+    assert len(trials) == 3
+    assert [len(trial.periods) for trial in trials] == [3, 3, 3]
+    assert chosen.held_out == min(trial.held_out for trial in trials) < 0.05
 
 
 def test_periods_and_stretches_cover_the_record_once():
