@@ -22,6 +22,7 @@ from itertools import pairwise
 from time import perf_counter, process_time
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 from benchmarks.open_loop_fit import (
     OpenLoopFit,
     OpenLoopModel,
@@ -292,6 +293,21 @@ def constant_speed_forces(record: Recording) -> dict[float, list[float]]:
     return forces
 
 
+def offset_afterwards(model: OpenLoopModel, test: Recording) -> tuple[float, float]:
+    """Change of a by-direction law's offset that fits the test record [N], and its score [mm].
+
+    A diagnosis after the score, which it does not change: how much of the score is offset.
+    """
+    values, whole = model.values, Stretch(0, len(test.q))
+
+    def score(change: float) -> float:
+        levels = {"fcp1": values["fcp1"] + change, "fcn1": values["fcn1"] - change}
+        return replace(model, values=values | levels).score(test, whole)
+
+    found = minimize_scalar(score, bounds=(-1.0, 1.0), method="bounded", options={"xatol": 1e-3})
+    return float(found.x), float(found.fun)
+
+
 def _shown(trial: Trial) -> Trial:
     parts = f"{trial.length} per period" if trial.length else "whole"
     each = " ".join(f"{e:5.2f}" for e in trial.periods)
@@ -329,6 +345,11 @@ def main() -> None:
         for name in found.model.names:
             ends = f"{found.low[name]:.5g} to {found.high[name]:.5g}"
             print(f"      {name:22} {found.model.values[name]:12.6g}   95 %: {ends}", flush=True)
+        if {"fcp1", "fcn1"} <= set(found.model.names):
+            change, score = offset_afterwards(found.model, test)
+            print(
+                f"      (with the offset that fits the test record, {change:+.3f} N: {score:.2f})"
+            )
 
 
 if __name__ == "__main__":
