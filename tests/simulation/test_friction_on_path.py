@@ -1,4 +1,4 @@
-"""Friction of position, path and load in the loop: the oracle, closed forms, energy."""
+"""Friction with kinks, of position, path and load: the oracle, closed forms, energy."""
 
 import numpy as np
 import pytest
@@ -28,6 +28,8 @@ from tests.simulation.test_accuracy import CONTRACT, TX40_MOTIONS
 
 SMOOTH = (viscous(), coulomb(), offset())
 LAWS = {
+    "by direction": (*asymmetric_viscous(), coulomb(), offset()),
+    "slopes alone": (*asymmetric_viscous(), offset()),
     "power": (*asymmetric_viscous(), power_viscous(1 / 3), coulomb(), offset()),
     "ripple": (*SMOOTH, *ripple(200.0)),
     "springs": (*SMOOTH, spring(), *counterbalance(0.4, 0.3)),

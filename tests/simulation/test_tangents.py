@@ -11,6 +11,7 @@ from pivident.errors import ExperimentError, SimulationDiverged
 from pivident.robot.friction import (
     FrictionLaw,
     asymmetric_coulomb,
+    asymmetric_viscous,
     coulomb,
     load_dependent,
     offset,
@@ -147,6 +148,7 @@ def test_constants_of_stribeck_friction():
     laws = {
         "atan": (viscous(), coulomb(gamma=60.0), stribeck(0.2, 1.5, gamma=60.0), offset()),
         "tanh": (viscous(), *asymmetric_coulomb("tanh", 60.0), stribeck(0.3, 2.0, "tanh", 60.0)),
+        "by direction": (*asymmetric_viscous(), coulomb(gamma=60.0), stribeck(0.2, gamma=60.0)),
     }
     for friction in laws.values():
         loop = planar(friction=friction)
