@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from pivident.estimation.iteration import Estimate, Run
 from pivident.estimation.methods import Method
 from pivident.estimation.normal_equations import relative_residual
 from pivident.estimation.problem import Problem, position_units, torque_units
+from pivident.estimation.simulation_result import SimulationResult
 from pivident.estimation.solved_equations import Equations
 from pivident.instruments.given_motion import InstrumentsUsed
 from pivident.logs.torque_scale import scale_sentences
@@ -35,6 +36,13 @@ from pivident.version import __version__
 MAX_SPAN = 4.0 * np.pi
 
 
+class Covariances(NamedTuple):
+    """Covariances of an estimate, each (parameters, parameters)."""
+
+    robust: np.ndarray  # holds for residuals that are correlated
+    formula: np.ndarray  # holds for white ones
+
+
 def answer(
     problem: Problem,
     method: Method,
@@ -42,8 +50,14 @@ def answer(
     run: Run,
     warnings: Sequence[Finding] = (),
     used: InstrumentsUsed | None = None,
+    covariances: Covariances | None = None,
+    simulation: SimulationResult | None = None,
 ) -> Identification:
-    """Everything that comes with an estimate; ``used``: its instruments, None without any."""
+    """Everything that comes with an estimate.
+
+    ``used``: its instruments, None without any; ``covariances`` and ``simulation``: of an estimate
+    that comes from a simulation, not from the equations.
+    """
     regressor, theta, variance = problem.regressor, estimate.theta, estimate.variance
     records, filters = estimate.records, estimate.prefilters.filters
     residuals = [r.residual(regressor, theta) for r in records]
@@ -55,8 +69,10 @@ def answer(
         relative_error = _relative_error(estimate, residuals, joints)
     else:
         relative_error = relative_residual(estimate.sums, theta, variance)
-    robust = _robust_covariance(method, estimate, regressor, whitened)
-    formula = estimate.solution.covariance
+    if covariances is None:
+        robust = _robust_covariance(method, estimate, regressor, whitened)
+        covariances = Covariances(robust, estimate.solution.covariance)
+    robust, formula = covariances
     covariance = formula if method.covariance == "formula" else robust
     fitted = tuple(
         record.fitted(regressor, theta, residual, white)
@@ -89,6 +105,7 @@ def answer(
         instruments=used,
         equations=equations,
         equation_noise=EquationNoise.of(problem, equations, fitted[0].whitened_rate),
+        simulation=simulation,
     )
 
 

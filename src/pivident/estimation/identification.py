@@ -13,6 +13,7 @@ from pivident.dynamics.regressor import Regressor
 from pivident.estimation.equation_noise import EquationNoise
 from pivident.estimation.equation_record import FittedRecording, MotionRange
 from pivident.estimation.methods import Bandpass, Method
+from pivident.estimation.simulation_result import SimulationResult
 from pivident.estimation.solved_equations import Equations, TorqueSums
 from pivident.instruments.given_motion import InstrumentsUsed
 from pivident.logs.torque_scale import TorqueScale
@@ -93,6 +94,8 @@ class Identification:
             follows; those of a loaded identification, whose signals are not there.
         equation_noise: noise of the equations by joint, for the design of the next motion; None
             in files of versions that did not write it.
+        simulation: how near a fitted simulation comes, with the unknowns of its loop; None: nothing
+            was fitted by simulation.
         loop_values: ``controller`` and ``reference`` as the file of a loaded identification
             holds them; None for an identification that was made here.
     """
@@ -124,6 +127,7 @@ class Identification:
     equations: Equations | None = field(default=None, repr=False)
     torque_sums: TorqueSums | None = field(default=None, repr=False)
     equation_noise: EquationNoise | None = field(default=None, repr=False)
+    simulation: SimulationResult | None = field(default=None, repr=False)
     loop_values: dict[str, Any] | None = field(default=None, repr=False)
 
     @property

@@ -43,6 +43,7 @@ def to_dict(identification: Identification) -> dict[str, Any]:
     loop = identification.loop_values or _loop_values(identification.loop)
     instruments = identification.instruments
     fitted, noise = identification.fitted_range, identification.equation_noise
+    simulation = identification.simulation
     content = {
         "schema": SCHEMA,
         "method": identification.method,
@@ -69,6 +70,7 @@ def to_dict(identification: Identification) -> dict[str, Any]:
         "robot_description": robot_values(identification.robot),
         "torque_sums": torque_sums_values(identification),
         "equation_noise": noise and noise.to_values(),
+        "simulation": simulation and simulation.to_values(),
     }
     return {key: plain(value) for key, value in content.items()}
 

@@ -24,10 +24,12 @@ from pivident.estimation.methods import (
     InstrumentalVariables,
     LeastSquares,
     Method,
+    OutputError,
     PrefilteredIV,
     RandomWalk,
     method_named,
 )
+from pivident.estimation.output_error.output_error import identify_output_error
 from pivident.estimation.prefiltered_iv import identify_piv
 from pivident.estimation.problem import Problem
 from pivident.threads import linear_algebra_in_one_thread
@@ -77,6 +79,8 @@ def _estimate(problem: Problem, method: Method, say: Progress) -> Identification
         return identify_iv(problem, method, say)
     if isinstance(method, PrefilteredIV) and method.regressor == "simulated":
         return (identify_counted if reads_counts(problem) else identify_didim)(problem, method, say)
+    if isinstance(method, OutputError):
+        return identify_output_error(problem, method, say)
     if isinstance(method, PrefilteredIV):
         return identify_piv(problem, method, say)
     raise IdentificationError(f"{method!r} is not a method; use a name such as 'piv'")

@@ -25,7 +25,7 @@ from pivident.estimation.full_rate import records_without_instruments
 from pivident.estimation.identification import Iteration
 from pivident.estimation.instrument_choice import InstrumentSource
 from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.methods import InstrumentalVariables, PrefilteredIV
+from pivident.estimation.methods import InstrumentalVariables, OutputError, PrefilteredIV
 from pivident.estimation.noise_identification import Prefilters
 from pivident.estimation.normal_equations import (
     JointSums,
@@ -106,7 +106,9 @@ class Signals:
     without_load: np.ndarray | None
 
     @classmethod
-    def of(cls, problem: Problem, method: InstrumentalVariables | PrefilteredIV) -> Signals:
+    def of(
+        cls, problem: Problem, method: InstrumentalVariables | PrefilteredIV | OutputError
+    ) -> Signals:
         """Smooth all recordings by the method's recipe."""
         kinematics = [estimate_kinematics(r, method.signals) for r in problem.recordings]
         limits = [problem.speed_limits(r) for r in problem.recordings]
@@ -221,7 +223,7 @@ class Steps(Protocol):
         """Records with the simulated instruments, and what they are filtered with."""
 
 
-def start_number(method: InstrumentalVariables | PrefilteredIV) -> int:
+def start_number(method: InstrumentalVariables | PrefilteredIV | OutputError) -> int:
     """Estimates before the first iteration: whether least squares makes one."""
     return int(method.start == "least-squares")
 

@@ -8,18 +8,17 @@ from typing import Any
 
 from pivident.errors import PividentError
 from pivident.estimation.methods import (
-    Arma,
-    AutoRegressive,
     Bandpass,
     InstrumentalVariables,
     LeastSquares,
     Method,
+    OutputError,
     PrefilteredIV,
     RandomWalk,
-    Repetition,
 )
+from pivident.estimation.noise_options import Arma, AutoRegressive, Repetition
 
-_METHODS = (LeastSquares, InstrumentalVariables, PrefilteredIV)
+_METHODS = (LeastSquares, InstrumentalVariables, PrefilteredIV, OutputError)
 _PARTS = {
     "signals": (Bandpass, RandomWalk),
     "noise": (AutoRegressive, Repetition, Arma),

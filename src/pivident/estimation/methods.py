@@ -5,14 +5,15 @@ The signal recipe belongs to the method, since methods are compared with differe
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, Literal, get_args
 
 import numpy as np
 
 from pivident.errors import ExperimentError, IdentificationError
+from pivident.estimation.noise_options import Arma, AutoRegressive
 from pivident.motion.kinematics import MOTION_BAND
-from pivident.recording.recording import Recording
 from pivident.robot.naming import nearest
 from pivident.signals.decimation import Convention
 
@@ -140,75 +141,6 @@ class RandomWalk:
             raise ExperimentError(
                 f"measurement_noise is {self.measurement_noise!r}; choose 'white' or 'auto'"
             )
-
-
-@dataclass(frozen=True)
-class AutoRegressive:
-    """AR noise model by Burg, all orders at once.
-
-    Attributes:
-        p_max: largest order tried.
-        criterion: ``aic``, ``aicc`` or ``bic``.
-        on_unmasked: whether it is fitted on the rows in use only.
-        motion_band: highest frequency of the motion [Hz]. Below it the residual may be mostly
-            model error, and noise counts up to the level just above it (see
-            ``continued_into_band``). ``auto``: 20 Hz or a quarter of the Nyquist frequency. None:
-            no band.
-    """
-
-    p_max: int = 150
-    criterion: Literal["aic", "aicc", "bic"] = "aic"
-    on_unmasked: bool = True
-    motion_band: Literal["auto"] | float | None = "auto"
-
-    def band(self, recording: Recording) -> float:
-        """Highest frequency of the motion of a recording [Hz], zero for none."""
-        if self.motion_band == "auto":
-            return min(MOTION_BAND, recording.rate / 8.0)
-        return float(self.motion_band or 0.0)
-
-
-@dataclass(frozen=True)
-class Repetition(AutoRegressive):
-    """AR noise model fitted to what does not repeat, for records in which the motion repeats.
-
-    Standard errors that the paper's formula gives with it would describe repeatability alone; those
-    of the sandwich contain the model error as it differs from one part of the record to the next.
-    """
-
-    #: None is needed: model error is gone from the residual.
-    motion_band: Literal["auto"] | float | None = None
-    period: int | None = None  # samples of a period of the reference; None: found from it
-
-
-@dataclass(frozen=True)
-class Arma:
-    """ARMA noise model by maximum likelihood (section 4.4 of the paper), of given orders.
-
-    A moving average saves autoregressive terms where the noise's spectrum has a dip. Its whitener
-    is recursive: zeros close to the unit circle make it remember for long.
-
-    Attributes:
-        ar_order: degree of the autoregressive part.
-        ma_order: degree of the moving average.
-        on_unmasked: whether it is fitted on the rows in use only.
-        largest_root: zeros of the moving average are kept inside this radius, so that the
-            whitener forgets within a few thousand samples.
-    """
-
-    ar_order: int = 8
-    ma_order: int = 4
-    on_unmasked: bool = True
-    largest_root: float = 0.99
-
-    def __post_init__(self) -> None:
-        if self.ar_order < 1 or self.ma_order < 1:
-            raise ExperimentError(
-                f"ARMA noise needs orders of at least one, not ({self.ar_order}, {self.ma_order}); "
-                "without a moving average use the AR model"
-            )
-        if not 0.0 < self.largest_root < 1.0:
-            raise ExperimentError(f"largest_root must lie between 0 and 1, not {self.largest_root}")
 
 
 @dataclass(frozen=True)
@@ -368,7 +300,98 @@ class PrefilteredIV:
         return "IDIM-PIV (as printed)" if self.as_printed else "IDIM-PIV"
 
 
-Method = LeastSquares | InstrumentalVariables | PrefilteredIV
+@dataclass(frozen=True)
+class OutputError:
+    """Simulation error: parameters whose simulated motion is nearest to what was measured.
+
+    Attributes:
+        compares: ``positions`` (CLOE), ``torques`` (CLIE) or ``both``, weighted by noise (ML).
+        loop: ``closed``: the control law answers to the simulated motion; ``open``: the recorded
+            torques drive it (OLOE).
+        free: further unknowns of the loop: ``delay``, ``drive_gain``, ``inputs``, ``kp``, ``kd``
+            and other gains of the law, ``encoder_offset``, ``torque_offset``, or a constant of a
+            friction law; of one joint with its label, ``kp2``.
+        bounds: lowest and highest value of an unknown by its name.
+        signals: the smoother, for the start and for the torque that the report shows.
+        noise: recipe of the noise models.
+        prefilter: ``noise``: errors are weighted by the inverse of their identified noise, as in
+            IDIM-PIV; ``none``: squares of the errors, each joint by its size; ``auto``: the former
+            in a closed loop, the latter in an open one, whose errors are drift.
+        bandwidth: highest frequency that is compared [Hz]; motions of robots end far below.
+        segment: longest stretch that an open loop runs from its own initial state [s]; None: the
+            whole record.
+        loss: ``squares``, or ``huber`` where single stretches do not fit.
+        undetermined: ``refuse`` unknowns that nothing determines, or ``hold`` them where they are.
+        covariance: ``sandwich``, from windows of time, or ``formula``, for errors that are white
+            behind their prefilters.
+        start: ``least-squares`` on the record, or the problem's ``initial`` values.
+        tolerance: relative change of an unknown at which the iteration may end.
+        max_iterations: give up after so many.
+        simulates_loop: whether a loop is simulated, for all such methods.
+        weight_power: power of λ in the weights, likewise.
+    """
+
+    compares: Literal["positions", "torques", "both"] = "both"
+    loop: Literal["closed", "open"] = "closed"
+    free: tuple[str, ...] = ()
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    signals: RandomWalk = field(default_factory=RandomWalk)
+    noise: AutoRegressive = field(default_factory=AutoRegressive)
+    prefilter: Literal["auto", "noise", "none"] = "auto"
+    bandwidth: float = 100.0
+    segment: float | None = None
+    loss: Literal["squares", "huber"] = "squares"
+    undetermined: Literal["refuse", "hold"] = "refuse"
+    covariance: Literal["sandwich", "formula"] = "sandwich"
+    start: Start = "least-squares"
+    tolerance: float = 1e-2
+    max_iterations: int = 30
+
+    simulates_loop: ClassVar[bool] = True
+    weight_power: ClassVar[float] = 1.0
+
+    def __post_init__(self) -> None:
+        _check_iteration(self.tolerance, self.max_iterations)
+        _check_start(self.start)
+        for name, choices in (
+            ("compares", ("positions", "torques", "both")),
+            ("loop", ("closed", "open")),
+            ("prefilter", ("auto", "noise", "none")),
+            ("loss", ("squares", "huber")),
+            ("undetermined", ("refuse", "hold")),
+            ("covariance", ("sandwich", "formula")),
+        ):
+            if getattr(self, name) not in choices:
+                raise ExperimentError(
+                    f"{name} is {getattr(self, name)!r}; choose one of "
+                    f"{', '.join(map(repr, choices))}"
+                ).about(name)
+        if self.loop == "open" and self.compares != "positions":
+            raise ExperimentError(
+                "an open loop is driven by the recorded torques, so that only positions can be "
+                "compared: compares = 'positions'"
+            ).about("compares")
+        if self.segment is not None and (self.loop == "closed" or not self.segment > 0.0):
+            raise ExperimentError(
+                f"segment is {self.segment} s; it cuts the records of an open loop, and is positive"
+            ).about("segment")
+        if not self.bandwidth > 0.0:
+            raise ExperimentError(f"bandwidth is {self.bandwidth} Hz; it has to be positive").about(
+                "bandwidth"
+            )
+        object.__setattr__(self, "free", tuple(self.free))
+        bounds = {name: (float(low), float(high)) for name, (low, high) in self.bounds.items()}
+        object.__setattr__(self, "bounds", bounds)
+
+    @property
+    def label(self) -> str:
+        """Name as in the literature."""
+        if self.loop == "open":
+            return "OLOE"
+        return {"positions": "CLOE", "torques": "CLIE", "both": "ML"}[self.compares]
+
+
+Method = LeastSquares | InstrumentalVariables | PrefilteredIV | OutputError
 
 #: Names that the command line and experiment files use.
 METHODS: dict[str, Method] = {
@@ -380,6 +403,10 @@ METHODS: dict[str, Method] = {
     "piv": PrefilteredIV(),
     "didim": PrefilteredIV(regressor="simulated"),
     "piv-as-printed": PrefilteredIV(as_printed=True),
+    "cloe": OutputError("positions"),
+    "clie": OutputError("torques"),
+    "ml": OutputError("both"),
+    "oloe": OutputError("positions", loop="open"),
 }
 
 

@@ -14,7 +14,8 @@ import numpy as np
 
 from pivident.errors import ExperimentError, IdentificationError
 from pivident.estimation.equation_record import EquationRecord
-from pivident.estimation.methods import Arma, PrefilteredIV, Repetition
+from pivident.estimation.methods import PrefilteredIV
+from pivident.estimation.noise_options import Arma, Repetition
 from pivident.estimation.problem import Problem
 from pivident.estimation.standstill import valid_samples, without_recent, worth_using
 from pivident.motion.kinematics import Kinematics, residual_of, usable_samples

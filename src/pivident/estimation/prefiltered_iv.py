@@ -53,7 +53,7 @@ from pivident.estimation.iteration import (
     solve,
     start_number,
 )
-from pivident.estimation.methods import InstrumentalVariables, PrefilteredIV
+from pivident.estimation.methods import InstrumentalVariables, OutputError, PrefilteredIV
 from pivident.estimation.noise_identification import Prefilters, Whitening
 from pivident.estimation.problem import Problem
 from pivident.instruments.given_motion import InstrumentsUsed
@@ -166,7 +166,9 @@ def with_instruments(
 
 
 def full_rate_start(
-    signals: Signals, method: InstrumentalVariables | PrefilteredIV, prefilters: Prefilters
+    signals: Signals,
+    method: InstrumentalVariables | PrefilteredIV | OutputError,
+    prefilters: Prefilters,
 ) -> Pass:
     """θ⁰ of a method at the full rate, with prefilters that need no noise model."""
     nominal = initial_pass(signals.problem, prefilters)

@@ -25,6 +25,7 @@ from pivident.estimation.equation_record import MotionRange
 from pivident.estimation.identification import Identification, Iteration, JointFit
 from pivident.estimation.identification_file import SCHEMA
 from pivident.estimation.method_options import method_of_options
+from pivident.estimation.simulation_result import SimulationResult
 from pivident.files import json_object
 from pivident.instruments.given_motion import InstrumentsUsed, Kind
 from pivident.robot.description import Robot, TorqueSide
@@ -166,6 +167,7 @@ class FileContent(Values):
     robot_description: RobotValues | None = None
     torque_sums: dict[str, Any] | None = None
     equation_noise: dict[str, Any] | None = None
+    simulation: dict[str, Any] | None = None
 
 
 def load_identification(path: str | PathLike[str], robot: Robot | None = None) -> Identification:
@@ -291,6 +293,7 @@ def _identification(content: FileContent, robot: Robot | None) -> Identification
         motion=_motion(content.motion, robot.size),
         torque_sums=_torque_sums(content.torque_sums, base),
         equation_noise=_equation_noise(content.equation_noise, robot.size),
+        simulation=_simulation(content.simulation, robot.size),
         instruments=_instruments(content.instruments),
         loop_values={"controller": content.controller, "reference": content.reference},
     )
@@ -375,13 +378,17 @@ def _joint_fit(values: JointFitValues) -> JointFit:
 def _torque_sums(values: dict[str, Any] | None, base: BaseParameters) -> Any:
     if values is None:
         return None
-    from pivident.estimation.solved_equations import TorqueSums
+        from pivident.estimation.solved_equations import TorqueSums
 
     return TorqueSums.from_values(values, base)
 
 
 def _equation_noise(values: dict[str, Any] | None, joints: int) -> EquationNoise | None:
     return None if values is None else EquationNoise.from_values(values, joints)
+
+
+def _simulation(values: dict[str, Any] | None, joints: int) -> SimulationResult | None:
+    return None if values is None else SimulationResult.from_values(values, joints)
 
 
 def _instruments(values: InstrumentsValues | None) -> InstrumentsUsed | None:

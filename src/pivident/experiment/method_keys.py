@@ -130,6 +130,35 @@ class MethodEntry(SharedOptions):
     as_printed: bool | None = None
 
 
+def _bounds(value: Any) -> Any:
+    """A table of two numbers for each name."""
+    if not isinstance(value, dict):
+        raise ValueError("must be a table such as { fc1 = [0, 20] }")
+    for name, pair in value.items():
+        numbers = isinstance(pair, list) and len(pair) == 2
+        if not numbers or not all(type(x) in (int, float) for x in pair) or not pair[0] < pair[1]:
+            raise ValueError(f"{name} needs two numbers, the lower one first, not {pair!r}")
+    return value
+
+
+class SimulationEntry(Entry):
+    """Options of a method that fits a simulation, `pivident.estimation.methods.OutputError`."""
+
+    free: Names | None = None
+    bounds: Annotated[dict[str, list[float]], PlainValidator(_bounds)] | None = None
+    prefilter: Literal["auto", "noise", "none"] | None = None
+    bandwidth: PositiveFloat | None = None
+    segment: PositiveFloat | None = None
+    loss: Literal["squares", "huber"] | None = None
+    undetermined: Literal["refuse", "hold"] | None = None
+    covariance: Literal["sandwich", "formula"] | None = None
+    start: Literal["least-squares", "initial"] | None = None
+    tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None
+    max_iterations: Annotated[int, Field(ge=1)] | None = None
+    random_walk: RandomWalkEntry = RandomWalkEntry()
+    noise: NoiseEntry = NoiseEntry()
+
+
 class IdentifyEntry(SharedOptions):
     """What is estimated, and how."""
 
@@ -148,7 +177,11 @@ class IdentifyEntry(SharedOptions):
     piv: MethodEntry = MethodEntry()
     didim: MethodEntry = MethodEntry()
     piv_as_printed: MethodEntry = Field(MethodEntry(), alias="piv-as-printed")
+    cloe: SimulationEntry = SimulationEntry()
+    clie: SimulationEntry = SimulationEntry()
+    ml: SimulationEntry = SimulationEntry()
+    oloe: SimulationEntry = SimulationEntry()
 
-    def of(self, method: str) -> MethodEntry:
+    def of(self, method: str) -> MethodEntry | SimulationEntry:
         """The table of one method."""
         return getattr(self, method.replace("-", "_"))

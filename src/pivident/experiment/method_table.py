@@ -5,23 +5,24 @@ A ready method takes the shared options that concern it, and then those of its o
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
 from pivident.errors import ExperimentError
 from pivident.estimation.methods import (
     METHODS,
-    Arma,
-    AutoRegressive,
     Bandpass,
     InstrumentalVariables,
     LeastSquares,
     Method,
+    OutputError,
     PrefilteredIV,
     RandomWalk,
-    Repetition,
 )
-from pivident.experiment.method_keys import IdentifyEntry, MethodEntry
+from pivident.estimation.noise_options import Arma, AutoRegressive, Repetition
+from pivident.experiment.method_keys import IdentifyEntry, MethodEntry, SimulationEntry
 from pivident.robot.mdh_schema import Entry
 
 _ITERATION = {"tolerance", "max_iterations"}
@@ -39,10 +40,13 @@ _NOT_PRINTED = {"on_unmasked", "motion_band", "repetition", "period"}
 def method_of(name: str, entry: IdentifyEntry) -> Method:
     """One method with the file's options."""
     own, ready = entry.of(name), METHODS[name]
-    try:
+    if isinstance(ready, OutputError):
+        assert isinstance(own, SimulationEntry)
+        with concerning_method(name):
+            return _simulation(ready, entry, own)
+    assert isinstance(own, MethodEntry)
+    with concerning_method(name):
         _check_keys(name, ready, own)
-    except ExperimentError as error:
-        raise error.within(f"identify.{name}") from error
     if isinstance(ready, LeastSquares):
         if own.signals == "random_walk":
             return replace(ready, signals=_random_walk(entry, own))
@@ -62,6 +66,33 @@ def method_of(name: str, entry: IdentifyEntry) -> Method:
     return PrefilteredIV(signals=_random_walk(entry, own), noise=noise, **options)
 
 
+@contextmanager
+def concerning_method(name: str) -> Iterator[None]:
+    """Errors inside name the table of a method."""
+    try:
+        yield
+    except ExperimentError as error:
+        raise error.within(f"identify.{name}") from error
+
+
+def _simulation(ready: OutputError, entry: IdentifyEntry, own: SimulationEntry) -> OutputError:
+    """A method that fits a simulation."""
+    noise = _noise(entry, own)
+    if isinstance(noise, (Arma, Repetition)):
+        raise ExperimentError(
+            "noise models of simulation errors are autoregressive; leave ar_order, ma_order and "
+            "repetition out"
+        ).about("noise")
+    options: dict[str, Any] = _given(entry, _ITERATION) | _given(own)
+    for key in ("random_walk", "noise"):
+        options.pop(key, None)
+    if "bounds" in options:
+        options["bounds"] = {name: tuple(pair) for name, pair in options["bounds"].items()}
+    if "free" in options:
+        options["free"] = tuple(options["free"])
+    return replace(ready, signals=_random_walk(entry, own), noise=noise, **options)
+
+
 def takes_any_instruments(method: Method) -> bool:
     """Whether a method's instruments may come from the record itself, without a loop."""
     if isinstance(method, PrefilteredIV):
@@ -69,7 +100,9 @@ def takes_any_instruments(method: Method) -> bool:
     return isinstance(method, InstrumentalVariables)
 
 
-def _check_keys(name: str, ready: Method, own: MethodEntry) -> None:
+def _check_keys(
+    name: str, ready: LeastSquares | InstrumentalVariables | PrefilteredIV, own: MethodEntry
+) -> None:
     """Refuse keys that the method has no use for, and those that exclude each other."""
     if isinstance(ready, LeastSquares):
         known = {"signals", "bandpass", "random_walk"}
@@ -112,11 +145,11 @@ def _bandpass(entry: IdentifyEntry, own: MethodEntry) -> Bandpass:
     return replace(Bandpass(), **shared | special)
 
 
-def _random_walk(entry: IdentifyEntry, own: MethodEntry) -> RandomWalk:
+def _random_walk(entry: IdentifyEntry, own: MethodEntry | SimulationEntry) -> RandomWalk:
     return replace(RandomWalk(), **_given(entry.random_walk) | _given(own.random_walk))
 
 
-def _noise(entry: IdentifyEntry, own: MethodEntry) -> AutoRegressive | Arma:
+def _noise(entry: IdentifyEntry, own: MethodEntry | SimulationEntry) -> AutoRegressive | Arma:
     given = _given(own.noise) if own.noise.model_fields_set & _ARMA else {}
     given = given or _given(entry.noise) | _given(own.noise)
     if given.keys() & _ARMA:

@@ -26,6 +26,7 @@ from pivident.estimation.identify import identify
 from pivident.estimation.methods import (
     LeastSquares,
     Method,
+    OutputError,
     PrefilteredIV,
     RandomWalk,
     method_named,
@@ -167,10 +168,11 @@ def _method(method: Method | str | None) -> Method:
     if method is None:
         return LeastSquares(signals=RandomWalk())
     method = method_named(method)
-    if isinstance(method, PrefilteredIV) and method.regressor == "simulated":
+    didim = isinstance(method, PrefilteredIV) and method.regressor == "simulated"
+    if didim or isinstance(method, OutputError):
         raise IdentificationError(
-            "laws are compared on the measured motion, which DIDIM's observation matrix does not "
-            "contain; choose the laws with 'ls', 'iv' or 'piv'"
+            f"laws are compared on the measured motion, which {method.label} does not use; choose "
+            "the laws with 'ls', 'iv' or 'piv'"
         )
     return method
 

@@ -19,6 +19,7 @@ from pivident.errors import ExperimentError
 from pivident.motion.kinematics import Kinematics
 from pivident.robot.description import Robot
 from pivident.robot.friction import FrictionLaw, Shape
+from pivident.robot.friction_term import unit_on_joint
 from pivident.robot.naming import find_joint, nearest
 
 #: Slope of all smoothed signs of a law; not among its shapes, but identifiable like one.
@@ -144,10 +145,14 @@ def shape_constants(
     for name in names:
         if name == GAMMA:
             value = law.slopes[0]
-            bounds, unit, log = (1.0 / fastest, 10.0 / slowest), _unit("1/speed", kind), True
+            bounds, unit, log = (
+                (1.0 / fastest, 10.0 / slowest),
+                unit_on_joint("1/speed", kind),
+                True,
+            )
         else:
             shape = next(s for s in law.shapes if s.name == name)
-            value, unit = shape.value, _unit(shape.unit, kind)
+            value, unit = shape.value, unit_on_joint(shape.unit, kind)
             bounds = _bounds_from_motion(shape, travel, max(0.05 * step, unseen), slowest, fastest)
             log = shape.low > 0.0 and shape.unit not in ("angle", "1/position")
         low, high = min(bounds), max(bounds)
@@ -203,16 +208,3 @@ def _unseen_path(joint: int, motions: Sequence[Kinematics], used: Sequence[np.nd
         apart = np.diff(own) > 1.5 * np.median(np.diff(own))
         paths += np.diff(path[own])[apart].tolist()
     return float(np.median(paths)) if paths else 0.0
-
-
-def _unit(unit: str, kind: str) -> str:
-    """Unit of a constant on a revolute or prismatic joint."""
-    length = "rad" if kind == "revolute" else "m"
-    return {
-        "speed": f"{length}/s",
-        "position": length,
-        "1/speed": f"s/{length}",
-        "1/position": f"1/{length}",
-        "angle": "rad",
-        "1": "1",
-    }[unit]

@@ -18,7 +18,13 @@ from pivident.errors import IdentificationError
 from pivident.estimation.covariance.sandwich import sandwich
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import LeastSquares, Method, PrefilteredIV, method_named
+from pivident.estimation.methods import (
+    LeastSquares,
+    Method,
+    OutputError,
+    PrefilteredIV,
+    method_named,
+)
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
 from pivident.friction_laws.filtered_rows import LastPass
@@ -182,6 +188,11 @@ def identify_shapes(
     """
     say = progress or (lambda line: None)
     method = method_named(method)
+    if isinstance(method, OutputError):
+        raise IdentificationError(
+            f"{method.label} fits shape constants itself: name them in free, such as free = "
+            "('gamma',), and call identify"
+        )
     if isinstance(method, PrefilteredIV) and method.regressor == "simulated":
         raise IdentificationError(
             "shape constants need the measured motion in the observation matrix, which DIDIM does "

@@ -19,7 +19,12 @@ from pivident.errors import (
 from pivident.errors.recordings import written
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import InstrumentalVariables, LeastSquares, PrefilteredIV
+from pivident.estimation.methods import (
+    InstrumentalVariables,
+    LeastSquares,
+    OutputError,
+    PrefilteredIV,
+)
 from pivident.estimation.problem import Problem
 from pivident.experiment.experiment import Experiment
 from pivident.experiment.explained import validated
@@ -82,7 +87,7 @@ def _try_methods(
     explained: dict[str, float] = {}
     failed, made = dict(known.failed), ""
     for name, method in experiment.methods().items():
-        if isinstance(method, (InstrumentalVariables, PrefilteredIV)):
+        if isinstance(method, (InstrumentalVariables, PrefilteredIV, OutputError)):
             try:
                 result = identify(shorter, replace(method, max_iterations=1), say)
             except PividentError as error:

@@ -23,6 +23,7 @@ from pivident.estimation.methods import (
     InstrumentalVariables,
     LeastSquares,
     Method,
+    OutputError,
     PrefilteredIV,
     RandomWalk,
     method_named,
@@ -182,6 +183,10 @@ def _full_rate(
 ) -> LeastSquares | InstrumentalVariables | PrefilteredIV:
     """The method with signals at the full sampling rate."""
     made = method_named(method)
+    if isinstance(made, OutputError):
+        raise ExperimentError(
+            f"{made.label} has no payload variant; use piv, iv-full-rate or ls for the load"
+        )
     if isinstance(made, PrefilteredIV) and (made.as_printed or made.regressor == "simulated"):
         raise ExperimentError(
             f"{made.label} has no payload variant; use piv, iv-full-rate or ls for the load"

@@ -104,6 +104,19 @@ class Shape:
             raise ValueError(f"{self.name} must be {bounds}{limits}, not {self.value}")
 
 
+def unit_on_joint(unit: str, kind: str) -> str:
+    """Unit of a constant on a revolute or prismatic joint."""
+    length = "rad" if kind == "revolute" else "m"
+    return {
+        "speed": f"{length}/s",
+        "position": length,
+        "1/speed": f"s/{length}",
+        "1/position": f"1/{length}",
+        "angle": "rad",
+        "1": "1",
+    }[unit]
+
+
 @dataclass(frozen=True)
 class FrictionTerm:
     """One column of friction: parameter name stem, function and shape.

@@ -188,6 +188,31 @@ class ParametrisedLoop:
             return replace(self, start=(q + step * which, dq))
         return replace(self, start=(q, dq + step * which))
 
+    def law_gains(self) -> dict[str, bool]:
+        """Attributes of the control law that may be sought, and whether all joints share them."""
+        law = self.controller
+        while isinstance(law, GravityCompensated):
+            law = law.feedback
+        found = {}
+        for name in getattr(law, "__dataclass_fields__", ()):
+            number = np.asarray(getattr(law, name))
+            if number.dtype.kind in "fi" and number.ndim <= 1:
+                found[name] = name in _SCALARS
+        return found
+
+    def friction_constants(self, joint: int) -> dict[str, tuple[str, float, float]]:
+        """Constants of a joint's friction law that may be sought: unit, lowest and highest value.
+
+        Units are those of `pivident.robot.friction_term.Shape`.
+        """
+        found: dict[str, tuple[str, float, float]] = {}
+        for p in self.parameters:
+            if p.joint == joint and p.friction is not None:
+                found |= {s.name: (s.unit, s.low, s.high) for s in p.friction.shapes}
+                if p.friction.has_sign:
+                    found["gamma"] = ("1/speed", 0.0, np.inf)
+        return found
+
     @property
     def _names(self) -> list[str]:
         return [p.name for p in self.parameters]

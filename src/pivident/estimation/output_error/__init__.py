@@ -1,0 +1,1 @@
+"""Simulation error: parameters whose simulated motion is nearest to what was measured."""

@@ -1,0 +1,126 @@
+"""Unknowns of a problem: its parameters, and what else of the loop is sought by name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from pivident.errors import ExperimentError
+from pivident.estimation.output_error.unknowns import Unknown
+from pivident.estimation.problem import Problem, position_units, torque_units
+from pivident.recording.recording import MAX_DRIVE_DELAY
+from pivident.robot.friction_term import unit_on_joint
+from pivident.robot.naming import nearest
+from pivident.simulation.controllers import Cascade
+from pivident.simulation.direction import Direction, Kind, ParametrisedLoop
+
+#: Kinds of one joint each that may be sought, and those of the whole loop.
+OF_JOINTS: tuple[Kind, ...] = ("drive_gain", "encoder_offset", "torque_offset")
+OF_LOOP: tuple[Kind, ...] = ("delay", "inputs")
+
+
+def model_unknowns(problem: Problem) -> list[Unknown]:
+    """The problem's parameters; friction cannot feed energy in."""
+    unknowns = []
+    for name, p in zip(problem.names, problem.regressor.parameters, strict=True):
+        friction = p.friction is not None or p.stem in ("fvm", "fcm")
+        low = 0.0 if friction and p.is_dissipative else -np.inf
+        unknowns.append(Unknown(name, p.unit, Direction("parameter", p.name), low))
+    return unknowns
+
+
+def loop_unknowns(problem: Problem, loop: ParametrisedLoop, names: Sequence[str]) -> list[Unknown]:
+    """Unknowns of the loop by the names that a method gives them.
+
+    Raises:
+        ExperimentError: the loop has no such unknown; says which there are.
+    """
+    known = _by_name(problem, loop)
+    unknowns: dict[str, Unknown] = {}
+    for name in names:
+        chosen = [u for key, own in known.items() for u in own if name in (key, u.name)]
+        if not chosen:
+            listed = list(known)
+            raise ExperimentError(
+                f"free names {name!r}, which this loop does not have; {nearest(name, listed)}"
+            ).about("free")
+        unknowns |= {u.name: u for u in chosen}
+    return list(unknowns.values())
+
+
+def within_bounds(
+    unknowns: Sequence[Unknown], bounds: Mapping[str, tuple[float, float]]
+) -> list[Unknown]:
+    """The unknowns with other bounds.
+
+    Raises:
+        ExperimentError: bounds of an unknown that is not sought.
+    """
+    # a parameter of the model may be named without the trailing ``r`` of its group
+    names = {u.direction.name or u.name: k for k, u in enumerate(unknowns)}
+    names |= {u.name: k for k, u in enumerate(unknowns)}
+    made = list(unknowns)
+    for name, (low, high) in bounds.items():
+        if name not in names:
+            raise ExperimentError(
+                f"bounds names {name!r}, which is not sought; {nearest(name, list(names))}"
+            ).about("bounds")
+        own = made[names[name]]
+        made[names[name]] = Unknown(own.name, own.unit, own.direction, low, high)
+    return made
+
+
+def _by_name(problem: Problem, loop: ParametrisedLoop) -> dict[str, list[Unknown]]:
+    """All unknowns that the loop has, by the name that stands for those of all joints."""
+    robot = problem.robot
+    labels = [robot.label(j) for j in range(robot.size)]
+    torque, position = torque_units(problem), position_units(problem)
+    known: dict[str, list[Unknown]] = {
+        "delay": [Unknown("delay", "s", Direction("delay"), 0.0, MAX_DRIVE_DELAY)],
+    }
+    if loop.signals.inputs is not None:
+        known["inputs"] = [Unknown("inputs", "", Direction("inputs"))]
+    units = {
+        "drive_gain": [f"{t} per output" for t in torque],
+        "encoder_offset": position,
+        "torque_offset": torque,
+    }
+    for kind in OF_JOINTS:
+        low = 0.0 if kind == "drive_gain" else -np.inf
+        known[kind] = [
+            Unknown(f"{kind}{labels[j]}", units[kind][j], Direction(kind, joint=j), low)
+            for j in range(robot.size)
+        ]
+    for name, shared in loop.law_gains().items():
+        if shared:
+            unit = "s" if "time" in name else ""
+            known[name] = [Unknown(name, unit, Direction("law", name), 0.0)]
+            continue
+        known[name] = [
+            Unknown(
+                f"{name}{labels[j]}", gain_unit(loop, name, position[j]),
+                Direction("law", name, j), 0.0,
+            )
+            for j in range(robot.size)
+        ]  # fmt: skip
+    for j in range(robot.size):
+        for name, (unit, low, high) in loop.friction_constants(j).items():
+            own = Unknown(
+                f"{name}{labels[j]}", unit_on_joint(unit, robot.joints[j].kind),
+                Direction("shape", name, j), low, high,
+            )  # fmt: skip
+            known.setdefault(name, []).append(own)
+    return known
+
+
+def gain_unit(loop: ParametrisedLoop, name: str, position: str) -> str:
+    """Unit of a gain of the law, whose output has the unit that the drive gain turns into torque.
+
+    ``position``: unit of the joint's position.
+    """
+    if isinstance(loop.controller, Cascade):
+        return {"kv": f"output s/{position}"}.get(name, "1/s")
+    return {"kd": f"output s/{position}", "ki": f"output/({position} s)"}.get(
+        name, f"output/{position}"
+    )

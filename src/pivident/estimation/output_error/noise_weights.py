@@ -1,0 +1,152 @@
+"""Weights of simulation errors: noise models of each channel and joint, and its variance.
+
+As in IDIM-PIV an AR model of the error whitens it, (P-29), L = λ^(-1/2) A(z⁻¹): errors and their
+derivatives pass the same filter. A controller need not be inverted: thinned rows are so few that
+a model of moderate order resolves the motion's band.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.estimation.covariance.windows import windows_of
+from pivident.estimation.noise_options import AutoRegressive
+from pivident.estimation.normal_equations import JointSums
+from pivident.estimation.output_error.simulated_errors import SimulatedErrors
+from pivident.signals.noise_models import continued_into_band, excess_in_band, fit_ar
+from pivident.signals.prefilter import Prefilter
+from pivident.threads import run_in_threads
+
+#: Standard deviations beyond which Huber's loss grows linearly: 95 % as efficient as least squares
+#: where the noise is normal.
+HUBER = 1.345
+
+#: Median of |x| of the standard normal distribution.
+NORMAL_MEDIAN = 0.6745
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseWeights:
+    """L of each channel and joint, their λ apart."""
+
+    filters: tuple[tuple[Prefilter, ...], ...]  # [channel][joint], of unit gain
+    variance: np.ndarray  # λ, shape (channels, joints)
+    #: Level of the error in the motion's band over that just beyond it, likewise; NaN without a
+    #: noise model.
+    excess: np.ndarray
+    at_bound: bool = False  # whether an order is the largest allowed
+
+    @classmethod
+    def white(cls, channels: int, joints: int) -> NoiseWeights:
+        """L = 1, before there are errors that only consist of noise."""
+        filters = tuple((Prefilter(),) * joints for _ in range(channels))
+        return cls(filters, np.ones((channels, joints)), np.full((channels, joints), np.nan))
+
+    @property
+    def orders(self) -> tuple[int, ...]:
+        """Orders of the noise models, channel by channel; empty without any."""
+        orders = tuple(len(f.fir) - 1 for own in self.filters for f in own)
+        return orders if np.isfinite(self.excess).any() else ()
+
+
+def fitted_noise(
+    errors: Sequence[np.ndarray],
+    used: Sequence[np.ndarray],
+    rate: float,
+    recipe: AutoRegressive,
+    band: float,
+) -> NoiseWeights:
+    """Noise models of errors, (P-29).
+
+    ``errors``: of each stretch, shape (channels, joints, rows), rows at ``rate`` [Hz]; ``band``:
+    highest frequency of the motion [Hz], in which noise counts up to the level just beyond it.
+    """
+    channels, joints = errors[0].shape[:2]
+    filters = [[Prefilter()] * joints for _ in range(channels)]
+    variance, excess = np.ones((2, channels, joints))
+    at_bound = np.zeros((channels, joints), bool)
+
+    def work(place: tuple[int, int]) -> None:
+        c, j = place
+        pieces = [np.append(own[c, j], 0.0) for own in errors]
+        left_out = [np.append(~part[c, j], True) for part in used]
+        whole = np.concatenate(pieces)
+        mask = np.concatenate(left_out)
+        size = float(np.sqrt(np.mean(whole[~mask] ** 2))) if (~mask).any() else 0.0
+        if size == 0.0:
+            return
+        model = fit_ar(whole / size, recipe.p_max, recipe.criterion, mask=mask)
+        changed = continued_into_band(model, rate, band)
+        filters[c][j] = Prefilter(fir=changed.coefficients)
+        variance[c, j] = changed.innovation_variance * size**2
+        excess[c, j] = excess_in_band(model, rate, band)
+        at_bound[c, j] = model.at_bound
+
+    run_in_threads(work, [(c, j) for c in range(channels) for j in range(joints)])
+    return NoiseWeights(tuple(map(tuple, filters)), variance, excess, bool(at_bound.any()))
+
+
+def whitened_errors(made: SimulatedErrors, noise: NoiseWeights) -> np.ndarray:
+    """A e of one stretch, shape (channels, joints, rows); zero on rows that are not used."""
+    out = np.empty_like(made.errors)
+    for c, own in enumerate(noise.filters):
+        for j, prefilter in enumerate(own):
+            used = made.used[c, j]
+            white = prefilter.stream(1, threads=1).process(made.errors[c, j : j + 1], seen=used)
+            out[c, j] = white[0] * used
+    return out
+
+
+def whitened_sums(
+    stretches: Sequence[SimulatedErrors], noise: NoiseWeights, robust: bool
+) -> list[list[list[JointSums]]]:
+    """Sums Jᵀ Aᵀ A J, Jᵀ Aᵀ A e of each stretch, channel and joint, and of each window of time.
+
+    ``robust``: Huber's weights of the whitened errors, around their median size.
+    """
+    windows = windows_of([own.errors.shape[2] for own in stretches])
+    channels, joints = stretches[0].errors.shape[:2]
+    sums: list[list[list[JointSums]]] = []
+    for made, own in zip(stretches, windows, strict=True):
+        columns = np.arange(made.columns.shape[2])
+        sums.append(
+            [
+                [JointSums.empty(f"joint {j + 1}", columns, own.count) for j in range(joints)]
+                for _ in range(channels)
+            ]
+        )
+
+    def work(place: tuple[int, int, int]) -> None:
+        s, c, j = place
+        made, own = stretches[s], windows[s]
+        used = made.used[c, j]
+        stack = np.vstack([made.columns[c, j], made.errors[c, j]])
+        stack = noise.filters[c][j].stream(len(stack), threads=1).process(stack, seen=used)
+        weights = used.astype(float)
+        if robust:
+            weights *= np.sqrt(_huber_weights(stack[-1], used))
+        shares = [
+            type(share)(share.part, share.window - own.first, share.rising)
+            for share in own.shares(slice(0, made.errors.shape[2]))
+        ]
+        sums[s][c][j].add_stack(stack, weights, shares)
+
+    run_in_threads(
+        work,
+        [(s, c, j) for s in range(len(stretches)) for c in range(channels) for j in range(joints)],
+    )
+    return sums
+
+
+def _huber_weights(white: np.ndarray, used: np.ndarray) -> np.ndarray:
+    """min(1, k s/|x|), s from the median of |x|."""
+    size = np.abs(white)
+    spread = float(np.median(size[used])) / NORMAL_MEDIAN if used.any() else 0.0
+    return (
+        np.minimum(1.0, HUBER * spread / np.maximum(size, 1e-300))
+        if spread
+        else np.ones(size.shape)
+    )

@@ -1,0 +1,256 @@
+"""CLOE, CLIE, ML and OLOE: the parameters whose simulated motion is nearest to the measured one.
+
+    θ̂ = argmin Σ_j ‖L_j (y_j - y_s,j(θ))‖²
+
+With y the positions this is the closed-loop output error method (CLOE), with the torques the
+closed-loop input error method (CLIE), with both and their noise models maximum likelihood (ML).
+In open loop (OLOE) the recorded torques drive the simulation. Neither accelerations nor filtered
+speeds are needed, and the measured positions enter without a smoother: nothing biases them.
+
+The price is that of DIDIM: where model, law or reference are wrong, so is the simulated motion.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pivident.errors import (
+    ExperimentError,
+    IdentificationError,
+    MassMatrixNotPositiveDefinite,
+    RankDeficientRegressor,
+    SimulationDiverged,
+)
+from pivident.estimation.answer import Covariances, answer, law_findings
+from pivident.estimation.equation_record import accumulate
+from pivident.estimation.full_rate import records_without_instruments
+from pivident.estimation.identification import Identification, Iteration
+from pivident.estimation.iteration import Estimate, Run, Say, Signals
+from pivident.estimation.methods import OutputError, PrefilteredIV
+from pivident.estimation.noise_identification import DECIDES_ORDERS, Prefilters, Whitening
+from pivident.estimation.normal_equations import Solution, joint_variances
+from pivident.estimation.output_error.fit import FitOptions, SimulationFit, fit_simulation
+from pivident.estimation.output_error.loop_unknowns import (
+    loop_unknowns,
+    model_unknowns,
+    within_bounds,
+)
+from pivident.estimation.output_error.misfit import misfit_findings
+from pivident.estimation.output_error.record_stretches import closed_stretches, open_stretches
+from pivident.estimation.output_error.simulated_errors import POSITIONS, TORQUES
+from pivident.estimation.output_error.stretch import Stretch
+from pivident.estimation.output_error.unknowns import Unknown
+from pivident.estimation.prefiltered_iv import full_rate_start
+from pivident.estimation.problem import Problem
+from pivident.estimation.simulation_result import LoopParameter, SimulationResult
+from pivident.instruments.given_motion import InstrumentsUsed
+from pivident.text import display
+from pivident.text.finding import Finding, Quantity
+
+#: Shares of the way from nominal values to least squares at which a start is tried.
+STARTS = (1.0, 0.5, 0.25, 0.0)
+
+#: What is compared, by name.
+CHANNELS = {
+    "positions": (POSITIONS,),
+    "torques": (TORQUES,),
+    "both": (POSITIONS, TORQUES),
+}
+
+
+def identify_output_error(problem: Problem, method: OutputError, say: Say) -> Identification:
+    """Start from least squares, fit the simulation, and say what it leaves."""
+    if method.loop == "closed":
+        _check_loop(problem, method)
+    say(f"{method.label}: smoothing the records")
+    signals = Signals.of(problem, method)
+    stretches = _stretches(signals, method, _start(signals, method))
+    loop = stretches[0].loop
+    unknowns = within_bounds(
+        [*model_unknowns(problem), *loop_unknowns(problem, loop, method.free)], method.bounds
+    )
+    try:
+        fit = fit_simulation(stretches, unknowns, _options(problem, method), say)
+    except (SimulationDiverged, MassMatrixNotPositiveDefinite) as error:
+        _explain(problem, error)
+        raise
+    return _identification(signals, method, fit)
+
+
+def _check_loop(problem: Problem, method: OutputError) -> None:
+    """Refuse what is no closed loop with a recorded reference."""
+    if problem.loop is None:
+        raise ExperimentError(
+            f"{method.label} simulates the closed loop: give the controller and its gains "
+            "([controller] in an experiment file), or use oloe, which takes the recorded torques"
+        )
+    if problem.loop.reference == "smoothed":
+        raise ExperimentError(
+            f"{method.label} compares with the motion that the reference makes, but with reference "
+            '= "smoothed" the measurement itself takes its place; give the recorded reference, or '
+            "use piv"
+        )
+
+
+def _options(problem: Problem, method: OutputError) -> FitOptions:
+    """What the fit needs of the method."""
+    weighted = method.prefilter == "noise" or (
+        method.prefilter == "auto" and method.loop == "closed"
+    )
+    return FitOptions(
+        channels=CHANNELS[method.compares],
+        noise=method.noise if weighted else None,
+        motion_band=max(method.noise.band(r) for r in problem.recordings),
+        bandwidth=method.bandwidth,
+        robust=method.loss == "huber",
+        undetermined=method.undetermined,
+        tolerance=method.tolerance,
+        max_iterations=method.max_iterations,
+    )
+
+
+def _start(signals: Signals, method: OutputError) -> np.ndarray:
+    """θ⁰: least squares on the measured motion, else the initial values."""
+    none = Prefilters.none(signals.problem)
+    if method.start == "initial":
+        return signals.problem.initial_values()
+    try:
+        return full_rate_start(signals, method, none).theta
+    except RankDeficientRegressor:
+        if method.undetermined == "refuse":
+            raise
+        return signals.problem.initial_values()
+
+
+def _stretches(signals: Signals, method: OutputError, theta: np.ndarray) -> list[Stretch]:
+    """Records beside their loops, from the nearest start that can be simulated."""
+    problem, nominal = signals.problem, signals.problem.initial_values()
+    parameters = problem.regressor.parameters
+    if method.loop == "open":
+        return open_stretches(problem, parameters, theta, signals.kinematics, method.segment)
+    assert problem.loop is not None
+    unknowns = model_unknowns(problem)
+    for share in STARTS:
+        values = nominal + share * (theta - nominal)
+        values = np.clip(values, [u.low for u in unknowns], [u.high for u in unknowns])
+        try:
+            return closed_stretches(problem, problem.loop, parameters, values, signals.kinematics)
+        except (SimulationDiverged, MassMatrixNotPositiveDefinite) as error:
+            failure = error
+    _explain(problem, failure)
+    raise failure
+
+
+def _explain(problem: Problem, error: IdentificationError) -> None:
+    """Note what an audit has against the log, and what may be the cause of a divergence."""
+    for sentence in display.provided("divergence_cause")(problem, error):
+        error.add_note(sentence)
+    for finding in display.provided("log_faults")(problem.robot, problem.recordings):
+        if finding.severity == "error":
+            error.add_note(finding.advised)
+
+
+def _identification(signals: Signals, method: OutputError, fit: SimulationFit) -> Identification:
+    """The answer, with the torque equations at the estimate beside the simulation's."""
+    problem = signals.problem
+    count = len(problem.names)
+    theta = fit.values[:count]
+    estimate = _equations(signals, method, fit, theta)
+    history = tuple(
+        Iteration(own.values[:count], own.change, float(np.sqrt(own.cost)), own.refused, own.orders)
+        for own in fit.history
+    )
+    used = InstrumentsUsed("loop") if method.loop == "closed" else None
+    notes, warnings = law_findings(problem.loop if method.loop == "closed" else None)
+    result = _result(method, fit, count)
+    findings = [
+        *notes, *warnings, *_undetermined(fit), *_bounds(fit),
+        *misfit_findings(problem, method, fit),
+    ]  # fmt: skip
+    return answer(
+        problem, method, estimate, Run(history, fit.converged), findings, used,
+        Covariances(fit.covariance[:count, :count], fit.formula_covariance[:count, :count]),
+        result,
+    )  # fmt: skip
+
+
+def _equations(
+    signals: Signals, method: OutputError, fit: SimulationFit, theta: np.ndarray
+) -> Estimate:
+    """τ - Φθ on the measured motion, behind a noise model of its own, for tests and plots."""
+    problem, recipe = signals.problem, PrefilteredIV(noise=method.noise, prefilter="direct")
+    records = records_without_instruments(signals.measured(theta), signals.limits)
+    whitening = Whitening.of(problem, recipe, signals.kinematics, simulated=False)
+    prefilters = whitening.fitted(whitening.initial(), DECIDES_ORDERS, theta, records)
+    prefilters.exclude(records)
+    sums = accumulate(problem.regressor, records, prefilters.filters, by_window=False)
+    count = len(theta)
+    weakest = tuple(name for name in fit.weakest if name in problem.names)
+    solution = Solution(theta, fit.formula_covariance[:count, :count], fit.condition, weakest)
+    variance = joint_variances(sums, theta)
+    return Estimate(len(fit.history), theta, theta, records, prefilters, sums, solution, variance)
+
+
+def _result(method: OutputError, fit: SimulationFit, count: int) -> SimulationResult:
+    """How near the simulation comes, and the unknowns of the loop."""
+    names = [u.name for u in fit.unknowns]
+    return SimulationResult(
+        compares=method.compares,
+        loop=method.loop,
+        position_rms=fit.rms[POSITIONS],
+        torque_rms=fit.rms[TORQUES],
+        loop_parameters=tuple(
+            LoopParameter(
+                own.name, own.unit, float(fit.values[k]), float(fit.std[k]), _side(fit, k),
+                bool(fit.held[k]),
+            )
+            for k, own in enumerate(fit.unknowns)
+            if k >= count
+        ),
+        held=tuple(names[k] for k in np.flatnonzero(fit.held)),
+        at_bound=tuple(names[k] for k in np.flatnonzero(fit.bound)),
+    )  # fmt: skip
+
+
+def _side(fit: SimulationFit, k: int) -> str:
+    """Which bound holds an unknown, empty for none."""
+    if not fit.bound[k]:
+        return ""
+    own = fit.unknowns[k]
+    return "low" if abs(fit.values[k] - own.low) <= abs(fit.values[k] - own.high) else "high"
+
+
+def _undetermined(fit: SimulationFit) -> list[Finding]:
+    """Unknowns that were held since nothing determines them."""
+    names = [fit.unknowns[k].name for k in np.flatnonzero(fit.held)]
+    if not names:
+        return []
+    verb = "is" if len(names) == 1 else "are"
+    text = (
+        f"The compared signals do not determine {', '.join(names)}, which {verb} held at the value "
+        "of the start; values of others that act with them rest on it."
+    )
+    step = "Declare what is known of them, or record a motion in which they act apart."
+    return [Finding("warning", "simulation", "undetermined", text, next_step=step)]
+
+
+def _bounds(fit: SimulationFit) -> list[Finding]:
+    """Unknowns that a bound holds."""
+    return [_bound(fit.unknowns[k], fit, int(k)) for k in np.flatnonzero(fit.bound)]
+
+
+def _bound(own: Unknown, fit: SimulationFit, k: int) -> Finding:
+    """One of them."""
+    side, value, std = _side(fit, k), float(fit.values[k]), float(fit.std[k])
+    text = (
+        f"{own.name} is at its {'lower' if side == 'low' else 'upper'} bound; its interval has one "
+        "side."
+    )
+    step = (
+        "Zero friction or less means that the law of friction, or the description, lacks something."
+        if value == 0.0
+        else "Widen the bound if the value beyond it is possible."
+    )
+    interval = (value, value + 2.0 * std) if side == "low" else (value - 2.0 * std, value)
+    evidence = {own.name: Quantity(value, own.unit, bound=value, interval=interval)}
+    return Finding("warning", "simulation", "at bound", text, own.name, step, evidence)

@@ -1,0 +1,170 @@
+"""From a problem to stretches: records beside the loops that simulate them.
+
+A closed loop forgets where it started, and is compared from then on. What forgets slowly, and an
+open loop, is compared from its first sample; its initial state is then sought with the unknowns.
+Long open loops may be cut into stretches, each with an initial state of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pivident.dynamics.parameters import Parameter
+from pivident.errors import ExperimentError
+from pivident.estimation.auxiliary_model import loop_signals
+from pivident.estimation.output_error.stretch import Stretch
+from pivident.estimation.problem import Problem
+from pivident.motion.kinematics import Kinematics
+from pivident.recording.recording import Recording
+from pivident.simulation.closed_loop import LoopSignals, simulate
+from pivident.simulation.control_loop import Loop
+from pivident.simulation.direction import ParametrisedLoop
+from pivident.simulation.feed_forward import with_measured_gravity
+from pivident.simulation.open_loop import OpenLoop
+
+#: The start is forgotten once its trace in the torque is this share of the torque's standard
+#: deviation.
+FORGOTTEN = 1e-4
+
+#: Share of a record that may pass until then; a loop that takes longer has its start sought.
+MAX_FORGETTING = 0.2
+
+#: Standard deviations of initial positions and speeds that are sought, as shares of each joint's
+#: range of positions and of its largest speed: far more than a smoothed record is wrong by.
+START_POSITION, START_SPEED = 0.01, 0.1
+
+#: Distance from the measured motion, in ranges of it, and speed, in largest speeds, at which an
+#: open loop counts as diverged.
+MAX_DISTANCE, MAX_SPEED = 10.0, 20.0
+
+
+def closed_stretches(
+    problem: Problem,
+    loop: Loop,
+    parameters: tuple[Parameter, ...],
+    theta: np.ndarray,
+    kinematics: Sequence[Kinematics],
+) -> list[Stretch]:
+    """One stretch for each recording, in its closed loop.
+
+    ``parameters``: what is simulated, ``theta``: their values; ``kinematics``: smoothed motions.
+
+    Raises:
+        SimulationDiverged: the loop with these values is unstable.
+    """
+    controller = with_measured_gravity(
+        loop.controller, problem.robot, loop.drive_gain, loop.feed_forward
+    )
+    stretches = []
+    for recording, smooth in zip(problem.recordings, kinematics, strict=True):
+        signals, begin = loop_signals(problem.robot, loop, recording, smooth.q.T, smooth.dq.T)
+        own = ParametrisedLoop(
+            problem.robot, parameters, theta, controller, signals, begin, clip=True
+        )
+        stretch = _stretch(problem, recording, smooth, own)
+        first = _forgotten(own, stretch)
+        if first <= MAX_FORGETTING * stretch.samples:
+            stretches.append(replace(stretch, first=first, start_std=None))
+        else:
+            stretches.append(stretch)
+    return stretches
+
+
+def open_stretches(
+    problem: Problem,
+    parameters: tuple[Parameter, ...],
+    theta: np.ndarray,
+    kinematics: Sequence[Kinematics],
+    seconds: float | None,
+) -> list[Stretch]:
+    """Stretches driven by the recorded torques, each of at most so many seconds.
+
+    Raises:
+        ExperimentError: the torque is no input: it was not logged at the rate of the simulation.
+    """
+    stretches = []
+    for recording, smooth in zip(problem.recordings, kinematics, strict=True):
+        samples = recording.samples
+        longest = samples if seconds is None else max(round(seconds * recording.rate), 16)
+        count = max(1, -(-samples // longest))
+        edges = np.linspace(0, samples, count + 1).astype(int)
+        for start, stop in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
+            part = recording.part(start, stop)
+            span = slice(start, stop)
+            q, dq = smooth.q.T[span], smooth.dq.T[span]
+            signals = _open_signals(part, q, dq)
+            own = ParametrisedLoop(
+                problem.robot, parameters, theta, OpenLoop(), signals, (q[0].copy(), dq[0].copy()),
+                clip=True,
+            )  # fmt: skip
+            cut = replace(smooth, q=smooth.q[:, span], dq=smooth.dq[:, span])
+            stretches.append(replace(_stretch(problem, part, cut, own), tau=None))
+    return stretches
+
+
+def _open_signals(recording: Recording, q: np.ndarray, dq: np.ndarray) -> LoopSignals:
+    """The recorded torque as input; a mean over the period before its sample acts one earlier."""
+    n, tau = recording.joints, recording.tau
+    if recording.torque_timing == "sampled":
+        raise ExperimentError(
+            f"the torques of recording {recording.name!r} are values at instants (torque_timing = "
+            '"sampled"); an open loop needs what acts between the samples. Use cloe, clie or ml, '
+            'or declare torque_timing = "held" if the drive holds them'
+        ).about("torque_timing")
+    early = recording.delay * recording.rate + (recording.torque_timing == "averaged")
+    if early:
+        at = np.clip(np.arange(len(tau)) + early, 0, len(tau) - 1)
+        tau = np.stack([np.interp(at, np.arange(len(tau)), own) for own in tau.T], axis=1)
+    reach = np.ptp(q, axis=0) + 1e-3
+    return LoopSignals(
+        rate=recording.rate,
+        q_ref=q,
+        dq_ref=dq,
+        inputs=tau,
+        noise=None,
+        drive_gain=np.ones(n),
+        limit=np.full(n, np.inf),
+        bound=MAX_DISTANCE * reach,
+        speed_bound=MAX_SPEED * (np.abs(dq).max(axis=0) + 1e-3),
+        drive_delay=recording.drive_delay,
+    )
+
+
+def _stretch(
+    problem: Problem, recording: Recording, smooth: Kinematics, loop: ParametrisedLoop
+) -> Stretch:
+    """A recording beside its loop; at rates that do not fit it is interpolated to the loop's."""
+    rate, control = recording.rate, float(loop.signals.rate)
+    q, tau = recording.q, recording.tau
+    moving = problem.speed_limits(recording).moving(smooth.dq).T
+    step = round(control / rate)
+    if step < 1 or abs(control / rate - step) > 1e-9:
+        from scipy.interpolate import CubicSpline
+
+        t = np.arange(len(q)) / rate
+        wanted = np.arange(len(loop.signals.q_ref)) / control
+        q = CubicSpline(t, q, axis=0)(wanted)
+        tau = np.stack([np.interp(wanted, t, own) for own in recording.tau.T], axis=1)
+        moving = moving[np.minimum((wanted * rate + 0.5).astype(int), len(moving) - 1)]
+        step = 1
+    late = recording.delay * control + step * (recording.torque_timing == "averaged")
+    reach, fastest = np.ptp(smooth.q, axis=1), np.abs(smooth.dq).max(axis=1)
+    start_std = np.concatenate([START_POSITION * reach, START_SPEED * fastest]) + 1e-9
+    return Stretch(
+        recording.name, loop, q, tau, step, round(late), moving, recording.start_time, start_std, 0
+    )
+
+
+def _forgotten(loop: ParametrisedLoop, stretch: Stretch) -> int:
+    """First measured sample at which the loop has forgotten its start."""
+    names, other = loop.robot.joint_names, (loop.signals.q_ref[0], np.zeros(loop.robot.size))
+    here, there = (
+        simulate(loop.model, loop.controller, loop.signals, names, start)
+        for start in (loop.begin, other)
+    )
+    trace = np.abs(here.tau - there.tau) > FORGOTTEN * here.tau.std(axis=0)
+    seen = np.flatnonzero(trace.any(axis=1))
+    return -(-(int(seen[-1]) + 1) // stretch.step) if seen.size else 0

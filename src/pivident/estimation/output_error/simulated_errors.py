@@ -1,0 +1,183 @@
+"""Simulation errors of all stretches, and their derivatives along the unknowns.
+
+    e = y - y_s(p, x₀),   J = ∂y_s/∂(p, x₀),   y: positions, torques or both
+
+y_s comes from a simulation with its tangents, p are the unknowns, x₀ the initial state of each
+stretch. Only thinned rows are kept (`thinning`); of a record that is larger than the memory they
+lie in a file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.estimation.output_error.stretch import Stretch
+from pivident.estimation.output_error.thinning import Thinning, means_at
+from pivident.estimation.output_error.unknowns import Unknown, start_directions
+from pivident.scratch import working_array
+from pivident.simulation.direction import Direction
+from pivident.simulation.tangents import TANGENT_BLOCK, TangentBlock, tangent_blocks
+from pivident.threads import run_in_threads
+
+#: Channels that may be compared.
+POSITIONS, TORQUES = 0, 1
+
+#: The tangents of an initial state are carried until they are this share of their largest values.
+FORGOTTEN = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedErrors:
+    """Thinned errors of one stretch, time last."""
+
+    #: e, shape (channels, joints, rows) [rad or m, N m or N].
+    errors: np.ndarray
+    #: J, unknowns first, then the initial positions and speeds, shape
+    #: (channels, joints, unknowns + starts, rows).
+    columns: np.ndarray
+    used: np.ndarray  # rows that count, shape (channels, joints, rows)
+    rate: float  # rows per second [Hz]
+    mean_square: np.ndarray  # of e before thinning, shape (2, joints): positions, torques
+
+
+def simulated_errors(
+    stretches: Sequence[Stretch],
+    unknowns: Sequence[Unknown],
+    channels: Sequence[int],
+    factors: Sequence[int],
+) -> list[SimulatedErrors]:
+    """Simulate all stretches with their tangents.
+
+    ``factors``: measured samples for each row, one factor for each stretch.
+
+    Raises:
+        SimulationDiverged: a simulation leaves its bounds; names the joint and the time.
+        MassMatrixNotPositiveDefinite: the values are those of no machine.
+    """
+    made: list[SimulatedErrors | None] = [None] * len(stretches)
+
+    def work(k: int) -> None:
+        made[k] = _of_stretch(stretches[k], unknowns, channels, factors[k])
+
+    run_in_threads(work, range(len(stretches)))
+    return [own for own in made if own is not None]
+
+
+def _of_stretch(
+    stretch: Stretch, unknowns: Sequence[Unknown], channels: Sequence[int], factor: int
+) -> SimulatedErrors:
+    """Errors and derivatives of one stretch."""
+    n, directions = stretch.loop.robot.size, [u.direction for u in unknowns]
+    starts = [] if stretch.start_std is None else start_directions(n)
+    thinning = Thinning(factor)
+    rows, count = thinning.rows(stretch.samples), len(directions)
+    errors = np.empty((len(channels), n, rows))
+    columns = working_array((len(channels), n, count + len(starts), rows))
+    columns[:, :, count:] = 0.0
+    squares = np.full((2, n), np.nan)
+    both = [POSITIONS, TORQUES] if stretch.tau is not None else [POSITIONS]
+    squares[both] = 0.0
+    done = 0
+    reading = _Reading(stretch)
+    for error, slopes in reading.blocks(directions, factor, both):
+        for channel in both:
+            squares[channel] += (error[channel] ** 2).sum(axis=0)
+        stack = np.stack(
+            [np.concatenate([error[c][..., None], slopes[c]], -1) for c in channels], 1
+        )
+        thin = thinning.process(np.ascontiguousarray(stack))
+        span = slice(done, done + len(thin))
+        errors[:, :, span] = thin[..., 0].transpose(1, 2, 0)
+        columns[:, :, :count, span] = thin[..., 1:].transpose(1, 2, 3, 0)
+        done = span.stop
+    if starts:
+        _add_starts(reading, starts, channels, factor, columns[:, :, count:])
+    moving = means_at(stretch.moving.astype(float), factor).T > 0.5
+    used = np.stack([np.ones((n, rows), bool) if c == POSITIONS else moving for c in channels])
+    used[:, :, : -(-stretch.first // factor)] = False
+    return SimulatedErrors(
+        errors, columns, used, stretch.rate / factor, squares / max(stretch.samples, 1)
+    )
+
+
+def _add_starts(
+    reading: _Reading,
+    starts: Sequence[Direction],
+    channels: Sequence[int],
+    factor: int,
+    columns: np.ndarray,
+) -> None:
+    """Derivatives along the initial state, as long as it is not forgotten."""
+    thinning, done, largest = Thinning(factor), 0, np.zeros(len(channels))
+    for _, slopes in reading.blocks(starts, factor, channels):
+        stack = np.stack([slopes[c] for c in channels], axis=1)
+        thin = thinning.process(np.ascontiguousarray(stack))
+        columns[..., done : done + len(thin)] = thin.transpose(1, 2, 3, 0)
+        done += len(thin)
+        size = np.abs(stack).max(axis=(0, 2, 3))
+        largest = np.maximum(largest, size)
+        if (size <= FORGOTTEN * largest).all():
+            return
+
+
+class _Reading:
+    """What is read of a simulation: its positions and torques at the measured samples."""
+
+    def __init__(self, stretch: Stretch) -> None:
+        self.stretch = stretch
+        signals = stretch.loop.signals
+        n = stretch.loop.robot.size
+        #: What the encoders show beside the position.
+        self.offset = np.zeros(n) if signals.noise is None else np.asarray(signals.noise)[0]
+        late = float(signals.drive_delay) * float(signals.rate)
+        #: Samples of the loop that the torque which acts is later than the command that was logged.
+        self.late = int(np.ceil(late - 1e-9)) + stretch.tau_late
+
+    def blocks(
+        self, directions: Sequence[Direction], factor: int, channels: Sequence[int]
+    ) -> Iterator[tuple[dict[int, np.ndarray], dict[int, np.ndarray]]]:
+        """Errors and derivatives by channel, each block a multiple of ``factor`` samples long."""
+        stretch = self.stretch
+        step, samples = stretch.step, stretch.samples
+        width = step * factor
+        block = max(1, round(TANGENT_BLOCK / width)) * width
+        whole = samples // factor * factor
+        encoder = [d for d, own in enumerate(directions) if own.kind == "encoder_offset"]
+        for made in tangent_blocks(stretch.loop, directions, block):
+            first = made.samples.start // step
+            if first >= whole:
+                return
+            last = min(-(-made.samples.stop // step), whole)
+            rows = slice(first, last)
+            errors: dict[int, np.ndarray] = {}
+            slopes: dict[int, np.ndarray] = {}
+            if POSITIONS in channels:
+                q = made.motion.q[::step][: last - first]
+                errors[POSITIONS] = stretch.q[rows] - q - self.offset
+                slopes[POSITIONS] = made.q[::step][: last - first]
+                if encoder:
+                    slopes[POSITIONS] = slopes[POSITIONS].copy()
+                    for d in encoder:
+                        slopes[POSITIONS][:, directions[d].joint, d] += 1.0
+            if TORQUES in channels:
+                errors[TORQUES], slopes[TORQUES] = self._torques(made, rows)
+            yield errors, slopes
+
+    def _torques(self, made: TangentBlock, rows: slice) -> tuple[np.ndarray, np.ndarray]:
+        """Errors of the torque; a sample that was logged ``late`` belongs to an earlier one.
+
+        What acts at sample k of the loop was logged with sample k - late: the error at k is that
+        of the measured torque that belongs there, by linear interpolation between measured ones.
+        """
+        stretch = self.stretch
+        assert stretch.tau is not None
+        step, length = stretch.step, rows.stop - rows.start
+        tau = made.motion.tau[::step][:length]
+        at = np.arange(rows.start, rows.stop) - self.late / step
+        low = np.clip(np.floor(at).astype(int), 0, len(stretch.tau) - 2)
+        part = np.clip(at - low, 0.0, 1.0)[:, None]
+        measured = (1.0 - part) * stretch.tau[low] + part * stretch.tau[low + 1]
+        return measured - tau, made.tau[::step][:length]
