@@ -2,7 +2,7 @@
 
 Twelve hinges, three of each leg, follow chirps in a sampled PD loop whose torque acts after a
 delay of any length. Only the reference and the encoder's counts are logged, as on a robot that
-hangs in the air and measures no torque. MuJoCo steps by Runge–Kutta at 20 kHz, and its dry friction
+hangs in the air and measures no torque. MuJoCo steps by Runge–Kutta at 10 kHz, and its dry friction
 is as hard as that step allows, so that what is identified is the physics and not the settings.
 """
 
@@ -22,7 +22,7 @@ NAMES = tuple(f"{leg}_{joint}" for leg in LEGS for joint in JOINTS)
 KP, KD = 40.0, 1.0
 
 #: Rate of the PD loop, of the log, and of MuJoCo's steps [Hz].
-CONTROL_RATE, LOG_RATE, STEP_RATE = 400.0, 200.0, 20_000.0
+CONTROL_RATE, LOG_RATE, STEP_RATE = 400.0, 200.0, 10_000.0
 
 #: What the encoder counts in [rad].
 COUNT = 2.0 * np.pi / 2**14
@@ -96,7 +96,7 @@ def _body(body, mass: float, center: list[float], inertia: list[float]) -> None:
 
 def chirps(rng: np.random.Generator, duration: float, rate: float = CONTROL_RATE) -> np.ndarray:
     """Reference of the joints around a bent posture, shape (samples, 12) [rad]."""
-    t = np.arange(int(round(duration * rate))) / rate
+    t = np.arange(round(duration * rate)) / rate
     low, high = CHIRP
     turns = low * t + (high - low) * t**2 / (2.0 * duration)
     phase = rng.uniform(0.0, 2.0 * np.pi, len(NAMES))
@@ -130,7 +130,7 @@ def legs_log(
     data = mujoco.MjData(model)
     reference = chirps(rng, duration)
     data.qpos[:] = reference[0] - joints.bias
-    steps = int(round(STEP_RATE / CONTROL_RATE))
+    steps = round(STEP_RATE / CONTROL_RATE)
     whole, part = divmod(joints.delay * STEP_RATE, 1.0)
     periods, late = divmod(int(whole), steps)
     before, torques = None, []
@@ -153,7 +153,7 @@ def legs_log(
         if steps - late - 1:
             data.qfrc_applied[:] = new
             mujoco.mj_step(model, data, steps - late - 1)
-    every = int(round(CONTROL_RATE / LOG_RATE))
+    every = round(CONTROL_RATE / LOG_RATE)
     return LegsLog(q[::every], reference[::every], reference)
 
 
