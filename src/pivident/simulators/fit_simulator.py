@@ -13,12 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pivident.dynamics.parameters import standard_parameters
-from pivident.errors import ExperimentError
+from pivident.errors import ExperimentError, SimulationDiverged
 from pivident.estimation.auxiliary_model import loop_signals
 from pivident.estimation.output_error.fit import FitOptions, SimulationFit, fit_simulation
 from pivident.estimation.output_error.simulated_errors import POSITIONS
 from pivident.estimation.output_error.stretch import Stretch
-from pivident.estimation.output_error.unknowns import Unknown
+from pivident.estimation.output_error.unknowns import Unknown, values_of, with_values
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.simulation.closed_loop import LoopSignals
@@ -46,6 +46,10 @@ WARM_UP = 0.5
 
 #: Where the search for the delay starts if none is given, in periods of the control loop.
 DELAY_START = 1.0
+
+#: Factors of the armature where the search starts: a loop that is unstable with little is tried
+#: again with more.
+HEAVIER = (1.0, 4.0, 16.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,15 +111,15 @@ def fit_simulator(
     for joints in parts:
         own, at = branch_of(machine, joints), list(joints)
         sought.append(joint_quantities(own, free))
-        theta = start_values(own, free, inertia[at], torque[at], speed[at])
         law = law_of(controller, joints, machine.size)
+        theta = start_values(own, free, inertia[at], torque[at], speed[at])
         stretches.append([_stretch(own, theta, law, joints, d, warm_up) for d in drives])
     options = FitOptions(channels=(POSITIONS,), noise=None, bandwidth=0.0)
 
     def work(b: int) -> None:
         unknowns = [own.unknown for own in sought[b]]
         label = f"branch {b + 1} of {len(parts)}: " if len(parts) > 1 else ""
-        near = approached(stretches[b], unknowns, lambda s: say(label + s))
+        near = _near(stretches[b], sought[b], lambda s: say(label + s))
         offsets[b] = _offsets(near[0], unknowns)
         fits[b] = fit_simulation(near, unknowns, options, lambda s: say(label + s))
 
@@ -126,6 +130,23 @@ def fit_simulator(
     return _result(
         machine, loop, controller, runs, parts, sought, stretches, found, shared, warm_up
     )
+
+
+def _near(
+    stretches: Sequence[Stretch], sought: Sequence[JointQuantity], say: Callable[[str], None]
+) -> list[Stretch]:
+    """The approach, from a heavier robot where a light one's loop is unstable."""
+    unknowns = [own.unknown for own in sought]
+    heavy = [own.unknown for own in sought if own.quantity == "armature"]
+    for number, factor in enumerate(HEAVIER, start=1):
+        values = factor * values_of(stretches[0].loop, heavy)
+        begin = [s.with_loop(with_values(s.loop, heavy, values)) for s in stretches]
+        try:
+            return approached(begin, unknowns, say)
+        except SimulationDiverged:
+            if number == len(HEAVIER) or not heavy:
+                raise
+    raise AssertionError("unreachable")
 
 
 def _drive(robot: Robot, loop: Loop, recording: Recording, sought: bool) -> _Drive:

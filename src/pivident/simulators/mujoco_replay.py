@@ -132,6 +132,8 @@ def replay(
     whole, part = divmod(delay / model.opt.timestep, 1.0)
     periods, late = divmod(int(whole), steps)
     torques: list[np.ndarray] = []
+    kinds = mujoco.mjtWarning
+    unstable = [int(k) for k in (kinds.mjWARN_BADQPOS, kinds.mjWARN_BADQVEL, kinds.mjWARN_BADQACC)]
     q = np.full_like(run.q, np.nan)
     for k in range(min(len(signals.q_ref), (len(q) - 1) * run.step + 1)):
         read = data.qpos[at_q] + bias
@@ -147,8 +149,8 @@ def replay(
             if count:
                 data.qfrc_applied[at_v] = torque
                 mujoco.mj_step(model, data, count)
-        if not np.isfinite(data.qpos).all() or data.warning[7].number:
-            break
+        if any(data.warning[kind].number for kind in unstable):
+            break  # MuJoCo has started anew
     return q
 
 
