@@ -19,8 +19,8 @@ from pivident.estimation.methods import (
     LeastSquares,
     Method,
     PrefilteredIV,
-    Repetition,
 )
+from pivident.estimation.noise_options import Repetition
 from pivident.estimation.problem import Problem
 from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL
 from pivident.recording.public_records import load_emps, load_emps_pulses, load_staubli_tx40

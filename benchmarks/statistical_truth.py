@@ -39,6 +39,10 @@ ESTIMATORS = {
     "IDIM-IV at full rate": METHODS["iv-full-rate"],
     "IDIM-PIV as printed": METHODS["piv-as-printed"],
     "IDIM-PIV": METHODS["piv"],
+    "DIDIM": METHODS["didim"],
+    "CLOE": METHODS["cloe"],
+    "CLIE": METHODS["clie"],
+    "ML": METHODS["ml"],
 }
 
 

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 from pydantic_core import PydanticUndefined
 
-from pivident.estimation.methods import Arma, AutoRegressive, Bandpass, PrefilteredIV, RandomWalk
+from pivident.estimation.methods import Bandpass, PrefilteredIV, RandomWalk
+from pivident.estimation.noise_options import Arma, AutoRegressive
 from pivident.experiment import consistency_keys as consistency_tables
 from pivident.experiment import excite_keys, room_keys, schema
 from pivident.experiment import method_keys as method_tables

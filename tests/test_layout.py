@@ -31,16 +31,19 @@ DOORS = (
 )  # fmt: skip
 
 #: 6,000, loops whose law reads whole counts, iterations that go back and forth, noise of the
-#: equations.
-MAX_LINES_OF_PACKAGE = 6400
+#: equations, methods that fit a simulation.
+MAX_LINES_OF_PACKAGE = 6700
 #: 91,000, the causes of model error, loops whose law reads whole counts, the paper's page,
 #: designed motions that collide with nothing, and the programs that robots run them with, tangents
-#: of the simulation.
-MAX_LINES = 109_500
+#: of the simulation, the fit of simulations, MJCF and fitted simulators.
+MAX_LINES = 114_500
 #: 90, nine for instruments from the record itself, the speeds of standstill, what smoothing takes,
 #: loops whose law reads whole counts, noise of the equations, five that the simulator's kernel
-#: carries tangents with.
-MAX_MODULES_OF_IDENTIFY = 108
+#: carries tangents with, the fit of simulations with sixteen of its own.
+MAX_MODULES_OF_IDENTIFY = 128
+
+#: Subpackages with a budget of their own.
+ROOMS = ("estimation.output_error",)
 
 
 def modules() -> dict[str, Path]:
@@ -144,7 +147,8 @@ def test_packages_stay_small():
     lines: dict[str, int] = {}
     for name, path in MODULES.items():
         here = len(path.read_text(encoding="utf-8").splitlines())
-        lines[package(name)] = lines.get(package(name), 0) + here
+        room = next((r for r in ROOMS if f"{name}.".startswith(f"pivident.{r}.")), package(name))
+        lines[room] = lines.get(room, 0) + here
     assert {name: n for name, n in lines.items() if n > MAX_LINES_OF_PACKAGE} == {}
     assert sum(lines.values()) <= MAX_LINES
 

@@ -16,11 +16,11 @@ from pivident.errors import (
 )
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import (
-    AutoRegressive,
     InstrumentalVariables,
     PrefilteredIV,
     RandomWalk,
 )
+from pivident.estimation.noise_options import AutoRegressive
 from pivident.estimation.problem import Problem
 from pivident.experiment.experiment import load_experiment
 from pivident.recording.recording import Recording

@@ -12,12 +12,12 @@ from pivident.errors import IdentificationError
 from pivident.estimation.identify import build_regression, identify
 from pivident.estimation.methods import (
     METHODS,
-    Arma,
     Bandpass,
     InstrumentalVariables,
     LeastSquares,
     PrefilteredIV,
 )
+from pivident.estimation.noise_options import Arma
 from pivident.estimation.problem import Problem
 from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL, tx40_fine, tx40_scenario
 from pivident.recording.recording import Recording

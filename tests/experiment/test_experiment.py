@@ -5,13 +5,13 @@ import pytest
 
 from pivident.errors import DatasetUnavailable, ExperimentError, PividentError, UnknownColumn
 from pivident.estimation.methods import (
-    AutoRegressive,
     Bandpass,
     InstrumentalVariables,
     LeastSquares,
     PrefilteredIV,
     RandomWalk,
 )
+from pivident.estimation.noise_options import AutoRegressive
 from pivident.experiment.experiment import load_experiment
 from pivident.simulation.controllers import PID, Cascade
 from tests.planar_log import EXPERIMENT, planar_log, write_experiment

@@ -318,14 +318,15 @@ class OutputError:
             IDIM-PIV; ``none``: squares of the errors, each joint by its size; ``auto``: the former
             in a closed loop, the latter in an open one, whose errors are drift.
         bandwidth: highest frequency that is compared [Hz]; motions of robots end far below.
-        segment: longest stretch that an open loop runs from its own initial state [s]; None: the
-            whole record.
+        segment: longest stretch that an open loop runs from its own initial state [s]; None: until
+            an error of that state has grown five-fold, the whole record where it never does.
         loss: ``squares``, or ``huber`` where single stretches do not fit.
         undetermined: ``refuse`` unknowns that nothing determines, or ``hold`` them where they are.
-        covariance: ``sandwich``, from windows of time, or ``formula``, for errors that are white
-            behind their prefilters.
+        covariance: ``formula``, for errors that are white behind their prefilters, ``sandwich``,
+            from windows of time, or ``auto``: the formula where the windows agree with it.
         start: ``least-squares`` on the record, or the problem's ``initial`` values.
-        tolerance: relative change of an unknown at which the iteration may end.
+        tolerance: step, in standard errors, at which the iteration may end: no combination of
+            unknowns moves by more.
         max_iterations: give up after so many.
         simulates_loop: whether a loop is simulated, for all such methods.
         weight_power: power of λ in the weights, likewise.
@@ -342,9 +343,9 @@ class OutputError:
     segment: float | None = None
     loss: Literal["squares", "huber"] = "squares"
     undetermined: Literal["refuse", "hold"] = "refuse"
-    covariance: Literal["sandwich", "formula"] = "sandwich"
+    covariance: Literal["auto", "sandwich", "formula"] = "auto"
     start: Start = "least-squares"
-    tolerance: float = 1e-2
+    tolerance: float = 0.2
     max_iterations: int = 30
 
     simulates_loop: ClassVar[bool] = True
@@ -359,7 +360,7 @@ class OutputError:
             ("prefilter", ("auto", "noise", "none")),
             ("loss", ("squares", "huber")),
             ("undetermined", ("refuse", "hold")),
-            ("covariance", ("sandwich", "formula")),
+            ("covariance", ("auto", "sandwich", "formula")),
         ):
             if getattr(self, name) not in choices:
                 raise ExperimentError(

@@ -378,7 +378,7 @@ def _joint_fit(values: JointFitValues) -> JointFit:
 def _torque_sums(values: dict[str, Any] | None, base: BaseParameters) -> Any:
     if values is None:
         return None
-        from pivident.estimation.solved_equations import TorqueSums
+    from pivident.estimation.solved_equations import TorqueSums
 
     return TorqueSums.from_values(values, base)
 

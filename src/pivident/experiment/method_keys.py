@@ -151,7 +151,7 @@ class SimulationEntry(Entry):
     segment: PositiveFloat | None = None
     loss: Literal["squares", "huber"] | None = None
     undetermined: Literal["refuse", "hold"] | None = None
-    covariance: Literal["sandwich", "formula"] | None = None
+    covariance: Literal["auto", "sandwich", "formula"] | None = None
     start: Literal["least-squares", "initial"] | None = None
     tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None
     max_iterations: Annotated[int, Field(ge=1)] | None = None

@@ -83,7 +83,7 @@ def _simulation(ready: OutputError, entry: IdentifyEntry, own: SimulationEntry) 
             "noise models of simulation errors are autoregressive; leave ar_order, ma_order and "
             "repetition out"
         ).about("noise")
-    options: dict[str, Any] = _given(entry, _ITERATION) | _given(own)
+    options: dict[str, Any] = _given(entry, {"max_iterations"}) | _given(own)
     for key in ("random_walk", "noise"):
         options.pop(key, None)
     if "bounds" in options:

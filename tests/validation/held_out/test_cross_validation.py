@@ -9,11 +9,11 @@ from pivident.errors import ExperimentError
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import (
     METHODS,
-    AutoRegressive,
     LeastSquares,
     PrefilteredIV,
     RandomWalk,
 )
+from pivident.estimation.noise_options import AutoRegressive
 from pivident.estimation.problem import Problem
 from pivident.recording.public_records import load_emps, load_emps_pulses
 from pivident.recording.recording import Recording

@@ -7,7 +7,8 @@ import pytest
 
 from pivident.errors import IdentificationError
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import LeastSquares, PrefilteredIV, RandomWalk, Repetition
+from pivident.estimation.methods import LeastSquares, PrefilteredIV, RandomWalk
+from pivident.estimation.noise_options import Repetition
 from pivident.estimation.problem import Problem
 from pivident.recording.public_records import load_emps, load_emps_pulses
 from pivident.recording.repeated_motion import (

@@ -1,10 +1,11 @@
-"""A Levenberg–Marquardt step within bounds, of the unknowns that the errors determine.
+"""A Gauss–Newton step within bounds, of the unknowns that the errors determine.
 
-    (D⁻¹ H D⁻¹ + μ I) D δ = D⁻¹ g,   D = √diag H
+    H δ = g,   low ≤ p + δ ≤ high
 
 Unknowns that a step would take past a bound go to it, and the others' step is solved anew with
-these held, until none is left that passes one. Directions of D⁻¹ H D⁻¹ whose eigenvalue is next to
-nothing are determined by nothing: what has the largest share in them is held where it is.
+these held, until none is left that passes one. Directions of H, scaled to a diagonal of ones,
+whose eigenvalue is next to nothing are determined by nothing: what has the largest share in them is
+held where it is.
 """
 
 from __future__ import annotations
@@ -35,7 +36,6 @@ class BoundedStep:
 def bounded_step(
     gram: np.ndarray,
     moment: np.ndarray,
-    damping: float,
     low: np.ndarray,
     high: np.ndarray,
     held: np.ndarray,
@@ -50,8 +50,7 @@ def bounded_step(
         right = moment[free] - gram[np.ix_(free, fixed)] @ step[fixed]
         own = gram[np.ix_(free, free)]
         scale = np.sqrt(np.maximum(np.diag(own), 1e-300))
-        matrix = own / np.outer(scale, scale) + damping * np.eye(free.size)
-        step[free] = np.linalg.solve(matrix, right / scale) / scale
+        step[free] = np.linalg.solve(own / np.outer(scale, scale), right / scale) / scale
         beyond = free[(step[free] < low[free]) | (step[free] > high[free])]
         if not beyond.size:
             break
@@ -75,15 +74,21 @@ def undetermined(gram: np.ndarray) -> list[np.ndarray]:
     return groups
 
 
-def to_hold(gram: np.ndarray) -> np.ndarray:
-    """Which unknowns to hold so that the errors determine all others, shape (unknowns,)."""
-    held = np.zeros(len(gram), bool)
+def to_hold(gram: np.ndarray, held: np.ndarray, rather: np.ndarray) -> np.ndarray:
+    """Which unknowns to hold so that the errors determine all others, shape (unknowns,).
+
+    ``held``: those that are held already; ``rather``: those that are held before others of the same
+    direction.
+    """
+    held = held.copy()
     while not held.all():
         free = np.flatnonzero(~held)
         groups = undetermined(gram[np.ix_(free, free)])
         if not groups:
             break
-        held[free[groups[0][0]]] = True
+        members = free[groups[0]]
+        preferred = members[rather[members]]
+        held[preferred[0] if preferred.size else members[0]] = True
     return held
 
 

@@ -21,16 +21,20 @@ from pivident.errors import (
     SimulationDiverged,
 )
 from pivident.estimation.covariance.sandwich import Jackknife
+from pivident.estimation.covariance.stationary_noise import covariance_by_test
 from pivident.estimation.noise_options import AutoRegressive
 from pivident.estimation.output_error.bounded_step import (
+    BoundedStep,
     bounded_step,
     condition_of,
     to_hold,
     undetermined,
 )
 from pivident.estimation.output_error.noise_weights import (
+    HUBER_MEAN,
     NoiseWeights,
     fitted_noise,
+    loss,
     whitened_errors,
     whitened_sums,
 )
@@ -61,7 +65,10 @@ ROUNDS = 2
 MODEL_PASSES = 2
 
 #: Damping after a first refused step, and the factor of each further one.
-DAMPING, HARDER = 1e-2, 10.0
+DAMPING, HARDER = 1e-4, 10.0
+
+#: Factor by which the damping falls after a step that was taken, and where it ends.
+EASIER, UNDAMPED = 10.0, 1e-9
 
 #: Steps in a row that may be refused.
 MAX_REFUSED = 8
@@ -69,15 +76,17 @@ MAX_REFUSED = 8
 #: Relative increase of the weighted errors that counts as none.
 SAME = 1e-9
 
-#: Largest change of an unknown in the last pass, in standard errors; and relative to the largest
-#: change that rounding leaves, for records without noise.
-SETTLED, ROUNDING = 0.1, 1e-9
+#: Share of the squared errors that a last step of correlated errors may still gain.
+LITTLE = 1e-3
 
-#: What the squared errors of unit variance may still have to gain: less than chance gives them.
-GAIN = 0.5
+#: What squared errors of unit variance may still have to gain where no step is taken any more.
+WITHIN_NOISE = 1.0
 
-#: Steps of fewer standard errors than this that are refused are rounding: the fit has settled.
-NOISE_FLOOR = 0.01
+#: Relative error of a simulated signal that is rounding.
+ROUNDING = 1e-12
+
+#: A value smaller than so many standard errors is near zero: its change is compared with them.
+NEAR_ZERO = 5.0
 
 
 @dataclass(frozen=True)
@@ -91,7 +100,8 @@ class FitOptions:
         bandwidth: frequency up to which errors are compared [Hz].
         robust: Huber's loss in place of squares.
         undetermined: ``refuse`` unknowns that nothing determines, or ``hold`` them.
-        tolerance: relative change of an unknown at which the iteration may end.
+        tolerance: step in standard errors at which the iteration may end: no combination of
+            unknowns moves by more.
         max_iterations: give up after so many passes.
     """
 
@@ -101,8 +111,8 @@ class FitOptions:
     bandwidth: float = 100.0
     robust: bool = False
     undetermined: str = "refuse"
-    tolerance: float = 1e-2
-    max_iterations: int = 20
+    tolerance: float = 0.2
+    max_iterations: int = 30
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +133,9 @@ class SimulationFit:
     Attributes:
         unknowns: what was sought.
         values: estimates, shape (unknowns,).
-        covariance: from windows of time, shape (unknowns, unknowns); zero where held.
+        covariance: H⁻¹ where the windows of time agree with it, else theirs, shape
+            (unknowns, unknowns); zero where held.
+        window_covariance: from windows of time, likewise.
         formula_covariance: H⁻¹, for errors that are white behind their weights, likewise.
         held: unknowns that nothing determines and that were held, shape (unknowns,).
         bound: unknowns at a bound, likewise: their interval has one side.
@@ -147,6 +159,7 @@ class SimulationFit:
     unknowns: tuple[Unknown, ...]
     values: np.ndarray
     covariance: np.ndarray
+    window_covariance: np.ndarray
     formula_covariance: np.ndarray
     held: np.ndarray
     bound: np.ndarray
@@ -225,11 +238,7 @@ class _Solved:
     @property
     def gain(self) -> float:
         """By how much the step, with those of the initial states, makes the squares smaller."""
-        gain = 0.0
-        for own in self.equations.stretches:
-            whole = np.concatenate([self.step, own.start_step(self.step)])
-            gain += float(2.0 * own.moment @ whole - whole @ own.gram @ whole)
-        return gain
+        return self.equations.gain(self.step)
 
 
 class _Search:
@@ -245,6 +254,9 @@ class _Search:
             )
         self.stretches, self.unknowns, self.options = stretches, unknowns, options
         self.shaking: list[np.ndarray] = []
+        self.held = np.zeros(len(unknowns), bool)
+        #: What was declared, the loop, is held rather than a parameter of the model.
+        self.declared = np.array([u.direction.kind != "parameter" for u in unknowns])
         self.low = np.array([u.low for u in unknowns])
         self.high = np.array([u.high for u in unknowns])
         # compared up to the bandwidth: the window of ``Thinning`` halves the amplitude there
@@ -264,9 +276,9 @@ class _Search:
         noise: NoiseWeights | None = None
         damping, converged, shaken = 0.0, False, False
         for number in range(self.options.max_iterations):
-            solved = self._solved(point, noise if number >= MODEL_PASSES else None, noise, damping)
+            solved = self._solved(point, noise, number < MODEL_PASSES)
             noise = solved.noise
-            change, settled = self._change(point, solved)
+            change, settled = self._change(point, solved), self._has_settled(solved)
             if settled and not shaken and number >= MODEL_PASSES - 1:
                 shaken, again = True, self._shaken(point)
                 if again is not None:
@@ -323,23 +335,17 @@ class _Search:
                 loop = loop.moved(direction, step)
         return stretch.with_loop(loop)
 
-    def _solved(
-        self,
-        point: _Point,
-        keep: NoiseWeights | None,
-        before: NoiseWeights | None,
-        damping: float,
-    ) -> _Solved:
+    def _solved(self, point: _Point, before: NoiseWeights | None, models: bool) -> _Solved:
         """(b) and (c): the step, with weights from what it leaves.
 
-        ``keep``: noise models that stay; ``before``: those to begin with.
+        ``before``: noise models of the last pass; ``models``: whether to make new ones.
         """
         channels, joints = point.made[0].errors.shape[:2]
-        noise = before or NoiseWeights.white(channels, joints)
-        if before is None:
-            noise = replace(noise, variance=self._first_variances(point))
-        solved = self._step(point, noise, damping)
-        if keep is not None or self.options.noise is None:
+        noise = before or replace(
+            NoiseWeights.white(channels, joints), variance=self._first_variances(point)
+        )
+        solved = self._step(point, noise)
+        if not models or self.options.noise is None:
             return solved
         for _ in range(ROUNDS):
             left = self._left(point, solved)
@@ -350,7 +356,7 @@ class _Search:
                 self.options.noise,
                 self.options.motion_band,
             )
-            solved = self._step(point, noise, damping)
+            solved = self._step(point, noise)
         return solved
 
     def _first_variances(self, point: _Point) -> np.ndarray:
@@ -359,28 +365,22 @@ class _Search:
         rows = sum(own.used.sum(axis=2) for own in point.made)
         return np.maximum(squares / np.maximum(rows, 1), 1e-300)
 
-    def _step(self, point: _Point, noise: NoiseWeights, damping: float) -> _Solved:
+    def _step(self, point: _Point, noise: NoiseWeights) -> _Solved:
         """Solve, with λ from the errors that the step leaves, twice."""
         sums = whitened_sums(point.made, noise, self.options.robust)
         variance = noise.variance
+        consistent = HUBER_MEAN if self.options.robust else 1.0
         for _ in range(3):
             equations = self._equations(point, sums, variance)
             held = self._held(equations)
-            found = bounded_step(
-                equations.gram, equations.moment, damping,
-                self.low - point.values, self.high - point.values, held,
-            )  # fmt: skip
+            found = self._bounded(point, equations, held)
             whole = [np.concatenate([found.step, own.start_step(found.step)])
                      for own in equations.stretches]  # fmt: skip
             variance = error_variances(sums, whole, float(np.count_nonzero(~held)))
+            variance = np.maximum(variance / consistent, self._rounding(point, noise))
         equations = self._equations(point, sums, variance)
-        cost = sum(
-            float(joint.tt / variance[c, j])
-            for own in sums
-            for c, channel in enumerate(own)
-            for j, joint in enumerate(channel)
-        ) + self._prior(point.starts)
         settled = replace(noise, variance=variance)
+        cost = self._cost(point, settled)
         return _Solved(settled, equations, found.step, found.bound, held, cost)
 
     def _equations(self, point: _Point, sums: Sequence, variance: np.ndarray) -> ReducedEquations:
@@ -393,25 +393,40 @@ class _Search:
         )
 
     def _held(self, equations: ReducedEquations) -> np.ndarray:
-        """Unknowns to hold, or the refusal of them."""
-        groups = undetermined(equations.gram)
+        """Unknowns to hold, or the refusal of them; what was held once stays so."""
+        free = np.flatnonzero(~self.held)
+        groups = undetermined(equations.gram[np.ix_(free, free)])
         if not groups:
-            return np.zeros(len(self.unknowns), bool)
-        if self.options.undetermined == "hold":
-            return to_hold(equations.gram)
-        names = [tuple(self.unknowns[int(i)].name for i in group) for group in groups]
-        raise RankDeficientRegressor(len(self.unknowns) - len(groups), len(self.unknowns), names)
+            return self.held
+        if self.options.undetermined == "refuse":
+            names = [tuple(self.unknowns[int(free[i])].name for i in group) for group in groups]
+            raise RankDeficientRegressor(
+                len(self.unknowns) - len(groups), len(self.unknowns), names
+            )
+        self.held = to_hold(equations.gram, self.held, self.declared)
+        return self.held
 
-    def _change(self, point: _Point, solved: _Solved) -> tuple[float, bool]:
-        """Largest relative change of the step, and whether the unknowns have settled."""
-        std = self._formula_std(solved)
-        step, size = np.abs(solved.step), np.abs(point.values)
-        largest = np.maximum(size, 5.0 * std)
-        change = float(np.max(step / np.maximum(largest, 1e-300), initial=0.0))
-        rounding = ROUNDING * np.maximum(size, size.max(initial=0.0) * ROUNDING)
-        small = bool((step <= SETTLED * std + rounding).all())
-        small = small and solved.gain <= GAIN + SAME * solved.cost
-        return change, small and change < self.options.tolerance
+    def _change(self, point: _Point, solved: _Solved) -> float:
+        """Largest |δ| / max(|p|, 5σ) of the step."""
+        size = np.maximum(np.abs(point.values), NEAR_ZERO * self._formula_std(solved))
+        return float(np.max(np.abs(solved.step) / np.maximum(size, 1e-300), initial=0.0))
+
+    def _has_settled(self, solved: _Solved) -> bool:
+        """Whether the step is next to nothing.
+
+        Its gain δᵀ H δ is at least (δ_i/σ_i)² with the standard errors of white errors. Where
+        errors are correlated those of the windows count, if nearly nothing is to be gained.
+        """
+        small = solved.gain <= self.options.tolerance**2 + SAME * solved.cost
+        return small or self._is_little(solved, solved.step, solved.gain)
+
+    def _is_little(self, solved: _Solved, step: np.ndarray, gained: float) -> bool:
+        """Whether a step and its gain are small beside standard errors of the windows."""
+        if gained > LITTLE * solved.cost:
+            return False
+        kept = np.flatnonzero(~solved.held & ~solved.bound)
+        std = np.sqrt(np.diag(solved.equations.scores_without(step, kept).covariance))
+        return bool((np.abs(step[kept]) <= self.options.tolerance * std).all())
 
     def _formula_std(self, solved: _Solved) -> np.ndarray:
         """√diag H⁻¹ of the free unknowns, zero for the others."""
@@ -425,42 +440,54 @@ class _Search:
         Result: the step, how many were refused, the damping, the new point; None where the errors
         cannot become smaller any more.
         """
-        failure: Exception | None = None
-        step, std = solved.step, self._formula_std(solved)
+        failure: IdentificationError | None = None
         for refused in range(MAX_REFUSED + 1):
-            if refused:
-                damping = max(DAMPING, HARDER * damping)
-                step = bounded_step(
-                    solved.equations.gram, solved.equations.moment, damping,
-                    self.low - point.values, self.high - point.values, solved.held,
-                ).step  # fmt: skip
+            equations = solved.equations.damped(damping) if damping else solved.equations
+            step = self._bounded(point, equations, solved.held).step
             starts = tuple(
-                own + equations.start_step(step) * (1.0 / (1.0 + damping))
-                for own, equations in zip(point.starts, solved.equations.stretches, strict=True)
+                own + each.start_step(step)
+                for own, each in zip(point.starts, equations.stretches, strict=True)
             )
             try:
                 reached = self._at(point.values + step, starts)
             except (SimulationDiverged, MassMatrixNotPositiveDefinite) as error:
                 failure = error
-                continue
-            if self._cost(reached, solved.noise) <= solved.cost * (1.0 + SAME):
-                return step, refused, damping / HARDER if damping > DAMPING else 0.0, reached
-            failure = None
+            else:
+                gained = solved.cost - self._cost(reached, solved.noise)
+                if gained >= -SAME * solved.cost:
+                    small = gained <= self.options.tolerance**2
+                    still = damping > 0.0 and (small or self._is_little(solved, step, gained))
+                    damping = _after(damping, gained, equations.gain(step))
+                    return step, refused, damping, None if still else reached
+                failure = None
+            damping = HARDER * damping or DAMPING
         if failure is not None:
             raise failure
-        if (np.abs(step) <= NOISE_FLOOR * std + ROUNDING * np.abs(point.values)).all():
-            return np.zeros_like(step), MAX_REFUSED, damping, None
+        if solved.gain <= WITHIN_NOISE:
+            return np.zeros_like(solved.step), MAX_REFUSED, damping, None
         raise IdentificationError(
             "no step makes the simulation error smaller, though its derivatives promise one: the "
             "simulated motion jumps as parameters change (friction at standstill, limits that are "
             "reached); start from other values, or use piv"
         )
 
+    def _rounding(self, point: _Point, noise: NoiseWeights) -> np.ndarray:
+        """Variance of rounding errors behind the filters, shape (channels, joints)."""
+        size = np.max([own.size for own in point.made], axis=0)
+        gain = np.array([[np.sum(np.square(f.fir)) for f in own] for own in noise.filters])
+        return gain * (ROUNDING * size) ** 2 + 1e-300
+
+    def _bounded(self, point: _Point, equations: ReducedEquations, held: np.ndarray) -> BoundedStep:
+        """The step that solves equations within the bounds."""
+        low, high = self.low - point.values, self.high - point.values
+        return bounded_step(equations.gram, equations.moment, low, high, held)
+
     def _cost(self, point: _Point, noise: NoiseWeights) -> float:
         """Weighted squares of the errors, with that of the initial states' prior."""
-        white = [whitened_errors(own, noise) for own in point.made]
-        squares = sum((own**2).sum(axis=2) for own in white)
-        return float((squares / noise.variance).sum()) + self._prior(point.starts)
+        total = self._prior(point.starts)
+        for own in point.made:
+            total += loss(whitened_errors(own, noise), noise.variance, self.options.robust)
+        return total
 
     def _prior(self, starts: Sequence[np.ndarray]) -> float:
         """Squares of the initial states' distance from what was given."""
@@ -494,11 +521,13 @@ class _Search:
         formula = _inverse(solved.equations.gram, free)
         kept = np.flatnonzero(free)
         windows = solved.equations.scores_without(step, kept)
-        covariance = np.zeros_like(formula)
-        covariance[np.ix_(kept, kept)] = windows.covariance
+        covariance, own = np.zeros_like(formula), np.zeros_like(formula)
+        grid = np.ix_(kept, kept)
+        own[grid] = windows.covariance
+        covariance[grid] = covariance_by_test(formula[grid], windows)
         everywhere = _inverse(solved.equations.gram, ~solved.held)
         for i in np.flatnonzero(solved.bound):
-            formula[i, i] = covariance[i, i] = everywhere[i, i]
+            formula[i, i] = covariance[i, i] = own[i, i] = everywhere[i, i]
         condition, share = condition_of(solved.equations.gram[np.ix_(kept, kept)])
         order = np.argsort(-share)
         weakest = tuple(self.unknowns[int(kept[i])].name for i in order if share[i] > 0.3)
@@ -521,6 +550,7 @@ class _Search:
             unknowns=self.unknowns,
             values=values,
             covariance=covariance,
+            window_covariance=own,
             formula_covariance=formula,
             held=solved.held,
             bound=solved.bound,
@@ -539,6 +569,13 @@ class _Search:
             factors=tuple(self.factors),
             made=point.made,
         )
+
+
+def _after(damping: float, gained: float, promised: float) -> float:
+    """The damping after a step that was taken: less where it kept what its derivatives promised."""
+    if damping > 0.0 and gained < 0.25 * promised:
+        return damping * HARDER**0.5
+    return damping / EASIER if damping > UNDAMPED else 0.0
 
 
 def _inverse(gram: np.ndarray, free: np.ndarray) -> np.ndarray:

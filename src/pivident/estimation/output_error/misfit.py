@@ -1,7 +1,8 @@
 """What a fitted simulation leaves: gains that the record contradicts, and model error.
 
-The gains of the law were declared, and the fit takes them as they are. With g the derivative of the
-simulated motion along one of them, less what the unknowns explain of it, the step
+Gains of law and drives, and the drives' delay, were declared, and the fit takes them as they are.
+With g the derivative of the simulated motion along one of them, less what the unknowns explain of
+it, the step
 
     δ = (g̃ᵀ L² g̃)⁻¹ g̃ᵀ L² e,   g̃ = g - J H⁻¹ Jᵀ L² g
 
@@ -17,6 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pivident.estimation.methods import OutputError
+from pivident.estimation.output_error.bounded_step import undetermined
 from pivident.estimation.output_error.fit import SimulationFit
 from pivident.estimation.output_error.loop_unknowns import loop_unknowns
 from pivident.estimation.output_error.noise_weights import whitened_sums
@@ -32,8 +34,9 @@ from pivident.text.finding import Finding, Quantity
 #: Standard errors from which on a declared gain counts as contradicted; there are many joints.
 SIGNIFICANT = 4.0
 
-#: Relative error of a gain that matters, and the share of the weighted errors that it explains.
-MATTERS, EXPLAINS = 0.01, 0.1
+#: Relative error of a gain that matters, in periods that of a delay, and the share of the weighted
+#: errors that it explains.
+MATTERS, DELAY_MATTERS, EXPLAINS = 0.01, 0.1, 0.1
 
 #: Excess of the motion's band from which on errors are mostly of the model, as for IDIM-PIV.
 MODEL_ERROR = 4.0
@@ -48,20 +51,20 @@ class GainStep:
     step: float
     std: float
     explains: float  # share of the weighted squares of the errors that it takes away
+    matters: float  # step that would matter
 
     @property
     def contradicts(self) -> bool:
         """Whether the record contradicts the declared value."""
-        sure = abs(self.step) > SIGNIFICANT * self.std
-        return sure and abs(self.step) > MATTERS * abs(self.declared) and self.explains > EXPLAINS
+        size = abs(self.step)
+        return size > SIGNIFICANT * self.std and size > self.matters and self.explains > EXPLAINS
 
 
 def misfit_findings(problem: Problem, method: OutputError, fit: SimulationFit) -> list[Finding]:
     """Gains that the record contradicts, and joints whose errors are of the model."""
     wrong = []
     if method.loop == "closed":
-        contradicted = [own for own in gain_steps(problem, fit) if own.contradicts]
-        wrong = [_wrong_gain(own) for own in contradicted]
+        wrong = [_wrong_gain(own) for own in contradicted(problem, fit)]
     excess = np.nanmax(fit.noise.excess, axis=0, initial=0.0)
     names = [
         name
@@ -80,23 +83,70 @@ def misfit_findings(problem: Problem, method: OutputError, fit: SimulationFit) -
     return [*wrong, model]
 
 
-def gain_steps(problem: Problem, fit: SimulationFit) -> list[GainStep]:
-    """The score test of every gain of the law that was not sought."""
-    loop = fit.stretches[0].loop
-    sought = {u.name for u in fit.unknowns}
-    names = [name for name, shared in loop.law_gains().items() if not shared]
-    gains = [u for u in loop_unknowns(problem, loop, names) if u.name not in sought]
-    gains = [u for u in gains if loop.value(u.direction) != 0.0]
-    if not gains:
-        return []
-    equations = _with_gains(fit, gains)
-    declared = values_of(loop, gains)
-    free = np.flatnonzero(~fit.held & ~fit.bound)
-    squares = float(sum(np.nansum(own**2) for own in fit.white))
-    return [
-        _gain_step(own, float(declared[k]), equations, free, len(fit.unknowns) + k, squares)
-        for k, own in enumerate(gains)
-    ]
+def contradicted(problem: Problem, fit: SimulationFit) -> list[GainStep]:
+    """Declared values that the record contradicts, the one that explains most first.
+
+    Gains of one joint, and a delay, leave similar marks. Each further one has to explain what those
+    before it do not.
+    """
+    test = _ScoreTest(problem, fit)
+    found: list[GainStep] = []
+    while True:
+        steps = [own for own in test.steps(found) if own.contradicts]
+        if not steps:
+            return found
+        found.append(max(steps, key=lambda own: own.explains))
+
+
+class _ScoreTest:
+    """Score tests of gains of law and drives, and of their delay, that were not sought."""
+
+    def __init__(self, problem: Problem, fit: SimulationFit) -> None:
+        loop = fit.stretches[0].loop
+        sought = {u.name for u in fit.unknowns}
+        names = [name for name, shared in loop.law_gains().items() if not shared]
+        gains = loop_unknowns(problem, loop, [*names, "drive_gain", "delay"])
+        self.gains = [
+            u
+            for u in gains
+            if u.name not in sought and (u.name == "delay" or loop.value(u.direction) != 0.0)
+        ]
+        self.declared = values_of(loop, self.gains)
+        self.period = 1.0 / float(loop.signals.rate)
+        self.equations = _with_gains(fit, self.gains)
+        self.unknowns = len(fit.unknowns)
+        self.free = np.flatnonzero(~fit.held & ~fit.bound)
+        self.squares = max(float(sum(np.nansum(own**2) for own in fit.white)), 1e-300)
+
+    def steps(self, found: Sequence[GainStep]) -> list[GainStep]:
+        """The step of each other gain beside the unknowns and those that were found before."""
+        places = {u.name: self.unknowns + k for k, u in enumerate(self.gains)}
+        with_found = np.append(self.free, [places[own.gain.name] for own in found]).astype(int)
+        before = self._solved(with_found)[1]
+        steps = []
+        for gain, value in zip(self.gains, self.declared.tolist(), strict=True):
+            if any(gain is own.gain for own in found):
+                continue
+            kept = np.append(with_found, places[gain.name])
+            gram = self.equations.gram[np.ix_(kept, kept)]
+            if undetermined(gram):  # it cannot be separated from the unknowns
+                continue
+            step, squares = self._solved(kept)
+            std = float(np.sqrt(self.equations.scores_without(step, kept).covariance[-1, -1]))
+            explains = (squares - before) / self.squares
+            late = gain.name == "delay"
+            matters = DELAY_MATTERS * self.period if late else MATTERS * abs(value)
+            steps.append(GainStep(gain, value, float(step[kept[-1]]), std, explains, matters))
+        return steps
+
+    def _solved(self, kept: np.ndarray) -> tuple[np.ndarray, float]:
+        """The step of some columns, and by how much it makes the squares smaller."""
+        gram, moment = self.equations.gram[np.ix_(kept, kept)], self.equations.moment[kept]
+        scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+        solved = np.linalg.solve(gram / np.outer(scale, scale), moment / scale) / scale
+        step = np.zeros(len(self.equations.moment))
+        step[kept] = solved
+        return step, float(solved @ moment)
 
 
 def _with_gains(fit: SimulationFit, gains: Sequence[Unknown]) -> ReducedEquations:
@@ -123,42 +173,28 @@ def _with_gains(fit: SimulationFit, gains: Sequence[Unknown]) -> ReducedEquation
     )  # fmt: skip
 
 
-def _gain_step(
-    gain: Unknown,
-    declared: float,
-    equations: ReducedEquations,
-    free: np.ndarray,
-    k: int,
-    squares: float,
-) -> GainStep:
-    """One gain beside the unknowns that are free."""
-    kept = np.append(free, k)
-    gram = equations.gram[np.ix_(kept, kept)]
-    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    scaled = gram / np.outer(scale, scale)
-    solved = np.linalg.lstsq(scaled, equations.moment[kept] / scale, rcond=1e-12)[0] / scale
-    step = np.zeros(len(equations.moment))
-    step[kept] = solved
-    try:
-        std = float(np.sqrt(equations.scores_without(step, kept).covariance[-1, -1]))
-    except np.linalg.LinAlgError:  # the gain cannot be separated from the unknowns
-        return GainStep(gain, declared, 0.0, np.inf, 0.0)
-    explained = float(solved @ equations.moment[kept])
-    return GainStep(gain, declared, float(solved[-1]), std, explained / max(squares, 1e-300))
-
-
 def _wrong_gain(own: GainStep) -> Finding:
-    """The sentence about one gain."""
+    """The sentence about one of them."""
+    name, unit, kind = own.gain.name, own.gain.unit, own.gain.direction.name
+    basis = f"score test over windows of time, {abs(own.step) / own.std:.1f} standard errors"
+    if name == "delay":
+        late, half = own.declared + own.step, 2.0 * own.std
+        text = (
+            f"The simulation error contradicts drive_delay = {own.declared:.4g} s: "
+            f"{late:.4g} ± {half:.1g} s fits better."
+        )
+        step = 'Correct drive_delay of the recording, or have it identified: free = ["delay"].'
+        evidence = {"delay": Quantity(late, "s", interval=(late - half, late + half))}
+        return Finding("warning", "law", "wrong delay", text, name, step, evidence, basis)
     percent, half = 100.0 * own.step / own.declared, 200.0 * own.std / abs(own.declared)
-    kind = own.gain.direction.name
     text = (
-        f"The simulation error contradicts {own.gain.name} = {own.declared:.5g} {own.gain.unit}: "
+        f"The simulation error contradicts {name} = {own.declared:.5g} {unit}: "
         f"{abs(percent):.3g} ± {half:.2g} % {'more' if percent > 0 else 'less'} fits better."
     )
+    kind = kind or own.gain.direction.kind
     step = f'Correct the gain, or have it identified: free = ["{kind}"].'
     evidence = {
         "change": Quantity(percent, "%", interval=(percent - half, percent + half)),
-        "declared": Quantity(own.declared, own.gain.unit),
+        "declared": Quantity(own.declared, unit),
     }
-    basis = f"score test over windows of time, {abs(own.step) / own.std:.1f} standard errors"
-    return Finding("warning", "law", "wrong gain", text, own.gain.name, step, evidence, basis)
+    return Finding("warning", "law", "wrong gain", text, name, step, evidence, basis)

@@ -7,6 +7,7 @@ a model of moderate order resolves the motion's band.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -20,12 +21,12 @@ from pivident.signals.noise_models import continued_into_band, excess_in_band, f
 from pivident.signals.prefilter import Prefilter
 from pivident.threads import run_in_threads
 
-#: Standard deviations beyond which Huber's loss grows linearly: 95 % as efficient as least squares
-#: where the noise is normal.
+#: Standard deviations k beyond which Huber's loss grows linearly: 95 % as efficient as least
+#: squares where the noise is normal.
 HUBER = 1.345
 
-#: Median of |x| of the standard normal distribution.
-NORMAL_MEDIAN = 0.6745
+#: E[min(x², k |x|)] = erf(k/√2) of the standard normal distribution.
+HUBER_MEAN = math.erf(HUBER / math.sqrt(2.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +106,7 @@ def whitened_sums(
 ) -> list[list[list[JointSums]]]:
     """Sums Jᵀ Aᵀ A J, Jᵀ Aᵀ A e of each stretch, channel and joint, and of each window of time.
 
-    ``robust``: Huber's weights of the whitened errors, around their median size.
+    ``robust``: Huber's weights, min(1, k √λ/|A e|).
     """
     windows = windows_of([own.errors.shape[2] for own in stretches])
     channels, joints = stretches[0].errors.shape[:2]
@@ -125,14 +126,14 @@ def whitened_sums(
         used = made.used[c, j]
         stack = np.vstack([made.columns[c, j], made.errors[c, j]])
         stack = noise.filters[c][j].stream(len(stack), threads=1).process(stack, seen=used)
-        weights = used.astype(float)
         if robust:
-            weights *= np.sqrt(_huber_weights(stack[-1], used))
+            size = np.abs(stack[-1]) / np.sqrt(noise.variance[c, j])
+            stack *= np.sqrt(np.minimum(1.0, HUBER / np.maximum(size, 1e-300)))
         shares = [
             type(share)(share.part, share.window - own.first, share.rising)
             for share in own.shares(slice(0, made.errors.shape[2]))
         ]
-        sums[s][c][j].add_stack(stack, weights, shares)
+        sums[s][c][j].add_stack(stack, used, shares)
 
     run_in_threads(
         work,
@@ -141,12 +142,12 @@ def whitened_sums(
     return sums
 
 
-def _huber_weights(white: np.ndarray, used: np.ndarray) -> np.ndarray:
-    """min(1, k s/|x|), s from the median of |x|."""
-    size = np.abs(white)
-    spread = float(np.median(size[used])) / NORMAL_MEDIAN if used.any() else 0.0
-    return (
-        np.minimum(1.0, HUBER * spread / np.maximum(size, 1e-300))
-        if spread
-        else np.ones(size.shape)
-    )
+def loss(white: np.ndarray, variance: np.ndarray, robust: bool) -> float:
+    """Σ ρ(A e/√λ): squares, or Huber's loss, x² up to k and 2 k |x| - k² beyond.
+
+    ``white``: A e, shape (channels, joints, rows); ``variance``: λ, shape (channels, joints).
+    """
+    size = np.abs(white) / np.sqrt(variance)[:, :, None]
+    if robust:
+        return float(np.where(size > HUBER, HUBER * (2.0 * size - HUBER), size**2).sum())
+    return float((size**2).sum())

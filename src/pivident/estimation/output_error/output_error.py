@@ -169,9 +169,14 @@ def _identification(signals: Signals, method: OutputError, fit: SimulationFit) -
     ]  # fmt: skip
     return answer(
         problem, method, estimate, Run(history, fit.converged), findings, used,
-        Covariances(fit.covariance[:count, :count], fit.formula_covariance[:count, :count]),
+        Covariances(_robust(method, fit)[:count, :count], fit.formula_covariance[:count, :count]),
         result,
     )  # fmt: skip
+
+
+def _robust(method: OutputError, fit: SimulationFit) -> np.ndarray:
+    """The covariance that holds for errors that are not white."""
+    return fit.window_covariance if method.covariance == "sandwich" else fit.covariance
 
 
 def _equations(

@@ -7,15 +7,21 @@ Long open loops may be cut into stretches, each with an initial state of its own
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
 from pivident.dynamics.parameters import Parameter
-from pivident.errors import ExperimentError
+from pivident.errors import (
+    ExperimentError,
+    MassMatrixNotPositiveDefinite,
+    SimulationDiverged,
+)
 from pivident.estimation.auxiliary_model import loop_signals
 from pivident.estimation.output_error.stretch import Stretch
+from pivident.estimation.output_error.unknowns import start_directions
 from pivident.estimation.problem import Problem
 from pivident.motion.kinematics import Kinematics
 from pivident.recording.recording import Recording
@@ -24,6 +30,7 @@ from pivident.simulation.control_loop import Loop
 from pivident.simulation.direction import ParametrisedLoop
 from pivident.simulation.feed_forward import with_measured_gravity
 from pivident.simulation.open_loop import OpenLoop
+from pivident.simulation.tangents import tangent_blocks
 
 #: The start is forgotten once its trace in the torque is this share of the torque's standard
 #: deviation.
@@ -32,9 +39,16 @@ FORGOTTEN = 1e-4
 #: Share of a record that may pass until then; a loop that takes longer has its start sought.
 MAX_FORGETTING = 0.2
 
-#: Standard deviations of initial positions and speeds that are sought, as shares of each joint's
-#: range of positions and of its largest speed: far more than a smoothed record is wrong by.
-START_POSITION, START_SPEED = 0.01, 0.1
+#: Standard deviations of initial positions and speeds that are sought, in those of the smoothed
+#: record, σ of the encoder and 2π f50 σ: at its ends a record is known less well than inside.
+START_ERRORS = 10.0
+
+#: The least of them, as a share of range and largest speed.
+LEAST_START = 1e-6
+
+#: Growth of an error of the initial state at which an open loop is cut, and the shortest stretch
+#: [s].
+MAX_GROWTH, MIN_SECONDS = 5.0, 0.5
 
 #: Distance from the measured motion, in ranges of it, and speed, in largest speeds, at which an
 #: open loop counts as diverged.
@@ -80,29 +94,65 @@ def open_stretches(
     kinematics: Sequence[Kinematics],
     seconds: float | None,
 ) -> list[Stretch]:
-    """Stretches driven by the recorded torques, each of at most so many seconds.
+    """Stretches driven by the recorded torques.
+
+    ``seconds``: the longest one; None: it ends where an error of its initial state has grown
+    ``MAX_GROWTH``-fold. An arm under gravity falls away from any motion; beyond that the errors are
+    no smooth function of the unknowns any more.
 
     Raises:
         ExperimentError: the torque is no input: it was not logged at the rate of the simulation.
     """
     stretches = []
     for recording, smooth in zip(problem.recordings, kinematics, strict=True):
-        samples = recording.samples
-        longest = samples if seconds is None else max(round(seconds * recording.rate), 16)
-        count = max(1, -(-samples // longest))
-        edges = np.linspace(0, samples, count + 1).astype(int)
-        for start, stop in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
-            part = recording.part(start, stop)
+
+        def cut(start: int, stop: int, recording=recording, smooth=smooth) -> Stretch:
             span = slice(start, stop)
-            q, dq = smooth.q.T[span], smooth.dq.T[span]
+            part = recording.part(start, stop)
+            own = replace(smooth, q=smooth.q[:, span], dq=smooth.dq[:, span])
+            q, dq = own.q.T, own.dq.T
             signals = _open_signals(part, q, dq)
-            own = ParametrisedLoop(
-                problem.robot, parameters, theta, OpenLoop(), signals, (q[0].copy(), dq[0].copy()),
-                clip=True,
-            )  # fmt: skip
-            cut = replace(smooth, q=smooth.q[:, span], dq=smooth.dq[:, span])
-            stretches.append(replace(_stretch(problem, part, cut, own), tau=None))
+            begin = (q[0].copy(), dq[0].copy())
+            loop = ParametrisedLoop(
+                problem.robot, parameters, theta, OpenLoop(), signals, begin, clip=True
+            )
+            return replace(_stretch(problem, part, own, loop), tau=None)
+
+        samples = recording.samples
+        if seconds is None:
+            edges = _edges_by_growth(cut, samples, recording.rate)
+        else:
+            longest = max(seconds * recording.rate, 16.0)
+            count = max(1, int(np.ceil(samples / min(longest, samples))))
+            edges = np.linspace(0, samples, count + 1).astype(int).tolist()
+        stretches += [cut(*edge) for edge in pairwise(edges)]
     return stretches
+
+
+def _edges_by_growth(cut: Callable[[int, int], Stretch], samples: int, rate: float) -> list[int]:
+    """Samples at which stretches begin and end: where an error of the start has grown too much."""
+    shortest = max(16, round(MIN_SECONDS * rate))
+    edges = [0]
+    while samples - edges[-1] > 2 * shortest:
+        begin = edges[-1]
+        end = begin + max(shortest, _tame(cut(begin, samples).loop))
+        if end + shortest >= samples:
+            break
+        edges.append(end)
+    return [*edges, samples]
+
+
+def _tame(loop: ParametrisedLoop) -> int:
+    """Samples until an error of an initial position has grown ``MAX_GROWTH``-fold."""
+    starts = start_directions(loop.robot.size)[: loop.robot.size]
+    try:
+        for made in tangent_blocks(loop, starts):
+            grown = np.flatnonzero((np.abs(made.q) > MAX_GROWTH).any(axis=(1, 2)))
+            if grown.size:
+                return made.samples.start + int(grown[0])
+    except (SimulationDiverged, MassMatrixNotPositiveDefinite) as error:
+        return int(error.time * float(loop.signals.rate))
+    return len(loop.signals.q_ref)
 
 
 def _open_signals(recording: Recording, q: np.ndarray, dq: np.ndarray) -> LoopSignals:
@@ -152,7 +202,13 @@ def _stretch(
         step = 1
     late = recording.delay * control + step * (recording.torque_timing == "averaged")
     reach, fastest = np.ptp(smooth.q, axis=1), np.abs(smooth.dq).max(axis=1)
-    start_std = np.concatenate([START_POSITION * reach, START_SPEED * fastest]) + 1e-9
+    position, speed = smooth.encoder_std, 2.0 * np.pi * smooth.f50 * smooth.encoder_std
+    start_std = np.concatenate(
+        [
+            START_ERRORS * np.nan_to_num(position) + LEAST_START * reach,
+            START_ERRORS * np.nan_to_num(speed) + LEAST_START * fastest,
+        ]
+    )
     return Stretch(
         recording.name, loop, q, tau, step, round(late), moving, recording.start_time, start_std, 0
     )

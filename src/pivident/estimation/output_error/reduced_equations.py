@@ -11,7 +11,7 @@ that the loop forgets at once cannot go astray.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -64,6 +64,23 @@ class ReducedEquations:
                 gram -= own.gram[:p, p:] @ solved
                 moment -= solved.T @ own.moment[p:]
         return cls(0.5 * (gram + gram.T), moment, tuple(stretches))
+
+    def gain(self, step: np.ndarray) -> float:
+        """By how much a step, with those of the initial states, makes the squares smaller."""
+        gain = 0.0
+        for own in self.stretches:
+            whole = np.concatenate([step, own.start_step(step)])
+            gain += float(2.0 * own.moment @ whole - whole @ own.gram @ whole)
+        return gain
+
+    def damped(self, damping: float) -> ReducedEquations:
+        """With (1 + μ) times the diagonals, initial states included, for shorter steps."""
+        return ReducedEquations.of(
+            [
+                replace(own, gram=own.gram + damping * np.diag(np.diag(own.gram)))
+                for own in self.stretches
+            ]
+        )
 
     def scores_without(self, step: np.ndarray, kept: np.ndarray) -> Jackknife:
         """Windows of time, of the unknowns ``kept`` alone, after a step of all of them.

@@ -40,6 +40,9 @@ PAIRS = 4
 #: Correlation of both errors, in standard errors of none, from which on the covariance counts.
 SIGNIFICANT = 5.0
 
+#: Parts of a record whose means are compared.
+PARTS = 21
+
 #: Samples of the law's response that its gain for white noise is summed over.
 RESPONSE = 2000
 
@@ -71,13 +74,18 @@ def loop_noise(stretch: Stretch) -> np.ndarray:
         gain = float(np.sum(np.diff(response, prepend=0.0) ** 2))
         if gain == 0.0:
             continue
-        by_both = -float(np.mean(through * tau[:, j])) / gain
-        by_torque = float(np.mean(tau[:, j] ** 2)) / gain
-        by_position = 0.5 * float(np.mean(q[:, j] ** 2))
-        size = np.sqrt(np.mean(through**2) * np.mean(tau[:, j] ** 2))
+        by_both = -_mean(through * tau[:, j]) / gain
+        by_torque = _mean(tau[:, j] ** 2) / gain
+        by_position = 0.5 * _mean(q[:, j] ** 2)
+        size = np.sqrt(_mean(through**2) * _mean(tau[:, j] ** 2))
         seen = by_both * gain * np.sqrt(len(tau)) > SIGNIFICANT * size
         out[j] = np.sqrt(by_both if seen else min(by_torque, by_position))
     return out
+
+
+def _mean(x: np.ndarray) -> float:
+    """The mean, as the median of those of parts of the record: bursts do not count."""
+    return float(np.median([part.mean() for part in np.array_split(x, PARTS)]))
 
 
 def shaking(

@@ -19,6 +19,7 @@ from pivident.estimation.output_error.thinning import Thinning, means_at
 from pivident.estimation.output_error.unknowns import Unknown, start_directions
 from pivident.scratch import working_array
 from pivident.simulation.direction import Direction
+from pivident.simulation.open_loop import OpenLoop
 from pivident.simulation.tangents import TANGENT_BLOCK, TangentBlock, tangent_blocks
 from pivident.threads import run_in_threads
 
@@ -40,6 +41,7 @@ class SimulatedErrors:
     columns: np.ndarray
     used: np.ndarray  # rows that count, shape (channels, joints, rows)
     rate: float  # rows per second [Hz]
+    size: np.ndarray  # largest measured value, shape (channels, joints)
     mean_square: np.ndarray  # of e before thinning, shape (2, joints): positions, torques
 
 
@@ -72,35 +74,46 @@ def _of_stretch(
     """Errors and derivatives of one stretch."""
     n, directions = stretch.loop.robot.size, [u.direction for u in unknowns]
     starts = [] if stretch.start_std is None else start_directions(n)
+    # what a closed loop forgets soon is carried by a run of its own, which ends there
+    apart = bool(starts) and not isinstance(stretch.loop.controller, OpenLoop)
+    carried = directions if apart else [*directions, *starts]
     thinning = Thinning(factor)
-    rows, count = thinning.rows(stretch.samples), len(directions)
+    rows, count = thinning.rows(stretch.samples), len(carried)
     errors = np.empty((len(channels), n, rows))
-    columns = working_array((len(channels), n, count + len(starts), rows))
+    columns = working_array((len(channels), n, len(directions) + len(starts), rows))
     columns[:, :, count:] = 0.0
     squares = np.full((2, n), np.nan)
     both = [POSITIONS, TORQUES] if stretch.tau is not None else [POSITIONS]
     squares[both] = 0.0
     done = 0
     reading = _Reading(stretch)
-    for error, slopes in reading.blocks(directions, factor, both):
+    for error, slopes in reading.blocks(carried, factor, both):
         for channel in both:
             squares[channel] += (error[channel] ** 2).sum(axis=0)
         stack = np.stack(
-            [np.concatenate([error[c][..., None], slopes[c]], -1) for c in channels], 1
+            [np.concatenate([error[c][..., None], slopes[c]], axis=-1) for c in channels], axis=1
         )
         thin = thinning.process(np.ascontiguousarray(stack))
         span = slice(done, done + len(thin))
         errors[:, :, span] = thin[..., 0].transpose(1, 2, 0)
         columns[:, :, :count, span] = thin[..., 1:].transpose(1, 2, 3, 0)
         done = span.stop
-    if starts:
+    if apart:
         _add_starts(reading, starts, channels, factor, columns[:, :, count:])
     moving = means_at(stretch.moving.astype(float), factor).T > 0.5
     used = np.stack([np.ones((n, rows), bool) if c == POSITIONS else moving for c in channels])
     used[:, :, : -(-stretch.first // factor)] = False
-    return SimulatedErrors(
-        errors, columns, used, stretch.rate / factor, squares / max(stretch.samples, 1)
-    )
+    size = np.array([np.abs(_measured(stretch, c)).max(axis=0) for c in channels])
+    mean_square = squares / max(stretch.samples, 1)
+    return SimulatedErrors(errors, columns, used, stretch.rate / factor, size, mean_square)
+
+
+def _measured(stretch: Stretch, channel: int) -> np.ndarray:
+    """Measured positions or torques."""
+    if channel == POSITIONS:
+        return stretch.q
+    assert stretch.tau is not None
+    return stretch.tau
 
 
 def _add_starts(

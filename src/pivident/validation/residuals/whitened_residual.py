@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.estimation.identification import Identification
-from pivident.estimation.methods import AutoRegressive, PrefilteredIV
+from pivident.estimation.methods import PrefilteredIV
+from pivident.estimation.noise_options import AutoRegressive
 
 #: Results with a smaller probability count as significant. There are as many tests as joints, so
 #: one in twenty would be too often a false alarm.

@@ -1,0 +1,209 @@
+"""CLOE, CLIE, ML and OLOE of records whose truth is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import pivident as pv
+from pivident.dynamics.forward import make_model
+from pivident.errors import ExperimentError, RankDeficientRegressor
+from pivident.estimation.identify import identify
+from pivident.estimation.methods import METHODS, OutputError
+from pivident.estimation.output_error import fit
+from pivident.experiment.simulated_tx40 import tx40_scenario
+from pivident.simulation.closed_loop import simulate
+from pivident.simulation.controllers import PD
+from tests.estimation.output_error.arms import (
+    RATE,
+    SAMPLES,
+    problem,
+    reference,
+    signals,
+    truth,
+)
+from tests.planar_arm import LAW, nominal_parameters
+
+
+@pytest.mark.parametrize("name", ["cloe", "clie", "ml", "oloe"])
+def test_intervals_contain_the_truth(name):
+    found = [identify(problem(seed), name) for seed in range(3)]
+    z = np.array([(f.theta - truth(f.names)) / f.std for f in found])
+    assert all(f.converged for f in found)
+    # 39 numbers, 95 % of them within two
+    assert np.mean(np.abs(z) < 2.0) > 0.85 and np.abs(z).max() < 5.0
+    assert np.sqrt(np.mean(z**2)) > 0.3  # intervals are not wide for nothing
+    assert found[0].method == {"oloe": "OLOE"}.get(name, name.upper())
+    assert not [w for w in found[0].warnings if w.topic in ("law", "simulation")]
+
+
+def test_positions_and_torques_of_one_loop_agree_with_piv():
+    one = problem()
+    piv, ml = identify(one, "piv"), identify(one, "ml")
+    error = np.abs(piv.theta - ml.theta) / np.hypot(piv.std, ml.std)
+    assert (error < 4.0).all()
+    assert ml.simulation is not None
+    noise = np.sqrt(np.mean((one.recordings[0].q - reference()) ** 2, axis=0))
+    assert (ml.simulation.position_rms < 0.01 * noise).all()
+
+
+@pytest.mark.parametrize(
+    ("law", "named"),
+    [
+        (PD(LAW.kp * [1.03, 1.0], LAW.kd), "kp1 = 6180"),
+        (PD(LAW.kp, LAW.kd * [1.0, 1.05]), "kd2 = 63"),
+    ],
+)
+@pytest.mark.parametrize("name", ["cloe", "ml"])
+def test_a_gain_that_the_record_contradicts_is_named(law, named, name):
+    found = identify(problem(law=law), name)
+    wrong = [w for w in found.warnings if w.kind == "wrong gain"]
+    assert len(wrong) == 1 and named in wrong[0].message
+    declared, change = wrong[0].evidence["declared"].value, wrong[0].evidence["change"].value
+    right = 6000.0 if "kp" in named else 60.0
+    assert declared * (1.0 + change / 100.0) == pytest.approx(right, rel=3e-3)
+
+
+def test_a_drive_gain_that_the_torques_contradict_is_named():
+    found = identify(problem(drive_gain=(1.1, 1.0)), "ml")
+    (wrong,) = [w for w in found.warnings if w.kind == "wrong gain"]
+    assert wrong.subject == "drive_gain1"
+    assert wrong.evidence["change"].value == pytest.approx(10.0, abs=1.5)
+
+
+def test_gains_are_identified_where_they_are_free():
+    method = OutputError("both", free=("kp", "kd2"))
+    found = identify(problem(law=PD(LAW.kp * [1.03, 1.0], LAW.kd)), method)
+    assert found.simulation is not None
+    gains = {p.name: p for p in found.simulation.loop_parameters}
+    assert list(gains) == ["kp1", "kp2", "kd2"]
+    for name, right in (("kp1", 6000.0), ("kp2", 2500.0), ("kd2", 60.0)):
+        assert abs(gains[name].value - right) < 4.0 * gains[name].std < 0.01 * right
+    assert gains["kp1"].unit == "output/rad" and gains["kd2"].unit == "output s/rad"
+    assert not [w for w in found.warnings if w.topic == "law"]
+
+
+def delayed(seconds: float, declared: float = 0.0) -> pv.Problem:
+    """A record whose drives answer late."""
+    base, theta = nominal_parameters()
+    noise = 2e-6 * np.random.default_rng(5).standard_normal(reference().shape)
+    loop = replace(signals(drive_delay=seconds), noise=noise)
+    made = simulate(make_model(base.robot, base.parameters, theta), LAW, loop, ("1", "2"))
+    recording = pv.Recording.from_arrays(
+        made.q + noise,
+        made.command,
+        RATE,
+        joint_names=base.robot.joint_names,
+        q_ref=reference(),
+        drive_delay=declared,
+    )
+    return pv.Problem(base.robot, (recording,), pv.Loop(LAW))
+
+
+@pytest.mark.parametrize("compares", ["positions", "both"])
+def test_a_delay_is_named_or_found(compares):
+    wrong = [w for w in identify(delayed(6e-4), OutputError(compares)).warnings]
+    (late,) = [w for w in wrong if w.kind == "wrong delay"]
+    assert late.evidence["delay"].value == pytest.approx(6e-4, rel=0.05)
+    found = identify(delayed(6e-4), OutputError(compares, free=("delay",)))
+    assert found.simulation is not None
+    (delay,) = found.simulation.loop_parameters
+    assert abs(delay.value - 6e-4) < 4.0 * delay.std < 3e-5
+    z = (found.theta - truth(found.names)) / found.std
+    assert np.mean(np.abs(z) < 2.0) > 0.75 and np.abs(z).max() < 5.0
+
+
+def test_noise_in_the_loop_does_not_bias_friction(monkeypatch):
+    # noise that shakes the joints at their reversals makes friction seem smaller, by many standard
+    # errors; a simulation without noise does not know of it
+    own, true = tx40_scenario("fine", 0)
+    z = {}
+    for name in ("with", "without"):
+        if name == "without":
+            monkeypatch.setattr(fit, "loop_noise", lambda own: np.zeros(own.loop.robot.size))
+        made = identify(own, "cloe")
+        z[name] = (made.theta - [true[p.name] for p in made.parameters]) / made.std
+    friction = [k for k, p in enumerate(made.parameters) if p.stem in ("fc", "fv")]
+    assert np.abs(z["without"][friction]).max() > 3.5
+    assert np.abs(z["with"][friction]).max() < 2.8
+    assert np.sum(z["with"] ** 2) < 0.5 * np.sum(z["without"] ** 2)
+
+
+def test_an_open_loop_may_be_cut_into_segments():
+    found = identify(problem(), replace(METHODS["oloe"], segment=1.0))
+    z = (found.theta - truth(found.names)) / found.std
+    assert found.converged and np.mean(np.abs(z) < 2.0) > 0.7
+    assert found.loop is None
+
+
+def test_bounds_of_a_friction_that_is_not_there():
+    found = identify(problem(), OutputError("positions", bounds={"fv2": (0.0, 0.5), "zz2": (0, 9)}))
+    assert found.simulation is not None
+    true = truth(("fv2",))[0]
+    if true > 0.5:
+        assert found.simulation.at_bound == ("fv2",)
+        (warning,) = [w for w in found.warnings if w.kind == "at bound"]
+        low, high = warning.evidence["fv2"].interval
+        assert high == pytest.approx(0.5) and low < high
+        assert "one side" in warning.message
+
+
+def test_scale_that_positions_do_not_know():
+    free = OutputError("positions", free=("drive_gain",))
+    with pytest.raises(RankDeficientRegressor, match="drive_gain"):
+        identify(problem(), free)
+    found = identify(problem(), replace(free, undetermined="hold"))
+    assert found.simulation is not None and len(found.simulation.held) == 1
+    (warning,) = [w for w in found.warnings if w.kind == "undetermined"]
+    assert found.simulation.held[0] in warning.message
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"compares": "speeds"}, "compares is 'speeds'"),
+        ({"loop": "open"}, "only positions can be compared"),
+        ({"segment": 2.0}, "cuts the records of an open loop"),
+        ({"bandwidth": 0.0}, "bandwidth is 0"),
+        ({"loss": "absolute"}, "loss is 'absolute'"),
+        ({"undetermined": "drop"}, "undetermined is 'drop'"),
+        ({"tolerance": 2.0}, "tolerance must lie between 0 and 1"),
+    ],
+)
+def test_options_that_mean_nothing_are_refused(options, message):
+    with pytest.raises(ExperimentError, match=message):
+        OutputError(**options)
+
+
+@pytest.mark.parametrize(
+    ("method", "message"),
+    [
+        (OutputError(free=("kpp",)), r"free names 'kpp'.*kp"),
+        (OutputError(free=("ki3",)), r"free names 'ki3'"),
+        (OutputError(bounds={"fv9": (0.0, 1.0)}), r"bounds names 'fv9'.*not sought"),
+        (OutputError(bounds={"fv1": (1.0, 0.0)}), r"bounds of fv1 are 1 and 0"),
+    ],
+)
+def test_unknowns_that_there_are_not_are_refused(method, message):
+    with pytest.raises(ExperimentError, match=message):
+        identify(problem(samples=1500), method)
+
+
+def test_what_is_no_closed_loop_is_refused():
+    own = problem(samples=1500)
+    with pytest.raises(ExperimentError, match=r"simulates the closed loop.*oloe"):
+        identify(replace(own, loop=None), "cloe")
+    virtual = pv.Loop(LAW, reference="smoothed")
+    with pytest.raises(ExperimentError, match="the measurement itself takes its place"):
+        identify(replace(own, loop=virtual), "ml")
+
+
+def test_several_records_share_the_parameters():
+    parts = problem(samples=SAMPLES)
+    whole = identify(parts, "cloe")
+    one = parts.recordings[0]
+    halves = (one.part(0, SAMPLES // 2), one.part(SAMPLES // 2, SAMPLES))
+    named = (replace(halves[0], name="first"), replace(halves[1], name="second"))
+    found = identify(replace(parts, recordings=named), "cloe")
+    z = (found.theta - whole.theta) / np.hypot(found.std, whole.std)
+    assert (np.abs(z) < 4.0).all() and found.converged
