@@ -17,6 +17,7 @@ from pivident.logs.bags.decompression import unpacked
 from pivident.logs.tables.read_csv import read_csv_forgiving
 from pivident.logs.tables.tables import read_table
 from pivident.many.batch.results_folder import ResultsFolder
+from pivident.robot.gallery import load_robot
 from pivident.tables.columns import Table
 from tests.planar_log import write_experiment
 
@@ -151,6 +152,11 @@ def dask_door(folder):
         pass
 
 
+def mujoco_door(folder):
+    (folder / "arm.xml").write_text("<mujoco/>")
+    load_robot(folder / "arm.xml")
+
+
 DOORS = {
     "sympy": sympy_door,
     "matplotlib": matplotlib_door,
@@ -162,6 +168,7 @@ DOORS = {
     "h5py": h5py_door,
     "lz4": lz4_door,
     "coal": coal_door,
+    "mujoco": mujoco_door,
     "dask": dask_door,
     "distributed": dask_door,
 }

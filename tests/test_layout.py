@@ -20,14 +20,14 @@ ORDER = (
     "friction_laws", "friction", "models",
     "model_errors", "experiment", "audit", "diagnostics", "check", "init",
     "report", "comparison", "prediction", "figures", "tables", "notebook",
-    "linear", "symbolic", "export", "payload", "flexibility", "collision", "excitation",
-    "many", "paper", "cli", "__main__",
+    "linear", "symbolic", "export", "simulators", "payload", "flexibility", "collision",
+    "excitation", "many", "paper", "cli", "__main__",
 )  # fmt: skip
 
 #: Doors that can be closed: no package before the command line imports them.
 DOORS = (
-    "linear", "symbolic", "export", "payload", "flexibility", "collision", "excitation", "many",
-    "paper",
+    "linear", "symbolic", "export", "simulators", "payload", "flexibility", "collision",
+    "excitation", "many", "paper",
 )  # fmt: skip
 
 #: 6,000, loops whose law reads whole counts, iterations that go back and forth, noise of the

@@ -116,6 +116,6 @@ def test_what_is_not_there(tmp_path, monkeypatch):
         "fleet": ["a"], "flexibility": ["a.toml"], "friction": ["a.toml"], "gains": ["a.toml"],
         "laws": ["a.toml"], "payload": ["a.toml"], "robots": ["a"], "study": ["a.toml"],
         "symbolic": ["a.toml"], "check": ["a.toml"], "identify": ["a.toml"], "audit": ["a.csv"],
-        "init": ["a.csv", "--robot", "emps"],
+        "init": ["a.csv", "--robot", "emps"], "fit-simulator": ["a.toml"],
     }  # fmt: skip
     assert {name: run(name, *words) for name, words in absent.items()} == dict.fromkeys(absent, 1)

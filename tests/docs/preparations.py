@@ -138,6 +138,13 @@ def payload_logs() -> None:
     assert main(["identify", "empty.toml", "-m", "ls", "--folds", "0", "--out", "results"]) == 0
 
 
+def suspended_leg() -> None:
+    """`log.csv` of a leg that MuJoCo simulated, its `leg.xml` without friction, and `leg.toml`."""
+    from tests.simulators.leg import write_leg
+
+    write_leg(Path())
+
+
 def flexible_log() -> None:
     """The log of an axis with both encoders, and `my_robot.toml`."""
     from tests.cli.test_flexibility import write

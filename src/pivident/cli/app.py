@@ -24,6 +24,7 @@ from pivident.cli.consistent import consistent
 from pivident.cli.console import error_line, note
 from pivident.cli.excite import excite
 from pivident.cli.export import export
+from pivident.cli.fit_simulator import fit_simulator
 from pivident.cli.fleet import fleet
 from pivident.cli.flexibility import flexibility
 from pivident.cli.friction import friction
@@ -71,6 +72,7 @@ app.command(laws)
 app.command(compare)
 app.command(consistent)
 app.command(payload)
+app.command(fit_simulator)
 app.command(predict)
 app.command(export)
 app.command(symbolic)

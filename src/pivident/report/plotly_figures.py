@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -100,6 +101,22 @@ def compared_figure(
     label = f"{what} torque of {name} over {format_significant(own[-1])} s"
     label += f": {note}" if note else ""
     return Figure(plot, 250, name, label, note, recording="log", start=float(t[0]))
+
+
+def errors_figure(
+    name: str, unit: str, t: np.ndarray, errors: Mapping[str, np.ndarray], points: int, note: str
+) -> Figure:
+    """Errors of one joint's position over time, one line for each of several models.
+
+    ``errors``: by the model's name, each (samples,) [unit]; the first is drawn below the others.
+    """
+    plot, own = empty_plot(f"position error [{unit}]"), t - t[0]
+    plot.update(xaxis={"title": {"text": "time [s]"}})
+    for k, (model, error) in enumerate(errors.items()):
+        shade = MEASURED if k == 0 else colour(k - 1)
+        plot.data.append(_line(own, error, points, model, shade, width=1.2))
+    label = f"Position error of {name} over {format_significant(own[-1])} s: {note}"
+    return Figure(plot, 230, name, label, note, recording="log", start=float(t[0]))
 
 
 def _torque_plot(unit: str) -> Plot:

@@ -1,0 +1,66 @@
+"""The command ``pivident fit-simulator``: joints of a simulator from positions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+from pivident.cli.console import Progress, note
+
+
+def fit_simulator(
+    file: Path,
+    /,
+    *,
+    to: Literal["mjcf", "urdf", "isaac"] = "mjcf",
+    free: list[str] | None = None,
+    held_out: float = 0.25,
+    out: Path | None = None,
+) -> int:
+    """Fit the joints of a simulator to a log of positions: no torque is needed.
+
+    Armature, damping, dry friction and encoder bias of each joint and one delay of the torques
+    are fitted with the gains of [controller]; the links keep their inertias. The file that is
+    written is simulated by MuJoCo on motion that the fit has not seen.
+
+    Parameters
+    ----------
+    file
+        The experiment file: robot (MJCF or URDF), [recording] with q_ref, and [controller].
+    to
+        mjcf, urdf, or isaac: actuators of Isaac Lab.
+    free
+        What is fitted: armature, damping, frictionloss, bias, delay, kp, kd. Default: the first
+        five.
+    held_out
+        Share of the recordings at their end for the judgement, where the file has no
+        [[validation.recording]]; 0: none.
+    out
+        Folder for the results. Default: NAME-simulator for NAME.toml.
+    """
+    from pivident.experiment.experiment import load_experiment
+    from pivident.extras import is_installed
+    from pivident.files import check_output
+    from pivident.robot.mjcf_model import mujoco_library
+    from pivident.simulators.joint_quantities import DEFAULT_QUANTITIES
+    from pivident.simulators.simulator_files import file_name, save_simulator
+    from pivident.simulators.simulator_table import simulator_of
+    from pivident.simulators.simulator_text import simulator_text
+
+    mujoco_library("fitting a simulator")
+    folder = out or file.with_name(f"{file.stem}-simulator")
+    check_output(folder)
+    experiment = load_experiment(file)
+    with Progress() as progress:
+        fit, robot, judged = simulator_of(
+            experiment, to, folder, free or DEFAULT_QUANTITIES, held_out, progress.say
+        )
+        progress.say("writing the results")
+        drawn = is_installed("plotly")
+        save_simulator(fit, robot, judged, folder, page=drawn)
+    print(simulator_text(fit, judged))
+    for sentence in robot.differences:
+        note(f"{sentence}.")
+    page = ", simulator.html" if drawn else ""
+    print(f"\nFiles: {folder / file_name(robot)}, simulator.csv, simulator.json{page}")
+    return 0 if fit.converged else 3

@@ -1,0 +1,126 @@
+"""The error of a simulator, before and after, on motion that the fit has not seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pivident.estimation.auxiliary_model import loop_signals
+from pivident.recording.recording import Recording
+from pivident.robot.description import Robot
+from pivident.robot.mjcf_model import read_spec
+from pivident.robot.naming import URDF_FILES
+from pivident.simulation.control_loop import Loop
+from pivident.simulation.feed_forward import with_measured_gravity
+from pivident.simulators.fit_simulator import WARM_UP, fitted_controller
+from pivident.simulators.mujoco_replay import Replay, fine_settings, held_spec, replay
+from pivident.simulators.simulator_fit import SimulatorFit
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOut:
+    """Positions that MuJoCo gives beside those that were measured.
+
+    Attributes:
+        name: of the motion.
+        robot: whose joints they are.
+        t: time of each sample [s], shape (samples,).
+        q: measured positions, shape (samples, joints) [rad or m].
+        before: simulated with the description as it came, likewise; NaN where it diverged.
+        after: simulated with the fitted file, delay and bias.
+        as_written: likewise, with the time step and integrator of the file.
+        file_step: time step of the file [s].
+        first: first sample that counts.
+    """
+
+    name: str
+    robot: Robot
+    t: np.ndarray
+    q: np.ndarray
+    before: np.ndarray
+    after: np.ndarray
+    as_written: np.ndarray
+    file_step: float
+    first: int
+
+    def rms(self) -> dict[str, np.ndarray]:
+        """Root mean square of the errors by title, each (joints,) [rad or m]."""
+        made = {
+            "before": self.before,
+            "after": self.after,
+            f"after, {1e3 * self.file_step:g} ms steps": self.as_written,
+        }
+        return {
+            title: np.sqrt(np.mean((self.q - own)[self.first :] ** 2, axis=0))
+            for title, own in made.items()
+        }
+
+    def sentences(self) -> list[str]:
+        """What the columns mean."""
+        return [
+            "before: the description as it came; after: the written file, with the fitted delay "
+            "and bias, both in Runge–Kutta steps of 0.1 ms with friction that stops a joint within "
+            f"a step; the last column has the file's own integrator and {1e3 * self.file_step:g} "
+            "ms steps"
+        ]
+
+
+def held_out_errors(
+    fit: SimulatorFit,
+    loop: Loop,
+    recording: Recording,
+    original: Path,
+    written: Path,
+    frozen: dict[str, float],
+    warm_up: float = WARM_UP,
+) -> HeldOut:
+    """Simulate a recording with MuJoCo, with the description as it came and with the fitted file.
+
+    Args:
+        fit: what was fitted.
+        loop: law and gains of the record.
+        recording: motion that the fit has not seen.
+        original: the description that the fit started from.
+        written: file of the fitted robot, MJCF or URDF; what URDF has no place for is taken from
+            the fit.
+        frozen: positions of joints that are held [rad or m], by name.
+        warm_up: time that does not count [s].
+
+    Raises:
+        RobotDescriptionError: MuJoCo refuses a file.
+        ExperimentError: a law that is no sampled law of single joints.
+    """
+    names = fit.robot.joint_names
+    speed = np.gradient(recording.q, axis=0) * recording.rate
+    signals, _ = loop_signals(fit.robot, loop, recording, recording.q, speed)
+    controller = with_measured_gravity(
+        loop.controller, fit.robot, loop.drive_gain, loop.feed_forward
+    )
+    step = round(recording.control_rate / recording.rate)
+    period = 1.0 / recording.control_rate
+    given = Replay(controller, signals, recording.q, step)
+    fitted = Replay(fitted_controller(fit, controller, loop), signals, recording.q, step)
+    none, specs = np.zeros(len(names)), []
+    for path in (original, written):
+        spec = read_spec(path)
+        if path.name.endswith(URDF_FILES):
+            spec.option.gravity = np.array(fit.robot.gravity, dtype=float)
+        if path == written and path.name.endswith(URDF_FILES):
+            for joint in spec.joints:
+                joint.armature = fit.value("armature", joint.name, joint.armature)
+        specs.append(held_spec(spec, names, frozen))
+    late = recording.drive_delay if fit.delay is None else fit.delay.value
+    file_step = float(specs[1].option.timestep)
+    return HeldOut(
+        name=recording.name,
+        robot=fit.robot,
+        t=recording.t,
+        q=recording.q,
+        before=replay(fine_settings(specs[0], period), names, given, recording.drive_delay, none),
+        after=replay(fine_settings(specs[1], period), names, fitted, late, fit.bias),
+        as_written=replay(specs[1], names, fitted, late, fit.bias),
+        file_step=min(file_step, period),
+        first=round(warm_up * recording.rate),
+    )
