@@ -114,7 +114,7 @@ def errors_figure(
     plot.update(xaxis={"title": {"text": "time [s]"}})
     for k, (model, error) in enumerate(errors.items()):
         shade = MEASURED if k == 0 else colour(k - 1)
-        plot.data.append(_line(own, error, points, model, shade, width=1.2))
+        plot.data.append(line(own, error, points, model, shade, width=1.2))
     label = f"Position error of {name} over {format_significant(own[-1])} s: {note}"
     return Figure(plot, 230, name, label, note, recording="log", start=float(t[0]))
 
