@@ -25,8 +25,8 @@ def text_with(old: str, new: str) -> str:
 
 
 def test_every_command_is_in_the_table():
-    rows = re.findall(r"^\| (`[a-z]+`(?:, `[a-z]+`)*) \| .* \|$", PAGE, flags=re.MULTILINE)
-    listed = [name for row in rows for name in re.findall(r"`(\w+)`", row)]
+    rows = re.findall(r"^\| (`[a-z-]+`(?:, `[a-z-]+`)*) \| .* \|$", PAGE, flags=re.MULTILINE)
+    listed = [name for row in rows for name in re.findall(r"`([\w-]+)`", row)]
     commands = [name for name in app if not name.startswith("-")]
     assert sorted(listed) == sorted(commands)
 

@@ -122,11 +122,14 @@ def initial_state(
 def is_on_path(friction: FrictionTable) -> bool:
     """Whether friction is integrated by the scheme of ``path_integration``.
 
-    Powers of the speed have the kinks that it looks out for, too. The kink of one-sided viscous
-    friction is small beside the step of dry friction at standstill, and ``integration`` sees both.
+    Powers of the speed and one-sided viscous friction have the kinks that it looks out for, too.
     """
-    powers = friction.term_index[:, 1] == FrictionColumn.POWER
-    return bool(len(friction.path_index) or powers.any())
+    kinked = (
+        FrictionColumn.POWER,
+        FrictionColumn.VISCOUS_POSITIVE,
+        FrictionColumn.VISCOUS_NEGATIVE,
+    )
+    return bool(len(friction.path_index) or np.isin(friction.term_index[:, 1], kinked).any())
 
 
 def path_arguments(

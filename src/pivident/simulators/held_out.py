@@ -29,8 +29,8 @@ class HeldOut:
         t: time of each sample [s], shape (samples,).
         q: measured positions, shape (samples, joints) [rad or m].
         before: simulated with the description as it came, likewise; NaN where it diverged.
-        after: simulated with the fitted file, delay and bias.
-        as_written: likewise, with the time step and integrator of the file.
+        after: simulated with the fitted file, delay and bias, shape (samples, joints) [rad or m].
+        as_written: likewise, shape (samples, joints) [rad or m], with the time step and integrator of the file.
         file_step: time step of the file [s].
         first: first sample that counts.
     """
@@ -87,6 +87,9 @@ def held_out_errors(
             the fit.
         frozen: positions of joints that are held [rad or m], by name.
         warm_up: time that does not count [s].
+
+    Returns:
+        Measured and simulated positions.
 
     Raises:
         RobotDescriptionError: MuJoCo refuses a file.

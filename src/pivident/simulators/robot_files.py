@@ -162,7 +162,20 @@ def isaac_actuators(fit: SimulatorFit, physics_step: float | None = None) -> Rob
 
 
 def fitted_file(fit: SimulatorFit, to: str, original: Path, folder: Path) -> RobotFile:
-    """The file of a format; see the functions of this module."""
+    """Write a fit into a simulator's file.
+
+    Args:
+        fit: the fit.
+        to: ``mjcf``, ``urdf`` or ``isaac``.
+        original: the description that the fit started from.
+        folder: where the file will lie.
+
+    Returns:
+        The content of the file and what it leaves out.
+
+    Raises:
+        ExportError: no such format, or a description that cannot be written back.
+    """
     if to not in ENDINGS:
         raise ExportError(f"there is no format {to!r}; choose one of {', '.join(ENDINGS)}")
     if to == "isaac":

@@ -80,7 +80,16 @@ class SimulatorFit:
         return {v.joint: v for v in self.values if v.quantity == quantity}
 
     def value(self, quantity: str, joint: str = "", default: float = 0.0) -> float:
-        """One value, or the default where it was not fitted."""
+        """One value, or the default where it was not fitted.
+
+        Args:
+            quantity: such as ``armature``.
+            joint: name of the joint; empty for what all joints share.
+            default: the value otherwise.
+
+        Returns:
+            The value in its unit.
+        """
         found = self.of(quantity).get(joint)
         return default if found is None else found.value
 
