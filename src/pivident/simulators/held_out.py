@@ -30,7 +30,7 @@ class HeldOut:
         q: measured positions, shape (samples, joints) [rad or m].
         before: simulated with the description as it came, likewise; NaN where it diverged.
         after: simulated with the fitted file, delay and bias, shape (samples, joints) [rad or m].
-        as_written: likewise, shape (samples, joints) [rad or m], with the time step and integrator of the file.
+        as_written: likewise, shape (samples, joints) [rad or m], by the file's step and integrator.
         file_step: time step of the file [s].
         first: first sample that counts.
     """
