@@ -7,8 +7,8 @@
     python -m benchmarks.mujoco_sysid unidentifiable
 
 Both start from the same wrong file. Draws of the noise after the first start the other program at
-the truth, which spares it the search and, with residuals weighted by the true noise, does not change
-where it ends.
+the truth, which spares it the search and, with residuals weighted by the true noise, does not
+change where it ends.
 """
 
 from __future__ import annotations
