@@ -5,6 +5,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from pivident.errors import IdentificationError, RankDeficientRegressor, SimulationDiverged
+from pivident.estimation.output_error import fit as fit_module
 from pivident.estimation.output_error.fit import FitOptions, fit_simulation
 from pivident.estimation.output_error.simulated_errors import (
     POSITIONS,
@@ -139,3 +140,16 @@ def test_outliers_weigh_little_with_hubers_loss():
     )
     error = [np.linalg.norm((f.values - true) / true) for f in (plain, robust)]
     assert error[1] < 0.3 * error[0]
+
+
+def test_a_fit_that_gets_stuck_has_not_converged(monkeypatch):
+    # derivatives promise smaller errors, but no step delivers them
+    _, theta = nominal_parameters()
+
+    def stuck(search, point, solved, damping):
+        return np.zeros_like(solved.step), 0, damping, None
+
+    monkeypatch.setattr(fit_module._Search, "_advance", stuck)
+    sought = unknowns("zz1", "fv1")
+    start = with_values(loop(theta, samples=1500), sought, 1.2 * truth(("zz1r", "fv1")))
+    assert not fit_simulation([stretch(start, noise=1e-6)], sought, PLAIN).converged

@@ -145,8 +145,8 @@ class _Search:
             step, refused, damping, reached = self._advance(point, solved, damping)
             history.append(self._pass(point, replace(solved, step=step), change, refused))
             say(_line(history))
-            if reached is None:  # what is left to gain is rounding
-                converged = True
+            if reached is None:  # no step gains any more; derivatives may still promise much
+                converged = solved.gain <= max(WITHIN_NOISE, LITTLE * solved.cost)
                 break
             point = reached
         stretches = [self._moved(k, point.values, own) for k, own in enumerate(point.starts)]
