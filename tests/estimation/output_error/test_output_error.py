@@ -7,6 +7,7 @@ import pytest
 
 import pivident as pv
 from pivident.dynamics.forward import make_model
+from pivident.dynamics.regressor import Regressor
 from pivident.errors import (
     ExperimentError,
     RankDeficientRegressor,
@@ -84,6 +85,31 @@ def test_gains_are_identified_where_they_are_free():
         assert abs(gains[name].value - right) < 4.0 * gains[name].std < 0.01 * right
     assert gains["kp1"].unit == "output/rad" and gains["kd2"].unit == "output s/rad"
     assert not [w for w in found.warnings if w.topic == "law"]
+
+
+def test_constants_that_were_sought_are_those_of_the_resulting_robot():
+    one = problem()
+    true = [joint.friction.slopes[0] for joint in one.robot.joints]
+    joints = tuple(
+        replace(joint, friction=joint.friction.with_shapes({"gamma": 100.0}))
+        for joint in one.robot.joints
+    )
+    wrong = replace(one, robot=replace(one.robot, joints=joints))
+    found = identify(wrong, OutputError("positions", free=("gamma",)))
+    assert found.simulation is not None
+    for own, joint, right in zip(
+        found.simulation.loop_parameters, found.robot.joints, true, strict=True
+    ):
+        assert joint.friction.slopes[0] == own.value
+        assert abs(own.value - right) < 4.0 * own.std < 0.05 * right
+    # torques of the result are those of the true arm, which other constants would not give
+    rng = np.random.default_rng(0)
+    q, dq, ddq = rng.standard_normal((3, 50, 2)) * [[[1.0]], [[5e-3]], [[1.0]]]
+    base, theta = nominal_parameters()
+    expected = Regressor.build(base.robot, base.parameters).torque(q, dq, ddq, theta)
+    np.testing.assert_allclose(found.predict(q, dq, ddq), expected, atol=0.02)
+    stale = Regressor.build(wrong.robot, wrong.regressor.parameters)
+    assert np.abs(stale.torque(q, dq, ddq, found.theta) - expected).max() > 0.2
 
 
 def delayed(seconds: float, declared: float = 0.0) -> pv.Problem:

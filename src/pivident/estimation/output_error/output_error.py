@@ -12,6 +12,8 @@ The price is that of DIDIM: where model, law or reference are wrong, so is the s
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from pivident.errors import (
@@ -152,6 +154,7 @@ def _explain(problem: Problem, error: IdentificationError) -> None:
 
 def _identification(signals: Signals, method: OutputError, fit: SimulationFit) -> Identification:
     """The answer, with the torque equations at the estimate beside the simulation's."""
+    signals = _with_constants(signals, fit)
     problem = signals.problem
     count = len(problem.names)
     theta = fit.values[:count]
@@ -172,6 +175,16 @@ def _identification(signals: Signals, method: OutputError, fit: SimulationFit) -
         Covariances(_robust(method, fit)[:count, :count], fit.formula_covariance[:count, :count]),
         result,
     )  # fmt: skip
+
+
+def _with_constants(signals: Signals, fit: SimulationFit) -> Signals:
+    """The problem of the robot whose friction has the constants that were sought with it.
+
+    The parameters of a friction law mean nothing with other constants than those they came with.
+    """
+    if all(own.direction.kind != "shape" for own in fit.unknowns):
+        return signals
+    return replace(signals, problem=replace(signals.problem, robot=fit.stretches[0].loop.robot))
 
 
 def _robust(method: OutputError, fit: SimulationFit) -> np.ndarray:
