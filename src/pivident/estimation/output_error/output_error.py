@@ -266,11 +266,11 @@ def _bound(own: Unknown, fit: SimulationFit, k: int) -> Finding:
         f"{own.name} is at its {'lower' if side == 'low' else 'upper'} bound; its interval has one "
         "side."
     )
-    step = (
-        "Zero friction or less means that the law of friction, or the description, lacks something."
-        if value == 0.0 and own.direction.kind == "parameter"
-        else "Widen the bound if the value beyond it is possible."
-    )
+    step = "Widen the bound if the value beyond it is possible."
+    if value == 0.0 and own.direction.kind == "parameter":
+        step = "The law of friction, or the description, lacks something if it would be negative."
+    elif value == 0.0 and own.direction.kind == "delay":
+        step = "The record shows no delay; leave it out of free."
     interval = (value, value + 2.0 * std) if side == "low" else (value - 2.0 * std, value)
     evidence = {own.name: Quantity(value, own.unit, bound=value, interval=interval)}
     return Finding("warning", "simulation", "at bound", text, own.name, step, evidence)
