@@ -42,7 +42,7 @@ MAX_LINES = 118_000
 #: loops whose law reads whole counts, noise of the equations, eight that the simulator's kernel
 #: carries tangents with, the fit of simulations with eighteen of its own, two for logs without
 #: torque.
-MAX_MODULES_OF_IDENTIFY = 136
+MAX_MODULES_OF_IDENTIFY = 137
 
 #: Subpackages with a budget of their own.
 ROOMS = ("estimation.output_error",)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from pivident.estimation.output_error.thinning import means_at, passed_power
 from pivident.signals.noise_models import continued_into_band, fit_ar
 
 RATE = 1000.0
@@ -32,6 +33,22 @@ def test_the_whitener_keeps_the_motions_frequencies(covered):
     low = np.exp(-2j * np.pi * 2.0 / RATE)
     gain = [abs(np.polyval(m.coefficients[::-1], low)) for m in (covered, found)]
     assert gain[1] > 5 * gain[0]
+
+
+def test_a_level_that_a_filter_lowers_beyond_the_band_is_that_inside_it():
+    # means lower the level at the edge to less than half; the noise inside has it whole
+    white = np.random.default_rng(3).standard_normal(60000)
+    model = fit_ar(means_at(white[:, None], 5)[:, 0], 30)
+
+    def passed(frequency):
+        return passed_power(5, frequency / 200.0)
+
+    inside = np.linspace(1.0, 40.0, 30)
+    level = model.spectrum(inside, 200.0) / passed(inside)
+    found = continued_into_band(model, 200.0, 45.0, passed).spectrum(inside, 200.0)
+    assert (found / passed(inside)).mean() == pytest.approx(level.mean(), rel=0.1)
+    lower = continued_into_band(model, 200.0, 45.0).spectrum(inside, 200.0)
+    assert (lower / passed(inside)).mean() < 0.6 * level.mean()
 
 
 def test_without_a_band_nothing_changes(covered):

@@ -12,12 +12,10 @@ from typing import ClassVar, Literal, get_args
 import numpy as np
 
 from pivident.errors import ExperimentError, IdentificationError
-from pivident.estimation.noise_options import Arma, AutoRegressive
+from pivident.estimation.noise_options import Arma, AutoRegressive, CovarianceKind
 from pivident.motion.kinematics import MOTION_BAND
 from pivident.robot.naming import nearest
 from pivident.signals.decimation import Convention
-
-CovarianceKind = Literal["auto", "formula", "sandwich", "stationary"]
 
 #: Where instruments come from, see `pivident.instruments`.
 Instruments = Literal["auto", "loop", "response", "repetition", "sensor", "virtual", "halves"]
@@ -322,8 +320,9 @@ class OutputError:
             an error of that state has grown five-fold, the whole record where it never does.
         loss: ``squares``, or ``huber`` where single stretches do not fit.
         undetermined: ``refuse`` unknowns that nothing determines, or ``hold`` them where they are.
-        covariance: ``formula``, for errors that are white behind their prefilters, ``sandwich``,
-            from windows of time, or ``auto``: the formula where the windows agree with it.
+        covariance: ``formula``, for errors that are white behind their prefilters, ``stationary``,
+            for stationary noise of any colour, ``sandwich``, from windows of time, or ``auto``:
+            stationary where the windows agree with it, else sandwich.
         start: ``least-squares`` on the record, or the problem's ``initial`` values.
         tolerance: step, in standard errors, at which the iteration may end: no combination of
             unknowns moves by more.
@@ -343,7 +342,7 @@ class OutputError:
     segment: float | None = None
     loss: Literal["squares", "huber"] = "squares"
     undetermined: Literal["refuse", "hold"] = "refuse"
-    covariance: Literal["auto", "sandwich", "formula"] = "auto"
+    covariance: CovarianceKind = "auto"
     start: Start = "least-squares"
     tolerance: float = 0.1
     max_iterations: int = 30
@@ -360,7 +359,7 @@ class OutputError:
             ("prefilter", ("auto", "noise", "none")),
             ("loss", ("squares", "huber")),
             ("undetermined", ("refuse", "hold")),
-            ("covariance", ("auto", "sandwich", "formula")),
+            ("covariance", get_args(CovarianceKind)),
         ):
             if getattr(self, name) not in choices:
                 raise ExperimentError(

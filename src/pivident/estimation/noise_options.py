@@ -9,6 +9,9 @@ from pivident.errors import ExperimentError
 from pivident.motion.kinematics import MOTION_BAND
 from pivident.recording.recording import Recording
 
+#: Which covariance of an estimate is reported.
+CovarianceKind = Literal["auto", "formula", "sandwich", "stationary"]
+
 
 @dataclass(frozen=True)
 class AutoRegressive:

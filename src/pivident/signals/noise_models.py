@@ -16,7 +16,7 @@ equations, which fail on spectra with a deep notch such as low-pass filtering le
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -171,7 +171,13 @@ def fit_ar(
     )
 
 
-def continued_into_band(model: ArModel, rate: float, band: float) -> ArModel:
+#: What a filter left of a power spectrum, by frequency [Hz].
+Passed = Callable[[np.ndarray], np.ndarray]
+
+
+def continued_into_band(
+    model: ArModel, rate: float, band: float, passed: Passed = np.ones_like
+) -> ArModel:
     """The model of the noise alone, where model error covers it inside the motion's band.
 
     A measured residual is noise plus the error of the robot's model, and the latter lies in the
@@ -179,10 +185,10 @@ def continued_into_band(model: ArModel, rate: float, band: float) -> ArModel:
     very frequencies that hold the information. So the level just beyond the band [Hz] is continued
     to zero frequency,
 
-        S(f) = min(S(f), S̄)   for f < band,   S̄ the mean of S over [band, 1.5 band]
+        S(f) = min(S(f), S̄ P(f))   for f < band,   S̄ the mean of S/P over [band, 1.5 band]
 
-    and the AR model of this spectrum, of the same order, is solved from its autocovariances
-    (Levinson).
+    with P what a filter of the samples, ``passed``, has left of any power spectrum. The AR model of
+    this spectrum, of the same order, is solved from its autocovariances (Levinson).
     """
     from scipy.linalg import solve_toeplitz
 
@@ -194,19 +200,23 @@ def continued_into_band(model: ArModel, rate: float, band: float) -> ArModel:
     spectrum = 2 * model.innovation_variance / (rate * gain)
     edge = (frequency >= band) & (frequency <= 1.5 * band)
     inside = frequency < band
-    spectrum = np.where(inside, np.minimum(spectrum, spectrum[edge].mean()), spectrum)
+    level = (spectrum[edge] / passed(frequency[edge])).mean()
+    spectrum[inside] = np.minimum(spectrum[inside], level * passed(frequency[inside]))
     covariance = np.fft.irfft(spectrum)[: model.order + 1]
     solved = solve_toeplitz(covariance[:-1], -covariance[1:])
     variance = 0.5 * rate * (covariance[0] + solved @ covariance[1:])
     return replace(model, coefficients=np.r_[1.0, solved], innovation_variance=float(variance))
 
 
-def excess_in_band(model: ArModel, rate: float, band: float) -> float:
+def excess_in_band(
+    model: ArModel, rate: float, band: float, passed: Passed = np.ones_like
+) -> float:
     """Mean level below ``band`` [Hz] over that just beyond it: about one for noise alone."""
     if band <= 0:
         return 1.0
     inside, beyond = np.linspace(0.0, band, 64), np.linspace(band, 1.5 * band, 64)
-    return float(model.spectrum(inside, rate).mean() / model.spectrum(beyond, rate).mean())
+    levels = [model.spectrum(f, rate) / passed(f) for f in (inside, beyond)]
+    return float(levels[0].mean() / levels[1].mean())
 
 
 def whiten(model: ArModel, x: np.ndarray) -> np.ndarray:

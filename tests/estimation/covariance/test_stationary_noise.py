@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
-from pivident.estimation.covariance.stationary_noise import JointSpectra
+from pivident.estimation.covariance.score_spectra import ScoreSpectra
 
 SAMPLES = 6000
 LAGS = 400
@@ -36,10 +36,10 @@ def estimate(z, votes, noise, lags=LAGS, stretches=1):
     theta = inverse @ (z @ noise)
     residual = (noise - theta @ z) * votes
     length = SAMPLES // stretches
-    spectra = JointSpectra(inverse, length, lags)
+    spectra = ScoreSpectra(inverse, length, lags)
     for k in range(stretches):
         part = slice(k * length, (k + 1) * length)
-        spectra.add(z[:, part], residual[part], votes[part])
+        spectra.add(z[None, :, part], residual[None, part], votes[None, part])
     return theta, np.sqrt(np.diag(inverse @ spectra.variance_of_scores() @ inverse.T))
 
 
@@ -63,10 +63,10 @@ def test_variance_of_scores_is_the_double_sum_over_the_autocovariance():
     autocovariance = np.correlate(coefficients, coefficients, "full")[199:]
     exact = z @ toeplitz(np.pad(autocovariance, (0, 1300))) @ z.T
     rng = np.random.default_rng(4)
-    spectra = JointSpectra(np.zeros((2, 2)), 1500, LAGS)
+    spectra = ScoreSpectra(np.zeros((2, 2)), 1500, LAGS)
     for _ in range(300):
         noise = lfilter([1.0], [1.0, -0.8], rng.normal(size=1700))[200:]
-        spectra.add(z, noise * votes, votes)
+        spectra.add(z[None], (noise * votes)[None], votes[None])
     assert spectra.variance_of_scores() / 300 == pytest.approx(
         exact, rel=0.03, abs=0.03 * exact.max()
     )
@@ -85,3 +85,25 @@ def test_stretches_give_what_the_whole_record_gives():
     noise = correlated(np.random.default_rng(6))
     whole, apart = (estimate(z, votes, noise, lags=200, stretches=k)[1] for k in (1, 3))
     assert apart == pytest.approx(whole, rel=0.1)
+
+
+def test_series_that_share_their_noise_are_counted_as_such():
+    """Two series with one noise, the second delayed: the variance of the sum of both scores."""
+    z, votes = motion(gaps=True)
+    z, votes = z[:, :1500], votes[:1500]
+    both = np.stack([z, 0.7 * np.roll(z, 3, axis=1) * votes])
+    rng = np.random.default_rng(7)
+    spectra = ScoreSpectra(np.zeros((2, 2)), 1500, LAGS, series=2)
+    scores = []
+    for _ in range(400):
+        noise = lfilter([1.0], [1.0, -0.8], rng.normal(size=1703))[200:]
+        pair = np.stack([noise[3:], -noise[:-3]])[:, :1500] * votes
+        spectra.add(both, pair, np.stack([votes, votes]))
+        scores.append(np.einsum("akt,at->k", both, pair))
+    found = spectra.variance_of_scores() / 400
+    exact = np.cov(np.array(scores).T)
+    apart = ScoreSpectra(np.zeros((2, 2)), 1500, LAGS)
+    for a in range(2):
+        apart.add(both[a][None], pair[a][None], votes[None])
+    assert found == pytest.approx(exact, rel=0.2, abs=0.2 * exact.max())
+    assert (np.diag(found) < 0.35 * np.diag(apart.variance_of_scores())).all()

@@ -15,9 +15,10 @@ from pivident.errors import (
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS, OutputError
 from pivident.estimation.output_error import fit
-from pivident.experiment.simulated_tx40 import tx40_scenario
+from pivident.experiment import simulated_tx40
 from pivident.simulation.closed_loop import simulate
 from pivident.simulation.controllers import PD
+from pivident.simulation.noise import Noise
 from tests.estimation.output_error.arms import (
     RATE,
     SAMPLES,
@@ -143,19 +144,23 @@ def test_a_delay_is_named_or_found(compares):
 
 
 def test_noise_in_the_loop_does_not_bias_friction(monkeypatch):
-    # noise that shakes the joints at their reversals makes friction seem smaller, by many standard
-    # errors; a simulation without noise does not know of it
-    own, true = tx40_scenario("fine", 0)
-    z = {}
+    # noise that shakes the joints at their reversals makes friction seem smaller; a simulation
+    # without noise does not know of it
+    monkeypatch.setitem(simulated_tx40.NOISES, "shaken", Noise(encoder=8e-5))
+    own, true = simulated_tx40.tx40_scenario("shaken", 0)
+    error, std = {}, {}
     for name in ("with", "without"):
         if name == "without":
             monkeypatch.setattr(fit, "loop_noise", lambda own: np.zeros(own.loop.robot.size))
         made = identify(own, "cloe")
-        z[name] = (made.theta - [true[p.name] for p in made.parameters]) / made.std
+        expected = np.array([true[p.name] for p in made.parameters])
+        error[name], std[name] = (made.theta - expected) / expected, made.std / np.abs(expected)
     friction = [k for k, p in enumerate(made.parameters) if p.stem in ("fc", "fv")]
-    assert np.abs(z["without"][friction]).max() > 3.5
-    assert np.abs(z["with"][friction]).max() < 2.8
-    assert np.sum(z["with"] ** 2) < 0.5 * np.sum(z["without"] ** 2)
+    assert np.linalg.norm(error["with"][friction]) < 0.5 * np.linalg.norm(
+        error["without"][friction]
+    )
+    assert np.median(std["with"]) < 0.5 * np.median(std["without"])
+    assert np.abs(error["with"] / std["with"]).max() < 3.0
 
 
 def test_kinds_of_covariance():

@@ -1,5 +1,7 @@
 """Errors and their derivatives against simulations of their own."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,7 @@ from pivident.estimation.output_error.thinning import means_at
 from pivident.estimation.output_error.unknowns import Unknown, values_of, with_values
 from pivident.simulation.closed_loop import simulate
 from pivident.simulation.direction import Direction
+from pivident.simulation.open_loop import OpenLoop
 from tests.estimation.output_error.arms import loop, stretch, unknowns
 from tests.planar_arm import nominal_parameters
 
@@ -83,5 +86,11 @@ def test_samples_before_the_first_and_at_standstill_do_not_count():
     own.moving[200:400, 1] = False
     (made,) = simulated_errors([own], unknowns("fv1"), (POSITIONS, TORQUES), [5])
     assert not made.used[:, :, :21].any() and made.used[:, :, 21:38].all()
-    assert made.used[0].sum() == 2 * (made.used.shape[2] - 21)
-    assert not made.used[1, 1, 40:76].any() and made.used[1, 0, 40:76].all()
+    assert not made.used[:, 1, 40:76].any() and made.used[:, 0, 40:76].all()
+
+
+def test_positions_at_standstill_count_in_an_open_loop():
+    own = stretch(replace(loop(samples=200), controller=OpenLoop()))
+    own.moving[50:150, 1] = False
+    (made,) = simulated_errors([own], unknowns("fv1"), (POSITIONS,), [5])
+    assert made.used.all()

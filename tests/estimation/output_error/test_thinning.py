@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pivident.estimation.output_error.thinning import WIDTH, Thinning, means_at
+from pivident.estimation.output_error.thinning import WIDTH, Thinning, means_at, passed_power
 
 
 def defined(x: np.ndarray, factor: int) -> np.ndarray:
@@ -58,3 +58,13 @@ def test_low_frequencies_pass():
     middle = t[: len(means_at(slow, 10)) * 10 : 10] + 19.5
     expected = np.sin(2.0 * np.pi * middle / 2000.0)
     np.testing.assert_allclose(means_at(slow, 10), expected, atol=1e-3)
+
+
+@pytest.mark.parametrize("factor", [1, 2, 25])
+def test_the_power_that_passes_is_that_of_the_weights(factor):
+    frequency = np.linspace(0.0, 0.5, 41)
+    weights = means_at(np.eye(4 * factor), factor)[0]
+    turns = np.exp(-2j * np.pi * np.multiply.outer(frequency, np.arange(4 * factor)) / factor)
+    np.testing.assert_allclose(
+        passed_power(factor, frequency), np.abs(turns @ weights) ** 2, atol=1e-12
+    )

@@ -8,12 +8,9 @@ Instruments are free of noise, so γ is all that has to be estimated, from the w
 standard errors are then twice as certain as those of the sandwich over windows, which has to find
 the variance at each place of the record from that place alone.
 
-γ is estimated over pairs of samples that are both used. Gaps, at standstill, would
-otherwise spread the noise of high frequencies over the low ones, where the residual of a closed
-loop has next to none and where the motion is. Up to ``MAX_LAG`` it is tapered by a Parzen
-window, which has no negative spectrum. At the frequencies of the motion the estimate has taken
-a share h(ω) from the noise (the leverage of these frequencies), and the spectrum is divided by
-1 - h(ω).
+γ is estimated over pairs of samples that are both used, up to ``MAX_LAG`` (`score_spectra`). Gaps,
+at standstill, would otherwise spread the noise of high frequencies over the low ones, where the
+residual of a closed loop has next to none and where the motion is.
 
 The windows of the sandwich (`pivident.estimation.covariance.sandwich`) do not assume stationary
 noise. If they find other variances, the residual comes in bursts or goes with the motion, as model
@@ -35,11 +32,11 @@ import numpy as np
 
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.covariance.sandwich import Jackknife
+from pivident.estimation.covariance.score_spectra import ScoreSpectra
 from pivident.estimation.equation_record import EquationRecord
 from pivident.estimation.normal_equations import JointSums
 from pivident.motion.kinematics import MOTION_BAND
 from pivident.motion.motion import packed_stretch
-from pivident.signals.noise_models import lagged_products
 from pivident.signals.prefilter import Prefilter
 from pivident.threads import run_in_threads
 
@@ -52,12 +49,6 @@ MIN_LAGS = 50
 
 #: Largest share of a record that a lag may be: on short records few independent pairs are left.
 MAX_SHARE = 1.0 / 14.0
-
-#: Share of pairs of samples that must be in use for a lag to be estimated.
-MIN_PAIRS = 0.05
-
-#: Largest leverage that a spectrum is corrected for.
-MAX_LEVERAGE = 0.7
 
 #: Longest stretch that is transformed at once. Longer records are taken apart; what is lost are
 #: products across the joints, a few thousandths.
@@ -143,7 +134,7 @@ def score_variance(
                 used = record.used[j, span].astype(float)
                 z = streams[j].process(packed[own], seen=record.seen[j, span])
                 z *= used / np.sqrt(variance[j])
-                spectra[j].add(z, residual[j, span] * used, used)
+                spectra[j].add(z[None], (residual[j, span] * used)[None], used[None])
 
             run_in_threads(add, range(len(sums)))
     scores = np.zeros_like(metric)
@@ -154,70 +145,15 @@ def score_variance(
 
 def _spectra(
     records: Sequence[EquationRecord], sums: Sequence[JointSums], metric: np.ndarray
-) -> list[JointSpectra]:
+) -> list[ScoreSpectra]:
     """Empty sums of every joint."""
-    rate = records[0].kinematics.recording.rate
     longest = min(max(r.used.shape[1] for r in records), MAX_STRETCH)
-    lags = min(MAX_LAG * rate, MAX_SHARE * longest)
-    lags = int(min(max(lags, MIN_LAGS), longest - 1))
+    lags = longest_lag(records[0].kinematics.recording.rate, longest)
     metrics = [metric[np.ix_(s.columns, s.columns)] for s in sums]
-    return [JointSpectra(0.5 * (own + own.T), longest, lags) for own in metrics]
+    return [ScoreSpectra(0.5 * (own + own.T), longest, lags) for own in metrics]
 
 
-class JointSpectra:
-    """What V of one joint needs, summed over stretches of the records.
-
-    ``metric``: the joint's part of G⁻¹, shape (k, k).
-    """
-
-    def __init__(self, metric: np.ndarray, longest: int, lags: int) -> None:
-        from scipy.fft import next_fast_len
-
-        self.metric, self.lags = metric, lags
-        # the noise spectrum, tapered, hardly changes within half a step of 1/lags
-        self.width = max(1, longest // (2 * lags))
-        self.length = next_fast_len(longest + lags, real=True)
-        self.bins = -(-(self.length // 2 + 1) // self.width)
-        self.cross = np.zeros((self.bins, *metric.shape))
-        self.pairs, self.products, self.taken = np.zeros((3, lags + 1))
-
-    def add(self, z: np.ndarray, residual: np.ndarray, used: np.ndarray) -> None:
-        """Add a stretch; all that is not used is zero.
-
-        ``z``: filtered instruments, shape (k, samples).
-        """
-        from scipy.fft import irfft, rfft
-
-        spectrum = rfft(z, self.length)
-        leverage = np.einsum(
-            "ik,ik->k", spectrum.conj(), self.metric @ spectrum, optimize=True
-        ).real
-        self.pairs += lagged_products(used, self.lags, self.length)
-        self.products += lagged_products(residual, self.lags, self.length)
-        self.taken += irfft(leverage, self.length)[: self.lags + 1]
-        spectrum[:, 1 : (self.length + 1) // 2] *= np.sqrt(2.0)  # negative frequencies
-        binned = np.zeros((len(z), self.bins * self.width), dtype=complex)
-        binned[:, : spectrum.shape[1]] = spectrum
-        binned = binned.reshape(len(z), self.bins, self.width).transpose(1, 0, 2)
-        self.cross += (binned @ binned.conj().transpose(0, 2, 1)).real
-
-    def variance_of_scores(self) -> np.ndarray:
-        """V, shape (k, k)."""
-        known = np.maximum(self.pairs, MIN_PAIRS * self.pairs[0])
-        noise = np.maximum(_spectrum(self.products / known, self.length), 0.0)
-        leverage = _spectrum(self.taken / known, self.length)
-        noise /= 1.0 - np.clip(leverage, 0.0, MAX_LEVERAGE)
-        centres = np.minimum(np.arange(self.bins) * self.width + self.width // 2, noise.size - 1)
-        return np.einsum("b,bij->ij", noise[centres], self.cross) / self.length
-
-
-def _spectrum(autocovariance: np.ndarray, length: int) -> np.ndarray:
-    """Spectrum of an autocovariance from lag zero on, tapered by a Parzen window."""
-    from scipy.fft import rfft
-
-    lag = np.arange(autocovariance.size) / (autocovariance.size - 1)
-    taper = np.where(lag < 0.5, 1.0 - 6.0 * lag**2 * (1.0 - lag), 2.0 * (1.0 - lag) ** 3)
-    even = np.zeros(length)
-    even[: autocovariance.size] = taper * autocovariance
-    even[-autocovariance.size + 1 :] += even[autocovariance.size - 1 : 0 : -1]
-    return rfft(even).real
+def longest_lag(rate: float, longest: int, least: int = MIN_LAGS) -> int:
+    """Lag up to which noise is correlated [samples]; ``longest``: samples of a stretch."""
+    lags = min(MAX_LAG * rate, MAX_SHARE * longest)
+    return int(min(max(lags, least), longest - 1))

@@ -11,7 +11,12 @@ from pivident.estimation.covariance.stationary_noise import covariance_by_test
 from pivident.estimation.normal_equations import WEAKEST_SHARE
 from pivident.estimation.output_error.bounded_step import condition_of
 from pivident.estimation.output_error.noise_weights import whitened_errors
-from pivident.estimation.output_error.simulation_fit import FitPass, SimulationFit
+from pivident.estimation.output_error.simulation_fit import (
+    FitOptions,
+    FitPass,
+    SimulationFit,
+)
+from pivident.estimation.output_error.stationary_errors import stationary_covariance
 from pivident.estimation.output_error.stretch import Stretch
 from pivident.estimation.output_error.weighted_step import (
     Point,
@@ -36,7 +41,7 @@ def fit_answer(
     settled the step from there, ``solved``, is next to nothing.
     """
     kept = np.flatnonzero(~solved.held & ~solved.bound)
-    covariance, by_windows, formula, windows = _covariances(solved, kept)
+    robust, formula, windows = _covariances(point, solved, kept, steps.options)
     condition, share = condition_of(solved.equations.gram[np.ix_(kept, kept)])
     weakest = [int(kept[i]) for i in np.argsort(-share) if share[i] > WEAKEST_SHARE]
     samples = np.array([float(s.samples) for s in stretches])
@@ -44,8 +49,8 @@ def fit_answer(
     return SimulationFit(
         unknowns=steps.unknowns,
         values=point.values,
-        covariance=covariance,
-        window_covariance=by_windows,
+        covariance=formula if steps.options.covariance == "formula" else robust,
+        robust_covariance=robust,
         formula_covariance=formula,
         held=solved.held,
         bound=solved.bound,
@@ -67,22 +72,25 @@ def fit_answer(
 
 
 def _covariances(
-    solved: WeightedStep, kept: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, Jackknife]:
-    """The covariance to report, that of the windows, H⁻¹, and the windows.
+    point: Point, solved: WeightedStep, kept: np.ndarray, options: FitOptions
+) -> tuple[np.ndarray, np.ndarray, Jackknife]:
+    """The covariance that holds for errors that are not white, H⁻¹, and the windows.
 
     That of an unknown at a bound is what it would be if it were free.
     """
     formula = inverse_of_free(solved.equations.gram, ~solved.held & ~solved.bound)
     windows = solved.equations.scores_without(solved.step, kept)
-    covariance, by_windows = np.zeros_like(formula), np.zeros_like(formula)
-    grid = np.ix_(kept, kept)
-    by_windows[grid] = windows.covariance
-    covariance[grid] = covariance_by_test(formula[grid], windows)
+    grid, robust = np.ix_(kept, kept), np.zeros_like(formula)
+    if options.covariance == "sandwich":
+        robust[grid] = windows.covariance
+    else:
+        own = stationary_covariance(point, solved, kept, formula[grid], options.robust)
+        by_test = options.covariance != "stationary"
+        robust[grid] = covariance_by_test(own, windows) if by_test else own
     free = inverse_of_free(solved.equations.gram, ~solved.held)
     for i in np.flatnonzero(solved.bound):
-        formula[i, i] = covariance[i, i] = by_windows[i, i] = free[i, i]
-    return covariance, by_windows, formula, windows
+        formula[i, i] = robust[i, i] = free[i, i]
+    return robust, formula, windows
 
 
 def _white(point: Point, solved: WeightedStep) -> tuple[np.ndarray, ...]:

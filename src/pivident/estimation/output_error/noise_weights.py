@@ -17,6 +17,7 @@ from pivident.estimation.covariance.windows import windows_of
 from pivident.estimation.noise_options import AutoRegressive
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.output_error.simulated_errors import SimulatedErrors
+from pivident.estimation.output_error.thinning import passed_power
 from pivident.signals.noise_models import continued_into_band, excess_in_band, fit_ar
 from pivident.signals.prefilter import Prefilter
 from pivident.threads import run_in_threads
@@ -57,18 +58,23 @@ def fitted_noise(
     errors: Sequence[np.ndarray],
     used: Sequence[np.ndarray],
     rate: float,
+    factor: int,
     recipe: AutoRegressive,
     band: float,
 ) -> NoiseWeights:
     """Noise models of errors, (P-29).
 
-    ``errors``: of each stretch, shape (channels, joints, rows), rows at ``rate`` [Hz]; ``band``:
-    highest frequency of the motion [Hz], in which noise counts up to the level just beyond it.
+    ``errors``: of each stretch, shape (channels, joints, rows), rows at ``rate`` [Hz] of
+    ``factor`` samples each; ``band``: highest frequency of the motion [Hz], in which noise counts
+    up to the level just beyond it.
     """
     channels, joints = errors[0].shape[:2]
     filters = [[Prefilter()] * joints for _ in range(channels)]
     variance, excess = np.ones((2, channels, joints))
     at_bound = np.zeros((channels, joints), bool)
+
+    def passed(frequency: np.ndarray) -> np.ndarray:
+        return passed_power(factor, frequency / rate)
 
     def work(place: tuple[int, int]) -> None:
         c, j = place
@@ -80,10 +86,10 @@ def fitted_noise(
         if size == 0.0:
             return
         model = fit_ar(whole / size, recipe.p_max, recipe.criterion, mask=mask)
-        changed = continued_into_band(model, rate, band)
+        changed = continued_into_band(model, rate, band, passed)
         filters[c][j] = Prefilter(fir=changed.coefficients)
         variance[c, j] = changed.innovation_variance * size**2
-        excess[c, j] = excess_in_band(model, rate, band)
+        excess[c, j] = excess_in_band(model, rate, band, passed)
         at_bound[c, j] = model.at_bound
 
     run_in_threads(work, [(c, j) for c in range(channels) for j in range(joints)])
@@ -101,12 +107,28 @@ def whitened_errors(made: SimulatedErrors, noise: NoiseWeights) -> np.ndarray:
     return out
 
 
+def whitened_rows(
+    made: SimulatedErrors, noise: NoiseWeights, channel: int, joint: int, robust: bool
+) -> np.ndarray:
+    """A J and A e of one stretch, shape (columns + 1, rows).
+
+    ``robust``: times the roots of Huber's weights, min(1, k √λ/|A e|).
+    """
+    stack = np.vstack([made.columns[channel, joint], made.errors[channel, joint]])
+    stream = noise.filters[channel][joint].stream(len(stack), threads=1)
+    stack = stream.process(stack, seen=made.used[channel, joint])
+    if robust:
+        size = np.abs(stack[-1]) / np.sqrt(noise.variance[channel, joint])
+        stack *= np.sqrt(np.minimum(1.0, HUBER / np.maximum(size, 1e-300)))
+    return stack
+
+
 def whitened_sums(
     stretches: Sequence[SimulatedErrors], noise: NoiseWeights, robust: bool
 ) -> list[list[list[JointSums]]]:
     """Sums Jᵀ Aᵀ A J, Jᵀ Aᵀ A e of each stretch, channel and joint, and of each window of time.
 
-    ``robust``: Huber's weights, min(1, k √λ/|A e|).
+    ``robust``: with Huber's weights.
     """
     windows = windows_of([own.errors.shape[2] for own in stretches])
     channels, joints = stretches[0].errors.shape[:2]
@@ -123,17 +145,12 @@ def whitened_sums(
     def work(place: tuple[int, int, int]) -> None:
         s, c, j = place
         made, own = stretches[s], windows[s]
-        used = made.used[c, j]
-        stack = np.vstack([made.columns[c, j], made.errors[c, j]])
-        stack = noise.filters[c][j].stream(len(stack), threads=1).process(stack, seen=used)
-        if robust:
-            size = np.abs(stack[-1]) / np.sqrt(noise.variance[c, j])
-            stack *= np.sqrt(np.minimum(1.0, HUBER / np.maximum(size, 1e-300)))
+        stack = whitened_rows(made, noise, c, j, robust)
         shares = [
             type(share)(share.part, share.window - own.first, share.rising)
             for share in own.shares(slice(0, made.errors.shape[2]))
         ]
-        sums[s][c][j].add_stack(stack, used, shares)
+        sums[s][c][j].add_stack(stack, made.used[c, j], shares)
 
     run_in_threads(
         work,

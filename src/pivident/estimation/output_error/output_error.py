@@ -108,6 +108,7 @@ def _options(problem: Problem, method: OutputError) -> FitOptions:
         undetermined=method.undetermined,
         tolerance=method.tolerance,
         max_iterations=method.max_iterations,
+        covariance=method.covariance,
     )
 
 
@@ -172,7 +173,7 @@ def _identification(signals: Signals, method: OutputError, fit: SimulationFit) -
     ]  # fmt: skip
     return answer(
         problem, method, estimate, Run(history, fit.converged), findings, used,
-        Covariances(_robust(method, fit)[:count, :count], fit.formula_covariance[:count, :count]),
+        Covariances(fit.robust_covariance[:count, :count], fit.formula_covariance[:count, :count]),
         result,
     )  # fmt: skip
 
@@ -185,11 +186,6 @@ def _with_constants(signals: Signals, fit: SimulationFit) -> Signals:
     if all(own.direction.kind != "shape" for own in fit.unknowns):
         return signals
     return replace(signals, problem=replace(signals.problem, robot=fit.stretches[0].loop.robot))
-
-
-def _robust(method: OutputError, fit: SimulationFit) -> np.ndarray:
-    """The covariance that holds for errors that are not white."""
-    return fit.window_covariance if method.covariance == "sandwich" else fit.covariance
 
 
 def _equations(

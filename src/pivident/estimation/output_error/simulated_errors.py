@@ -41,6 +41,7 @@ class SimulatedErrors:
     columns: np.ndarray
     used: np.ndarray  # rows that count, shape (channels, joints, rows)
     rate: float  # rows per second [Hz]
+    factor: int  # measured samples for each row
     size: np.ndarray  # largest measured value, shape (channels, joints)
     mean_square: np.ndarray  # of e before thinning, shape (2, joints): positions, torques
 
@@ -75,7 +76,8 @@ def _of_stretch(
     n, directions = stretch.loop.robot.size, [u.direction for u in unknowns]
     starts = [] if stretch.start_std is None else start_directions(n)
     # what a closed loop forgets soon is carried by a run of its own, which ends there
-    apart = bool(starts) and not isinstance(stretch.loop.controller, OpenLoop)
+    closed = not isinstance(stretch.loop.controller, OpenLoop)
+    apart = bool(starts) and closed
     carried = directions if apart else [*directions, *starts]
     thinning = Thinning(factor)
     rows, count = thinning.rows(stretch.samples), len(carried)
@@ -101,11 +103,12 @@ def _of_stretch(
     if apart:
         _add_starts(reading, starts, channels, factor, columns[:, :, count:])
     moving = means_at(stretch.moving.astype(float), factor).T > 0.5
-    used = np.stack([np.ones((n, rows), bool) if c == POSITIONS else moving for c in channels])
+    # at rest the loop does not pass on what its encoders read: other noise, and no information
+    used = np.stack([moving if closed or c == TORQUES else np.ones_like(moving) for c in channels])
     used[:, :, : -(-stretch.first // factor)] = False
     size = np.array([np.abs(_measured(stretch, c)).max(axis=0) for c in channels])
     mean_square = squares / max(stretch.samples, 1)
-    return SimulatedErrors(errors, columns, used, stretch.rate / factor, size, mean_square)
+    return SimulatedErrors(errors, columns, used, stretch.rate / factor, factor, size, mean_square)
 
 
 def _measured(stretch: Stretch, channel: int) -> np.ndarray:

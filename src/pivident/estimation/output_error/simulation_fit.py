@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pivident.estimation.covariance.sandwich import Jackknife
-from pivident.estimation.noise_options import AutoRegressive
+from pivident.estimation.noise_options import AutoRegressive, CovarianceKind
 from pivident.estimation.output_error.noise_weights import NoiseWeights
 from pivident.estimation.output_error.simulated_errors import (
     POSITIONS,
@@ -32,6 +32,9 @@ class FitOptions:
         tolerance: step in standard errors at which the iteration may end: no combination of
             unknowns moves by more.
         max_iterations: give up after so many passes.
+        covariance: ``formula``, H⁻¹, for errors that are white behind their weights,
+            ``stationary``, for stationary noise of any colour, ``sandwich``, from windows of time,
+            or ``auto``: stationary where the windows agree with it, else sandwich.
     """
 
     channels: tuple[int, ...] = (POSITIONS, TORQUES)
@@ -42,6 +45,7 @@ class FitOptions:
     undetermined: str = "refuse"
     tolerance: float = 0.1
     max_iterations: int = 30
+    covariance: CovarianceKind = "auto"
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,9 +66,8 @@ class SimulationFit:
     Attributes:
         unknowns: what was sought.
         values: estimates, shape (unknowns,).
-        covariance: H⁻¹ where the windows of time agree with it, else theirs, shape
-            (unknowns, unknowns); zero where held.
-        window_covariance: from windows of time, likewise.
+        covariance: of the kind that was asked for, shape (unknowns, unknowns); zero where held.
+        robust_covariance: one that holds for errors that are not white, likewise.
         formula_covariance: H⁻¹, for errors that are white behind their weights, likewise.
         held: unknowns that nothing determines and that were held, shape (unknowns,).
         bound: unknowns at a bound, likewise: their interval has one side.
@@ -88,7 +91,7 @@ class SimulationFit:
     unknowns: tuple[Unknown, ...]
     values: np.ndarray
     covariance: np.ndarray
-    window_covariance: np.ndarray
+    robust_covariance: np.ndarray
     formula_covariance: np.ndarray
     held: np.ndarray
     bound: np.ndarray

@@ -21,8 +21,8 @@ class Stretch:
         step: samples of the loop from one measured sample to the next.
         tau_late: how many samples of the loop a measured torque is later than the one that acts,
             a drive's delay not counted.
-        moving: samples of the record at which each joint's torque is compared, (samples, joints):
-            at standstill dry friction follows no law.
+        moving: samples of the record at which each joint is compared, (samples, joints): at
+            standstill dry friction follows no law. In an open loop positions are compared there.
         start_time: time of the first sample [s].
         start_std: how far initial positions and speeds may lie from those of ``loop``: standard
             deviations, shape (2 joints,); None: they are not sought.

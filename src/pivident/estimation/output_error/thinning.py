@@ -61,6 +61,22 @@ class Thinning:
         return done[~np.isnan(done[:, :1]).ravel()].reshape(-1, *x.shape[1:])
 
 
+def passed_power(factor: int, frequency: np.ndarray) -> np.ndarray:
+    """What the means leave of a power spectrum.
+
+        (D(x) + ½ D(x - 1/N) + ½ D(x + 1/N))²,   D(x) = sin(π N x)/(N sin(π x)),   N = 4 n
+
+    x is the frequency in cycles per sample; ``frequency``: that in cycles per row, n x.
+    """
+    from scipy.special import diric
+
+    if factor == 1:
+        return np.ones_like(frequency)
+    width, x = WIDTH * factor, np.asarray(frequency, dtype=float) / factor
+    middle, left, right = (diric(2.0 * np.pi * (x + k / width), width) for k in (0, -1, 1))
+    return (middle + 0.5 * left + 0.5 * right) ** 2
+
+
 def means_at(signal: np.ndarray, factor: int) -> np.ndarray:
     """The means of a whole signal, shape (rows, …)."""
     thinning = Thinning(factor)

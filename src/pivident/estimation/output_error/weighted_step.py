@@ -102,6 +102,7 @@ class WeightedSteps:
                 left,
                 [own.used for own in point.made],
                 point.made[0].rate,
+                point.made[0].factor,
                 self.options.noise,
                 self.options.motion_band,
             )
