@@ -22,7 +22,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from pivident.compiled import is_compiled
-from pivident.estimation.methods import LeastSquares, Method
+from pivident.estimation.methods import Method, Regression
 from pivident.estimation.problem import Problem
 
 #: T₀: libraries, robot and records [s].
@@ -96,7 +96,7 @@ def _line(constants: tuple[float, float], size: float) -> float:
 
 def _of_method(method: Method) -> tuple[float, float]:
     """Seconds f of a fit, and c per sample, joint and parameter [s]."""
-    return LEAST_SQUARES if isinstance(method, LeastSquares) else WITH_INSTRUMENTS
+    return LEAST_SQUARES if isinstance(method, Regression) else WITH_INSTRUMENTS
 
 
 def first_run(methods: Mapping[str, Method]) -> float:
@@ -104,6 +104,6 @@ def first_run(methods: Mapping[str, Method]) -> float:
     from pivident.dynamics.regressor_kernels import observe
     from pivident.simulation.loop_kernel import run_loop
 
-    simulated = any(not isinstance(method, LeastSquares) for method in methods.values())
+    simulated = any(not isinstance(method, Regression) for method in methods.values())
     missing = 0.0 if is_compiled(observe) else COMPILING[0]
     return missing + (COMPILING[1] if simulated and not is_compiled(run_loop) else 0.0)

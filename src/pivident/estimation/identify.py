@@ -27,11 +27,13 @@ from pivident.estimation.methods import (
     OutputError,
     PrefilteredIV,
     RandomWalk,
+    Regression,
     method_named,
 )
 from pivident.estimation.output_error.output_error import identify_output_error
 from pivident.estimation.prefiltered_iv import identify_piv
 from pivident.estimation.problem import Problem
+from pivident.estimation.regression.identify_regression import identify_regression
 from pivident.estimation.without_torque import check_method, equation_error
 from pivident.threads import linear_algebra_in_one_thread
 
@@ -63,7 +65,7 @@ def identify(
         )
     method = method_named(method)
     check_method(method, problem.recordings)
-    if isinstance(method, (LeastSquares, InstrumentalVariables)):
+    if isinstance(method, (Regression, InstrumentalVariables)):
         method = replace(method, signals=settled_recipe(method.signals, problem.recordings))
     say = progress or (lambda line: None)
     with linear_algebra_in_one_thread():
@@ -78,6 +80,8 @@ def _estimate(problem: Problem, method: Method, say: Progress) -> Identification
     """By the method's own function."""
     if isinstance(method, LeastSquares):
         return identify_ls(problem, method, say)
+    if isinstance(method, Regression):
+        return identify_regression(problem, method, say)
     if isinstance(method, InstrumentalVariables):
         return identify_iv(problem, method, say)
     if isinstance(method, PrefilteredIV) and method.regressor == "simulated":

@@ -47,6 +47,17 @@ def least_squares_on(
     say: Say,
 ) -> Identification:
     """The same on given motions and torques."""
+    estimate, run = settled_least_squares(problem, method, kinematics, say)
+    return answer(problem, method, estimate, run)
+
+
+def settled_least_squares(
+    problem: Problem,
+    method: LeastSquares,
+    kinematics: Sequence[Kinematics],
+    say: Say,
+) -> tuple[Estimate, Run]:
+    """The estimate with its equations, and how it came about."""
     limits = [problem.speed_limits(r) for r in problem.recordings]
     theta = estimate_without_load(problem, kinematics, limits)
     run, settled = Run(), False
@@ -64,7 +75,7 @@ def least_squares_on(
         theta = estimate.theta
         if not settled:
             say(f"load from estimate {len(run.history)}: parameters change by {100 * change:.3g} %")
-    return answer(problem, method, estimate, run)
+    return estimate, run
 
 
 def _records(

@@ -8,17 +8,38 @@ from typing import Any
 
 from pivident.errors import PividentError
 from pivident.estimation.methods import (
+    Adaline,
     Bandpass,
+    CorrelatedJoints,
+    Hopfield,
     InstrumentalVariables,
     LeastSquares,
     Method,
     OutputError,
     PrefilteredIV,
+    PriorRegression,
     RandomWalk,
+    Ridge,
+    RobustRegression,
+    SetMembership,
+    TotalLeastSquares,
 )
 from pivident.estimation.noise_options import Arma, AutoRegressive, Repetition
 
-_METHODS = (LeastSquares, InstrumentalVariables, PrefilteredIV, OutputError)
+_METHODS = (
+    LeastSquares,
+    InstrumentalVariables,
+    PrefilteredIV,
+    OutputError,
+    TotalLeastSquares,
+    RobustRegression,
+    Ridge,
+    PriorRegression,
+    CorrelatedJoints,
+    SetMembership,
+    Adaline,
+    Hopfield,
+)
 _PARTS = {
     "signals": (Bandpass, RandomWalk),
     "noise": (AutoRegressive, Repetition, Arma),

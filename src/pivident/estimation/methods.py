@@ -9,30 +9,29 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, Literal, get_args
 
-import numpy as np
-
 from pivident.errors import ExperimentError, IdentificationError
 from pivident.estimation.noise_options import Arma, AutoRegressive, CovarianceKind
-from pivident.motion.kinematics import MOTION_BAND
+from pivident.estimation.regression_methods import (
+    Adaline,
+    CorrelatedJoints,
+    Hopfield,
+    LeastSquares,
+    PriorRegression,
+    Regression,
+    Ridge,
+    RobustRegression,
+    SetMembership,
+    TotalLeastSquares,
+    check_iteration,
+)
+from pivident.estimation.signal_recipes import Bandpass, RandomWalk
 from pivident.robot.naming import nearest
-from pivident.signals.decimation import Convention
 
 #: Where instruments come from, see `pivident.instruments`.
 Instruments = Literal["auto", "loop", "response", "repetition", "sensor", "virtual", "halves"]
 
 #: What the first simulation is made with.
 Start = Literal["least-squares", "initial"]
-
-#: Samples in a period of the highest frequency that a decimation keeps, at least: a difference that
-#: is corrected to its instant keeps 99 % there, one that is not 90 %.
-SAMPLES_OF_A_PERIOD = 8.0
-
-
-def _check_iteration(tolerance: float, max_iterations: int) -> None:
-    if not 0 < tolerance < 1:
-        raise ExperimentError(f"tolerance must lie between 0 and 1, not {tolerance}")
-    if max_iterations < 1:
-        raise ExperimentError(f"max_iterations must be at least 1, not {max_iterations}")
 
 
 def _check_start(start: str) -> None:
@@ -44,126 +43,6 @@ def _check_instruments(instruments: str) -> None:
     if instruments not in get_args(Instruments):
         choices = ", ".join(map(repr, get_args(Instruments)))
         raise ExperimentError(f"instruments are {instruments!r}; choose one of {choices}")
-
-
-@dataclass(frozen=True)
-class Bandpass:
-    """Zero-phase Butterworth, central differences, parallel decimation of Φ and τ.
-
-    Attributes:
-        cutoff: cut-off of the position filter, for all joints or for each [Hz]; None: from the
-            record, see `pivident.estimation.kinematics.settled_recipe`.
-        order: order of the Butterworth filter.
-        decimation: factor n_d, or its stages (10, 10); None: to ``bandwidth``.
-        bandwidth: frequency kept by the decimation [Hz]: n_d = (rate/2)/bandwidth. None: 20 Hz,
-            where the motion of an arm ends, or an eighth of a rate below 160 Hz.
-        convention: whose ``decimate`` is followed at the ends, ``matlab`` or ``scipy``.
-        median: length of a median filter before, 1 for none.
-        padlen: samples the zero-phase filters extend the record by; None: scipy's choice.
-        edge: samples dropped at both ends (or at start and end) before decimation; None: five
-            periods of the lowest cut-off.
-            One period is not enough: what the zero-phase filter makes up at the ends then decides
-            the estimate (median error 2 % in place of 0.07 % on a simulated TX40).
-        align: whether the torque is moved to the instants of the differences first; the
-            literature does not, a declared delay is taken out in any case.
-        at_instants: whether the differences, which are averages over two sampling periods, are
-            made values at the instants (5 % of an acceleration at 5 Hz, logged at 80 Hz). None:
-            where the cut-off comes from the record; the literature does not.
-    """
-
-    cutoff: float | tuple[float, ...] | None = None
-    order: int = 4
-    decimation: int | tuple[int, ...] | None = None
-    bandwidth: float | None = None
-    convention: Convention = "matlab"
-    median: int = 1
-    padlen: int | None = None
-    edge: int | tuple[int, int] | None = None
-    align: bool = False
-    at_instants: bool | None = None
-
-    def cutoffs(self, joints: int) -> np.ndarray:
-        """Cut-off of each joint, shape (joints,) [Hz]; NaN as long as the record has to say.
-
-        Raises:
-            ExperimentError: a cut-off for each of another number of joints.
-        """
-        given = np.atleast_1d(np.array(np.nan if self.cutoff is None else self.cutoff, float))
-        if len(given) not in (1, joints):
-            raise ExperimentError(
-                f"cutoff has {len(given)} numbers for {joints} joints; give one for all or one for "
-                "each"
-            )
-        return np.broadcast_to(given, joints)
-
-    def ends(self, rate: float) -> tuple[int, int]:
-        """Samples dropped at the start and at the end for a sampling rate [Hz]."""
-        if self.edge is None:
-            return (int(np.ceil(5.0 * rate / np.min(np.atleast_1d(self.cutoff or np.nan)))),) * 2
-        return (self.edge, self.edge) if isinstance(self.edge, int) else self.edge
-
-    def band(self, rate: float) -> float:
-        """Frequency that the decimation keeps, for a sampling rate [Hz]."""
-        if self.decimation is not None:
-            return 0.5 * rate / float(np.prod(self.decimation))
-        return self.bandwidth or min(MOTION_BAND, rate / SAMPLES_OF_A_PERIOD)
-
-    def factor(self, rate: float) -> int | tuple[int, ...]:
-        """Decimation factor for a sampling rate [Hz]."""
-        if self.decimation is not None:
-            return self.decimation
-        return max(1, int(rate / 2.0 / self.band(rate) + 1e-9))
-
-
-@dataclass(frozen=True)
-class RandomWalk:
-    """Integrated random walk smoother at full rate, torque aligned with the positions.
-
-    Attributes:
-        order: order of integration m; 2 is the paper's, 3 the better prior of a trajectory.
-        passes: number of times it is applied (2 with m = 2: the paper's ``irwsm`` twice).
-        f50_max: cap of the half-power frequency [Hz]; None: none.
-        align: whether the torque is moved to the instants of the central differences.
-        measurement_noise: ``auto``: visible counts and spectral lines of the encoders are searched,
-            and where there are any the smoother knows them. ``white``, or two passes: no search.
-    """
-
-    order: int = 3
-    passes: int = 1
-    f50_max: float | None = None
-    align: bool = True
-    measurement_noise: Literal["white", "auto"] = "auto"
-
-    def __post_init__(self) -> None:
-        if self.measurement_noise not in ("white", "auto"):
-            raise ExperimentError(
-                f"measurement_noise is {self.measurement_noise!r}; choose 'white' or 'auto'"
-            )
-
-
-@dataclass(frozen=True)
-class LeastSquares:
-    """IDIM-LS: ordinary (weighted = False) or weighted by each joint's own residual.
-
-    Attributes:
-        weighted: whether joints are weighted by the inverse of their residual variance.
-        signals: how positions become speeds and accelerations.
-        simulates_loop: whether instruments come from a simulated loop, for all such methods.
-        weight_power: power of λ in the weights, likewise.
-        covariance: which covariance is reported, likewise.
-    """
-
-    weighted: bool = True
-    signals: Bandpass | RandomWalk = field(default_factory=Bandpass)
-
-    simulates_loop: ClassVar[bool] = False
-    weight_power: ClassVar[float] = 1.0
-    covariance: ClassVar[CovarianceKind] = "formula"
-
-    @property
-    def label(self) -> str:
-        """Name as in the literature."""
-        return "IDIM-WLS" if self.weighted else "IDIM-OLS"
 
 
 @dataclass(frozen=True)
@@ -197,7 +76,7 @@ class InstrumentalVariables:
     covariance: ClassVar[CovarianceKind] = "formula"
 
     def __post_init__(self) -> None:
-        _check_iteration(self.tolerance, self.max_iterations)
+        check_iteration(self.tolerance, self.max_iterations)
         _check_instruments(self.instruments)
         _check_start(self.start)
 
@@ -250,7 +129,7 @@ class PrefilteredIV:
     simulates_loop: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        _check_iteration(self.tolerance, self.max_iterations)
+        check_iteration(self.tolerance, self.max_iterations)
         _check_instruments(self.instruments)
         if self.prefilter not in ("auto", "controller", "direct"):
             raise ExperimentError(
@@ -351,7 +230,7 @@ class OutputError:
     weight_power: ClassVar[float] = 1.0
 
     def __post_init__(self) -> None:
-        _check_iteration(self.tolerance, self.max_iterations)
+        check_iteration(self.tolerance, self.max_iterations)
         _check_start(self.start)
         for name, choices in (
             ("compares", ("positions", "torques", "both")),
@@ -391,13 +270,21 @@ class OutputError:
         return {"positions": "CLOE", "torques": "CLIE", "both": "ML"}[self.compares]
 
 
-Method = LeastSquares | InstrumentalVariables | PrefilteredIV | OutputError
+Method = Regression | InstrumentalVariables | PrefilteredIV | OutputError
 
 #: Names that the command line and experiment files use.
 METHODS: dict[str, Method] = {
     "ols": LeastSquares(weighted=False),
     "ls": LeastSquares(),
     "wls": LeastSquares(),
+    "tls": TotalLeastSquares(),
+    "irls": RobustRegression(),
+    "ridge": Ridge(),
+    "map": PriorRegression(),
+    "ml-ls": CorrelatedJoints(),
+    "set-membership": SetMembership(),
+    "adaline": Adaline(),
+    "hopfield": Hopfield(),
     "iv": InstrumentalVariables(),
     "iv-full-rate": InstrumentalVariables(signals=RandomWalk()),
     "piv": PrefilteredIV(),

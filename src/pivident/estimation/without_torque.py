@@ -14,10 +14,10 @@ from dataclasses import replace
 from pivident.errors import IdentificationError
 from pivident.estimation.methods import (
     WITHOUT_TORQUE,
-    LeastSquares,
     Method,
     OutputError,
     PrefilteredIV,
+    Regression,
 )
 from pivident.recording.recording import Recording
 from pivident.simulation.control_loop import Loop
@@ -158,4 +158,4 @@ def equation_error(method: Method, recordings: Sequence[Recording]) -> tuple[Fin
         return ()
     if isinstance(method, OutputError):
         return ()
-    return (_BIASED,) if isinstance(method, LeastSquares) else (_INSTRUMENTS,)
+    return (_BIASED,) if isinstance(method, Regression) else (_INSTRUMENTS,)

@@ -159,6 +159,62 @@ class SimulationEntry(Entry):
     noise: NoiseEntry = NoiseEntry()
 
 
+class RegressionEntry(Entry):
+    """Options of a method of `pivident.estimation.regression_methods`."""
+
+    signals: Literal["bandpass", "random_walk"] | None = None
+    bandpass: BandpassEntry = BandpassEntry()
+    random_walk: RandomWalkEntry = RandomWalkEntry()
+
+
+class IterationEntry(RegressionEntry):
+    """Options of a regression in passes."""
+
+    tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None
+    max_iterations: Annotated[int, Field(ge=1)] | None = None
+
+
+class RobustEntry(IterationEntry):
+    """Options of `pivident.estimation.regression_methods.RobustRegression`."""
+
+    loss: Literal["huber", "bisquare"] | None = None
+
+
+class RidgeEntry(RegressionEntry):
+    """Options of `pivident.estimation.regression_methods.Ridge`."""
+
+    penalty: PositiveFloat | None = None
+
+
+class PriorEntry(RegressionEntry):
+    """Options of `pivident.estimation.regression_methods.PriorRegression`."""
+
+    spread: PositiveFloat | None = None
+    deviation: dict[str, float] | None = None
+    names: Names | None = None
+    prior_covariance: list[list[float]] | None = None
+
+
+class SetMembershipEntry(RegressionEntry):
+    """Options of `pivident.estimation.regression_methods.SetMembership`."""
+
+    bound: PositiveFloat | list[PositiveFloat] | None = None
+
+
+class AdalineEntry(RegressionEntry):
+    """Options of `pivident.estimation.regression_methods.Adaline`."""
+
+    rate: Annotated[float, Field(gt=0, lt=2)] | None = None
+    epochs: Annotated[int, Field(ge=1)] | None = None
+
+
+class HopfieldEntry(RegressionEntry):
+    """Options of `pivident.estimation.regression_methods.Hopfield`."""
+
+    bound: Annotated[float, Field(gt=1)] | None = None
+    time: PositiveFloat | None = None
+
+
 class IdentifyEntry(SharedOptions):
     """What is estimated, and how."""
 
@@ -172,6 +228,14 @@ class IdentifyEntry(SharedOptions):
     ols: MethodEntry = MethodEntry()
     ls: MethodEntry = MethodEntry()
     wls: MethodEntry = MethodEntry()
+    tls: RegressionEntry = RegressionEntry()
+    irls: RobustEntry = RobustEntry()
+    ridge: RidgeEntry = RidgeEntry()
+    map: PriorEntry = PriorEntry()
+    ml_ls: IterationEntry = Field(IterationEntry(), alias="ml-ls")
+    set_membership: SetMembershipEntry = Field(SetMembershipEntry(), alias="set-membership")
+    adaline: AdalineEntry = AdalineEntry()
+    hopfield: HopfieldEntry = HopfieldEntry()
     iv: MethodEntry = MethodEntry()
     iv_full_rate: MethodEntry = Field(MethodEntry(), alias="iv-full-rate")
     piv: MethodEntry = MethodEntry()
@@ -182,6 +246,6 @@ class IdentifyEntry(SharedOptions):
     ml: SimulationEntry = SimulationEntry()
     oloe: SimulationEntry = SimulationEntry()
 
-    def of(self, method: str) -> MethodEntry | SimulationEntry:
+    def of(self, method: str) -> MethodEntry | SimulationEntry | RegressionEntry:
         """The table of one method."""
         return getattr(self, method.replace("-", "_"))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 from pivident.errors import ExperimentError
@@ -20,9 +20,15 @@ from pivident.estimation.methods import (
     OutputError,
     PrefilteredIV,
     RandomWalk,
+    Regression,
 )
 from pivident.estimation.noise_options import Arma, AutoRegressive, Repetition
-from pivident.experiment.method_keys import IdentifyEntry, MethodEntry, SimulationEntry
+from pivident.experiment.method_keys import (
+    IdentifyEntry,
+    MethodEntry,
+    RegressionEntry,
+    SimulationEntry,
+)
 from pivident.robot.mdh_schema import Entry
 
 _ITERATION = {"tolerance", "max_iterations"}
@@ -44,7 +50,11 @@ def method_of(name: str, entry: IdentifyEntry) -> Method:
         assert isinstance(own, SimulationEntry)
         with concerning_method(name):
             return _simulation(ready, entry, own)
-    assert isinstance(own, MethodEntry)
+    if isinstance(own, RegressionEntry):
+        assert isinstance(ready, Regression)
+        with concerning_method(name):
+            return _regression(ready, entry, own)
+    assert isinstance(own, MethodEntry) and not isinstance(ready, OutputError)
     with concerning_method(name):
         _check_keys(name, ready, own)
     if isinstance(ready, LeastSquares):
@@ -93,6 +103,23 @@ def _simulation(ready: OutputError, entry: IdentifyEntry, own: SimulationEntry) 
     return replace(ready, signals=_random_walk(entry, own), noise=noise, **options)
 
 
+def _regression(ready: Regression, entry: IdentifyEntry, own: RegressionEntry) -> Regression:
+    """A method of the equations alone, with its own options."""
+    _check_signals(own)
+    walk = own.signals == "random_walk"
+    signals = _random_walk(entry, own) if walk else _bandpass(entry, own)
+    shared = _ITERATION & {f.name for f in fields(ready)}
+    options: dict[str, Any] = _given(entry, shared) | _given(own)
+    for key in ("signals", "bandpass", "random_walk"):
+        options.pop(key, None)
+    return replace(ready, signals=signals, **{k: _tuples(v) for k, v in options.items()})
+
+
+def _tuples(value: Any) -> Any:
+    """Lists as tuples, so that a method can be compared and hashed."""
+    return tuple(map(_tuples, value)) if isinstance(value, list) else value
+
+
 def takes_any_instruments(method: Method) -> bool:
     """Whether a method's instruments may come from the record itself, without a loop."""
     if isinstance(method, PrefilteredIV):
@@ -127,16 +154,21 @@ def _check_keys(
             "remove one of the two"
         ).about(*fixed[0].split("."))
     if isinstance(ready, LeastSquares):
-        unused = "bandpass" if own.signals == "random_walk" else "random_walk"
-        if unused in own.model_fields_set:
-            used = own.signals or "bandpass"
-            raise ExperimentError(
-                f"{unused} is given, but the signals are {used!r}; set "
-                f'signals = "{unused}" or remove the table'
-            ).about(unused)
+        _check_signals(own)
 
 
-def _bandpass(entry: IdentifyEntry, own: MethodEntry) -> Bandpass:
+def _check_signals(own: MethodEntry | RegressionEntry) -> None:
+    """Refuse the table of signals that are not used."""
+    unused = "bandpass" if own.signals == "random_walk" else "random_walk"
+    if unused in own.model_fields_set:
+        used = own.signals or "bandpass"
+        raise ExperimentError(
+            f"{unused} is given, but the signals are {used!r}; set "
+            f'signals = "{unused}" or remove the table'
+        ).about(unused)
+
+
+def _bandpass(entry: IdentifyEntry, own: MethodEntry | RegressionEntry) -> Bandpass:
     shared, special = _given(entry.bandpass), _given(own.bandpass)
     # A factor excludes a bandwidth; the method's own choice replaces the shared one.
     for key, other in (("decimation", "bandwidth"), ("bandwidth", "decimation")):
@@ -145,7 +177,9 @@ def _bandpass(entry: IdentifyEntry, own: MethodEntry) -> Bandpass:
     return replace(Bandpass(), **shared | special)
 
 
-def _random_walk(entry: IdentifyEntry, own: MethodEntry | SimulationEntry) -> RandomWalk:
+def _random_walk(
+    entry: IdentifyEntry, own: MethodEntry | SimulationEntry | RegressionEntry
+) -> RandomWalk:
     return replace(RandomWalk(), **_given(entry.random_walk) | _given(own.random_walk))
 
 

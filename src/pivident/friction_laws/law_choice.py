@@ -29,6 +29,7 @@ from pivident.estimation.methods import (
     OutputError,
     PrefilteredIV,
     RandomWalk,
+    Regression,
     method_named,
 )
 from pivident.estimation.problem import Problem
@@ -169,6 +170,12 @@ def _method(method: Method | str | None) -> Method:
         return LeastSquares(signals=RandomWalk())
     method = method_named(method)
     didim = isinstance(method, PrefilteredIV) and method.regressor == "simulated"
+    other = isinstance(method, Regression) and not isinstance(method, LeastSquares)
+    if other:
+        raise IdentificationError(
+            f"laws are compared by least squares or instruments, not by {method.label}; choose the "
+            "laws with 'ls', 'iv' or 'piv'"
+        )
     if didim or isinstance(method, OutputError):
         raise IdentificationError(
             f"laws are compared on the measured motion, which {method.label} does not use; choose "

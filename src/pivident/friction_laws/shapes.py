@@ -23,6 +23,7 @@ from pivident.estimation.methods import (
     Method,
     OutputError,
     PrefilteredIV,
+    Regression,
     method_named,
 )
 from pivident.estimation.normal_equations import JointSums
@@ -192,6 +193,11 @@ def identify_shapes(
         raise IdentificationError(
             f"{method.label} fits shape constants itself: name them in free, such as free = "
             "('gamma',), and call identify"
+        )
+    if isinstance(method, Regression) and not isinstance(method, LeastSquares):
+        raise IdentificationError(
+            f"{method.label} has no equations for shape constants; identify them with 'ls' or "
+            "'piv', and use their values with it"
         )
     if isinstance(method, PrefilteredIV) and method.regressor == "simulated":
         raise IdentificationError(

@@ -26,6 +26,7 @@ from pivident.estimation.methods import (
     OutputError,
     PrefilteredIV,
     RandomWalk,
+    Regression,
     method_named,
 )
 from pivident.estimation.normal_equations import JointSums
@@ -188,6 +189,10 @@ def _full_rate(
             f"{made.label} has no payload variant; use piv, iv-full-rate or ls for the load"
         )
     if isinstance(made, PrefilteredIV) and (made.as_printed or made.regressor == "simulated"):
+        raise ExperimentError(
+            f"{made.label} has no payload variant; use piv, iv-full-rate or ls for the load"
+        )
+    if isinstance(made, Regression) and not isinstance(made, LeastSquares):
         raise ExperimentError(
             f"{made.label} has no payload variant; use piv, iv-full-rate or ls for the load"
         )

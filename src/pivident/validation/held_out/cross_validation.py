@@ -27,6 +27,7 @@ from pivident.validation.held_out.fold_estimates import estimates_without
 from pivident.validation.held_out.folds import Piece, contiguous_folds, equal_blocks
 from pivident.validation.held_out.judged_motion import JudgedMotion
 from pivident.validation.held_out.prediction import Judge, PredictionError, motion_band, pooled
+from pivident.validation.held_out.regression_folds import needs_rows, regressions_without
 from pivident.validation.held_out.replay import ReplayError, pooled_replay
 from pivident.validation.held_out.simulated_folds import simulated_estimates_without
 from pivident.validation.held_out.simulated_positions import (
@@ -269,10 +270,12 @@ def judged_on(
     divided = contiguous_folds(problem.recordings, moving, folds, gap)
     solved = found if found.equations is not None else identify(problem, method, say)
     stretches: list[HeldOut] = []
-    if solved.simulation is None:
-        estimates = estimates_without(solved, moving, divided)
-    else:
+    if solved.simulation is not None:
         estimates = simulated_estimates_without(solved, divided)
+    elif needs_rows(solved.method_used):
+        estimates = regressions_without(problem, solved, divided)
+    else:
+        estimates = estimates_without(solved, moving, divided)
     for number, (fold, estimate) in enumerate(zip(divided, estimates, strict=True), start=1):
         say(f"fold {number} of {len(divided)}")
         stretches += _judged(motion, estimate, fold.held_out)

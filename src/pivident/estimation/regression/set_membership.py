@@ -1,0 +1,174 @@
+"""Set membership: all parameters that explain each row within a bound of its error.
+
+    |τ_j - Φ_j θ| ≤ ε_j   on all rows   →   min θ_i ≤ θ_i ≤ max θ_i,  two linear programs for each i
+
+(Milanese and Belforte 1982; Walter and Piet-Lahanier 1990). Nothing is assumed of the error but its
+bound: it may be a bias, a wrong model or an adversary. Where the bound is true, so are all
+intervals, together and without a probability. The estimate is the middle of each interval.
+
+The programs have few rows that matter. They are solved on some, those that the solution violates
+are added, until there are none.
+
+Without a bound, ε_j = m λ_j^(1/2) with the smallest m for which any θ is left, times ``MARGIN``: a
+statement about these rows, no guarantee.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.errors import IdentificationError
+from pivident.estimation.regression.rows import Rows
+
+#: Rows that are added at a time, the worst of each joint.
+ADDED = 40
+
+#: Violation, in bounds, that is none.
+SLACK = 1e-9
+
+#: Bounds without a word of the user, over the smallest that leave any parameters.
+MARGIN = 1.1
+
+
+@dataclass(frozen=True, eq=False)
+class ParameterBox:
+    """Intervals of all parameters.
+
+    Attributes:
+        low: their lower ends, shape (parameters,).
+        high: their upper ends, likewise.
+        bound: ε of each joint, shape (joints,) [N m or N].
+    """
+
+    low: np.ndarray
+    high: np.ndarray
+    bound: np.ndarray
+
+
+def parameter_box(rows: Rows, bound: np.ndarray | None, start: np.ndarray) -> ParameterBox:
+    """Intervals that hold where errors keep to their bound.
+
+    Args:
+        rows: the equations, weighted by 1/√λ_j.
+        bound: ε of each joint, shape (joints,) [N m or N]; None: from the record.
+        start: parameters near the middle, for the first rows, shape (parameters,).
+
+    Raises:
+        IdentificationError: no parameters keep to the bound; names the joint and the row that
+            contradict most.
+    """
+    program = _Program(rows, np.ones(len(rows.joints)), start)
+    given = bound is not None
+    if given:
+        program.relative = np.asarray(bound, float) / rows.root
+    least = program.least()
+    if not given:
+        program.relative = np.full(len(rows.joints), MARGIN * least)
+    elif least > 1.0 + SLACK:
+        raise _contradiction(rows, program, bound, least)
+    low, high = np.empty((2, rows.size))
+    for i in range(rows.size):
+        low[i], high[i] = program.extreme(i, 1.0), program.extreme(i, -1.0)
+    return ParameterBox(low, high, program.relative * rows.root)
+
+
+def _contradiction(
+    rows: Rows, program: _Program, bound: np.ndarray, least: float
+) -> IdentificationError:
+    """Which joint and row no parameters explain."""
+    joint, row = program.worst(program.centre)
+    own = rows.joints[joint]
+    return IdentificationError(
+        f"no parameters explain all rows within the bounds: they would have to be {least:.3g} "
+        f"times as wide. Worst is joint {own.name!r} at row {row} (bound {bound[joint]:.4g}); "
+        "widen its bound, leave the row out, or look for what the model lacks there"
+    )
+
+
+class _Program:
+    """Linear programs over rows that matter, in columns of unit length."""
+
+    def __init__(self, rows: Rows, relative: np.ndarray, start: np.ndarray) -> None:
+        self.rows = rows
+        #: ε_j/√λ_j, shape (joints,).
+        self.relative = relative
+        squares = np.zeros(rows.size)
+        for own in rows.joints:
+            squares[own.columns] += (own.phi**2).sum(axis=1)
+        self.scale = np.where(squares > 0.0, np.sqrt(squares / max(rows.count, 1)), 1.0)
+        self.active: list[tuple[int, int]] = []
+        self.known: set[tuple[int, int]] = set()
+        self.centre = start
+        self._add(start, everywhere=True)
+
+    def least(self) -> float:
+        """The smallest m with |τ - Φθ| ≤ m ε on all rows (Chebyshev's approximation)."""
+        from scipy.optimize import linprog
+
+        size = self.rows.size
+        cost = np.append(np.zeros(size), 1.0)
+        while True:
+            phi, tau, bound = self._matrix()
+            upper = np.vstack([np.c_[phi, -bound], np.c_[-phi, -bound]])
+            made = linprog(cost, upper, np.concatenate([tau, -tau]), bounds=_free(size, 1))
+            if made.x is None:
+                raise IdentificationError(f"a linear program failed: {made.message}")
+            self.centre = made.x[:size] / self.scale
+            if not self._add(self.centre, factor=float(made.x[size])):
+                return float(made.x[size])
+
+    def extreme(self, i: int, sign: float) -> float:
+        """Smallest (sign 1) or largest (sign -1) value of parameter i."""
+        from scipy.optimize import linprog
+
+        cost = np.zeros(self.rows.size)
+        cost[i] = sign
+        while True:
+            phi, tau, bound = self._matrix()
+            upper = np.vstack([phi, -phi])
+            limits = np.concatenate([tau + bound, bound - tau])
+            made = linprog(cost, upper, limits, bounds=_free(self.rows.size, 0))
+            if made.status == 3:
+                return -sign * np.inf
+            if made.x is None:
+                raise IdentificationError(f"a linear program failed: {made.message}")
+            if not self._add(made.x / self.scale):
+                return float(made.x[i] / self.scale[i])
+
+    def worst(self, theta: np.ndarray) -> tuple[int, int]:
+        """Joint and row whose error is largest, in bounds."""
+        size = np.abs(self.rows.residuals(theta)) / self.relative[:, None]
+        joint, row = np.unravel_index(np.argmax(size), size.shape)
+        return int(joint), int(row)
+
+    def _add(self, theta: np.ndarray, factor: float = 1.0, everywhere: bool = False) -> bool:
+        """Add the rows that θ violates most; whether there were any."""
+        size = np.abs(self.rows.residuals(theta)) / self.relative[:, None]
+        added = False
+        for j, own in enumerate(size):
+            worst = np.argsort(own)[::-1][:ADDED]
+            for row in worst.tolist():
+                if own[row] <= factor * (1.0 + SLACK) and not everywhere:
+                    break
+                if (j, row) not in self.known and self.rows.joints[j].used[row]:
+                    self.known.add((j, row))
+                    self.active.append((j, row))
+                    added = True
+        return added
+
+    def _matrix(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Φ in scaled columns, τ and ε of the rows that are known to matter."""
+        phi, tau = np.zeros((len(self.active), self.rows.size)), np.empty(len(self.active))
+        bound = np.empty(len(self.active))
+        for k, (j, row) in enumerate(self.active):
+            own = self.rows.joints[j]
+            phi[k, own.columns] = own.phi[:, row]
+            tau[k], bound[k] = own.tau[row], self.relative[j]
+        return phi / self.scale, tau, bound
+
+
+def _free(size: int, positive: int) -> list[tuple[float | None, None]]:
+    """Bounds of a program's unknowns: any value, the last ones at least zero."""
+    return [(None, None)] * size + [(0.0, None)] * positive
