@@ -78,7 +78,7 @@ def _contradiction(
     rows: Rows, program: _Program, bound: np.ndarray, least: float
 ) -> IdentificationError:
     """Which joint and row no parameters explain."""
-    joint, row = program.worst(program.centre)
+    joint, row = program.worst
     own = rows.joints[joint]
     return IdentificationError(
         f"no parameters explain all rows within the bounds: they would have to be {least:.3g} "
@@ -100,7 +100,10 @@ class _Program:
         self.scale = np.where(squares > 0.0, np.sqrt(squares / max(rows.count, 1)), 1.0)
         self.active: list[tuple[int, int]] = []
         self.known: set[tuple[int, int]] = set()
+        #: Parameters that need the least m.
         self.centre = start
+        #: Joint and row on which that m rests most: it would fall fastest if this bound were wider.
+        self.worst = (0, 0)
         self._add(start, everywhere=True)
 
     def least(self) -> float:
@@ -116,6 +119,8 @@ class _Program:
             if made.x is None:
                 raise IdentificationError(f"a linear program failed: {made.message}")
             self.centre = made.x[:size] / self.scale
+            prices = np.abs(made.ineqlin.marginals.reshape(2, -1)).max(axis=0)
+            self.worst = self.active[int(np.argmax(prices))]
             if not self._add(self.centre, factor=float(made.x[size])):
                 return float(made.x[size])
 
@@ -136,12 +141,6 @@ class _Program:
                 raise IdentificationError(f"a linear program failed: {made.message}")
             if not self._add(made.x / self.scale):
                 return float(made.x[i] / self.scale[i])
-
-    def worst(self, theta: np.ndarray) -> tuple[int, int]:
-        """Joint and row whose error is largest, in bounds."""
-        size = np.abs(self.rows.residuals(theta)) / self.relative[:, None]
-        joint, row = np.unravel_index(np.argmax(size), size.shape)
-        return int(joint), int(row)
 
     def _add(self, theta: np.ndarray, factor: float = 1.0, everywhere: bool = False) -> bool:
         """Add the rows that θ violates most; whether there were any."""

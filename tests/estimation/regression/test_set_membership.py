@@ -1,0 +1,57 @@
+"""Set membership against dense linear programs, and draws whose errors keep to their bound."""
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+from pivident.errors import IdentificationError
+from pivident.estimation.regression.set_membership import MARGIN, parameter_box
+from tests.estimation.regression.made_rows import TRUTH, made, rows_of, stacked
+
+BOUND = np.array([0.3, 0.5])
+
+
+def bounded(seed, count=300, root=(1.0, 1.0)):
+    phi, tau, _, rng = made(seed, count=count)
+    errors = BOUND[:, None] * rng.uniform(-1.0, 1.0, (2, count)) ** rng.choice([1, 3])
+    return rows_of(phi, [t + e for t, e in zip(tau, errors, strict=True)], root=root)
+
+
+def test_intervals_are_those_of_programs_over_all_rows():
+    rows = bounded(1, root=(0.2, 3.0))
+    box = parameter_box(rows, BOUND, TRUTH)
+    dense, torque = stacked(rows)
+    bound = np.repeat(BOUND / rows.root, 300)
+    upper, limits = np.vstack([dense, -dense]), np.append(torque + bound, bound - torque)
+    for i in range(4):
+        for sign, found in ((1.0, box.low[i]), (-1.0, box.high[i])):
+            cost = np.zeros(4)
+            cost[i] = sign
+            made = linprog(cost, upper, limits, bounds=[(None, None)] * 4)
+            assert found == pytest.approx(made.x[i], rel=1e-6)
+
+
+def test_the_truth_is_inside_in_every_one_of_a_thousand_draws():
+    for seed in range(1000):
+        rows = bounded(seed, count=60)
+        box = parameter_box(rows, BOUND, np.zeros(4))
+        assert (box.low <= TRUTH).all() and (TRUTH <= box.high).all(), seed
+
+
+def test_bounds_that_nothing_keeps_to_name_joint_and_row():
+    phi, tau, _, _ = made(2, count=200)
+    tau[1] = tau[1].copy()
+    tau[1][77] += 5.0
+    rows = rows_of(phi, tau)
+    with pytest.raises(IdentificationError, match="joint 'joint 2' at row 77"):
+        parameter_box(rows, BOUND, TRUTH)
+
+
+def test_without_a_bound_it_is_the_least_one_and_a_tenth():
+    rows = bounded(4)
+    box = parameter_box(rows, None, np.zeros(4))
+    dense, torque = stacked(rows)
+    upper = np.block([[dense, -np.ones((600, 1))], [-dense, -np.ones((600, 1))]])
+    made = linprog(np.eye(5)[4], upper, np.append(torque, -torque), bounds=[(None, None)] * 5)
+    np.testing.assert_allclose(box.bound, MARGIN * made.x[4], rtol=1e-6)
+    assert (box.high > box.low).all()
