@@ -21,6 +21,7 @@ from pivident.errors import (
     ShapeMismatch,
     SimulationDiverged,
 )
+from pivident.robot.friction import FrictionColumn
 from pivident.simulation.controllers import (
     TAPS,
     Controller,
@@ -124,7 +125,7 @@ def _checked(answer: object, k: int, joints: int) -> np.ndarray:
 #: Samples that are simulated at a time where a run is taken in stretches.
 BLOCK = 4096
 
-#: Longest step over which the rigid body may be frozen [s].
+#: Longest step over which a rigid body that changes with the motion may be frozen [s].
 MAX_STEP = 2.5e-4
 
 
@@ -215,7 +216,7 @@ def simulate_blocks(
     inputs = _signal("inputs", signals.inputs, samples, n)
     noise = _signal("noise", signals.noise, samples, n)
     begin = (q_ref[0], np.zeros(n)) if start is None else start
-    steps = max(1, int(np.ceil(1.0 / (rate * MAX_STEP) - 1e-9))) if oracle is None else 1
+    steps = 1 if oracle is not None else steps_of_a_period(model, rate)
     limits = np.zeros((LIMITS, n))
     limits[GAIN], limits[OUTPUT] = signals.drive_gain, signals.limit
     limits[DISTANCE], limits[SPEED] = signals.bound, signals.speed_bound
@@ -248,6 +249,23 @@ def simulate_blocks(
         _check_outcome(what, joint, sample / rate, float(failure[0]), limits, joint_names)
         length = last - first
         yield slice(first, last), channels[:, :length], _states(model, on_path[-1], length)
+
+
+def steps_of_a_period(model: Model, rate: float) -> int:
+    """Steps of the fast scheme in a sampling period, as many as freezing the rigid body asks for.
+
+    Axes that only slide have M and h that never change, so that freezing them is exact and a single
+    step serves: friction chooses its own inner steps.
+
+    Args:
+        model: the robot with its parameter values.
+        rate: sampling rate [Hz].
+    """
+    column = model.friction.path_index[:, 1]
+    rests_on_position = np.isin(column, (FrictionColumn.SPRING, FrictionColumn.STRUT)).any()
+    if model.tree.prismatic.all() and not rests_on_position:
+        return 1
+    return max(1, int(np.ceil(1.0 / (rate * MAX_STEP) - 1e-9)))
 
 
 def _states(model: Model, record: np.ndarray | None, samples: int) -> np.ndarray:
