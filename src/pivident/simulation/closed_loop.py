@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -167,6 +167,20 @@ class LoopSignals:
     #: reads positions without counts.
     count: np.ndarray | None = None
 
+    def part(self, span: slice) -> LoopSignals:
+        """The signals of some samples alone; single rows stand for all samples."""
+
+        def cut(signal: np.ndarray | None) -> np.ndarray | None:
+            return signal if signal is None or len(signal) == 1 else signal[span]
+
+        return replace(
+            self,
+            q_ref=self.q_ref[span],
+            dq_ref=cut(self.dq_ref),
+            inputs=cut(self.inputs),
+            noise=cut(self.noise),
+        )
+
 
 def simulate(
     model: Model,
@@ -261,9 +275,10 @@ def steps_of_a_period(model: Model, rate: float) -> int:
         model: the robot with its parameter values.
         rate: sampling rate [Hz].
     """
-    column = model.friction.path_index[:, 1]
-    rests_on_position = np.isin(column, (FrictionColumn.SPRING, FrictionColumn.STRUT)).any()
-    if model.tree.prismatic.all() and not rests_on_position:
+    springs = {FrictionColumn.SPRING, FrictionColumn.STRUT}.intersection(
+        model.friction.path_index[:, 1].tolist()
+    )
+    if model.tree.prismatic.all() and not springs:
         return 1
     return max(1, int(np.ceil(1.0 / (rate * MAX_STEP) - 1e-9)))
 
