@@ -273,7 +273,12 @@ def main() -> None:
         for name in found.model.names:
             ends = f"{found.low[name]:.5g} to {found.high[name]:.5g}"
             print(f"      {name:22} {found.model.values[name]:12.6g}   95 %: {ends}", flush=True)
-        if trial is chosen and "off1" in found.model.names:
+        if trial is not chosen:
+            continue
+        for name, record in (("training", train), ("test", test)):
+            expected = found.expected_error(record, whole)
+            print(f"      (uncertainty of the estimate on the {name} record: {expected:.2f} mm)")
+        if "off1" in found.model.names:
             change, score = offset_afterwards(found.model, test)
             print(f"      (with the offset that fits the test, {change:+.3f} N: {score:.2f} mm)")
 

@@ -38,8 +38,9 @@ GIVEN = 20
 STATE = (Direction("initial_position", joint=0), Direction("initial_speed", joint=0))
 STATE_SIZE = np.array([1e-3, 0.1])
 
-#: Corrections of the initial state: it is nearly linear in what is corrected.
-CORRECTIONS = 2
+#: Most corrections of the initial state, and the share of its typical size that settles it. Where
+#: the carriage reverses within the given samples the second correction is not yet the last one.
+MAX_CORRECTIONS, SETTLED = 8, 1e-4
 
 #: Share of the largest singular value below which the given samples do not determine a state: the
 #: speed of a carriage at rest leaves no trace in its positions.
@@ -126,15 +127,24 @@ class OpenLoopModel:
     ) -> list[State]:
         """Position and speed at the start of each stretch that fit its first samples best."""
         given = [slice(own.start, own.start + GIVEN) for own in stretches]
-        measured = [record.q[span] for span in given]
         times = np.arange(GIVEN) / record.rate
-        states = [(q[0], np.polyfit(times, q[:, 0], 1)[:1]) for q in measured]
-        for _ in range(CORRECTIONS):
-            made = stretch_tangents(loop, given, states, STATE)
-            states = [
-                _corrected(state, own, q)
-                for state, own, q in zip(states, made, measured, strict=True)
-            ]
+        states = [
+            (record.q[span.start], np.polyfit(times, record.q[span, 0], 1)[:1]) for span in given
+        ]
+        open_ones = list(range(len(states)))
+        for _ in range(MAX_CORRECTIONS):
+            made = stretch_tangents(
+                loop, [given[k] for k in open_ones], [states[k] for k in open_ones], STATE
+            )
+            steps = [_correction(own, record.q[own.samples]) for own in made]
+            for k, step in zip(open_ones, steps, strict=True):
+                states[k] = states[k][0] + step[0], states[k][1] + step[1]
+            open_ones = [
+                k for k, step in zip(open_ones, steps, strict=True)
+                if np.abs(step / STATE_SIZE).max() > SETTLED
+            ]  # fmt: skip
+            if not open_ones:
+                break
         return states
 
     def errors(self, record: Recording, stretch: Stretch, finer: int = 1) -> np.ndarray:
@@ -185,13 +195,25 @@ class OpenLoopFit:
         model: with the estimates.
         low: lower ends of the 95 % intervals, by name.
         high: their upper ends.
+        without: with the estimates that leave one group of stretches out each.
         simulations: simulations with tangents of all stretches.
     """
 
     model: OpenLoopModel
     low: dict[str, float]
     high: dict[str, float]
+    without: tuple[OpenLoopModel, ...]
     simulations: int
+
+    def expected_error(self, record: Recording, stretch: Stretch) -> float:
+        """Error of the simulated position that the uncertainty of the estimate explains [mm].
+
+        √((W - 1)/W Σ ‖q_w - q‖²/samples) over the estimates without one of W groups. The measured
+        position sets the initial state and cancels otherwise.
+        """
+        own = self.model.errors(record, stretch)[GIVEN:]
+        moved = [rms(model.errors(record, stretch)[GIVEN:] - own) for model in self.without]
+        return float(np.sqrt((1.0 - 1.0 / len(moved)) * np.sum(np.square(moved))))
 
 
 def rms(errors: np.ndarray) -> float:
@@ -220,57 +242,60 @@ def fit_open_loop(
             None: each stretch is one.
         most: simulations that the search may take.
     """
-    found, errors, columns, slopes, count = _search(model, record, stretches, most)
-    half = _half_widths(errors, columns, _rows(stretches, groups))
-    centre = np.array([found.values[name] for name in model.names])
-    positive = np.array([d.kind == "shape" for d in model.directions])
-    width = slopes * half
-    factor = np.exp(np.clip(half, 0.0, OVERFLOW))
-    low = np.where(positive, centre / factor, centre - width)
-    high = np.where(positive, centre * factor, centre + width)
-    ends = [dict(zip(model.names, end.tolist(), strict=True)) for end in (low, high)]
-    return OpenLoopFit(found, *ends, count)
+    search = _Search(model, record, tuple(stretches))
+    z, errors, columns = search.run(most)
+    shifts = _shifts(errors, columns, _rows(stretches, groups))
+    variance = (1.0 - 1.0 / len(shifts)) * (shifts**2).sum(axis=0)
+    half = float(student.ppf(0.975, len(shifts) - 1)) * np.sqrt(variance)
+    low, high = (
+        dict(zip(model.names, search.values(z + sign * half, bounded=False).tolist(), strict=True))
+        for sign in (-1.0, 1.0)
+    )
+    models = [model.with_values(search.values(z + shift)) for shift in (0.0, *shifts)]
+    return OpenLoopFit(models[0], low, high, tuple(models[1:]), search.count)
 
 
-def _search(
-    model: OpenLoopModel, record: Recording, stretches: Sequence[Stretch], most: int
-) -> tuple[OpenLoopModel, np.ndarray, np.ndarray, np.ndarray, int]:
-    """Least squares on scaled unknowns z.
+class _Search:
+    """Least squares on scaled unknowns z: shares of the start, logarithms of positive constants."""
 
-    Result: the model found, its errors, their derivatives by z, those of the unknowns by z, and
-    how many simulations it took.
-    """
-    start = np.array([model.values[name] for name in model.names])
-    constants = np.array([d.kind == "shape" for d in model.directions])
-    delays = np.array([d.kind == "delay" for d in model.directions])
-    size = np.where(start != 0.0, np.abs(start), np.where(delays, DELAY_SIZE, SMALLEST))
-    low = np.where(constants, -LOGARITHM, np.where(delays, -1e-9, -np.inf))
-    high = np.where(constants, LOGARITHM, np.inf)
-    known: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
-    count = 0
+    def __init__(
+        self, model: OpenLoopModel, record: Recording, stretches: tuple[Stretch, ...]
+    ) -> None:
+        self.model, self.record, self.stretches, self.count = model, record, stretches, 0
+        self.start = np.array([model.values[name] for name in model.names])
+        self.constants = np.array([d.kind == "shape" for d in model.directions])
+        self.delays = np.array([d.kind == "delay" for d in model.directions])
+        nothing = np.where(self.delays, DELAY_SIZE, SMALLEST)
+        self.size = np.where(self.start != 0.0, np.abs(self.start), nothing)
+        self._known: tuple[bytes, np.ndarray, np.ndarray] = (b"", np.zeros(0), np.zeros(0))
 
-    def values(z: np.ndarray) -> np.ndarray:
-        grown = start * np.exp(np.where(constants, z, 0.0))
-        linear = np.where(delays, np.maximum(z, 0.0), z) * size
-        return np.where(constants, grown, linear)
+    def values(self, z: np.ndarray, bounded: bool = True) -> np.ndarray:
+        """What is sought at z; ``bounded``: a delay is not negative."""
+        exponent = np.clip(np.where(self.constants, z, 0.0), -OVERFLOW, OVERFLOW)
+        linear = np.where(self.delays & bounded, np.maximum(z, 0.0), z) * self.size
+        return np.where(self.constants, self.start * np.exp(exponent), linear)
 
-    def evaluate(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        nonlocal count
-        if z.tobytes() not in known:
-            count += 1
-            known.clear()
-            errors, columns = _linearised(model.with_values(values(z)), record, stretches)
-            known[z.tobytes()] = errors, columns * np.where(constants, values(z), size)
-        return known[z.tobytes()]
+    def run(self, most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The best z, its errors, and their derivatives by z."""
+        first = np.where(self.constants, 0.0, self.start / self.size)
+        low = np.where(self.constants, -LOGARITHM, np.where(self.delays, -1e-9, -np.inf))
+        found = least_squares(
+            lambda z: self._evaluate(z)[0], first, lambda z: self._evaluate(z)[1], x_scale="jac",
+            bounds=(low, np.where(self.constants, LOGARITHM, np.inf)), max_nfev=most,
+            ftol=TOLERANCE, xtol=TOLERANCE,
+        )  # fmt: skip
+        return found.x, found.fun, found.jac
 
-    found = least_squares(
-        lambda z: evaluate(z)[0], np.where(constants, 0.0, start / size),
-        lambda z: evaluate(z)[1], x_scale="jac", max_nfev=most, bounds=(low, high),
-        ftol=TOLERANCE, xtol=TOLERANCE,
-    )  # fmt: skip
-    best = values(found.x)
-    slopes = np.where(constants, best, size)
-    return model.with_values(best), found.fun, found.jac, slopes, count
+    def _evaluate(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        if z.tobytes() != self._known[0]:
+            self.count += 1
+            values = self.values(z)
+            slopes = np.where(self.constants, values, self.size)
+            errors, columns = _linearised(
+                self.model.with_values(values), self.record, self.stretches
+            )
+            self._known = z.tobytes(), errors, columns * slopes
+        return self._known[1:]
 
 
 def _with_shapes(robot: Robot, shapes: dict[str, float]) -> FrictionLaw:
@@ -278,12 +303,11 @@ def _with_shapes(robot: Robot, shapes: dict[str, float]) -> FrictionLaw:
     return law.with_shapes(shapes) if shapes else law
 
 
-def _corrected(state: State, made: TangentBlock, measured: np.ndarray) -> State:
-    """The initial state after one Gauss-Newton step towards the given samples."""
+def _correction(made: TangentBlock, measured: np.ndarray) -> np.ndarray:
+    """Gauss-Newton step of the initial position and speed towards the given samples."""
     by_state = made.q[:, 0, :] * STATE_SIZE
     errors = (measured - made.motion.q)[:, 0]
-    step = np.linalg.lstsq(by_state, errors, rcond=UNDETERMINED)[0] * STATE_SIZE
-    return state[0] + step[0], state[1] + step[1]
+    return np.linalg.lstsq(by_state, errors, rcond=UNDETERMINED)[0] * STATE_SIZE
 
 
 def _linearised(
@@ -304,17 +328,17 @@ def _rows(stretches: Sequence[Stretch], groups: Sequence[Sequence[int]] | None) 
     return [np.concatenate([rows[k] for k in g]) for g in groups or [[k] for k in range(len(rows))]]
 
 
-def _half_widths(errors: np.ndarray, columns: np.ndarray, groups: list[np.ndarray]) -> np.ndarray:
-    """Half widths of 95 % intervals by the jackknife over groups of rows, one step each.
+def _shifts(errors: np.ndarray, columns: np.ndarray, groups: list[np.ndarray]) -> np.ndarray:
+    """Changes of the estimate without one group of rows each, shape (groups, unknowns).
 
-    Without a group w the estimate is p + δ_w, δ_w = (H - H_w)⁻¹ J_wᵀ e_w, and the variance is
-    (W - 1)/W Σ δ_w². With few groups it is more cautious than the sandwich, which it tends to.
+    One Gauss-Newton step, δ_w = (H - H_w)⁻¹ J_wᵀ e_w. The variance of the jackknife is
+    (W - 1)/W Σ δ_w²; with few groups it is more cautious than the sandwich, which it tends to.
     """
-    count, gram = len(groups), columns.T @ columns
-    steps = [
-        np.linalg.pinv(gram - columns[w].T @ columns[w], rcond=1e-12, hermitian=True)
-        @ (columns[w].T @ errors[w])
-        for w in groups
-    ]
-    variance = (count - 1) / count * (np.array(steps) ** 2).sum(axis=0)
-    return float(student.ppf(0.975, count - 1)) * np.sqrt(variance)
+    gram = columns.T @ columns
+    return np.array(
+        [
+            np.linalg.pinv(gram - columns[w].T @ columns[w], rcond=1e-12, hermitian=True)
+            @ (columns[w].T @ errors[w])
+            for w in groups
+        ]
+    )

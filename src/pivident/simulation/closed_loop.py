@@ -285,7 +285,7 @@ def steps_of_a_period(model: Model, rate: float) -> int:
 
 def _states(model: Model, record: np.ndarray | None, samples: int) -> np.ndarray:
     """States of friction that remembers its path, shape (samples, states)."""
-    if record is None:
+    if record is None or not record.shape[1]:
         return np.zeros((samples, 0))
     return record[:samples, model.friction.memories]
 

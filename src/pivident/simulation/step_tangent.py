@@ -30,6 +30,7 @@ from pivident.simulation.integration import (
     V,
     apply_matrix,
     damping_rate,
+    rate_at_reversals,
     slope_times,
     subtract_product,
 )
@@ -294,7 +295,10 @@ def nonlinear_tangent(
                 linear, term_index, term_value, pair_index, pair_value, vectors, trial, f, slopes,
                 THEN,
             )  # fmt: skip
-            ahead = damping_rate(pair_index, pair_value, matrices, slopes, THEN)
+            ahead = max(
+                damping_rate(pair_index, pair_value, matrices, slopes, THEN),
+                rate_at_reversals(pair_index, pair_value, matrices, slopes, vectors, v, trial),
+            )
             if ahead * step > 1.5 * NONLINEAR_STIFFNESS and step > shortest:
                 step = max(NONLINEAR_STIFFNESS / ahead, shortest)
                 stage = 1
