@@ -123,12 +123,19 @@ class OpenLoopModel:
         return ParametrisedLoop(robot, parameters, theta, OpenLoop(), signals)
 
     def starts(
-        self, loop: ParametrisedLoop, record: Recording, stretches: Sequence[Stretch]
+        self,
+        loop: ParametrisedLoop,
+        record: Recording,
+        stretches: Sequence[Stretch],
+        near: Sequence[State] = (),
     ) -> list[State]:
-        """Position and speed at the start of each stretch that fit its first samples best."""
+        """Position and speed at the start of each stretch that fit its first samples best.
+
+        The search starts from states ``near`` them, or from a line through the positions.
+        """
         given = [slice(own.start, own.start + GIVEN) for own in stretches]
         times = np.arange(GIVEN) / record.rate
-        states = [
+        states = list(near) or [
             (record.q[span.start], np.polyfit(times, record.q[span, 0], 1)[:1]) for span in given
         ]
         open_ones = list(range(len(states)))
@@ -168,14 +175,14 @@ class OpenLoopModel:
         return rms(self.errors(record, stretch)[GIVEN:])
 
     def linearised(
-        self, record: Recording, stretches: Sequence[Stretch]
-    ) -> tuple[np.ndarray, np.ndarray]:
+        self, record: Recording, stretches: Sequence[Stretch], near: Sequence[State] = ()
+    ) -> tuple[np.ndarray, np.ndarray, list[State]]:
         """Errors [mm] and derivatives by what is sought, of all stretches one after the other.
 
-        Shapes (samples,) and (samples, names).
+        Shapes (samples,) and (samples, names); then the initial states, see ``starts``.
         """
         loop, count = self.loop(record), len(self.names)
-        states = self.starts(loop, record, stretches)
+        states = self.starts(loop, record, stretches, near)
         spans = [slice(*own) for own in stretches]
         errors, columns = [], []
         for made in stretch_tangents(loop, spans, states, [*self.directions, *STATE]):
@@ -184,7 +191,7 @@ class OpenLoopModel:
             taken = np.linalg.lstsq(by_state[:GIVEN], by_sought[:GIVEN], rcond=UNDETERMINED)[0]
             errors.append(1e3 * (made.motion.q - record.q[made.samples])[:, 0])
             columns.append(1e3 * (by_sought - by_state @ taken))
-        return np.concatenate(errors), np.concatenate(columns)
+        return np.concatenate(errors), np.concatenate(columns), states
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,6 +275,7 @@ class _Search:
         nothing = np.where(self.delays, DELAY_SIZE, SMALLEST)
         self.size = np.where(self.start != 0.0, np.abs(self.start), nothing)
         self._known: tuple[bytes, np.ndarray, np.ndarray] = (b"", np.zeros(0), np.zeros(0))
+        self._states: list[State] = []
 
     def values(self, z: np.ndarray, bounded: bool = True) -> np.ndarray:
         """What is sought at z; ``bounded``: a delay is not negative."""
@@ -291,11 +299,20 @@ class _Search:
             self.count += 1
             values = self.values(z)
             slopes = np.where(self.constants, values, self.size)
-            errors, columns = _linearised(
-                self.model.with_values(values), self.record, self.stretches
-            )
+            errors, columns = self._linearised(self.model.with_values(values))
             self._known = z.tobytes(), errors, columns * slopes
         return self._known[1:]
+
+    def _linearised(self, model: OpenLoopModel) -> tuple[np.ndarray, np.ndarray]:
+        """Errors and derivatives of all stretches; large errors where they cannot be simulated."""
+        try:
+            errors, columns, self._states = model.linearised(
+                self.record, self.stretches, self._states
+            )
+        except (PividentError, ValueError):
+            rows = sum(own.stop - own.start for own in self.stretches)
+            return np.full(rows, FAILED), np.zeros((rows, len(model.names)))
+        return errors, columns
 
 
 def _with_shapes(robot: Robot, shapes: dict[str, float]) -> FrictionLaw:
@@ -308,17 +325,6 @@ def _correction(made: TangentBlock, measured: np.ndarray) -> np.ndarray:
     by_state = made.q[:, 0, :] * STATE_SIZE
     errors = (measured - made.motion.q)[:, 0]
     return np.linalg.lstsq(by_state, errors, rcond=UNDETERMINED)[0] * STATE_SIZE
-
-
-def _linearised(
-    model: OpenLoopModel, record: Recording, stretches: Sequence[Stretch]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Errors and derivatives of all stretches; large errors where they cannot be simulated."""
-    try:
-        return model.linearised(record, stretches)
-    except (PividentError, ValueError):
-        rows = sum(own.stop - own.start for own in stretches)
-        return np.full(rows, FAILED), np.zeros((rows, len(model.names)))
 
 
 def _rows(stretches: Sequence[Stretch], groups: Sequence[Sequence[int]] | None) -> list[np.ndarray]:

@@ -89,7 +89,7 @@ def test_a_later_position_never_reaches_the_simulation(simulated, law):
 
 def test_derivatives_contain_the_initial_state_of_each_stretch(simulated, law):
     parts, model = [Stretch(0, 700), Stretch(800, 1500)], model_of(law)
-    _, columns = model.linearised(simulated, parts)
+    _, columns, _ = model.linearised(simulated, parts)
     for k, name in enumerate(model.names):
         step = 1e-4 * abs(TRUTH[name])
         ahead, behind = (
