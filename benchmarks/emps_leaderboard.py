@@ -23,7 +23,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from time import perf_counter, process_time
+from time import process_time
 
 import numpy as np
 from benchmarks.emps_laws import Candidate, extensions, laws
@@ -52,6 +52,9 @@ SETTLED = 0.15
 
 #: Change of a simulation when its step is halved that is accepted, relative to its errors.
 SAME = 0.01
+
+#: Runs of an estimate, the fastest of which is its processor time: others use the machine, too.
+RUNS = 3
 
 #: 95 % half width of the logarithm of a constant above which it counts as not determined: the
 #: interval of a number as large as its own half width contains zero.
@@ -256,19 +259,21 @@ def main() -> None:
     chosen, trials = choose(train, laws())
     print(f"\nchosen: {chosen.candidate.title}\n", flush=True)
     test, whole = load_emps_pulses(), Stretch(0, len(train.q))
-    print(f"{'score [mm]':40} {'held out':>8} {'train':>6} {'test':>6} {'time':>5} {'CPU [s]':>8}")
+    print(f"{'score [mm]':40} {'held out':>8} {'train':>6} {'test':>6} {'CPU [s]':>8}")
     published = laws()[0].model()
     scores = published.score(train, whole), published.score(test, whole)
     print(f"{'  published values (least squares)':49} {scores[0]:6.2f} {scores[1]:6.2f}")
     for trial in trials:
-        begin, processor = perf_counter(), process_time()
-        found = fitted(trial.candidate, train, moves, kinds)
-        times = perf_counter() - begin, process_time() - processor
+        times = []
+        for _ in range(RUNS):
+            begin = process_time()
+            found = fitted(trial.candidate, train, moves, kinds)
+            times.append(process_time() - begin)
         scores = found.model.score(train, whole), found.model.score(test, whole)
         title = f"{'→' if trial is chosen else ' '} {trial.candidate.title}"
         print(
             f"{title:40} {trial.held_out:8.3f} {scores[0]:6.2f} {scores[1]:6.2f} "
-            f"{times[0]:5.2f} {times[1]:8.2f}   {found.simulations} passes"
+            f"{min(times):8.2f}   {found.simulations} passes"
         )
         for name in found.model.names:
             ends = f"{found.low[name]:.5g} to {found.high[name]:.5g}"
