@@ -51,6 +51,10 @@ STIFFNESS_PER_STEP = 1.0
 #: through standstill cost the wrist up to 15 rad/s² for one sample.
 NONLINEAR_STIFFNESS = 0.3
 
+#: Largest ‖M⁻¹D‖·h at standstill of a smoothed sign that a nonlinear step may pass over: more is
+#: beyond what Runge–Kutta 4 is stable for (2.8), and its stages may see none of the sign.
+PASSED_OVER = 2.8
+
 #: Most inner steps. What needs more has a mass matrix next to singular; it may diverge instead.
 MAX_INNER_STEPS = 5000
 
@@ -368,10 +372,10 @@ def _nonlinear_step(
                 slopes,
                 THEN,
             )
-            ahead = max(
-                damping_rate(pair_index, pair_value, matrices, slopes, THEN),
-                rate_at_reversals(pair_index, pair_value, matrices, slopes, vectors, V, trial),
-            )
+            ahead = damping_rate(pair_index, pair_value, matrices, slopes, THEN)
+            turning = rate_at_reversals(pair_index, pair_value, matrices, slopes, vectors, V, trial)
+            if turning * step > PASSED_OVER:
+                ahead = max(ahead, turning)
             if ahead * step > 1.5 * NONLINEAR_STIFFNESS and step > shortest:
                 step = max(NONLINEAR_STIFFNESS / ahead, shortest)
                 stage = 1

@@ -23,6 +23,7 @@ from pivident.simulation.integration import (
     MIDDLE_BIAS,
     NONLINEAR_STIFFNESS,
     NOW,
+    PASSED_OVER,
     RENEWALS,
     STIFFNESS_PER_STEP,
     THEN,
@@ -295,10 +296,10 @@ def nonlinear_tangent(
                 linear, term_index, term_value, pair_index, pair_value, vectors, trial, f, slopes,
                 THEN,
             )  # fmt: skip
-            ahead = max(
-                damping_rate(pair_index, pair_value, matrices, slopes, THEN),
-                rate_at_reversals(pair_index, pair_value, matrices, slopes, vectors, v, trial),
-            )
+            ahead = damping_rate(pair_index, pair_value, matrices, slopes, THEN)
+            turning = rate_at_reversals(pair_index, pair_value, matrices, slopes, vectors, v, trial)
+            if turning * step > PASSED_OVER:
+                ahead = max(ahead, turning)
             if ahead * step > 1.5 * NONLINEAR_STIFFNESS and step > shortest:
                 step = max(NONLINEAR_STIFFNESS / ahead, shortest)
                 stage = 1
