@@ -19,7 +19,6 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.signal import lfilter
 from scipy.stats import t as student
 
 from pivident.dynamics.parameters import standard_parameters
@@ -30,8 +29,7 @@ from pivident.robot.friction import FrictionLaw
 from pivident.simulation.closed_loop import LoopSignals
 from pivident.simulation.direction import Direction, ParametrisedLoop
 from pivident.simulation.open_loop import OpenLoop
-from pivident.simulation.tangents import has_compiled_tangents, simulate_with_tangents
-from pivident.threads import run_in_threads
+from pivident.simulation.tangents import TangentBlock, stretch_tangents
 
 #: Samples that may set the initial state, and that the score leaves out.
 GIVEN = 20
@@ -40,8 +38,13 @@ GIVEN = 20
 STATE = (Direction("initial_position", joint=0), Direction("initial_speed", joint=0))
 STATE_SIZE = np.array([1e-3, 0.1])
 
-#: Corrections of the initial state: it is nearly linear in what is corrected.
-CORRECTIONS = 2
+#: Most corrections of the initial state, and the share of its typical size that settles it. Where
+#: the carriage reverses within the given samples the second correction is not yet the last one.
+MAX_CORRECTIONS, SETTLED = 8, 1e-4
+
+#: Share of the largest singular value below which the given samples do not determine a state: the
+#: speed of a carriage at rest leaves no trace in its positions.
+UNDETERMINED = 1e-2
 
 #: Distance and speed at which a simulation counts as diverged [m, m/s].
 TOO_FAR, TOO_FAST = 100.0, 100.0
@@ -52,14 +55,15 @@ FAILED = 1e3
 #: Size of a delay, which starts at zero [s], and of other unknowns that are zero.
 DELAY_SIZE, SMALLEST = 1e-4, 1.0
 
-#: Relative step of forward differences.
-DIFFERENCE = 2e-3
-
 #: Range of the logarithm of a positive constant around its start, and relative tolerance.
 LOGARITHM, TOLERANCE = 4.0, 1e-3
 
 #: Logarithm at which an end of an interval means "no bound".
 OVERFLOW = 20.0
+
+
+#: Position and speed of the axis, each (1,).
+State = tuple[np.ndarray, np.ndarray]
 
 
 class Stretch(NamedTuple):
@@ -77,7 +81,7 @@ class OpenLoopModel:
         robot: the axis, one joint with its friction law.
         drive_gain: force per drive input [N/V].
         values: where the search starts, by name: parameters, constants of the friction law,
-            ``delay`` of the drive [s]; ``lag``, time constant of the drive [s], is never sought.
+            ``delay`` of the drive [s].
         names: those that are sought.
     """
 
@@ -102,76 +106,92 @@ class OpenLoopModel:
             for name in self.names
         ]  # fmt: skip
 
-    def loop(self, record: Recording, stretch: Stretch) -> ParametrisedLoop:
-        """The model on a stretch of a record, from the state that its first samples give."""
+    def loop(self, record: Recording) -> ParametrisedLoop:
+        """The model under the drive input of a record."""
         shapes = {s.name: s.value for s in self.robot.joints[0].friction.shapes}
         shapes |= {name: v for name, v in self.values.items() if name in (*shapes, "gamma")}
         robot = self.robot.with_friction(_with_shapes(self.robot, shapes))
         parameters = standard_parameters(robot)
         theta = np.array([self.values.get(p.name, 0.0) for p in parameters])
-        span = slice(*stretch)
-        q, u = record.q[span], self._input(record)[span]
+        u = record.tau / self.drive_gain
         signals = LoopSignals(
-            rate=record.rate, q_ref=np.zeros_like(q), dq_ref=None, inputs=u, noise=None,
+            rate=record.rate, q_ref=np.zeros_like(u), dq_ref=None, inputs=u, noise=None,
             drive_gain=np.array([self.drive_gain]), limit=np.array([np.inf]),
             bound=np.array([TOO_FAR]), speed_bound=np.array([TOO_FAST]),
             drive_delay=self.values.get("delay", 0.0),
         )  # fmt: skip
-        given = replace(signals, q_ref=signals.q_ref[:GIVEN], inputs=u[:GIVEN])
-        speed = np.polyfit(np.arange(GIVEN) / record.rate, q[:GIVEN, 0], 1)[:1]
-        short = ParametrisedLoop(robot, parameters, theta, OpenLoop(), given, (q[0], speed))
-        for _ in range(CORRECTIONS):
-            made = simulate_with_tangents(short, STATE)
-            scaled = made.q[:, 0, :] * STATE_SIZE
-            step = np.linalg.lstsq(scaled, (q[:GIVEN] - made.motion.q)[:, 0], rcond=None)[0]
-            position, speed = (step * STATE_SIZE).tolist()
-            short = replace(short, start=(short.begin[0] + position, short.begin[1] + speed))
-        return replace(short, signals=signals)
+        return ParametrisedLoop(robot, parameters, theta, OpenLoop(), signals)
 
-    def _input(self, record: Recording) -> np.ndarray:
-        """Drive input [V], after a first-order lag where there is one, shape (samples, 1)."""
-        u = record.tau / self.drive_gain
-        lag = self.values.get("lag", 0.0) * record.rate
-        if lag == 0.0:
-            return u
-        fade = float(np.exp(-1.0 / lag))
-        return lfilter([1.0 - fade], [1.0, -fade], u, axis=0, zi=fade * u[:1])[0]
+    def starts(
+        self,
+        loop: ParametrisedLoop,
+        record: Recording,
+        stretches: Sequence[Stretch],
+        near: Sequence[State] = (),
+    ) -> list[State]:
+        """Position and speed at the start of each stretch that fit its first samples best.
 
-    def errors(self, record: Recording, stretch: Stretch) -> np.ndarray:
-        """Simulated less measured position [mm], shape (samples,)."""
-        motion = simulate_with_tangents(self.loop(record, stretch), ()).motion
-        return 1e3 * (motion.q - record.q[slice(*stretch)])[:, 0]
+        The search starts from states ``near`` them, or from a line through the positions.
+        """
+        given = [slice(own.start, own.start + GIVEN) for own in stretches]
+        times = np.arange(GIVEN) / record.rate
+        states = list(near) or [
+            (record.q[span.start], np.polyfit(times, record.q[span, 0], 1)[:1]) for span in given
+        ]
+        open_ones = list(range(len(states)))
+        for _ in range(MAX_CORRECTIONS):
+            made = stretch_tangents(
+                loop, [given[k] for k in open_ones], [states[k] for k in open_ones], STATE
+            )
+            steps = [_correction(own, record.q[own.samples]) for own in made]
+            for k, step in zip(open_ones, steps, strict=True):
+                states[k] = states[k][0] + step[0], states[k][1] + step[1]
+            open_ones = [
+                k for k, step in zip(open_ones, steps, strict=True)
+                if np.abs(step / STATE_SIZE).max() > SETTLED
+            ]  # fmt: skip
+            if not open_ones:
+                break
+        return states
+
+    def errors(self, record: Recording, stretch: Stretch, finer: int = 1) -> np.ndarray:
+        """Simulated less measured position [mm], shape (samples,).
+
+        Args:
+            record: of the axis.
+            stretch: samples to simulate.
+            finer: steps of the simulation in place of one.
+        """
+        loop = self.loop(record)
+        start = self.starts(loop, record, [stretch])
+        signals = loop.signals.part(slice(*stretch))
+        u = np.repeat(signals.inputs, finer, axis=0)
+        held = replace(signals, rate=finer * record.rate, q_ref=np.zeros_like(u), inputs=u)
+        (made,) = stretch_tangents(replace(loop, signals=held), [slice(0, len(u))], start, ())
+        return 1e3 * (made.motion.q[::finer] - record.q[slice(*stretch)])[:, 0]
 
     def score(self, record: Recording, stretch: Stretch) -> float:
         """Root mean square of the errors after the given samples [mm]."""
         return rms(self.errors(record, stretch)[GIVEN:])
 
-    def linearised(self, record: Recording, stretch: Stretch) -> tuple[np.ndarray, np.ndarray]:
-        """Errors [mm] and their derivatives by what is sought, (samples,) and (samples, names)."""
-        loop = self.loop(record, stretch)
-        if not has_compiled_tangents(loop):
-            return self._by_differences(record, stretch)
-        made = simulate_with_tangents(loop, [*self.directions, *STATE])
-        by_state = made.q[:, 0, len(self.names) :] * STATE_SIZE
-        by_sought = made.q[:, 0, : len(self.names)]
-        taken = np.linalg.lstsq(by_state[:GIVEN], by_sought[:GIVEN], rcond=None)[0]
-        errors = (made.motion.q - record.q[slice(*stretch)])[:, 0]
-        return 1e3 * errors, 1e3 * (by_sought - by_state @ taken)
+    def linearised(
+        self, record: Recording, stretches: Sequence[Stretch], near: Sequence[State] = ()
+    ) -> tuple[np.ndarray, np.ndarray, list[State]]:
+        """Errors [mm] and derivatives by what is sought, of all stretches one after the other.
 
-    def _by_differences(self, record: Recording, stretch: Stretch) -> tuple[np.ndarray, np.ndarray]:
-        """As ``linearised``, by forward differences whose steps are above those of the simulator.
-
-        Friction of path and position is integrated to 2e-4 of its level, in steps that depend on
-        the motion: changes that are much smaller drown in that.
+        Shapes (samples,) and (samples, names); then the initial states, see ``starts``.
         """
-        here = self.errors(record, stretch)
-        columns = np.empty((len(here), len(self.names)))
-        for k, name in enumerate(self.names):
-            value = self.values[name]
-            step = DIFFERENCE * (abs(value) or SMALLEST)
-            moved = replace(self, values=self.values | {name: value + step})
-            columns[:, k] = (moved.errors(record, stretch) - here) / step
-        return here, columns
+        loop, count = self.loop(record), len(self.names)
+        states = self.starts(loop, record, stretches, near)
+        spans = [slice(*own) for own in stretches]
+        errors, columns = [], []
+        for made in stretch_tangents(loop, spans, states, [*self.directions, *STATE]):
+            by_state = made.q[:, 0, count:] * STATE_SIZE
+            by_sought = made.q[:, 0, :count]
+            taken = np.linalg.lstsq(by_state[:GIVEN], by_sought[:GIVEN], rcond=UNDETERMINED)[0]
+            errors.append(1e3 * (made.motion.q - record.q[made.samples])[:, 0])
+            columns.append(1e3 * (by_sought - by_state @ taken))
+        return np.concatenate(errors), np.concatenate(columns), states
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,13 +202,25 @@ class OpenLoopFit:
         model: with the estimates.
         low: lower ends of the 95 % intervals, by name.
         high: their upper ends.
+        without: with the estimates that leave one group of stretches out each.
         simulations: simulations with tangents of all stretches.
     """
 
     model: OpenLoopModel
     low: dict[str, float]
     high: dict[str, float]
+    without: tuple[OpenLoopModel, ...]
     simulations: int
+
+    def expected_error(self, record: Recording, stretch: Stretch) -> float:
+        """Error of the simulated position that the uncertainty of the estimate explains [mm].
+
+        √((W - 1)/W Σ ‖q_w - q‖²/samples) over the estimates without one of W groups. The measured
+        position sets the initial state and cancels otherwise.
+        """
+        own = self.model.errors(record, stretch)[GIVEN:]
+        moved = [rms(model.errors(record, stretch)[GIVEN:] - own) for model in self.without]
+        return float(np.sqrt((1.0 - 1.0 / len(moved)) * np.sum(np.square(moved))))
 
 
 def rms(errors: np.ndarray) -> float:
@@ -200,63 +232,87 @@ def fit_open_loop(
     model: OpenLoopModel,
     record: Recording,
     stretches: Sequence[Stretch],
+    groups: Sequence[Sequence[int]] | None = None,
     most: int = 30,
-    windows: Sequence[Stretch] | None = None,
 ) -> OpenLoopFit:
     """Least squares of the open-loop errors over stretches of a record.
 
     Positive constants (those of shape) are sought as their logarithm. Intervals come from the
-    jackknife over windows of time: an error of open loop is correlated over the whole stretch, and
-    intervals for white errors would be far too narrow.
+    jackknife over groups of stretches: an error of open loop is correlated over a whole stretch,
+    and intervals for white errors would be far too narrow.
 
     Args:
         model: where the search starts, and what is sought.
         record: of the axis.
         stretches: of the record, each with its own initial state.
+        groups: indices of stretches that the jackknife leaves out together, at least two groups;
+            None: each stretch is one.
         most: simulations that the search may take.
-        windows: of the jackknife, at least two, inside of the stretches; None: the stretches,
-            or their halves where there is only one.
     """
-    start = np.array([model.values[name] for name in model.names])
-    constants = np.array([d.kind == "shape" for d in model.directions])
-    delays = np.array([d.kind == "delay" for d in model.directions])
-    size = np.where(start != 0.0, np.abs(start), np.where(delays, DELAY_SIZE, SMALLEST))
-    low = np.where(constants, -LOGARITHM, np.where(delays, -1e-9, -np.inf))
-    first = np.where(constants, 0.0, start / size)
-    last: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
-    count = 0
+    search = _Search(model, record, tuple(stretches))
+    z, errors, columns = search.run(most)
+    shifts = _shifts(errors, columns, _rows(stretches, groups))
+    variance = (1.0 - 1.0 / len(shifts)) * (shifts**2).sum(axis=0)
+    half = float(student.ppf(0.975, len(shifts) - 1)) * np.sqrt(variance)
+    low, high = (
+        dict(zip(model.names, search.values(z + sign * half, bounded=False).tolist(), strict=True))
+        for sign in (-1.0, 1.0)
+    )
+    models = [model.with_values(search.values(z + shift)) for shift in (0.0, *shifts)]
+    return OpenLoopFit(models[0], low, high, tuple(models[1:]), search.count)
 
-    def values(z: np.ndarray) -> np.ndarray:
-        return np.where(
-            constants,
-            start * np.exp(np.where(constants, np.clip(z, -OVERFLOW, OVERFLOW), 0.0)),
-            z * size,
-        )
 
-    def evaluate(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        nonlocal count
-        if z.tobytes() not in last:
-            count += 1
-            here = values(z)
-            made = _linearised(model.with_values(np.maximum(here, np.where(delays, 0.0, here))),
-                               record, stretches)  # fmt: skip
-            last.clear()
-            slope = np.where(constants, here, size)
-            last[z.tobytes()] = (
-                np.concatenate([e for e, _ in made]), np.concatenate([j for _, j in made]) * slope
-            )  # fmt: skip
-        return last[z.tobytes()]
+class _Search:
+    """Least squares on scaled unknowns z: shares of the start, logarithms of positive constants."""
 
-    found = least_squares(
-        lambda z: evaluate(z)[0], first, lambda z: evaluate(z)[1], x_scale="jac", max_nfev=most,
-        bounds=(low, np.where(constants, LOGARITHM, np.inf)), ftol=TOLERANCE, xtol=TOLERANCE,
-    )  # fmt: skip
-    errors, columns = evaluate(found.x)
-    half = _half_widths(errors, columns, _rows(stretches, windows or _windows(stretches)))
-    ends = (values(found.x - half), values(found.x + half))
-    answer = model.with_values(np.maximum(values(found.x), np.where(delays, 0.0, -np.inf)))
-    bounds = [dict(zip(model.names, end.tolist(), strict=True)) for end in ends]
-    return OpenLoopFit(answer, bounds[0], bounds[1], count)
+    def __init__(
+        self, model: OpenLoopModel, record: Recording, stretches: tuple[Stretch, ...]
+    ) -> None:
+        self.model, self.record, self.stretches, self.count = model, record, stretches, 0
+        self.start = np.array([model.values[name] for name in model.names])
+        self.constants = np.array([d.kind == "shape" for d in model.directions])
+        self.delays = np.array([d.kind == "delay" for d in model.directions])
+        nothing = np.where(self.delays, DELAY_SIZE, SMALLEST)
+        self.size = np.where(self.start != 0.0, np.abs(self.start), nothing)
+        self._known: tuple[bytes, np.ndarray, np.ndarray] = (b"", np.zeros(0), np.zeros(0))
+        self._states: list[State] = []
+
+    def values(self, z: np.ndarray, bounded: bool = True) -> np.ndarray:
+        """What is sought at z; ``bounded``: a delay is not negative."""
+        exponent = np.clip(np.where(self.constants, z, 0.0), -OVERFLOW, OVERFLOW)
+        linear = np.where(self.delays & bounded, np.maximum(z, 0.0), z) * self.size
+        return np.where(self.constants, self.start * np.exp(exponent), linear)
+
+    def run(self, most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The best z, its errors, and their derivatives by z."""
+        first = np.where(self.constants, 0.0, self.start / self.size)
+        low = np.where(self.constants, -LOGARITHM, np.where(self.delays, -1e-9, -np.inf))
+        found = least_squares(
+            lambda z: self._evaluate(z)[0], first, lambda z: self._evaluate(z)[1], x_scale="jac",
+            bounds=(low, np.where(self.constants, LOGARITHM, np.inf)), max_nfev=most,
+            ftol=TOLERANCE, xtol=TOLERANCE,
+        )  # fmt: skip
+        return found.x, found.fun, found.jac
+
+    def _evaluate(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        if z.tobytes() != self._known[0]:
+            self.count += 1
+            values = self.values(z)
+            slopes = np.where(self.constants, values, self.size)
+            errors, columns = self._linearised(self.model.with_values(values))
+            self._known = z.tobytes(), errors, columns * slopes
+        return self._known[1:]
+
+    def _linearised(self, model: OpenLoopModel) -> tuple[np.ndarray, np.ndarray]:
+        """Errors and derivatives of all stretches; large errors where they cannot be simulated."""
+        try:
+            errors, columns, self._states = model.linearised(
+                self.record, self.stretches, self._states
+            )
+        except (PividentError, ValueError):
+            rows = sum(own.stop - own.start for own in self.stretches)
+            return np.full(rows, FAILED), np.zeros((rows, len(model.names)))
+        return errors, columns
 
 
 def _with_shapes(robot: Robot, shapes: dict[str, float]) -> FrictionLaw:
@@ -264,49 +320,31 @@ def _with_shapes(robot: Robot, shapes: dict[str, float]) -> FrictionLaw:
     return law.with_shapes(shapes) if shapes else law
 
 
-def _linearised(
-    model: OpenLoopModel, record: Recording, stretches: Sequence[Stretch]
-) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Errors and derivatives of all stretches; large errors where one cannot be simulated."""
-    made: list[tuple[np.ndarray, np.ndarray]] = [(np.zeros(0), np.zeros((0, 0)))] * len(stretches)
-
-    def work(k: int) -> None:
-        try:
-            made[k] = model.linearised(record, stretches[k])
-        except (PividentError, ValueError):
-            rows = stretches[k].stop - stretches[k].start
-            made[k] = np.full(rows, FAILED), np.zeros((rows, len(model.names)))
-
-    run_in_threads(work, range(len(stretches)))
-    return made
+def _correction(made: TangentBlock, measured: np.ndarray) -> np.ndarray:
+    """Gauss-Newton step of the initial position and speed towards the given samples."""
+    by_state = made.q[:, 0, :] * STATE_SIZE
+    errors = (measured - made.motion.q)[:, 0]
+    return np.linalg.lstsq(by_state, errors, rcond=UNDETERMINED)[0] * STATE_SIZE
 
 
-def _windows(stretches: Sequence[Stretch]) -> list[Stretch]:
-    """The stretches, or the halves of the only one."""
-    if len(stretches) > 1:
-        return list(stretches)
-    (own,) = stretches
-    middle = (own.start + own.stop) // 2
-    return [Stretch(own.start, middle), Stretch(middle, own.stop)]
+def _rows(stretches: Sequence[Stretch], groups: Sequence[Sequence[int]] | None) -> list[np.ndarray]:
+    """Rows of the stacked stretches that belong to each group."""
+    ends = np.cumsum([own.stop - own.start for own in stretches])
+    rows = np.split(np.arange(ends[-1]), ends[:-1])
+    return [np.concatenate([rows[k] for k in g]) for g in groups or [[k] for k in range(len(rows))]]
 
 
-def _rows(stretches: Sequence[Stretch], windows: Sequence[Stretch]) -> list[np.ndarray]:
-    """Rows of the stacked stretches that belong to each window."""
-    samples = np.concatenate([np.arange(*s) for s in stretches])
-    return [np.flatnonzero((samples >= w.start) & (samples < w.stop)) for w in windows]
+def _shifts(errors: np.ndarray, columns: np.ndarray, groups: list[np.ndarray]) -> np.ndarray:
+    """Changes of the estimate without one group of rows each, shape (groups, unknowns).
 
-
-def _half_widths(errors: np.ndarray, columns: np.ndarray, windows: list[np.ndarray]) -> np.ndarray:
-    """Half widths of 95 % intervals by the jackknife over windows of time, one step each.
-
-    Without a window w the estimate is p + δ_w, δ_w = (H - H_w)⁻¹ J_wᵀ e_w, and the variance is
-    (W - 1)/W Σ δ_w². With few windows it is more cautious than the sandwich, which it tends to.
+    One Gauss-Newton step, δ_w = (H - H_w)⁻¹ J_wᵀ e_w. The variance of the jackknife is
+    (W - 1)/W Σ δ_w²; with few groups it is more cautious than the sandwich, which it tends to.
     """
-    count, gram = len(windows), columns.T @ columns
-    steps = [
-        np.linalg.pinv(gram - columns[w].T @ columns[w], rcond=1e-12, hermitian=True)
-        @ (columns[w].T @ errors[w])
-        for w in windows
-    ]
-    variance = (count - 1) / count * (np.array(steps) ** 2).sum(axis=0)
-    return float(student.ppf(0.975, count - 1)) * np.sqrt(variance)
+    gram = columns.T @ columns
+    return np.array(
+        [
+            np.linalg.pinv(gram - columns[w].T @ columns[w], rcond=1e-12, hermitian=True)
+            @ (columns[w].T @ errors[w])
+            for w in groups
+        ]
+    )

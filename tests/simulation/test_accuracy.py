@@ -13,10 +13,12 @@ from pivident.robot.friction import (
     asymmetric_coulomb,
     coulomb,
     offset,
+    spring,
     stribeck,
     viscous,
 )
 from pivident.robot.gallery import load_robot
+from pivident.simulation.closed_loop import steps_of_a_period
 from pivident.simulation.controllers import PD, PID, Cascade
 from tests.simulation.loops import (
     TX40_KD,
@@ -141,3 +143,14 @@ def test_the_simulated_record_is_met_within_its_encoder_noise(reference_dir):
     assert (difference.std(axis=0) < 1.1 * noise).all()
     assert (difference.std(axis=0) > 0.9 * noise).all()
     assert (abs(difference.mean(axis=0)) < 0.1 * noise).all()
+
+
+def test_an_axis_that_slides_takes_one_step_and_one_that_turns_as_many_as_it_needs():
+    """M and h of a slide never change; a spring is frozen with them, and moves."""
+    _, slide = nominal_model("emps")
+    _, arm = nominal_model("planar_2r")
+    sprung = load_robot("emps").with_friction(FrictionLaw((viscous(), spring())))
+    parameters = standard_parameters(sprung)
+    model = make_model(sprung, parameters, nominal_values(sprung, parameters))
+    assert [steps_of_a_period(own, 1000.0) for own in (slide, arm, model)] == [1, 4, 4]
+    assert steps_of_a_period(arm, 5000.0) == 1

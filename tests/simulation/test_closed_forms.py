@@ -64,9 +64,10 @@ def test_viscous_friction_is_an_exponential():
     signals = signals_of(RATE, np.zeros((300, 1)))
     made = run(robot, model, FREE[1], signals, start=(np.zeros(1), np.ones(1)))
     decay = np.exp(-30.0 / 2.0 * np.arange(300) / RATE)
-    np.testing.assert_allclose(made.dq[:, 0], decay, rtol=1e-9)
+    # what a Taylor polynomial of fourth order leaves: 300 steps of 0.015^5/120
+    np.testing.assert_allclose(made.dq[:, 0], decay, rtol=3e-9)
     np.testing.assert_allclose(made.q[:, 0], 2.0 / 30.0 * (1.0 - decay), atol=1e-9)
-    np.testing.assert_allclose(made.ddq[:, 0], -15.0 * decay, rtol=1e-9)
+    np.testing.assert_allclose(made.ddq[:, 0], -15.0 * decay, rtol=3e-9)
 
 
 def test_dry_friction_brakes_steadily_and_then_holds():

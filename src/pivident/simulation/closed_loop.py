@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,6 +21,7 @@ from pivident.errors import (
     ShapeMismatch,
     SimulationDiverged,
 )
+from pivident.robot.friction import FrictionColumn
 from pivident.simulation.controllers import (
     TAPS,
     Controller,
@@ -124,7 +125,7 @@ def _checked(answer: object, k: int, joints: int) -> np.ndarray:
 #: Samples that are simulated at a time where a run is taken in stretches.
 BLOCK = 4096
 
-#: Longest step over which the rigid body may be frozen [s].
+#: Longest step over which a rigid body that changes with the motion may be frozen [s].
 MAX_STEP = 2.5e-4
 
 
@@ -165,6 +166,20 @@ class LoopSignals:
     #: What the encoder counts in that the controller reads [rad or m], shape (joints,); None: it
     #: reads positions without counts.
     count: np.ndarray | None = None
+
+    def part(self, span: slice) -> LoopSignals:
+        """The signals of some samples alone; single rows stand for all samples."""
+
+        def cut(signal: np.ndarray | None) -> np.ndarray | None:
+            return signal if signal is None or len(signal) == 1 else signal[span]
+
+        return replace(
+            self,
+            q_ref=self.q_ref[span],
+            dq_ref=cut(self.dq_ref),
+            inputs=cut(self.inputs),
+            noise=cut(self.noise),
+        )
 
 
 def simulate(
@@ -215,7 +230,7 @@ def simulate_blocks(
     inputs = _signal("inputs", signals.inputs, samples, n)
     noise = _signal("noise", signals.noise, samples, n)
     begin = (q_ref[0], np.zeros(n)) if start is None else start
-    steps = max(1, int(np.ceil(1.0 / (rate * MAX_STEP) - 1e-9))) if oracle is None else 1
+    steps = 1 if oracle is not None else steps_of_a_period(model, rate)
     limits = np.zeros((LIMITS, n))
     limits[GAIN], limits[OUTPUT] = signals.drive_gain, signals.limit
     limits[DISTANCE], limits[SPEED] = signals.bound, signals.speed_bound
@@ -250,9 +265,27 @@ def simulate_blocks(
         yield slice(first, last), channels[:, :length], _states(model, on_path[-1], length)
 
 
+def steps_of_a_period(model: Model, rate: float) -> int:
+    """Steps of the fast scheme in a sampling period, as many as freezing the rigid body asks for.
+
+    Axes that only slide have M and h that never change, so that freezing them is exact and a single
+    step serves: friction chooses its own inner steps.
+
+    Args:
+        model: the robot with its parameter values.
+        rate: sampling rate [Hz].
+    """
+    springs = {FrictionColumn.SPRING, FrictionColumn.STRUT}.intersection(
+        model.friction.path_index[:, 1].tolist()
+    )
+    if model.tree.prismatic.all() and not springs:
+        return 1
+    return max(1, int(np.ceil(1.0 / (rate * MAX_STEP) - 1e-9)))
+
+
 def _states(model: Model, record: np.ndarray | None, samples: int) -> np.ndarray:
     """States of friction that remembers its path, shape (samples, states)."""
-    if record is None:
+    if record is None or not record.shape[1]:
         return np.zeros((samples, 0))
     return record[:samples, model.friction.memories]
 

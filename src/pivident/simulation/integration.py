@@ -15,7 +15,8 @@ the linearisation misses, r = f(v_{k+1}) - f(v_k) - D y, grows like t² and is c
 integral, (h/3) M⁻¹ r. f(v_{k+1}) serves the next step too.
 
 *nonlinear step*, while a joint passes through standstill (r not small): Runge–Kutta 4 on the
-friction itself, in inner steps as short as its stiffness at any stage asks for.
+friction itself, in inner steps as short as its stiffness at any stage asks for, and that of a
+smoothed sign which a whole step may pass over.
 
 Runge–Kutta 4 on the full dynamics is there as the oracle that this scheme is measured against.
 """
@@ -50,6 +51,10 @@ STIFFNESS_PER_STEP = 1.0
 #: through standstill cost the wrist up to 15 rad/s² for one sample.
 NONLINEAR_STIFFNESS = 0.3
 
+#: Largest ‖M⁻¹D‖·h at standstill of a smoothed sign that a nonlinear step may pass over: more is
+#: beyond what Runge–Kutta 4 is stable for (2.8), and its stages may see none of the sign.
+PASSED_OVER = 2.8
+
 #: Most inner steps. What needs more has a mass matrix next to singular; it may diverge instead.
 MAX_INNER_STEPS = 5000
 
@@ -73,8 +78,8 @@ _A0, _A, _Y, _X, _Z, _W, _AHEAD, _REST = rows(9, 10, 11, 12, 13, 14, 15, 16)
 (STILL,) = rows(17)  # no travel
 ROWS = 24  # more scratch, see ``path_integration``
 _Z0, _DZ = MIDWAY, MIDWAY + 1  # rows of ``path``, where the oracle keeps states meanwhile
-# Rows of ``slopes``: at the start of the step, at its end.
-NOW, THEN = rows(0, 1)
+# Rows of ``slopes``: at the start of the step, at its end, of a robot at rest.
+NOW, THEN, AT_REST = rows(0, 1, 3)
 # Layers of ``matrices``, shape (LAYERS, joints, joints):
 INVERSE, CHANGE, RENEWED, MIDDLE, MASS, FACTOR = rows(0, 1, 2, 3, 4, 5)  # M⁻¹, its rate, …
 LAYERS = 6
@@ -186,6 +191,28 @@ def damping_rate(pair_index, pair_value, matrices, slopes, row):
         total += cross * pair_value[k, 1] + slopes[row, n + k] * (
             matrices[MIDDLE, i, i] + cross + ratio * ratio * matrices[MIDDLE, j, j]
         )
+    return total
+
+
+@_inline
+def rate_at_reversals(pair_index, pair_value, matrices, slopes, vectors, start, speed):
+    """Bound of ‖M⁻¹D‖ [1/s] that joints and rotors pass which turn on the way between two rows.
+
+    A whole smoothed sign may lie between two stages of a step and be seen by none of them.
+    """
+    n, total = matrices.shape[1], 0.0
+    for i in range(n):
+        if vectors[start, i] * vectors[speed, i] < 0.0:
+            total += matrices[MIDDLE, i, i] * slopes[AT_REST, i]
+    for k in range(pair_index.shape[0]):
+        i, j, ratio = pair_index[k, 0], pair_index[k, 1], pair_value[k, 0]
+        before = vectors[start, i] + ratio * vectors[start, j]
+        if before * (vectors[speed, i] + ratio * vectors[speed, j]) < 0.0:
+            total += slopes[AT_REST, n + k] * (
+                matrices[MIDDLE, i, i]
+                + 2.0 * ratio * matrices[MIDDLE, i, j]
+                + ratio * ratio * matrices[MIDDLE, j, j]
+            )
     return total
 
 
@@ -346,6 +373,9 @@ def _nonlinear_step(
                 THEN,
             )
             ahead = damping_rate(pair_index, pair_value, matrices, slopes, THEN)
+            turning = rate_at_reversals(pair_index, pair_value, matrices, slopes, vectors, V, trial)
+            if turning * step > PASSED_OVER:
+                ahead = max(ahead, turning)
             if ahead * step > 1.5 * NONLINEAR_STIFFNESS and step > shortest:
                 step = max(NONLINEAR_STIFFNESS / ahead, shortest)
                 stage = 1

@@ -20,6 +20,7 @@ from pivident.robot.friction import FrictionColumn
 from pivident.simulation.controllers import TAPS, SampledLaw
 from pivident.simulation.gravity_compensation import PLACE, gravity_torques
 from pivident.simulation.integration import (
+    AT_REST,
     CLOCKS,
     DDQ,
     FACTOR,
@@ -43,7 +44,7 @@ from pivident.simulation.loop_tangent import (
     record_tangent,
     switch_tangent,
 )
-from pivident.simulation.path_integration import AT_REST, SLOPE_ROWS, advance_on_path
+from pivident.simulation.path_integration import SLOPE_ROWS, advance_on_path
 from pivident.simulation.path_tangent import copy_state, path_step_tangent
 from pivident.simulation.step_tangent import (
     freeze_tangent,
@@ -61,6 +62,14 @@ GAIN, OUTPUT, DISTANCE, SPEED, COUNT, LIMITS = 0, 1, 2, 3, 4, 5
 # Layers of ``channels``: positions, speeds, accelerations right after the new torque was applied,
 # torques, limited outputs of the law.
 _Q, _DQ, _DDQ, TORQUE, _COMMAND, CHANNELS = 0, 1, 2, 3, 4, 5
+
+
+#: Terms of speed whose slope jumps at standstill.
+_KINKED = {
+    FrictionColumn.POWER,
+    FrictionColumn.VISCOUS_POSITIVE,
+    FrictionColumn.VISCOUS_NEGATIVE,
+}
 
 
 class LoopState(NamedTuple):
@@ -124,12 +133,8 @@ def is_on_path(friction: FrictionTable) -> bool:
 
     Powers of the speed and one-sided viscous friction have the kinks that it looks out for, too.
     """
-    kinked = (
-        FrictionColumn.POWER,
-        FrictionColumn.VISCOUS_POSITIVE,
-        FrictionColumn.VISCOUS_NEGATIVE,
-    )
-    return bool(len(friction.path_index) or np.isin(friction.term_index[:, 1], kinked).any())
+    columns = friction.term_index[:, 1].tolist()
+    return bool(len(friction.path_index)) or not _KINKED.isdisjoint(columns)
 
 
 def path_arguments(

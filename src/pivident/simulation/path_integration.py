@@ -48,6 +48,7 @@ from pivident.simulation.integration import (
     apply_matrix,
     damping_rate,
     freeze_at_middle,
+    rate_at_reversals,
     slope_times,
     subtract_product,
 )
@@ -70,8 +71,8 @@ SIMPSON_FEEDBACK = 2e-4
 _A0, _A, _Y, _X, _Z, _W, _AHEAD, _REST = rows(9, 10, 11, 12, 13, 14, 15, 16)
 _T, _MIDWAY_SPEED, _MIDWAY_TRAVEL, _MIDWAY_REST, _DX = rows(18, 19, 20, 21, 22)
 
-#: Row of ``slopes`` with the slopes of a robot at rest; 0, 1 and 2 are now, ahead and midway.
-_BETWEEN, AT_REST = rows(2, 3)
+#: Row of ``slopes`` midway through a step; 0 and 1 are now and ahead, 3 is ``AT_REST``.
+(_BETWEEN,) = rows(2)
 SLOPE_ROWS = 4
 
 _LOAD = int(FrictionColumn.LOAD)
@@ -121,28 +122,6 @@ def path_stiffness(pair_index, pair_value, matrices, slopes, row):
 
 
 @_inline
-def rate_at_reversals(pair_index, pair_value, matrices, slopes, vectors, speed):
-    """Bound of ‖M⁻¹D‖ [1/s] that joints and rotors pass which turn on the way from V to a row.
-
-    A whole smoothed sign may lie between two stages of a step and be seen by none of them.
-    """
-    n, total = matrices.shape[1], 0.0
-    for i in range(n):
-        if vectors[V, i] * vectors[speed, i] < 0.0:
-            total += matrices[MIDDLE, i, i] * slopes[AT_REST, i]
-    for k in range(pair_index.shape[0]):
-        i, j, ratio = pair_index[k, 0], pair_index[k, 1], pair_value[k, 0]
-        before = vectors[V, i] + ratio * vectors[V, j]
-        if before * (vectors[speed, i] + ratio * vectors[speed, j]) < 0.0:
-            total += slopes[AT_REST, n + k] * (
-                matrices[MIDDLE, i, i]
-                + 2.0 * ratio * matrices[MIDDLE, i, j]
-                + ratio * ratio * matrices[MIDDLE, j, j]
-            )
-    return total
-
-
-@_inline
 def inner_steps(rate, square, h, damping, oscillation):
     """How many inner steps ``h`` needs, in parts of one."""
     return max(rate * h / damping, np.sqrt(square) * h / oscillation)
@@ -172,7 +151,7 @@ def advance_on_path(
     loaded = path_index.shape[0] > 0 and path_index[-1, 1] == _LOAD
     known = 0.0 if loaded else 1.0
     carried = slopes.shape[1] - n
-    turning = rate_at_reversals(pair_index, pair_value, matrices, slopes, vectors, _AHEAD)
+    turning = rate_at_reversals(pair_index, pair_value, matrices, slopes, vectors, V, _AHEAD)
     sudden = turning * h > NONLINEAR_STIFFNESS
     small = not sudden
     for i in range(n):
@@ -321,7 +300,7 @@ def _nonlinear_step(
             )  # fmt: skip
             rate, square = path_stiffness(pair_index, pair_value, matrices, slopes, THEN)
             rate = max(
-                rate, rate_at_reversals(pair_index, pair_value, matrices, slopes, vectors, trial)
+                rate, rate_at_reversals(pair_index, pair_value, matrices, slopes, vectors, V, trial)
             )
             ahead = inner_steps(rate, square, step, NONLINEAR_STIFFNESS, NONLINEAR_OSCILLATION)
             if ahead > 1.5 and step > shortest:

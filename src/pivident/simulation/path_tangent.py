@@ -336,7 +336,7 @@ def path_step_tangent(
         own, _X_T, _AHEAD_T, _F_T, of_slopes, of_path, times, constants, constant_slope,
         curvature, partials,
     )  # fmt: skip
-    turning = rate_at_reversals(pair_index, pair_value, matrices, slopes, vectors, _AHEAD)
+    turning = rate_at_reversals(pair_index, pair_value, matrices, slopes, vectors, V, _AHEAD)
     sudden = turning * h > NONLINEAR_STIFFNESS
     small = not sudden
     for i in range(n):
@@ -504,7 +504,7 @@ def _nonlinear_tangent(
             )  # fmt: skip
             rate, square = path_stiffness(pair_index, pair_value, matrices, slopes, THEN)
             rate = max(
-                rate, rate_at_reversals(pair_index, pair_value, matrices, slopes, vectors, trial)
+                rate, rate_at_reversals(pair_index, pair_value, matrices, slopes, vectors, V, trial)
             )
             ahead = inner_steps(rate, square, step, NONLINEAR_STIFFNESS, NONLINEAR_OSCILLATION)
             if ahead > 1.5 and step > shortest:

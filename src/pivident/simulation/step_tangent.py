@@ -23,6 +23,7 @@ from pivident.simulation.integration import (
     MIDDLE_BIAS,
     NONLINEAR_STIFFNESS,
     NOW,
+    PASSED_OVER,
     RENEWALS,
     STIFFNESS_PER_STEP,
     THEN,
@@ -30,6 +31,7 @@ from pivident.simulation.integration import (
     V,
     apply_matrix,
     damping_rate,
+    rate_at_reversals,
     slope_times,
     subtract_product,
 )
@@ -295,6 +297,9 @@ def nonlinear_tangent(
                 THEN,
             )  # fmt: skip
             ahead = damping_rate(pair_index, pair_value, matrices, slopes, THEN)
+            turning = rate_at_reversals(pair_index, pair_value, matrices, slopes, vectors, v, trial)
+            if turning * step > PASSED_OVER:
+                ahead = max(ahead, turning)
             if ahead * step > 1.5 * NONLINEAR_STIFFNESS and step > shortest:
                 step = max(NONLINEAR_STIFFNESS / ahead, shortest)
                 stage = 1

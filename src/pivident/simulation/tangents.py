@@ -8,56 +8,42 @@ the tangents of all are carried beside a single one (``loop_tangent``).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from pivident.dynamics.forward import Model, make_model
+from pivident.dynamics.forward import Model
 from pivident.dynamics.friction_table import PATH_ROWS, slopes_width
 from pivident.dynamics.path_partials import partials_scratch
 from pivident.dynamics.rigid_body_slopes import slope_scratch
-from pivident.robot.description import INERTIAL
 from pivident.robot.friction import FrictionColumn
 from pivident.simulation.closed_loop import Trajectory, simulate, simulate_blocks
 from pivident.simulation.controllers import TAPS, PythonController, SampledLaw
 from pivident.simulation.direction import Direction, ParametrisedLoop
-from pivident.simulation.friction_tangent import LINEAR, PAIR, PATH, TERM
+from pivident.simulation.friction_tangent import PAIR
 from pivident.simulation.integration import ROWS, Q, V
 from pivident.simulation.loop_tangent import (
     BEFORE,
     CLOCK_ENTRIES,
     DELAY,
     DELAYED,
-    LAW_SLOPES,
     MATRIX_LAYERS,
     OF_DRIVE_GAIN,
-    OF_FEEDBACK,
     OF_INPUTS,
-    OF_INTEGRAL_GAIN,
-    OF_INTEGRAND,
-    OF_POLE,
     TANGENT_ROWS,
     TIMES,
     LoopTangent,
 )
 from pivident.simulation.path_integration import SLOPE_ROWS
 from pivident.simulation.row_sums import row_array
+from pivident.simulation.tangent_entries import LawEntries, ModelEntries, law_slope
 
 #: Samples of a block: their tangents stay in the processor's cache.
 TANGENT_BLOCK = 128
 
-#: Relative step of the central differences of a Python law's loop …
+#: Relative step of the central differences of a Python law's loop.
 DIFFERENCE = 1e-6
-
-#: … of constants that enter the tables and the law nonlinearly …
-SHAPE_DIFFERENCE = 1e-5
-
-#: … and of gains, which enter linearly.
-GAIN_DIFFERENCE = 0.5
-
-#: Model parameters in the unit vectors that the tables are made for: friction of the load has to
-#: stay below one.
-_UNIT = 0.5
 
 
 class TangentBlock(NamedTuple):
@@ -116,15 +102,67 @@ def tangent_blocks(
     """
     for direction in directions:
         loop.check(direction)
-    model, names = loop.model, loop.robot.joint_names
+    model = loop.model
     if not directions or not has_compiled_tangents(loop, model):
         yield _by_differences(loop, directions)
         return
+    yield from _carried(loop, model, ModelEntries(loop, directions), directions, block)
+
+
+def stretch_tangents(
+    loop: ParametrisedLoop,
+    stretches: Sequence[slice],
+    starts: Sequence[tuple[np.ndarray, np.ndarray]],
+    directions: Sequence[Direction],
+) -> list[TangentBlock]:
+    """As ``simulate_with_tangents``, stretches of the loop's signals, each from its own state.
+
+    What the stretches share, the model and its slopes along the directions, is made once.
+
+    Args:
+        loop: what is simulated; its own start does not matter.
+        stretches: samples of its signals.
+        starts: positions and speeds at the first sample of each, (joints,) each.
+        directions: parameters to differentiate along.
+
+    Returns:
+        Motion and tangents of each stretch; ``samples`` are those of the loop's signals.
+
+    Raises:
+        ExperimentError: the loop has no such parameter; says which there are.
+        SimulationDiverged: the loop is unstable; names the joint and the time in its stretch.
+        MassMatrixNotPositiveDefinite: the values are those of no machine; names the joint.
+    """
+    for direction in directions:
+        loop.check(direction)
+    model, made = loop.model, []
+    compiled = bool(directions) and has_compiled_tangents(loop, model)
+    tables = ModelEntries(loop, directions) if compiled else None
+    for span, start in zip(stretches, starts, strict=True):
+        own = replace(loop, signals=loop.signals.part(span), start=start)
+        if tables is None:
+            block = _by_differences(own, directions)
+        else:
+            whole = len(own.signals.q_ref)
+            block = next(_carried(own, model, tables, directions, whole))
+        made.append(block._replace(samples=span))
+    return made
+
+
+def _carried(
+    loop: ParametrisedLoop,
+    model: Model,
+    tables: ModelEntries,
+    directions: Sequence[Direction],
+    block: int,
+) -> Iterator[TangentBlock]:
+    """The motion with the tangents beside it, a block at a time."""
     block = min(block, len(loop.signals.q_ref))
-    tangent = _initial_tangent(loop, model, directions, block)
+    tangent = _initial_tangent(loop, model, tables, directions, block)
     for span, channels, states in simulate_blocks(
-        model, loop.controller, loop.signals, names, loop.begin, None, block, tangent
-    ):
+        model, loop.controller, loop.signals, loop.robot.joint_names, loop.begin, None, block,
+        tangent,
+    ):  # fmt: skip
         q, dq, ddq, tau, command = channels
         motion = Trajectory(float(loop.signals.rate), q, dq, ddq, tau, command, states)
         record = tangent.record[:, : span.stop - span.start, :, : len(directions)]
@@ -163,7 +201,11 @@ def _by_differences(loop: ParametrisedLoop, directions: Sequence[Direction]) -> 
 
 
 def _initial_tangent(
-    loop: ParametrisedLoop, model: Model, directions: Sequence[Direction], block: int
+    loop: ParametrisedLoop,
+    model: Model,
+    tables: ModelEntries,
+    directions: Sequence[Direction],
+    block: int,
 ) -> LoopTangent:
     """Tangents at the first sample, and the slopes of model and law along the directions."""
     n, count, signals = loop.robot.size, len(directions), loop.signals
@@ -172,7 +214,7 @@ def _initial_tangent(
     dq_ref = signals.dq_ref
     q_ref = np.asarray(signals.q_ref, float)
     law = loop.controller.law(float(signals.rate), q_ref, dq_ref)
-    entries = _LawEntries(len(q_ref))
+    entries = LawEntries(len(q_ref))
     laws: dict[str, SampledLaw] = {}
     encoder, past = row_array(n, count), row_array(TAPS, n, count)
     vectors, times = row_array(TANGENT_ROWS, n, count), row_array(TIMES, count)
@@ -184,7 +226,7 @@ def _initial_tangent(
             # joints have laws of their own, so that one difference shows the slopes of all of them
             if direction.name not in laws:
                 every = Direction("law", direction.name)
-                laws[direction.name] = _law_slope(loop, every, q_ref, dq_ref)
+                laws[direction.name] = law_slope(loop, every, q_ref, dq_ref)
             of_law = laws[direction.name]
             for j in joints:
                 entries.add(j, d, of_law)
@@ -201,7 +243,6 @@ def _initial_tangent(
             past[:, direction.joint, d] = inverse[direction.joint]
         elif direction.kind == "initial_speed":
             vectors[V, direction.joint, d] = 1.0
-    tables = _ModelEntries(loop, directions)
     slopes = row_array(3, 2 * (n + couplings), count)
     for (_, table, row, column, d), weight in tables.friction:
         if table == PAIR and column == 1:
@@ -244,107 +285,3 @@ def _initial_tangent(
         slopes_copy=np.zeros((SLOPE_ROWS, slopes_width(n, couplings))),
         record=row_array(3, block, n, count),
     )
-
-
-def _law_slope(
-    loop: ParametrisedLoop, direction: Direction, q_ref: np.ndarray, dq_ref: np.ndarray | None
-) -> SampledLaw:
-    """Derivative of the sampled law along one of its attributes, by central differences.
-
-    Gains enter linearly, so that differences of any step are exact; times do not.
-    """
-    rate, value = float(loop.signals.rate), float(abs(loop.law_value(direction.name)).max())
-    if "time" in direction.name:
-        step = SHAPE_DIFFERENCE * (value + 1.0 / rate)
-    else:
-        step = GAIN_DIFFERENCE * (value or 1.0)
-    ahead, behind = (
-        loop.moved(direction, sign * step).controller.law(rate, q_ref, dq_ref)
-        for sign in (1.0, -1.0)
-    )
-    return SampledLaw(*((a - b) / (2.0 * step) for a, b in zip(ahead, behind, strict=True)))
-
-
-class _LawEntries:
-    """Slopes of the sampled law along directions, entry by entry."""
-
-    def __init__(self, samples: int) -> None:
-        self._samples = samples
-        self._index: list[tuple[int, int]] = []
-        self._slope: list[np.ndarray] = []
-        self._reference: list[np.ndarray] = []
-
-    def add(self, joint: int, d: int, what: SampledLaw | int) -> None:
-        """One joint's slopes: of its law, or of one in a column of ``law_slope``."""
-        slope, reference = np.zeros(LAW_SLOPES), np.zeros((2, self._samples))
-        if isinstance(what, SampledLaw):
-            slope[OF_FEEDBACK : OF_FEEDBACK + TAPS] = what.feedback[joint]
-            slope[OF_POLE : OF_POLE + TAPS] = what.pole[joint]
-            slope[OF_INTEGRAND : OF_INTEGRAND + TAPS] = what.integrand[joint]
-            slope[OF_INTEGRAL_GAIN] = what.integral_gain[joint]
-            reference[:] = what.reference[:, joint], what.integrand_reference[:, joint]
-        else:
-            slope[what] = 1.0
-        self._index.append((joint, d))
-        self._slope.append(slope)
-        self._reference.append(reference)
-
-    def arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """``law_index``, ``law_slope`` and ``law_reference``."""
-        return (
-            np.array(self._index, dtype=np.int64).reshape(-1, 2),
-            np.array(self._slope, dtype=float).reshape(-1, LAW_SLOPES),
-            np.ascontiguousarray(
-                np.array(self._reference, dtype=float)
-                .reshape(-1, 2, self._samples)
-                .transpose(1, 2, 0)
-            ),
-        )
-
-
-class _ModelEntries:
-    """Which numbers of the model's tables change along directions, and how much.
-
-    The tables are linear in the parameters, so those of a unit vector are the slopes; constants of
-    shape are found by central differences of the tables.
-    """
-
-    def __init__(self, loop: ParametrisedLoop, directions: Sequence[Direction]) -> None:
-        self.inertial: list[tuple[int, int, int]] = []
-        self.rotor: list[tuple[tuple[int, int, int], float]] = []
-        self.friction: list[tuple[tuple[int, int, int, int, int], float]] = []
-        names = [p.name for p in loop.parameters]
-        nothing = make_model(loop.robot, loop.parameters, np.zeros(len(names)))
-        for d, direction in enumerate(directions):
-            if direction.kind == "parameter":
-                k = names.index(direction.name)
-                p = loop.parameters[k]
-                if p.is_inertial:
-                    self.inertial.append((p.joint, INERTIAL.index(p.stem), d))
-                    continue
-                unit = np.zeros(len(names))
-                unit[k] = _UNIT
-                ahead = make_model(loop.robot, loop.parameters, unit)
-                self._add(nothing, ahead, _UNIT, d)
-            elif direction.kind == "shape":
-                step = SHAPE_DIFFERENCE * (abs(loop.value(direction)) or 1.0)
-                behind, ahead = (loop.moved(direction, sign * step).model for sign in (-1.0, 1.0))
-                self._add(behind, ahead, 2.0 * step, d)
-            elif direction.kind == "torque_offset":
-                where = (direction.joint, LINEAR, direction.joint, 1, d)
-                self.friction.append((where, 1.0))
-
-    def _add(self, behind: Model, ahead: Model, width: float, d: int) -> None:
-        change = (ahead.rotor - behind.rotor) / width
-        for i, j in np.argwhere(np.tril(change)).tolist():
-            self.rotor.append(((i, j, d), float(change[i, j])))
-        tables = (
-            (LINEAR, behind.friction.linear, ahead.friction.linear),
-            (TERM, behind.friction.term_value, ahead.friction.term_value),
-            (PAIR, behind.friction.pair_value, ahead.friction.pair_value),
-            (PATH, behind.friction.path_value, ahead.friction.path_value),
-        )
-        for table, before, after in tables:
-            change = (after - before) / width
-            for row, column in np.argwhere(change).tolist():
-                self.friction.append(((row, table, row, column, d), float(change[row, column])))

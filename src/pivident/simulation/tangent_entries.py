@@ -1,0 +1,139 @@
+"""Which numbers of a simulated loop change along directions, and how much.
+
+Tables of the model and the sampled law are arrays of numbers. A direction changes a few of them,
+and the tangents carry the sum of what these do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pivident.dynamics.forward import Model, make_model
+from pivident.robot.description import INERTIAL
+from pivident.simulation.controllers import TAPS, SampledLaw
+from pivident.simulation.direction import Direction, ParametrisedLoop
+from pivident.simulation.friction_tangent import LINEAR, PAIR, PATH, TERM
+from pivident.simulation.loop_tangent import (
+    LAW_SLOPES,
+    OF_FEEDBACK,
+    OF_INTEGRAL_GAIN,
+    OF_INTEGRAND,
+    OF_POLE,
+)
+
+#: Relative step of the central differences of constants that enter the tables and the law
+#: nonlinearly …
+SHAPE_DIFFERENCE = 1e-5
+
+#: … and of gains, which enter linearly.
+GAIN_DIFFERENCE = 0.5
+
+#: Model parameters in the unit vectors that the tables are made for: friction of the load has to
+#: stay below one.
+_UNIT = 0.5
+
+
+def law_slope(
+    loop: ParametrisedLoop, direction: Direction, q_ref: np.ndarray, dq_ref: np.ndarray | None
+) -> SampledLaw:
+    """Derivative of the sampled law along one of its attributes, by central differences.
+
+    Gains enter linearly, so that differences of any step are exact; times do not.
+    """
+    rate, value = float(loop.signals.rate), float(abs(loop.law_value(direction.name)).max())
+    if "time" in direction.name:
+        step = SHAPE_DIFFERENCE * (value + 1.0 / rate)
+    else:
+        step = GAIN_DIFFERENCE * (value or 1.0)
+    ahead, behind = (
+        loop.moved(direction, sign * step).controller.law(rate, q_ref, dq_ref)
+        for sign in (1.0, -1.0)
+    )
+    return SampledLaw(*((a - b) / (2.0 * step) for a, b in zip(ahead, behind, strict=True)))
+
+
+class LawEntries:
+    """Slopes of the sampled law along directions, entry by entry."""
+
+    def __init__(self, samples: int) -> None:
+        self._samples = samples
+        self._index: list[tuple[int, int]] = []
+        self._slope: list[np.ndarray] = []
+        self._reference: list[np.ndarray] = []
+
+    def add(self, joint: int, d: int, what: SampledLaw | int) -> None:
+        """One joint's slopes: of its law, or of one in a column of ``law_slope``."""
+        slope, reference = np.zeros(LAW_SLOPES), np.zeros((2, self._samples))
+        if isinstance(what, SampledLaw):
+            slope[OF_FEEDBACK : OF_FEEDBACK + TAPS] = what.feedback[joint]
+            slope[OF_POLE : OF_POLE + TAPS] = what.pole[joint]
+            slope[OF_INTEGRAND : OF_INTEGRAND + TAPS] = what.integrand[joint]
+            slope[OF_INTEGRAL_GAIN] = what.integral_gain[joint]
+            reference[:] = what.reference[:, joint], what.integrand_reference[:, joint]
+        else:
+            slope[what] = 1.0
+        self._index.append((joint, d))
+        self._slope.append(slope)
+        self._reference.append(reference)
+
+    def arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """``law_index``, ``law_slope`` and ``law_reference``."""
+        return (
+            np.array(self._index, dtype=np.int64).reshape(-1, 2),
+            np.array(self._slope, dtype=float).reshape(-1, LAW_SLOPES),
+            np.ascontiguousarray(
+                np.array(self._reference, dtype=float)
+                .reshape(-1, 2, self._samples)
+                .transpose(1, 2, 0)
+            ),
+        )
+
+
+class ModelEntries:
+    """Which numbers of the model's tables change along directions, and how much.
+
+    The tables are linear in the parameters, so those of a unit vector are the slopes; constants of
+    shape are found by central differences of the tables.
+    """
+
+    def __init__(self, loop: ParametrisedLoop, directions: Sequence[Direction]) -> None:
+        self.inertial: list[tuple[int, int, int]] = []
+        self.rotor: list[tuple[tuple[int, int, int], float]] = []
+        self.friction: list[tuple[tuple[int, int, int, int, int], float]] = []
+        names = [p.name for p in loop.parameters]
+        nothing = make_model(loop.robot, loop.parameters, np.zeros(len(names)))
+        for d, direction in enumerate(directions):
+            if direction.kind == "parameter":
+                k = names.index(direction.name)
+                p = loop.parameters[k]
+                if p.is_inertial:
+                    self.inertial.append((p.joint, INERTIAL.index(p.stem), d))
+                    continue
+                unit = np.zeros(len(names))
+                unit[k] = _UNIT
+                ahead = make_model(loop.robot, loop.parameters, unit)
+                self._add(nothing, ahead, _UNIT, d)
+            elif direction.kind == "shape":
+                step = SHAPE_DIFFERENCE * (abs(loop.value(direction)) or 1.0)
+                behind, ahead = (loop.moved(direction, sign * step).model for sign in (-1.0, 1.0))
+                self._add(behind, ahead, 2.0 * step, d)
+            elif direction.kind == "torque_offset":
+                where = (direction.joint, LINEAR, direction.joint, 1, d)
+                self.friction.append((where, 1.0))
+
+    def _add(self, behind: Model, ahead: Model, width: float, d: int) -> None:
+        change = (ahead.rotor - behind.rotor) / width
+        for i, j in np.argwhere(np.tril(change)).tolist():
+            self.rotor.append(((i, j, d), float(change[i, j])))
+        tables = (
+            (LINEAR, behind.friction.linear, ahead.friction.linear),
+            (TERM, behind.friction.term_value, ahead.friction.term_value),
+            (PAIR, behind.friction.pair_value, ahead.friction.pair_value),
+            (PATH, behind.friction.path_value, ahead.friction.path_value),
+        )
+        for table, before, after in tables:
+            change = (after - before) / width
+            for row, column in np.argwhere(change).tolist():
+                self.friction.append(((row, table, row, column, d), float(change[row, column])))
