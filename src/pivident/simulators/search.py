@@ -8,10 +8,15 @@ it lacks. A loop that is unstable with that little inertia is tried with more.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from pivident.errors import IdentificationError, RankDeficientRegressor
+from pivident.errors import (
+    IdentificationError,
+    MassMatrixNotPositiveDefinite,
+    SimulationDiverged,
+)
 from pivident.estimation.output_error.fit import fit_simulation
 from pivident.estimation.output_error.simulated_errors import POSITIONS
 from pivident.estimation.output_error.simulation_fit import FitOptions, SimulationFit
@@ -25,8 +30,11 @@ from pivident.simulators.joint_quantities import JointQuantity
 #: again with more.
 HEAVIER = (1.0, 4.0, 16.0)
 
-#: Fits that did not settle after which no further start is tried.
-MAX_UNSETTLED = 2
+#: Fits after which no further start is tried; those whose loops diverge do not count.
+MAX_TRIED = 2
+
+#: Share of a joint's motion up to which errors may be larger than those of its reference.
+LOST = 0.1
 
 #: All positions are compared, and their errors count as white.
 OPTIONS = FitOptions(channels=(POSITIONS,), noise=None, bandwidth=0.0)
@@ -37,7 +45,7 @@ def searched(
 ) -> tuple[SimulationFit, np.ndarray]:
     """The fit of one branch, and what its values count from, shape (unknowns,).
 
-    A fit that does not settle is begun anew from the next start; of several the one with the
+    A fit that does not settle, or loses the motion, is begun anew from the next start; of several the one with the
     smallest errors is kept.
 
     Raises:
@@ -47,28 +55,53 @@ def searched(
     unknowns = [own.unknown for own in sought]
     best: tuple[SimulationFit, np.ndarray] | None = None
     failure: IdentificationError | None = None
-    unsettled = 0
+    tried = 0
     for begin in _starts(stretches, sought):
         try:
             near = approached(begin, unknowns, say)
             found = fit_simulation(near, unknowns, OPTIONS, say)
-        except RankDeficientRegressor:
-            raise
         except IdentificationError as error:
             failure = failure or error
-            continue
-        if best is None or np.sum(found.rms[POSITIONS] ** 2) < np.sum(best[0].rms[POSITIONS] ** 2):
-            best = found, _offsets(near[0], unknowns)
-        if found.converged:
-            return found, _offsets(near[0], unknowns)
-        unsettled += 1
-        if unsettled == MAX_UNSETTLED:
+            if isinstance(error, (SimulationDiverged, MassMatrixNotPositiveDefinite)):
+                continue
+        else:
+            if _is_lost(found):
+                found = replace(found, converged=False)
+            if found.converged:
+                return found, _offsets(near[0], unknowns)
+            if best is None or _size(found) < _size(best[0]):
+                best = found, _offsets(near[0], unknowns)
+        tried += 1
+        if tried == MAX_TRIED:
             break
         say("did not settle; begun anew from another start")
     if best is None:
         assert failure is not None
         raise failure
     return best
+
+
+def _is_lost(fit: SimulationFit) -> bool:
+    """Whether a simulated joint is further from the measured one than its reference is.
+
+    Such a loop swings by itself, and the minimum that was found is one of many.
+    """
+    measured = np.concatenate([own.q[own.first :] for own in fit.stretches])
+    reference = [own.loop.signals.q_ref[:: own.step] for own in fit.stretches]
+    wanted = np.concatenate(
+        [
+            q_ref[own.first : own.samples]
+            for own, q_ref in zip(fit.stretches, reference, strict=True)
+        ]
+    )
+    tracking = np.sqrt(np.mean((measured - wanted) ** 2, axis=0))
+    motion = measured.std(axis=0)
+    return bool((fit.rms[POSITIONS] > np.maximum(tracking, LOST * motion)).any())
+
+
+def _size(fit: SimulationFit) -> float:
+    """Mean squares of the errors of all positions."""
+    return float(np.sum(fit.rms[POSITIONS] ** 2))
 
 
 def _starts(
