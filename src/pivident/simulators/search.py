@@ -33,8 +33,9 @@ HEAVIER = (1.0, 4.0, 16.0)
 #: Fits after which no further start is tried; those whose loops diverge do not count.
 MAX_TRIED = 2
 
-#: Share of a joint's motion up to which errors may be larger than those of its reference.
-LOST = 0.1
+#: Errors of a simulation that has lost the motion: larger than these shares of the distance between
+#: position and reference, and of the motion itself.
+MAX_OF_TRACKING, MAX_OF_MOTION = 0.5, 0.1
 
 #: All positions are compared, and their errors count as white.
 OPTIONS = FitOptions(channels=(POSITIONS,), noise=None, bandwidth=0.0)
@@ -45,8 +46,8 @@ def searched(
 ) -> tuple[SimulationFit, np.ndarray]:
     """The fit of one branch, and what its values count from, shape (unknowns,).
 
-    A fit that does not settle, or loses the motion, is begun anew from the next start; of several the one with the
-    smallest errors is kept.
+    A fit that does not settle, or loses the motion, is begun anew from the next start; of several
+    the one with the smallest errors is kept.
 
     Raises:
         SimulationDiverged: the loop is unstable from wherever the search starts; names the joint.
@@ -65,7 +66,7 @@ def searched(
             if isinstance(error, (SimulationDiverged, MassMatrixNotPositiveDefinite)):
                 continue
         else:
-            if _is_lost(found):
+            if is_lost(found):
                 found = replace(found, converged=False)
             if found.converged:
                 return found, _offsets(near[0], unknowns)
@@ -81,22 +82,22 @@ def searched(
     return best
 
 
-def _is_lost(fit: SimulationFit) -> bool:
-    """Whether a simulated joint is further from the measured one than its reference is.
+def is_lost(fit: SimulationFit) -> bool:
+    """Whether the simulation tells little of what the measured motion is beside its reference.
 
     Such a loop swings by itself, and the minimum that was found is one of many.
     """
-    measured = np.concatenate([own.q[own.first :] for own in fit.stretches])
-    reference = [own.loop.signals.q_ref[:: own.step] for own in fit.stretches]
-    wanted = np.concatenate(
-        [
-            q_ref[own.first : own.samples]
-            for own, q_ref in zip(fit.stretches, reference, strict=True)
-        ]
+    squares, tracking, motion = [], [], []
+    for own, errors in zip(fit.stretches, fit.errors, strict=True):
+        compared = slice(own.first, own.samples)
+        reference = own.loop.signals.q_ref[:: own.step][compared]
+        squares.append(errors[POSITIONS][:, compared].T ** 2)
+        tracking.append((own.q[compared] - reference) ** 2)
+        motion.append((own.q[compared] - own.q[compared].mean(axis=0)) ** 2)
+    error, lag, size = (
+        np.sqrt(np.concatenate(own).mean(axis=0)) for own in (squares, tracking, motion)
     )
-    tracking = np.sqrt(np.mean((measured - wanted) ** 2, axis=0))
-    motion = measured.std(axis=0)
-    return bool((fit.rms[POSITIONS] > np.maximum(tracking, LOST * motion)).any())
+    return bool((error > np.maximum(MAX_OF_TRACKING * lag, MAX_OF_MOTION * size)).any())
 
 
 def _size(fit: SimulationFit) -> float:
