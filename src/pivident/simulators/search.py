@@ -34,7 +34,7 @@ HEAVIER = (1.0, 4.0, 16.0)
 MAX_TRIED = 2
 
 #: Errors of a simulation that has lost the motion: larger than these shares of the distance between
-#: position and reference, and of the motion itself.
+#: position and reference, and of the motion that was wanted.
 MAX_OF_TRACKING, MAX_OF_MOTION = 0.5, 0.1
 
 #: All positions are compared, and their errors count as white.
@@ -85,7 +85,8 @@ def searched(
 def is_lost(fit: SimulationFit) -> bool:
     """Whether the simulation tells little of what the measured motion is beside its reference.
 
-    Such a loop swings by itself, and the minimum that was found is one of many.
+    Such a loop swings by itself, and the minimum that was found is one of many. Joints that were
+    to stand still are left out.
     """
     squares, tracking, motion = [], [], []
     for own, errors in zip(fit.stretches, fit.errors, strict=True):
@@ -93,11 +94,12 @@ def is_lost(fit: SimulationFit) -> bool:
         reference = own.loop.signals.q_ref[:: own.step][compared]
         squares.append(errors[POSITIONS][:, compared].T ** 2)
         tracking.append((own.q[compared] - reference) ** 2)
-        motion.append((own.q[compared] - own.q[compared].mean(axis=0)) ** 2)
+        motion.append((reference - reference.mean(axis=0)) ** 2)
     error, lag, size = (
         np.sqrt(np.concatenate(own).mean(axis=0)) for own in (squares, tracking, motion)
     )
-    return bool((error > np.maximum(MAX_OF_TRACKING * lag, MAX_OF_MOTION * size)).any())
+    large = error > np.maximum(MAX_OF_TRACKING * lag, MAX_OF_MOTION * size)
+    return bool((large & (size > 0.0)).any())
 
 
 def _size(fit: SimulationFit) -> float:
