@@ -18,6 +18,7 @@ from pivident.dynamics.path_partials import partials_scratch
 from pivident.dynamics.rigid_body_slopes import slope_scratch
 from pivident.robot.description import INERTIAL
 from pivident.robot.friction import FrictionColumn
+from pivident.scratch import working_array
 from pivident.simulation.closed_loop import Trajectory, simulate, simulate_blocks
 from pivident.simulation.controllers import TAPS, PythonController, SampledLaw
 from pivident.simulation.direction import Direction, ParametrisedLoop
@@ -172,7 +173,7 @@ def _initial_tangent(
     dq_ref = signals.dq_ref
     q_ref = np.asarray(signals.q_ref, float)
     law = loop.controller.law(float(signals.rate), q_ref, dq_ref)
-    entries = _LawEntries(len(q_ref))
+    entries = _LawEntries(len(q_ref), sum(_law_joints(own, n) for own in directions))
     laws: dict[str, SampledLaw] = {}
     encoder, past = row_array(n, count), row_array(TAPS, n, count)
     vectors, times = row_array(TANGENT_ROWS, n, count), row_array(TIMES, count)
@@ -182,9 +183,9 @@ def _initial_tangent(
         joints = range(n) if direction.joint < 0 else (direction.joint,)
         if direction.kind == "law":
             # joints have laws of their own, so that one difference shows the slopes of all of them
-            if direction.name not in laws:
+            if direction.name not in laws:  # only the last one is kept: it is as long as the record
                 every = Direction("law", direction.name)
-                laws[direction.name] = _law_slope(loop, every, q_ref, dq_ref)
+                laws = {direction.name: _law_slope(loop, every, q_ref, dq_ref)}
             of_law = laws[direction.name]
             for j in joints:
                 entries.add(j, d, of_law)
@@ -265,41 +266,40 @@ def _law_slope(
     return SampledLaw(*((a - b) / (2.0 * step) for a, b in zip(ahead, behind, strict=True)))
 
 
+def _law_joints(direction: Direction, joints: int) -> int:
+    """How many joints have laws that depend on a direction."""
+    if direction.kind not in ("law", "drive_gain", "inputs"):
+        return 0
+    return joints if direction.joint < 0 else 1
+
+
 class _LawEntries:
     """Slopes of the sampled law along directions, entry by entry."""
 
-    def __init__(self, samples: int) -> None:
-        self._samples = samples
+    def __init__(self, samples: int, count: int) -> None:
         self._index: list[tuple[int, int]] = []
-        self._slope: list[np.ndarray] = []
-        self._reference: list[np.ndarray] = []
+        self._slope = np.zeros((count, LAW_SLOPES))
+        self._reference = working_array((2, samples, count))
 
     def add(self, joint: int, d: int, what: SampledLaw | int) -> None:
         """One joint's slopes: of its law, or of one in a column of ``law_slope``."""
-        slope, reference = np.zeros(LAW_SLOPES), np.zeros((2, self._samples))
+        e = len(self._index)
+        self._index.append((joint, d))
+        slope = self._slope[e]
         if isinstance(what, SampledLaw):
             slope[OF_FEEDBACK : OF_FEEDBACK + TAPS] = what.feedback[joint]
             slope[OF_POLE : OF_POLE + TAPS] = what.pole[joint]
             slope[OF_INTEGRAND : OF_INTEGRAND + TAPS] = what.integrand[joint]
             slope[OF_INTEGRAL_GAIN] = what.integral_gain[joint]
-            reference[:] = what.reference[:, joint], what.integrand_reference[:, joint]
+            self._reference[0, :, e] = what.reference[:, joint]
+            self._reference[1, :, e] = what.integrand_reference[:, joint]
         else:
             slope[what] = 1.0
-        self._index.append((joint, d))
-        self._slope.append(slope)
-        self._reference.append(reference)
+            self._reference[:, :, e] = 0.0
 
     def arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """``law_index``, ``law_slope`` and ``law_reference``."""
-        return (
-            np.array(self._index, dtype=np.int64).reshape(-1, 2),
-            np.array(self._slope, dtype=float).reshape(-1, LAW_SLOPES),
-            np.ascontiguousarray(
-                np.array(self._reference, dtype=float)
-                .reshape(-1, 2, self._samples)
-                .transpose(1, 2, 0)
-            ),
-        )
+        return np.array(self._index, dtype=np.int64).reshape(-1, 2), self._slope, self._reference
 
 
 class _ModelEntries:
