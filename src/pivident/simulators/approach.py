@@ -1,4 +1,4 @@
-"""First steps of a fit, from a description without armature and friction to near the minimum.
+"""First steps of a fit, from where the search starts to near the minimum.
 
     (H + μ diag H) δ = g,    H = Σ JᵀJ/s²,   g = Σ Jᵀe/s²        (Levenberg 1944, Marquardt 1963)
 
