@@ -85,22 +85,23 @@ def main() -> None:
     """Run and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=50)
+    parser.add_argument("--first", type=int, default=1, help="seed of the first run")
     parser.add_argument("--seconds", type=float, default=20.0)
     given = parser.parse_args()
     one_run(0, 4.0)  # compiles
     outcomes, failed = [], 0
-    for seed in range(given.runs):
+    for seed in range(given.first, given.first + given.runs):
         try:
-            own = one_run(seed + 1, given.seconds)
+            own = one_run(seed, given.seconds)
         except PividentError as error:
             failed += 1
-            print(f"run {seed + 1:3}: {type(error).__name__}: {str(error)[:100]}", flush=True)
+            print(f"run {seed:3}: {type(error).__name__}: {str(error)[:100]}", flush=True)
             continue
         outcomes.append(own)
         covered = np.concatenate([own.errors(q)[2] for q in (*QUANTITIES, "delay")])
         late = own.errors("delay")[0][0] * LOG_RATE
         print(
-            f"run {seed + 1:3}: {own.wall:5.1f} s ({own.processor:5.1f} s of processor), "
+            f"run {seed:3}: {own.wall:5.1f} s ({own.processor:5.1f} s of processor), "
             f"{own.fit.passes} passes, covered {covered.mean():6.1%}, delay off by "
             f"{late:+.1e} samples{'' if own.fit.converged else ', NOT SETTLED'}",
             flush=True,

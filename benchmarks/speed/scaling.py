@@ -33,7 +33,7 @@ ITERATIONS = 3
 
 @dataclass(frozen=True)
 class LengthPoint:
-    """PIV of a simulated TX40 record of some length, in a process of its own.
+    """An estimator on a simulated TX40 record of some length, in a process of its own.
 
     Attributes:
         samples: length.
@@ -87,19 +87,25 @@ class JointPoint:
 
 
 def in_child(
-    samples: int, parameters: int = 28, threads: int = 2, repeats: int = 1, iterations: int = 0
+    samples: int,
+    parameters: int = 28,
+    threads: int = 2,
+    repeats: int = 1,
+    iterations: int = 0,
+    method: str = "piv",
 ) -> LengthPoint:
-    """PIV in a process of its own, so that its peak memory is its own.
+    """An estimator in a process of its own, so that its peak memory is its own.
 
     Args:
         samples: length of the record.
         parameters: how many are estimated.
         threads: given to the process.
         repeats: the median of so many counts.
-        iterations: exactly so many; 0: until it converges.
+        iterations: exactly so many, of PIV; 0: until it converges.
+        method: the estimator.
     """
     wanted = {
-        "samples": samples, "parameters": parameters, "method": "piv", "repeats": repeats,
+        "samples": samples, "parameters": parameters, "method": method, "repeats": repeats,
         "iterations": iterations,
     }  # fmt: skip
     environment = os.environ | {"PIVIDENT_THREADS": str(threads)}
@@ -108,7 +114,7 @@ def in_child(
         cwd=HOME, env=environment, capture_output=True, text=True,
     )  # fmt: skip
     if ran.returncode:
-        raise RuntimeError(f"PIV of {samples} samples failed: {ran.stderr.strip()[-500:]}")
+        raise RuntimeError(f"{method} of {samples} samples failed: {ran.stderr.strip()[-500:]}")
     return LengthPoint(samples, parameters, threads, **json.loads(ran.stdout.splitlines()[-1]))
 
 

@@ -5,6 +5,9 @@ import numpy as np
 import pytest
 import statsmodels.api as sm
 
+from pivident.estimation.parameter_rows import parameter_rows
+from pivident.estimation.simulation_result import SimulationResult
+from pivident.tables.identifications import identification_parameters
 from tests.synthetic_identification import synthetic_identification
 
 
@@ -53,3 +56,22 @@ def test_texts_and_files_come_from_above(tmp_path):
     assert repr(result).startswith(f"<Identification: {len(result.names)} parameters by IDIM")
     result.save(tmp_path)
     assert {f.name for f in tmp_path.iterdir()} == {"identification.json", "parameters.csv"}
+
+
+def test_an_interval_has_one_side_where_a_bound_holds_the_estimate():
+    result = synthetic_identification()
+    first, second = result.names[:2]
+    nothing = np.full(len(result.joints), np.nan)
+    simulation = SimulationResult(
+        "torques", "closed", nothing, nothing, at_bound=(first, second), bound_sides=("low", "high")
+    )
+    bounded = replace(result, simulation=simulation)
+    both, one = result.conf_int(), bounded.conf_int()
+    np.testing.assert_array_equal(one[:2, 0], [result.theta[0], both[1, 0]])
+    np.testing.assert_array_equal(one[:2, 1], [both[0, 1], result.theta[1]])
+    np.testing.assert_array_equal(one[2:], both[2:])
+    row = parameter_rows(bounded)[0]
+    assert row.interval()[0] == row.value < row.interval()[1]
+    assert row.value_and_spread[1].startswith("+")
+    table = identification_parameters(bounded)
+    assert table.columns["low"][0] == table.columns["value"][0] < table.columns["high"][0]

@@ -190,7 +190,8 @@ class Identification:
         """Confidence intervals θ ± z σ with z = Φ⁻¹((1 + level)/2) of the normal distribution.
 
         They rest on ``std``, and hold for a model without systematic error. As with statsmodels
-        the lower bound stands in the first column.
+        the lower bound stands in the first column. Where a bound of the parameter itself holds the
+        estimate, the interval ends there: it has the other side only.
 
         Args:
             level: probability that an interval holds the true value, between 0 and 1.
@@ -204,7 +205,18 @@ class Identification:
         if not 0.0 < level < 1.0:
             raise ValueError(f"level must be between 0 and 1, not {level}; 0.95 is usual")
         half = float(ndtri(0.5 * (1.0 + level))) * self.std
-        return np.column_stack([self.theta - half, self.theta + half])
+        ends = np.column_stack([self.theta - half, self.theta + half])
+        for k, side in enumerate(self.bound_sides):
+            if side:
+                ends[k, 0 if side == "low" else 1] = self.theta[k]
+        return ends
+
+    @property
+    def bound_sides(self) -> tuple[str, ...]:
+        """Bound that holds each estimate, ``low`` or ``high``; empty where none does."""
+        if self.simulation is None:
+            return ("",) * len(self.names)
+        return tuple(self.simulation.side(name) for name in self.names)
 
     def value(self, name: str) -> float:
         """Estimate of one parameter, by its name with or without the trailing ``r``.

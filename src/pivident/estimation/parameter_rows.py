@@ -12,6 +12,7 @@ import numpy as np
 
 from pivident.estimation.identification import Identification
 from pivident.logs.torque_scale import OUTPUT_UNIT, is_ratio
+from pivident.text.numbers import with_spread
 
 #: Estimates further apart than this many combined standard errors contradict each other.
 CONTRADICTION = 3.0
@@ -29,6 +30,7 @@ class ParameterRow:
     unit: str  # unit of the parameter
     expression: str  # its group written out
     truth: float = math.nan  # known value [unit], NaN where none is known
+    bound: str = ""  # ``low`` or ``high`` where a bound holds the estimate
 
     @property
     def shown_std(self) -> float:
@@ -50,10 +52,31 @@ class ParameterRow:
         """(θ̂ - θ)/σ, NaN without a truth."""
         return _ratio(self.value - self.truth, self.shown_std)
 
+    def interval(self, std: float | None = None) -> tuple[float, float]:
+        """Value ± 2σ, of one side where a bound holds the value; ``std``: σ, else the shown one."""
+        half = 2.0 * (self.shown_std if std is None else std)
+        return (
+            self.value if self.bound == "low" else self.value - half,
+            self.value if self.bound == "high" else self.value + half,
+        )
+
+    @property
+    def value_and_spread(self) -> tuple[str, str]:
+        """Value and 2σ as text; the latter with a sign where the interval has that side only."""
+        value, spread = with_spread(self.value, 2.0 * self.shown_std)
+        return value, {"low": "+", "high": "−"}.get(self.bound, "") + spread
+
+    @property
+    def in_words(self) -> str:
+        """Value, 2σ and unit, such as ``1.2 ± 0.1 kg``, or ``0 +0.1 kg`` at a bound."""
+        value, spread = self.value_and_spread
+        return f"{value} {'' if self.bound else '± '}{spread} {self.unit}"
+
     @property
     def includes_zero(self) -> bool:
-        """Whether zero lies within ±2σ."""
-        return abs(self.value) <= 2.0 * self.shown_std
+        """Whether zero lies within the interval of ±2σ."""
+        low, high = self.interval()
+        return low <= 0.0 <= high
 
 
 def parameter_rows(
@@ -75,6 +98,7 @@ def parameter_rows(
         identification.robust_std,
         identification.relative_std,
         identification.expressions,
+        identification.bound_sides,
         strict=True,
     )
     return tuple(
@@ -87,8 +111,9 @@ def parameter_rows(
             unit=unit,
             expression=expression,
             truth=known.get(name.lower(), known.get(parameter.name.lower(), math.nan)),
+            bound=side,
         )
-        for name, parameter, unit, value, std, robust, relative, expression in columns
+        for name, parameter, unit, value, std, robust, relative, expression, side in columns
     )
 
 

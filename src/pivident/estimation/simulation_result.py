@@ -64,6 +64,8 @@ class SimulationResult:
         loop_parameters: unknowns of the loop.
         held: names of parameters that nothing determines and that were held.
         at_bound: names of parameters that a bound holds.
+        bound_sides: which bound, ``low`` or ``high``, of each of them; empty where it is not known,
+            as in files of earlier versions.
         noise_orders: orders of the noise models, joint by joint, positions before torques; empty
             where the squares of the errors were weighted by their size alone.
         fit: errors over time and derivatives; None where the result was read from a file.
@@ -76,8 +78,13 @@ class SimulationResult:
     loop_parameters: tuple[LoopParameter, ...] = ()
     held: tuple[str, ...] = ()
     at_bound: tuple[str, ...] = ()
+    bound_sides: tuple[str, ...] = ()
     noise_orders: tuple[int, ...] = ()
     fit: SimulationFit | None = field(default=None, repr=False)
+
+    def side(self, name: str) -> str:
+        """Bound that holds a parameter, ``low`` or ``high``; empty for none and where unknown."""
+        return dict(zip(self.at_bound, self.bound_sides, strict=False)).get(name, "")
 
     def to_values(self) -> dict[str, Any]:
         """Plain values for a file."""
@@ -89,6 +96,7 @@ class SimulationResult:
             "loop_parameters": [asdict(p) for p in self.loop_parameters],
             "held": list(self.held),
             "at_bound": list(self.at_bound),
+            "bound_sides": list(self.bound_sides),
             "noise_orders": list(self.noise_orders),
         }
 
@@ -112,6 +120,7 @@ class SimulationResult:
                 loop_parameters=tuple(map(LoopParameter.from_values, values["loop_parameters"])),
                 held=tuple(map(str, values["held"])),
                 at_bound=tuple(map(str, values["at_bound"])),
+                bound_sides=tuple(map(str, values.get("bound_sides", ()))),
                 noise_orders=tuple(map(int, values.get("noise_orders", ()))),
             )
         except (AttributeError, KeyError, TypeError, ValueError) as error:
@@ -120,6 +129,10 @@ class SimulationResult:
             raise ValueError(f"simulation: one rms error for each of {joints} joints is needed")
         if made.compares not in COMPARED or made.loop not in LOOPS:
             raise ValueError(f"simulation: compares {made.compares!r} in a {made.loop!r} loop")
+        if made.bound_sides and len(made.bound_sides) != len(made.at_bound):
+            raise ValueError("simulation: a side for each parameter at a bound is needed")
+        if not set(made.bound_sides) <= {"low", "high"}:
+            raise ValueError(f"simulation: bounds are low or high, not {made.bound_sides}")
         if (positions < 0.0).any() or (torques < 0.0).any():
             raise ValueError("simulation: an rms error is negative")
         return made

@@ -32,7 +32,7 @@ _GAP = "  "
 def identification_table(identification: Identification, *, with_warnings: bool = True) -> str:
     """One result: how it came about, its parameters with intervals, its joints, its warnings."""
     rows = parameter_rows(identification)
-    spreads = [with_spread(row.value, 2.0 * row.shown_std) for row in rows]
+    spreads = [row.value_and_spread for row in rows]
     columns = [
         column("parameter", [row.name for row in rows], "<"),
         column("value", [value for value, _ in spreads], "."),

@@ -17,7 +17,6 @@ from pivident.figures.paper_style import (
 )
 from pivident.report.intervals import interval_drawing
 from pivident.robot.naming import nearest
-from pivident.text.numbers import with_spread
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -80,8 +79,7 @@ def figure_of_intervals(
                     i.middle, y, ls="none", marker=style["marker"], color=style["color"], ms=2.8
                 )
             last = [r for r in table[name] if r is not None][-1]
-            value, spread = with_spread(last.value, 2.0 * last.shown_std)
-            texts.append(f"{value} ± {spread} {last.unit}")
+            texts.append(last.in_words)
         ax.set_ylim(len(names) - 0.4, -0.6)
         ax.set_xlim(0.0, 100.0)
         ax.set_xticks([])

@@ -21,7 +21,12 @@ from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.simulation.closed_loop import in_whole_counts
 from pivident.simulation.control_loop import Loop
-from pivident.simulation.controllers import PythonController, SampledLaw, backward_difference
+from pivident.simulation.controllers import (
+    Controller,
+    PythonController,
+    SampledLaw,
+    backward_difference,
+)
 from pivident.simulation.feed_forward import (
     computed_torque_feed_forward,
     gravity_feed_forward,
@@ -145,14 +150,42 @@ def commanded_torque(robot: Robot, loop: Loop, recording: Recording) -> np.ndarr
     q_ref = upsampled(q_ref, logged, rate)
     dq_ref = None if dq_ref is None else upsampled(dq_ref, logged, rate)
     added = np.zeros(q.shape) if inputs is None else held(inputs, logged, rate)
-    if isinstance(controller, PythonController):
-        output = np.clip(_python_outputs(controller, q, q_ref, dq_ref, rate) + added, -limit, limit)
-    else:
-        law = controller.law(rate, q_ref, dq_ref)
-        if len(law.masses):
-            added = added + GravityModel(robot, law.masses).torque(q)
-        output = law_outputs(law, q, added, limit, rate)
+    output = controller_outputs(robot, controller, q, q_ref, dq_ref, added, limit, rate)
     return gain * held(output, rate, logged)[: recording.samples]
+
+
+def controller_outputs(
+    robot: Robot,
+    controller: Controller,
+    q: np.ndarray,
+    q_ref: np.ndarray,
+    dq_ref: np.ndarray | None,
+    added: np.ndarray,
+    limit: np.ndarray,
+    rate: float,
+) -> np.ndarray:
+    """Outputs of a controller at given positions, whatever its kind.
+
+    Args:
+        robot: the robot, whose gravity the law may compensate.
+        controller: the control law.
+        q: positions that it reads, shape (samples, joints) [rad or m].
+        q_ref: reference positions, likewise.
+        dq_ref: reference speeds, likewise [rad/s or m/s]; None: the law takes differences.
+        added: known inputs, shape (samples, joints) [unit of the output].
+        limit: largest output, shape (joints,).
+        rate: rate of the law [Hz].
+
+    Returns:
+        Limited outputs, shape (samples, joints) [unit of the output].
+    """
+    if isinstance(controller, PythonController):
+        outputs = _python_outputs(controller, q, q_ref, dq_ref, rate)
+        return np.clip(outputs + added, -limit, limit)
+    law = controller.law(rate, q_ref, dq_ref)
+    if len(law.masses):
+        added = added + GravityModel(robot, law.masses).torque(q)
+    return law_outputs(law, q, added, limit, rate)
 
 
 def law_outputs(

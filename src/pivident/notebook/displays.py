@@ -30,7 +30,7 @@ from pivident.report.intervals import interval_drawing
 from pivident.robot.description import Robot
 from pivident.tables.columns import Table
 from pivident.text.finding import MARKS
-from pivident.text.numbers import format_exact, format_significant, percent, with_spread
+from pivident.text.numbers import format_exact, format_significant, percent
 from pivident.text.printable import escaped
 
 #: Rows of a table that are shown; a notebook keeps what it shows.
@@ -61,7 +61,7 @@ def identification_html(result: Identification) -> str:
         rows=[
             (
                 row,
-                with_spread(row.value, 2.0 * row.shown_std),
+                row.value_and_spread,
                 interval_drawing([row], [result.method], with_zero=True),
             )
             for row in rows

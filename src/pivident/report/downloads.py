@@ -14,7 +14,6 @@ from pivident.estimation.identification_file import to_csv, to_json
 from pivident.estimation.parameter_rows import parameter_rows
 from pivident.text.identifiers import identifiers, latex_name, latex_text, one_line
 from pivident.text.latex import latex_number, latex_unit
-from pivident.text.numbers import with_spread
 from pivident.text.plain_values import csv_table
 
 #: Numbers of all tables of signals together; one takes 9 bytes of the page.
@@ -143,7 +142,7 @@ def _latex_rows(identification: Identification) -> Iterator[str]:
         relative = f"{row.shown_percent:.2g}" if math.isfinite(row.shown_percent) else "–"
         cells = (
             f"${latex_name(one_line(row.name))}$",
-            *map(latex_number, with_spread(row.value, 2.0 * row.shown_std)),
+            *map(latex_number, row.value_and_spread),
             latex_number(relative),
             latex_unit(row.unit),
             latex_text(one_line(row.expression)),

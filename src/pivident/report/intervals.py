@@ -108,7 +108,7 @@ def interval_drawing(
         share = _MARGIN + (100.0 - 2.0 * _MARGIN) * (x - low) / extent
         return round(min(max(share, 0.0), 100.0), 2)
 
-    words = [f"{labels[k]} {_in_words(row)}" for k, row in present]
+    words = [f"{labels[k]} {row.in_words}" for k, row in present]
     own_words = [f"{own.label} {known_interval(own)} {unit}" for own in consistent]
     known_values = [
         f"{name} {format_exact(x)} {unit}"
@@ -158,10 +158,5 @@ def _consistent(own: ConsistentValue, place, words: str) -> Interval:
 
 def _ends(row: ParameterRow) -> tuple[float, float, float, float]:
     """Ends of ±2σ as shown and by the method, the estimate itself where σ is not finite."""
-    shown, own = (2.0 * s if math.isfinite(s) else 0.0 for s in (row.shown_std, row.std))
-    return row.value - shown, row.value + shown, row.value - own, row.value + own
-
-
-def _in_words(row: ParameterRow) -> str:
-    value, spread = with_spread(row.value, 2.0 * row.shown_std)
-    return f"{value} ± {spread} {row.unit}"
+    shown, own = (s if math.isfinite(s) else 0.0 for s in (row.shown_std, row.std))
+    return *row.interval(shown), *row.interval(own)

@@ -12,6 +12,7 @@ import numpy as np
 
 from pivident.dynamics.forward import Model, make_model
 from pivident.robot.description import INERTIAL
+from pivident.scratch import working_array
 from pivident.simulation.controllers import TAPS, SampledLaw
 from pivident.simulation.direction import Direction, ParametrisedLoop
 from pivident.simulation.friction_tangent import LINEAR, PAIR, PATH, TERM
@@ -57,38 +58,30 @@ def law_slope(
 class LawEntries:
     """Slopes of the sampled law along directions, entry by entry."""
 
-    def __init__(self, samples: int) -> None:
-        self._samples = samples
+    def __init__(self, samples: int, count: int) -> None:
         self._index: list[tuple[int, int]] = []
-        self._slope: list[np.ndarray] = []
-        self._reference: list[np.ndarray] = []
+        self._slope = np.zeros((count, LAW_SLOPES))
+        self._reference = working_array((2, samples, count))
 
     def add(self, joint: int, d: int, what: SampledLaw | int) -> None:
         """One joint's slopes: of its law, or of one in a column of ``law_slope``."""
-        slope, reference = np.zeros(LAW_SLOPES), np.zeros((2, self._samples))
+        e = len(self._index)
+        self._index.append((joint, d))
+        slope = self._slope[e]
         if isinstance(what, SampledLaw):
             slope[OF_FEEDBACK : OF_FEEDBACK + TAPS] = what.feedback[joint]
             slope[OF_POLE : OF_POLE + TAPS] = what.pole[joint]
             slope[OF_INTEGRAND : OF_INTEGRAND + TAPS] = what.integrand[joint]
             slope[OF_INTEGRAL_GAIN] = what.integral_gain[joint]
-            reference[:] = what.reference[:, joint], what.integrand_reference[:, joint]
+            self._reference[0, :, e] = what.reference[:, joint]
+            self._reference[1, :, e] = what.integrand_reference[:, joint]
         else:
             slope[what] = 1.0
-        self._index.append((joint, d))
-        self._slope.append(slope)
-        self._reference.append(reference)
+            self._reference[:, :, e] = 0.0
 
     def arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """``law_index``, ``law_slope`` and ``law_reference``."""
-        return (
-            np.array(self._index, dtype=np.int64).reshape(-1, 2),
-            np.array(self._slope, dtype=float).reshape(-1, LAW_SLOPES),
-            np.ascontiguousarray(
-                np.array(self._reference, dtype=float)
-                .reshape(-1, 2, self._samples)
-                .transpose(1, 2, 0)
-            ),
-        )
+        return np.array(self._index, dtype=np.int64).reshape(-1, 2), self._slope, self._reference
 
 
 class ModelEntries:

@@ -214,7 +214,7 @@ def _initial_tangent(
     dq_ref = signals.dq_ref
     q_ref = np.asarray(signals.q_ref, float)
     law = loop.controller.law(float(signals.rate), q_ref, dq_ref)
-    entries = LawEntries(len(q_ref))
+    entries = LawEntries(len(q_ref), sum(_law_joints(own, n) for own in directions))
     laws: dict[str, SampledLaw] = {}
     encoder, past = row_array(n, count), row_array(TAPS, n, count)
     vectors, times = row_array(TANGENT_ROWS, n, count), row_array(TIMES, count)
@@ -224,9 +224,9 @@ def _initial_tangent(
         joints = range(n) if direction.joint < 0 else (direction.joint,)
         if direction.kind == "law":
             # joints have laws of their own, so that one difference shows the slopes of all of them
-            if direction.name not in laws:
+            if direction.name not in laws:  # only the last one is kept: it is as long as the record
                 every = Direction("law", direction.name)
-                laws[direction.name] = law_slope(loop, every, q_ref, dq_ref)
+                laws = {direction.name: law_slope(loop, every, q_ref, dq_ref)}
             of_law = laws[direction.name]
             for j in joints:
                 entries.add(j, d, of_law)
@@ -285,3 +285,10 @@ def _initial_tangent(
         slopes_copy=np.zeros((SLOPE_ROWS, slopes_width(n, couplings))),
         record=row_array(3, block, n, count),
     )
+
+
+def _law_joints(direction: Direction, joints: int) -> int:
+    """How many joints have laws that depend on a direction."""
+    if direction.kind not in ("law", "drive_gain", "inputs"):
+        return 0
+    return joints if direction.joint < 0 else 1

@@ -1,4 +1,4 @@
-"""First steps of a fit, from a description without armature and friction to near the minimum.
+"""First steps of a fit, from where the search starts to near the minimum.
 
     (H + μ diag H) δ = g,    H = Σ JᵀJ/s²,   g = Σ Jᵀe/s²        (Levenberg 1944, Marquardt 1963)
 
@@ -117,10 +117,8 @@ def _step(
 def _moved(stretch: Stretch, unknowns: Sequence[Unknown], values: np.ndarray) -> Stretch:
     """A stretch with other values, its robot at rest where the encoders are without their bias."""
     loop = with_values(stretch.loop, unknowns, values)
-    start = stretch.q[0].copy()
-    for unknown, value in zip(unknowns, values.tolist(), strict=True):
-        if unknown.direction.kind == "encoder_offset":
-            start[unknown.direction.joint] -= value
+    noise = loop.signals.noise
+    start = stretch.q[0] - (0.0 if noise is None else np.asarray(noise)[0])
     return stretch.with_loop(replace(loop, start=(start, loop.begin[1])))
 
 

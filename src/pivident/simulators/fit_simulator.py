@@ -13,12 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pivident.dynamics.parameters import standard_parameters
-from pivident.errors import ExperimentError, SimulationDiverged
+from pivident.errors import ExperimentError
 from pivident.estimation.auxiliary_model import loop_signals
-from pivident.estimation.output_error.fit import FitOptions, SimulationFit, fit_simulation
-from pivident.estimation.output_error.simulated_errors import POSITIONS
+from pivident.estimation.output_error.simulation_fit import SimulationFit
 from pivident.estimation.output_error.stretch import Stretch
-from pivident.estimation.output_error.unknowns import Unknown, values_of, with_values
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.simulation.closed_loop import LoopSignals
@@ -27,7 +25,6 @@ from pivident.simulation.controllers import Controller
 from pivident.simulation.direction import ParametrisedLoop
 from pivident.simulation.feed_forward import with_measured_gravity
 from pivident.simulation.virtual_pd import nominal_inertia
-from pivident.simulators.approach import approached
 from pivident.simulators.branches import branch_of, branches, can_be_divided, law_of, signals_of
 from pivident.simulators.joint_quantities import (
     DEFAULT_QUANTITIES,
@@ -37,6 +34,7 @@ from pivident.simulators.joint_quantities import (
     simulator_robot,
     start_values,
 )
+from pivident.simulators.search import searched
 from pivident.simulators.shared_delay import BranchEstimate, SharedDelay, with_shared_delay
 from pivident.simulators.simulator_fit import LEVEL, FittedValue, SimulatorFit
 from pivident.threads import run_in_threads
@@ -46,10 +44,6 @@ WARM_UP = 0.5
 
 #: Where the search for the delay starts if none is given, in periods of the control loop.
 DELAY_START = 1.0
-
-#: Factors of the armature where the search starts: a loop that is unstable with little is tried
-#: again with more.
-HEAVIER = (1.0, 4.0, 16.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +86,7 @@ def fit_simulator(
     Raises:
         ExperimentError: no reference, a law without gains, unknown quantities, a control rate that
             is no multiple of the recorded one.
-        SimulationDiverged: the loop is unstable with the values of the start; names the joint.
+        SimulationDiverged: the loop is unstable wherever the search starts; names the joint.
         RankDeficientRegressor: the record does not determine some quantities; names them.
     """
     runs = [recordings] if isinstance(recordings, Recording) else list(recordings)
@@ -114,14 +108,10 @@ def fit_simulator(
         law = law_of(controller, joints, machine.size)
         theta = start_values(own, free, inertia[at], torque[at], speed[at])
         stretches.append([_stretch(own, theta, law, joints, d, warm_up) for d in drives])
-    options = FitOptions(channels=(POSITIONS,), noise=None, bandwidth=0.0)
 
     def work(b: int) -> None:
-        unknowns = [own.unknown for own in sought[b]]
         label = f"branch {b + 1} of {len(parts)}: " if len(parts) > 1 else ""
-        near = _near(stretches[b], sought[b], lambda s: say(label + s))
-        offsets[b] = _offsets(near[0], unknowns)
-        fits[b] = fit_simulation(near, unknowns, options, lambda s: say(label + s))
+        fits[b], offsets[b] = searched(stretches[b], sought[b], lambda s: say(label + s))
 
     run_in_threads(work, range(len(parts)))
     found = [fit for fit in fits if fit is not None]
@@ -130,23 +120,6 @@ def fit_simulator(
     return _result(
         machine, loop, controller, runs, parts, sought, stretches, found, shared, warm_up
     )
-
-
-def _near(
-    stretches: Sequence[Stretch], sought: Sequence[JointQuantity], say: Callable[[str], None]
-) -> list[Stretch]:
-    """The approach, from a heavier robot where a light one's loop is unstable."""
-    unknowns = [own.unknown for own in sought]
-    heavy = [own.unknown for own in sought if own.quantity == "armature"]
-    for number, factor in enumerate(HEAVIER, start=1):
-        values = factor * values_of(stretches[0].loop, heavy)
-        begin = [s.with_loop(with_values(s.loop, heavy, values)) for s in stretches]
-        try:
-            return approached(begin, unknowns, say)
-        except SimulationDiverged:
-            if number == len(HEAVIER) or not heavy:
-                raise
-    raise AssertionError("unreachable")
 
 
 def _drive(robot: Robot, loop: Loop, recording: Recording, sought: bool) -> _Drive:
@@ -243,15 +216,6 @@ def joint_gains(controller: Controller, loop: Loop, joints: int) -> tuple[np.nda
     if np.isfinite(kv).all():
         return scale * kp * kv, scale * kv
     return scale * kp, scale * gain("kd")
-
-
-def _offsets(stretch: Stretch, unknowns: Sequence[Unknown]) -> np.ndarray:
-    """What the fit counts an unknown from: encoder offsets from those of the loop."""
-    noise, offsets = stretch.loop.signals.noise, np.zeros(len(unknowns))
-    for k, unknown in enumerate(unknowns):
-        if unknown.direction.kind == "encoder_offset" and noise is not None:
-            offsets[k] = noise[0, unknown.direction.joint]
-    return offsets
 
 
 def _estimate(

@@ -11,8 +11,8 @@ from pivident.tables.columns import Table, TableError
 #: Meanings that the columns of estimates share.
 ESTIMATES = {
     "value": "estimate",
-    "low": "lower end of the interval, value - 2 std",
-    "high": "upper end of the interval, value + 2 std",
+    "low": "lower end of the interval, value - 2 std; the value where a bound holds it",
+    "high": "upper end of the interval, value + 2 std; the value where a bound holds it",
     "std": "standard error by the method's covariance",
     "robust_std": "standard error for residuals that are correlated and of changing variance",
     "relative_std_percent": "100 std/|value|",
@@ -29,8 +29,8 @@ def identification_parameters(result: Identification) -> Table:
             "joint": names[p.joint],
             "kind": p.stem,
             "value": row.value,
-            "low": row.value - 2.0 * row.std,
-            "high": row.value + 2.0 * row.std,
+            "low": row.interval(row.std)[0],
+            "high": row.interval(row.std)[1],
             "std": row.std,
             "robust_std": row.robust_std,
             "relative_std_percent": row.relative_std,

@@ -7,7 +7,7 @@ import re
 
 def latex_number(text: str) -> str:
     r"""A printed number in math mode: ``1.2e-07`` as 1.2 · 10⁻⁷."""
-    mantissa, _, exponent = text.replace("∞", r"\infty").partition("e")
+    mantissa, _, exponent = text.replace("∞", r"\infty").replace("−", "-").partition("e")
     if mantissa == "–":
         return "--"
     return f"${mantissa}$" if not exponent else rf"${mantissa} \cdot 10^{{{int(exponent)}}}$"

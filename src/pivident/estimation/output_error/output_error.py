@@ -223,6 +223,7 @@ def _result(method: OutputError, fit: SimulationFit, count: int) -> SimulationRe
         ),
         held=tuple(names[k] for k in np.flatnonzero(fit.held)),
         at_bound=tuple(names[k] for k in np.flatnonzero(fit.bound)),
+        bound_sides=tuple(_side(fit, int(k)) for k in np.flatnonzero(fit.bound)),
         noise_orders=fit.noise.orders,
         fit=fit,
     )  # fmt: skip

@@ -25,10 +25,12 @@ from pivident.estimation.output_error.unknowns import start_directions
 from pivident.estimation.problem import Problem
 from pivident.motion.kinematics import Kinematics
 from pivident.recording.recording import Recording
-from pivident.simulation.closed_loop import LoopSignals, simulate
+from pivident.scratch import working_array
+from pivident.simulation.closed_loop import LoopSignals, simulate_blocks
 from pivident.simulation.control_loop import Loop
 from pivident.simulation.direction import ParametrisedLoop
 from pivident.simulation.feed_forward import with_measured_gravity
+from pivident.simulation.loop_kernel import TORQUE
 from pivident.simulation.open_loop import OpenLoop
 from pivident.simulation.tangents import tangent_blocks
 
@@ -218,9 +220,17 @@ def _forgotten(loop: ParametrisedLoop, stretch: Stretch) -> int:
     """First measured sample at which the loop has forgotten its start."""
     names, other = loop.robot.joint_names, (loop.signals.q_ref[0], np.zeros(loop.robot.size))
     here, there = (
-        simulate(loop.model, loop.controller, loop.signals, names, start)
+        simulate_blocks(loop.model, loop.controller, loop.signals, names, start)
         for start in (loop.begin, other)
     )
-    trace = np.abs(here.tau - there.tau) > FORGOTTEN * here.tau.std(axis=0)
-    seen = np.flatnonzero(trace.any(axis=1))
+    trace = working_array((len(loop.signals.q_ref), loop.robot.size))
+    total, squares = np.zeros((2, loop.robot.size))
+    for (span, made, _), (_, elsewhere, _) in zip(here, there, strict=True):
+        tau = made[TORQUE]
+        trace[span] = np.abs(tau - elsewhere[TORQUE])
+        total += tau.sum(axis=0)
+        squares += (tau**2).sum(axis=0)
+    mean = total / len(trace)
+    std = np.sqrt(np.maximum(squares / len(trace) - mean**2, 0.0))
+    seen = np.flatnonzero((trace > FORGOTTEN * std).any(axis=1))
     return -(-(int(seen[-1]) + 1) // stretch.step) if seen.size else 0

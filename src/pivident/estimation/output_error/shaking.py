@@ -21,17 +21,19 @@ is. Where it is lost in them, σ is at most what positions alone and torques alo
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from pivident.estimation.output_error.simulated_errors import POSITIONS
+from pivident.estimation.output_error.simulated_errors import POSITIONS, TORQUES
 from pivident.estimation.output_error.stretch import Stretch
-from pivident.estimation.output_error.thinning import means_at
-from pivident.simulation.closed_loop import Trajectory, simulate
+from pivident.estimation.output_error.thinning import Thinning
+from pivident.scratch import working_array
+from pivident.simulation.closed_loop import BLOCK, simulate_blocks
 from pivident.simulation.controllers import PythonController
 from pivident.simulation.direction import ParametrisedLoop
+from pivident.simulation.loop_kernel import TORQUE
 from pivident.threads import run_in_threads
 
 #: Pairs of simulations with noise of both signs.
@@ -42,6 +44,9 @@ SIGNIFICANT = 5.0
 
 #: Parts of a record whose means are compared.
 PARTS = 21
+
+#: Channels of a simulated motion that are compared.
+SIMULATED = {POSITIONS: 0, TORQUES: TORQUE}
 
 #: Samples of the law's response that its gain for white noise is summed over.
 RESPONSE = 2000
@@ -58,29 +63,44 @@ def loop_noise(stretch: Stretch) -> np.ndarray:
     signals = loop.signals
     if stretch.tau is None or stretch.step != 1 or isinstance(loop.controller, PythonController):
         return np.zeros(n)
-    made = _simulated(loop)
     law = loop.controller.law(float(signals.rate), signals.q_ref, signals.dq_ref)
     late = int(np.ceil(float(signals.drive_delay) * float(signals.rate) - 1e-9)) + stretch.tau_late
-    samples = min(len(stretch.q), len(made.q))
-    q = np.diff(stretch.q[:samples] - made.q[:samples], axis=0)
-    tau = np.diff(stretch.tau[: samples - late] - made.tau[late:samples], axis=0)
-    q = q[: len(tau)]
-    out = np.zeros(n)
+    errors, out = _errors(stretch, late), np.zeros(n)
     impulse = np.zeros(RESPONSE)
     impulse[0] = 1.0
     for j in range(n):
-        through = signals.drive_gain[j] * lfilter(law.feedback[j], law.pole[j], q[:, j])
+        q, tau = np.diff(errors[:, j])
+        through = signals.drive_gain[j] * lfilter(law.feedback[j], law.pole[j], q)
         response = signals.drive_gain[j] * lfilter(law.feedback[j], law.pole[j], impulse)
         gain = float(np.sum(np.diff(response, prepend=0.0) ** 2))
         if gain == 0.0:
             continue
-        by_both = -_mean(through * tau[:, j]) / gain
-        by_torque = _mean(tau[:, j] ** 2) / gain
-        by_position = 0.5 * _mean(q[:, j] ** 2)
-        size = np.sqrt(_mean(through**2) * _mean(tau[:, j] ** 2))
+        by_both = -_mean(through * tau) / gain
+        by_torque = _mean(tau**2) / gain
+        by_position = 0.5 * _mean(q**2)
+        size = np.sqrt(_mean(through**2) * _mean(tau**2))
         seen = by_both * gain * np.sqrt(len(tau)) > SIGNIFICANT * size
         out[j] = np.sqrt(by_both if seen else min(by_torque, by_position))
     return out
+
+
+def _errors(stretch: Stretch, late: int) -> np.ndarray:
+    """e_q and e_τ at the instants at which a torque was logged, shape (2, joints, samples).
+
+    ``late``: samples that a torque was logged before it acts.
+    """
+    samples = min(stretch.samples, len(stretch.loop.signals.q_ref))
+    errors = working_array((2, stretch.loop.robot.size, samples))
+    assert stretch.tau is not None
+    for span, made in _blocks(stretch.loop, BLOCK):
+        logged = slice(span.start, min(span.stop, samples))
+        q, tau = made[SIMULATED[POSITIONS]], made[SIMULATED[TORQUES]]
+        errors[0, :, logged] = (stretch.q[logged] - q[: logged.stop - logged.start]).T
+        acts = slice(max(logged.start, late), max(logged.stop, late))
+        before = slice(acts.start - late, acts.stop - late)
+        tau = tau[acts.start - span.start : acts.stop - span.start]
+        errors[1, :, before] = (stretch.tau[before] - tau).T
+    return errors[:, :, : samples - late]
 
 
 def _mean(x: np.ndarray) -> float:
@@ -98,50 +118,57 @@ def shaking(
 
     ``noise``: its standard deviation in each stretch's loop, shape (joints,).
     """
-    base: list[Trajectory | None] = [None] * len(stretches)
-    sums: dict[tuple[int, int, float], list[np.ndarray]] = {}
+    motions: dict[tuple[int, int, float], np.ndarray] = {}
 
     def work(task: tuple[int, int, float]) -> None:
         k, pair, sign = task
         loop = stretches[k].loop
-        if sign == 0.0:
-            base[k] = _simulated(loop)
-            return
-        rng = np.random.default_rng([pair, k])
-        n = rng.standard_normal(np.shape(loop.signals.q_ref)) * noise[k]
-        before = 0.0 if loop.signals.noise is None else loop.signals.noise
-        signals = replace(loop.signals, noise=before + sign * n)
-        sums[task] = _channels(_simulated(replace(loop, signals=signals)), channels)
+        if sign:
+            shaken = working_array(np.shape(loop.signals.q_ref))
+            np.random.default_rng([pair, k]).standard_normal(out=shaken)
+            shaken *= sign * noise[k]
+            shaken += 0.0 if loop.signals.noise is None else loop.signals.noise
+            loop = replace(loop, signals=replace(loop.signals, noise=shaken))
+        motions[task] = _thinned(stretches[k], loop, channels, factors[k])
 
-    shaken = [k for k in range(len(stretches)) if noise[k].any()]
-    run_in_threads(
-        work,
-        [(k, 0, 0.0) for k in shaken]
-        + [(k, pair, sign) for k in shaken for pair in range(PAIRS) for sign in (1.0, -1.0)],
-    )
+    noisy = [k for k in range(len(stretches)) if noise[k].any()]
+    pairs = [(pair, sign) for pair in range(PAIRS) for sign in (1.0, -1.0)]
+    run_in_threads(work, [(k, *own) for k in noisy for own in [(0, 0.0), *pairs]])
     out = []
     for k, stretch in enumerate(stretches):
-        thin = len(means_at(stretch.moving, factors[k]))
-        if k not in shaken:
-            out.append(np.zeros((len(channels), stretch.loop.robot.size, thin)))
+        if k not in noisy:
+            rows = Thinning(factors[k]).rows(stretch.samples)
+            out.append(np.zeros((len(channels), stretch.loop.robot.size, rows)))
             continue
-        own = base[k]
-        assert own is not None
-        means = []
-        for c, still in enumerate(_channels(own, channels)):
-            total = sum(sums[task][c] for task in sorted(sums) if task[0] == k)
-            mean = total / (2.0 * PAIRS) - still
-            means.append(means_at(mean[:: stretch.step][: stretch.samples], factors[k]).T)
-        out.append(np.stack(means))
+        total = sum(motions[k, pair, sign] for pair, sign in pairs)
+        out.append(total / (2.0 * PAIRS) - motions[k, 0, 0.0])
     return out
 
 
-def _channels(made: Trajectory, channels: Sequence[int]) -> list[np.ndarray]:
-    """The compared channels of a simulated motion, each (samples, joints)."""
-    return [made.q if c == POSITIONS else made.tau for c in channels]
+def _thinned(
+    stretch: Stretch, loop: ParametrisedLoop, channels: Sequence[int], factor: int
+) -> np.ndarray:
+    """The compared channels of a simulated motion, thinned, shape (channels, joints, rows)."""
+    thinning, step, done = Thinning(factor), stretch.step, 0
+    out = np.empty((len(channels), loop.robot.size, thinning.rows(stretch.samples)))
+    whole, width = stretch.samples // factor * factor, step * factor
+    which = [SIMULATED[c] for c in channels]
+    for span, made in _blocks(loop, max(1, round(BLOCK / width)) * width):
+        first = span.start // step
+        if first >= whole:
+            break
+        own = made[which, ::step][:, : whole - first]
+        thin = thinning.process(np.ascontiguousarray(own.transpose(1, 0, 2)))
+        out[:, :, done : done + len(thin)] = thin.transpose(1, 2, 0)
+        done += len(thin)
+    return out
 
 
-def _simulated(loop: ParametrisedLoop) -> Trajectory:
-    """The motion of a loop, without tangents."""
+def _blocks(loop: ParametrisedLoop, block: int) -> Iterator[tuple[slice, np.ndarray]]:
+    """The channels of a loop's motion, (channels, stretch, joints), without tangents."""
     names = loop.robot.joint_names
-    return simulate(loop.model, loop.controller, loop.signals, names, loop.begin)
+    blocks = simulate_blocks(
+        loop.model, loop.controller, loop.signals, names, loop.begin, None, block
+    )
+    for span, channels, _ in blocks:
+        yield span, channels
