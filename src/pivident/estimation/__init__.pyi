@@ -4,3 +4,11 @@ from .kinematics import estimate_kinematics as estimate_kinematics
 from .methods import OutputError as OutputError
 from .noise_options import Arma as Arma
 from .noise_options import AutoRegressive as AutoRegressive
+from .regression_methods import Adaline as Adaline
+from .regression_methods import CorrelatedJoints as CorrelatedJoints
+from .regression_methods import Hopfield as Hopfield
+from .regression_methods import PriorRegression as PriorRegression
+from .regression_methods import Ridge as Ridge
+from .regression_methods import RobustRegression as RobustRegression
+from .regression_methods import SetMembership as SetMembership
+from .regression_methods import TotalLeastSquares as TotalLeastSquares

@@ -13,6 +13,7 @@ from pydantic.functional_validators import PlainValidator
 from pivident.consistency.method_names import CONSISTENT_METHODS  # consistency
 from pivident.errors import ExperimentError
 from pivident.estimation.methods import METHODS, Instruments
+from pivident.estimation.noise_options import CovarianceKind
 from pivident.experiment.table_values import Cutoff, Edge, Mask, MotionBand, Names, Stages
 from pivident.robot.mdh_schema import Entry
 from pivident.robot.naming import nearest
@@ -125,7 +126,7 @@ class MethodEntry(SharedOptions):
 
     signals: Literal["bandpass", "random_walk"] | None = None
     prefilter: Literal["auto", "controller", "direct"] | None = None
-    covariance: Literal["auto", "formula", "sandwich", "stationary"] | None = None
+    covariance: CovarianceKind | None = None
     start: Literal["least-squares", "initial"] | None = None
     as_printed: bool | None = None
 
@@ -151,7 +152,7 @@ class SimulationEntry(Entry):
     segment: PositiveFloat | None = None
     loss: Literal["squares", "huber"] | None = None
     undetermined: Literal["refuse", "hold"] | None = None
-    covariance: Literal["auto", "sandwich", "formula"] | None = None
+    covariance: CovarianceKind | None = None
     start: Literal["least-squares", "initial"] | None = None
     tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None
     max_iterations: Annotated[int, Field(ge=1)] | None = None
