@@ -20,7 +20,6 @@ from pivident.estimation.instrumental_variables import identify_iv
 from pivident.estimation.kinematics import estimate_kinematics, settled_recipe
 from pivident.estimation.least_squares import identify_ls
 from pivident.estimation.methods import (
-    Bandpass,
     InstrumentalVariables,
     LeastSquares,
     Method,
@@ -28,6 +27,7 @@ from pivident.estimation.methods import (
     PrefilteredIV,
     RandomWalk,
     Regression,
+    SignalRecipe,
     method_named,
 )
 from pivident.estimation.output_error.output_error import identify_output_error
@@ -94,7 +94,7 @@ def _estimate(problem: Problem, method: Method, say: Progress) -> Identification
 
 
 def build_regression(
-    problem: Problem, signals: Bandpass | RandomWalk | None = None
+    problem: Problem, signals: SignalRecipe | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Observation matrix and torque of all recordings, dense, at the full rate.
 

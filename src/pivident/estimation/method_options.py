@@ -9,6 +9,7 @@ from typing import Any
 from pivident.errors import PividentError
 from pivident.estimation.methods import (
     Adaline,
+    Algebraic,
     Bandpass,
     CorrelatedJoints,
     Hopfield,
@@ -41,7 +42,7 @@ _METHODS = (
     Hopfield,
 )
 _PARTS = {
-    "signals": (Bandpass, RandomWalk),
+    "signals": (Bandpass, Algebraic, RandomWalk),
     "noise": (AutoRegressive, Repetition, Arma),
 }
 

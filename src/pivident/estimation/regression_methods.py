@@ -14,7 +14,7 @@ import numpy as np
 
 from pivident.errors import ExperimentError
 from pivident.estimation.noise_options import CovarianceKind
-from pivident.estimation.signal_recipes import Bandpass, RandomWalk
+from pivident.estimation.signal_recipes import Bandpass, SignalRecipe
 
 
 def check_iteration(tolerance: float, max_iterations: int) -> None:
@@ -41,7 +41,7 @@ class Regression:
         covariance: which covariance is reported, likewise.
     """
 
-    signals: Bandpass | RandomWalk = field(default_factory=Bandpass)
+    signals: SignalRecipe = field(default_factory=Bandpass)
 
     simulates_loop: ClassVar[bool] = False
     weight_power: ClassVar[float] = 1.0
