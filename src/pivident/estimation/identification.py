@@ -12,7 +12,8 @@ from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.equation_noise import EquationNoise
 from pivident.estimation.equation_record import FittedRecording, MotionRange
-from pivident.estimation.methods import Decimated, Method
+from pivident.estimation.methods import Method
+from pivident.estimation.signal_recipes import Decimated
 from pivident.estimation.simulation_result import SimulationResult
 from pivident.estimation.solved_equations import Equations, TorqueSums
 from pivident.instruments.given_motion import InstrumentsUsed

@@ -30,7 +30,7 @@ from pivident.estimation.iteration import (
     least_squares_pass,
     start_number,
 )
-from pivident.estimation.methods import Decimated, InstrumentalVariables, PrefilteredIV
+from pivident.estimation.methods import InstrumentalVariables, PrefilteredIV
 from pivident.estimation.noise_identification import Prefilters
 from pivident.estimation.prefiltered_iv import (
     MIN_ESTIMATES,
@@ -38,6 +38,7 @@ from pivident.estimation.prefiltered_iv import (
     with_instruments,
 )
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import Decimated
 
 
 def identify_iv(problem: Problem, method: InstrumentalVariables, say: Say) -> Identification:

@@ -73,7 +73,7 @@ def estimate_kinematics(recording: Recording, signals: SignalRecipe) -> Kinemati
         motion = _bandpassed(recording, signals)
     elif isinstance(signals, Algebraic):
         motion = _in_windows(recording, signals)
-        halves = signals.halves(recording.rate, recording.joints) if signals.both_sides else []
+        halves = signals.halves(recording.rate, recording.joints) if signals.filters_torque else []
     else:
         smoothed, lines, smoothers = _random_walk(recording, signals)
         motion = (smoothed.q, smoothed.dq, smoothed.ddq)

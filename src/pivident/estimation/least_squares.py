@@ -20,10 +20,11 @@ from pivident.estimation.iteration import (
     has_settled,
 )
 from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.methods import Decimated, LeastSquares
+from pivident.estimation.methods import LeastSquares
 from pivident.estimation.noise_identification import Prefilters
 from pivident.estimation.normal_equations import JointSums, Solution, relative_residual, solve
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import Decimated
 from pivident.motion.kinematics import Kinematics
 from pivident.motion.motion import with_inner
 from pivident.motion.speed_limits import SpeedLimits

@@ -27,7 +27,6 @@ from pivident.estimation.regression_methods import (
 from pivident.estimation.signal_recipes import (
     Algebraic,
     Bandpass,
-    Decimated,
     RandomWalk,
     SignalRecipe,
 )
@@ -90,7 +89,10 @@ class InstrumentalVariables:
     @property
     def label(self) -> str:
         """Name as in the literature."""
-        return "IDIM-IV" if isinstance(self.signals, Decimated) else "IDIM-IV (full rate)"
+        thinned = isinstance(self.signals, Bandpass) or (
+            isinstance(self.signals, Algebraic) and self.signals.decimation != 1
+        )
+        return "IDIM-IV" if thinned else "IDIM-IV (full rate)"
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from pivident.errors import ExperimentError
 from pivident.motion.kinematics import MOTION_BAND
-from pivident.signals.algebraic import half_samples
+from pivident.signals.algebraic import half_gain_product, half_samples
 from pivident.signals.decimation import Convention
 
 #: Samples in a period of the highest frequency that a decimation keeps, at least: a difference that
@@ -125,7 +125,7 @@ class Algebraic(Decimated):
     """Integrals over a window that is centred on each sample, then parallel decimation.
 
     Where the window lets less than all of the motion through, the torque loses as much: it passes
-    the window too.
+    the window too. With a decimation of one the equations keep the full rate.
 
     Attributes:
         window: length T of the window, for all joints or for each [s]; None: from the record, so
@@ -134,7 +134,8 @@ class Algebraic(Decimated):
             window; an odd number is the even one below it.
         exponent: κ of the kernel's weight (1 - s²)^κ, 2 or more; at 2 the acceleration is that of
             Savitzky and Golay.
-        both_sides: whether the torque passes the window, too.
+        both_sides: whether the torque passes the window, too; None: where equations are decimated.
+            At the full rate its noise, white before, would no longer be what intervals expect.
         decimation: factor n_d, or its stages (10, 10); None: to ``bandwidth``.
         bandwidth: frequency kept by the decimation [Hz], see `Bandpass`.
         align: whether the torque is moved to the instants of the positions first.
@@ -144,7 +145,7 @@ class Algebraic(Decimated):
     window: float | tuple[float, ...] | None = None
     degree: int = 2
     exponent: float = 4.0
-    both_sides: bool = True
+    both_sides: bool | None = None
     decimation: int | tuple[int, ...] | None = None
     bandwidth: float | None = None
     align: bool = True
@@ -166,6 +167,11 @@ class Algebraic(Decimated):
                 "are of use"
             ).about("exponent")
 
+    @property
+    def filters_torque(self) -> bool:
+        """Whether the torque passes the window."""
+        return self.decimation != 1 if self.both_sides is None else self.both_sides
+
     def windows(self, joints: int) -> np.ndarray:
         """Window of each joint, shape (joints,) [s]; NaN as long as the record has to say.
 
@@ -179,6 +185,10 @@ class Algebraic(Decimated):
                 "each"
             ).about("window")
         return np.broadcast_to(given, joints)
+
+    def cutoffs(self, joints: int) -> np.ndarray:
+        """Frequency at which each joint's window has a gain of one half, shape (joints,) [Hz]."""
+        return half_gain_product(self.degree, self.exponent) / self.windows(joints)
 
     def halves(self, rate: float, joints: int) -> list[int]:
         """Samples on each side of the instant, of each joint."""

@@ -16,9 +16,10 @@ from pivident.dynamics.regressor import Regressor
 from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.equation_record import EquationRecord, accumulate
 from pivident.estimation.identification import Identification
-from pivident.estimation.methods import Decimated, Method
+from pivident.estimation.methods import Method
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import Decimated
 from pivident.estimation.solved_equations import Equations
 from pivident.motion.motion import Motion
 from pivident.signals.decimation import parallel_decimation

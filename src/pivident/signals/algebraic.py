@@ -11,10 +11,10 @@ differentiated. All n share one zero-phase low-pass. With x = π f T and λ = κ
 
     G(f) = (2/x)^λ Σ_{m ≤ N/2} (λ + 2m) Γ(λ + m)/m! J_{λ+2m}(x)
 
-By the formula of Rodrigues g⁽ⁿ⁾ is (1 - s²)^(κ-n) times a polynomial of degree N + n. On samples the
-estimate therefore is the n-th derivative, in the middle, of the polynomial of degree N + n that
-fits the window best with weights (1 - s²)^(κ-n), which is exact for such polynomials; at n = κ the
-weights are one, and it is the filter of Savitzky and Golay (1964).
+By the formula of Rodrigues g⁽ⁿ⁾ is (1 - s²)^(κ-n) times a polynomial of degree N + n. On samples
+the estimate is the n-th derivative, in the middle, of the polynomial of degree N + n that fits the
+window best with weights (1 - s²)^(κ-n). For such polynomials it is exact; at n = κ the weights are
+one, and it is the filter of Savitzky and Golay (1964).
 
 A window that is centred needs the samples after the instant. Behind a running robot the same window
 ends at the last sample, and what it estimates was true T/2 ago, whatever the signal.
@@ -113,7 +113,7 @@ def algebraic_gain(
 
 @lru_cache(maxsize=16)
 def half_gain_product(degree: int = 2, exponent: float = 4.0) -> float:
-    """f T at which the gain is one half: a window is this over its cut-off frequency."""
+    """F T at which the gain is one half: a window is this over its cut-off frequency."""
     from scipy.optimize import brentq
 
     def excess(product: float) -> float:
@@ -126,4 +126,4 @@ def half_gain_product(degree: int = 2, exponent: float = 4.0) -> float:
 
 def half_samples(window: float, rate: float, degree: int = 2) -> int:
     """Samples on each side of a window [s], at least those that the degree needs."""
-    return max(int(round(0.5 * (window * rate - 1.0))), (degree + 3) // 2)
+    return max(round(0.5 * (window * rate - 1.0)), (degree + 3) // 2)
