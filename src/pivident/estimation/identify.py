@@ -15,11 +15,13 @@ from pivident.estimation.counted_loop import (
     reads_counts,
 )
 from pivident.estimation.didim import identify_didim
+from pivident.estimation.frequency.identify_frequency import identify_frequency
 from pivident.estimation.identification import Identification
 from pivident.estimation.instrumental_variables import identify_iv
 from pivident.estimation.kinematics import estimate_kinematics, settled_recipe
 from pivident.estimation.least_squares import identify_ls
 from pivident.estimation.methods import (
+    FrequencyDomain,
     InstrumentalVariables,
     LeastSquares,
     Method,
@@ -80,6 +82,8 @@ def _estimate(problem: Problem, method: Method, say: Progress) -> Identification
     """By the method's own function."""
     if isinstance(method, LeastSquares):
         return identify_ls(problem, method, say)
+    if isinstance(method, FrequencyDomain):
+        return identify_frequency(problem, method, say)
     if isinstance(method, Regression):
         return identify_regression(problem, method, say)
     if isinstance(method, InstrumentalVariables):

@@ -12,6 +12,7 @@ from pivident.estimation.methods import (
     Algebraic,
     Bandpass,
     CorrelatedJoints,
+    FrequencyDomain,
     Hopfield,
     InstrumentalVariables,
     LeastSquares,
@@ -38,6 +39,7 @@ _METHODS = (
     PriorRegression,
     CorrelatedJoints,
     SetMembership,
+    FrequencyDomain,
     Adaline,
     Hopfield,
 )

@@ -14,6 +14,7 @@ from pivident.estimation.noise_options import Arma, AutoRegressive, CovarianceKi
 from pivident.estimation.regression_methods import (
     Adaline,
     CorrelatedJoints,
+    FrequencyDomain,
     Hopfield,
     LeastSquares,
     PriorRegression,
@@ -294,6 +295,7 @@ METHODS: dict[str, Method] = {
     "set-membership": SetMembership(),
     "adaline": Adaline(),
     "hopfield": Hopfield(),
+    "frequency": FrequencyDomain(),
     "iv": InstrumentalVariables(),
     "iv-full-rate": InstrumentalVariables(signals=RandomWalk()),
     "piv": PrefilteredIV(),

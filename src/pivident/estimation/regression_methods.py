@@ -199,6 +199,42 @@ class SetMembership(Regression):
 
 
 @dataclass(frozen=True, kw_only=True)
+class FrequencyDomain(Regression):
+    """Weighted least squares with instruments on the lines of a periodic motion.
+
+    Of ``signals``, a band-pass, it has ``cutoff``, up to which lines of the positions are kept, and
+    ``bandwidth``, up to which lines of the equations are; both without a filter.
+
+    Attributes:
+        period: length of a period [s]; None: from the reference, or else the positions.
+        transient: periods at the start that are left out, in which the loop still settles.
+        tolerance: change of all parameters, in standard errors, at which the passes end.
+        max_iterations: give up after so many.
+    """
+
+    period: float | None = None
+    transient: int = 1
+    tolerance: float = 1e-2
+    max_iterations: int = 20
+
+    label: ClassVar[str] = "IDIM-FD"
+
+    def __post_init__(self) -> None:
+        check_iteration(self.tolerance, self.max_iterations)
+        if self.period is not None:
+            _check_positive("period", self.period)
+        if self.transient < 0:
+            raise ExperimentError(
+                f"transient is {self.transient}; it is a number of periods, 0 or more"
+            ).about("transient")
+        if not isinstance(self.signals, Bandpass):
+            raise ExperimentError(
+                "frequency differentiates on the lines of the motion; of its signals it takes "
+                "cutoff and bandwidth of a bandpass"
+            ).about("signals")
+
+
+@dataclass(frozen=True, kw_only=True)
 class Adaline(Regression):
     """Adaptive linear neuron: least squares, step by step along the rows.
 

@@ -227,6 +227,13 @@ class SetMembershipEntry(RegressionEntry):
     bound: PositiveFloat | list[PositiveFloat] | None = None
 
 
+class FrequencyEntry(IterationEntry):
+    """Options of `pivident.estimation.regression_methods.FrequencyDomain`."""
+
+    period: PositiveFloat | None = None
+    transient: Annotated[int, Field(ge=0)] | None = None
+
+
 class AdalineEntry(RegressionEntry):
     """Options of `pivident.estimation.regression_methods.Adaline`."""
 
@@ -260,6 +267,7 @@ class IdentifyEntry(SharedOptions):
     map: PriorEntry = PriorEntry()
     ml_ls: IterationEntry = Field(IterationEntry(), alias="ml-ls")
     set_membership: SetMembershipEntry = Field(SetMembershipEntry(), alias="set-membership")
+    frequency: FrequencyEntry = FrequencyEntry()
     adaline: AdalineEntry = AdalineEntry()
     hopfield: HopfieldEntry = HopfieldEntry()
     iv: MethodEntry = MethodEntry()
