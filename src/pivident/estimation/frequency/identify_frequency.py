@@ -31,6 +31,7 @@ from pivident.estimation.frequency.whole_periods import (
     low_lines,
     torque_on_lines,
     whole_periods,
+    window_around,
 )
 from pivident.estimation.identification import Identification, Iteration
 from pivident.estimation.iteration import Estimate, Run, Say
@@ -62,6 +63,7 @@ class Periods:
     places: WholePeriods
     kinematics: Kinematics  # motion and torque of each period, on all samples
     lines: int  # number of the highest line of the equations
+    window: np.ndarray  # m of each joint over a period, shape (joints, samples of it)
 
     @property
     def spread(self) -> float:
@@ -73,7 +75,7 @@ class Periods:
 def identify_frequency(problem: Problem, method: FrequencyDomain, say: Say) -> Identification:
     """Iterate the estimate and the variances of its lines."""
     say(f"{method.label}: finding whole periods")
-    made = [_periods(recording, method) for recording in problem.recordings]
+    made = [_periods(problem, recording, method) for recording in problem.recordings]
     theta = problem.initial_values()
     weights = [np.ones((problem.robot.size, own.lines + 1)) for own in made]
     variance, history, converged = np.ones(problem.robot.size), [], False
@@ -105,7 +107,7 @@ def identify_frequency(problem: Problem, method: FrequencyDomain, say: Say) -> I
     return answer(problem, method, estimate, run, _unexplained(problem, excess), _used(made))
 
 
-def _periods(recording: Recording, method: FrequencyDomain) -> Periods:
+def _periods(problem: Problem, recording: Recording, method: FrequencyDomain) -> Periods:
     """Motion and torque of all periods of one recording, each on its own lines."""
     places = whole_periods(recording, method.period, method.transient)
     signals, rate, n = method.signals, recording.rate, recording.joints
@@ -113,11 +115,13 @@ def _periods(recording: Recording, method: FrequencyDomain) -> Periods:
     lines = min(int(signals.band(rate) * places.length / rate + 1e-9), (places.length - 1) // 2)
     moved = derivatives_on_lines(places.split(recording.q.T), rate, signals.cutoffs(n))
     tau = torque_on_lines(places.split(recording.tau.T), recording)
+    slow = ~problem.speed_limits(recording).moving(moved[1].mean(axis=1))
+    window = window_around(slow, 0.5 * rate / signals.cutoffs(n))
     q, dq, ddq, tau = (places.filled(x, recording.samples) for x in (*moved, tau))
     unknown = np.full(n, np.nan)
     stop = places.start + places.count * places.length
     kinematics = Kinematics(recording, q, dq, ddq, tau, places.start, stop, unknown, unknown)
-    return Periods(recording, places, kinematics, lines)
+    return Periods(recording, places, kinematics, lines, window)
 
 
 def _record(
@@ -134,13 +138,13 @@ def _record(
         twice = replace(k, q=np.tile(q, 2), dq=np.tile(v, 2), ddq=np.tile(a, 2), tau=np.tile(t, 2))
         motion = with_inner(regressor, twice, theta)
         columns = packed_stretch(regressor, motion, slice(places.length, 2 * places.length))
-        phi.append(low_lines(columns, own.lines))
-        tau.append(low_lines(t, own.lines))
+        phi.append(low_lines(columns * own.window[regressor.row], own.lines))
+        tau.append(low_lines(t * own.window, own.lines))
         dq.append(low_lines(v, own.lines))
     rows = phi[0].shape[1]
     at = places.start + np.arange(rows) * (places.length / rows)
     t = own.recording.start_time + np.repeat(at, HALVES) / own.recording.rate
-    used = np.ones((problem.robot.size, HALVES * rows), bool)
+    used = np.repeat(low_lines(own.window, own.lines) > 0.5, HALVES, axis=1)
     return PeriodicRecord(
         k, t, _beside(phi), _beside(phi[::-1]), _beside(tau), _beside(dq), used, weights=weights
     )
@@ -158,7 +162,8 @@ def _weights(
     variances = []
     for own in made:
         moved = with_inner(problem.regressor, own.kinematics, theta)
-        error = low_lines(own.places.split(residual_of(problem.regressor, moved, theta)), own.lines)
+        error = own.places.split(residual_of(problem.regressor, moved, theta))
+        error = low_lines(error * own.window[:, None], own.lines)
         rows = error.shape[2]
         spectrum = np.fft.rfft(error, axis=2) / np.sqrt(rows)
         torque = np.mean(own.places.split(own.kinematics.tau) ** 2, axis=(1, 2))
@@ -186,13 +191,14 @@ def _excess(
     variance: np.ndarray,
 ) -> np.ndarray:
     """Mean square of the halves' mean residual over that of its noise, shape (joints,)."""
-    squares, rows = np.zeros(len(sums)), 0
+    squares, rows = np.zeros((2, len(sums)))
     for record in records:
         error = record.whitened(record.residual(problem.regressor, theta), (), variance)
         both = error.reshape(len(error), -1, HALVES).sum(axis=2) / np.sqrt(HALVES)
-        squares += np.sum(both**2, axis=1)
-        rows += both.shape[1]
-    return squares / np.maximum([rows - s.columns.size for s in sums], 1)
+        used = record.used[:, ::HALVES]
+        squares += np.sum(both**2 * used, axis=1)
+        rows += used.sum(axis=1)
+    return squares / np.maximum(rows - [s.columns.size for s in sums], 1.0)
 
 
 def _unexplained(problem: Problem, excess: np.ndarray) -> list[Finding]:

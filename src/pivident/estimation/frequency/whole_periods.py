@@ -142,3 +142,30 @@ def low_lines(x: np.ndarray, lines: int) -> np.ndarray:
     length, rows = x.shape[-1], 2 * lines + 1
     kept = np.fft.rfft(x, axis=-1)[..., : lines + 1]
     return np.fft.irfft(kept * (rows / length), rows, axis=-1)
+
+
+def window_around(slow: np.ndarray, reach: np.ndarray) -> np.ndarray:
+    """One where a joint moves, zero where it is slow and up to ``reach`` around, smooth between.
+
+    Args:
+        slow: instants of a period that are left out, shape (joints, samples of a period).
+        reach: of each joint, to either side, shape (joints,) [samples]; the way back to one is as
+            long.
+
+    Returns:
+        The window of each joint, of the shape of ``slow``.
+    """
+    length = slow.shape[1]
+    at = np.minimum(np.arange(length), length - np.arange(length))
+    made = []
+    for own, far in zip(slow, reach, strict=True):
+        wide = (at <= 1.5 * far).astype(float)
+        bell = np.where(at <= 0.5 * far + 1.0, 1.0 + np.cos(np.pi * at / (0.5 * far + 1.0)), 0.0)
+        out = _around(own.astype(float), wide) > 0.5
+        made.append(1.0 - np.clip(_around(out.astype(float), bell / bell.sum()), 0.0, 1.0))
+    return np.stack(made)
+
+
+def _around(x: np.ndarray, kernel: np.ndarray) -> np.ndarray:
+    """Circular convolution, shape (samples of a period,)."""
+    return np.fft.irfft(np.fft.rfft(x) * np.fft.rfft(kernel), x.size)
