@@ -29,6 +29,7 @@ from pivident.estimation.frequency.whole_periods import (
     WholePeriods,
     derivatives_on_lines,
     low_lines,
+    low_lines_of_all,
     torque_on_lines,
     whole_periods,
     window_around,
@@ -66,10 +67,15 @@ class Periods:
     window: np.ndarray  # m of each joint over a period, shape (joints, samples of it)
 
     @property
+    def halves(self) -> tuple[slice, slice]:
+        """Which periods belong to each half: together, so that they share their edges."""
+        first = self.places.count // HALVES
+        return slice(0, first), slice(first, self.places.count)
+
+    @property
     def spread(self) -> float:
         """Variance of the mean of a half over that of a period, on average over both halves."""
-        first = (self.places.count + 1) // HALVES
-        return 0.5 * (1.0 / first + 1.0 / (self.places.count - first))
+        return float(np.mean([1.0 / (part.stop - part.start) for part in self.halves]))
 
 
 def identify_frequency(problem: Problem, method: FrequencyDomain, say: Say) -> Identification:
@@ -113,14 +119,17 @@ def _periods(problem: Problem, recording: Recording, method: FrequencyDomain) ->
     signals, rate, n = method.signals, recording.rate, recording.joints
     assert isinstance(signals, Bandpass)
     lines = min(int(signals.band(rate) * places.length / rate + 1e-9), (places.length - 1) // 2)
-    moved = derivatives_on_lines(places.split(recording.q.T), rate, signals.cutoffs(n))
-    tau = torque_on_lines(places.split(recording.tau.T), recording)
-    slow = ~problem.speed_limits(recording).moving(moved[1].mean(axis=1))
+    # All periods in one: where one ends and the next begins there is no edge for noise to leak from.
+    whole = slice(places.start, places.start + places.count * places.length)
+    moved = derivatives_on_lines(recording.q.T[:, whole], rate, signals.cutoffs(n))
+    moved = (*moved, torque_on_lines(recording.tau.T[:, whole], recording))
+    q, dq, ddq, tau = (places.filled(x, recording.samples) for x in moved)
+    slow = ~problem.speed_limits(recording).moving(places.split(dq).mean(axis=1))
     window = window_around(slow, 0.5 * rate / signals.cutoffs(n))
-    q, dq, ddq, tau = (places.filled(x, recording.samples) for x in (*moved, tau))
     unknown = np.full(n, np.nan)
-    stop = places.start + places.count * places.length
-    kinematics = Kinematics(recording, q, dq, ddq, tau, places.start, stop, unknown, unknown)
+    kinematics = Kinematics(
+        recording, q, dq, ddq, tau, whole.start, whole.stop, unknown, unknown
+    )
     return Periods(recording, places, kinematics, lines, window)
 
 
@@ -130,10 +139,8 @@ def _record(
     """Φ, Z and τ of both halves; ``theta``: what makes the load of friction, None: no load."""
     k, places, regressor = own.kinematics, own.places, problem.regressor
     phi, tau, dq = [], [], []
-    for half in range(HALVES):
-        q, v, a, t = (
-            places.split(x)[:, half::HALVES].mean(axis=1) for x in (k.q, k.dq, k.ddq, k.tau)
-        )
+    for part in own.halves:
+        q, v, a, t = (places.split(x)[:, part].mean(axis=1) for x in (k.q, k.dq, k.ddq, k.tau))
         # Friction with memory has forgotten where it began when the second period begins.
         twice = replace(k, q=np.tile(q, 2), dq=np.tile(v, 2), ddq=np.tile(a, 2), tau=np.tile(t, 2))
         motion = with_inner(regressor, twice, theta)
@@ -162,8 +169,9 @@ def _weights(
     variances = []
     for own in made:
         moved = with_inner(problem.regressor, own.kinematics, theta)
-        error = own.places.split(residual_of(problem.regressor, moved, theta))
-        error = low_lines(error * own.window[:, None], own.lines)
+        error = residual_of(problem.regressor, moved, theta)
+        windowed = own.places.split(error) * own.window[:, None]
+        error = low_lines_of_all(windowed, own.lines)
         rows = error.shape[2]
         spectrum = np.fft.rfft(error, axis=2) / np.sqrt(rows)
         torque = np.mean(own.places.split(own.kinematics.tau) ** 2, axis=(1, 2))

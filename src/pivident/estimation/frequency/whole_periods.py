@@ -47,12 +47,12 @@ class WholePeriods:
         return x[:, self.start : stop].reshape(len(x), self.count, self.length)
 
     def filled(self, x: np.ndarray, samples: int) -> np.ndarray:
-        """Periods (joints, periods, length) on all samples, repeated before and after them."""
+        """All periods (joints, samples of all) on all samples, repeated before and after them."""
         at = np.arange(samples) - self.start
         whole = self.count * self.length
         at = np.where(at < 0, at % self.length, at)
         at = np.where(at >= whole, whole - self.length + at % self.length, at)
-        return x.reshape(len(x), whole)[:, at]
+        return x[:, at]
 
 
 def whole_periods(recording: Recording, period: float | None, transient: int) -> WholePeriods:
@@ -103,30 +103,29 @@ def derivatives_on_lines(
     """Positions, speeds and accelerations of whole periods, up to a highest line of each joint.
 
     Args:
-        q: positions [rad or m], shape (joints, …, samples of a period).
+        q: positions [rad or m], shape (joints, samples of one period or of several).
         rate: sampling rate [Hz].
         highest: frequency up to which lines are kept, shape (joints,) [Hz].
 
     Returns:
         q, dq and ddq, each of the shape of ``q``.
     """
-    length = q.shape[-1]
-    frequency = np.fft.rfftfreq(length, 1.0 / rate)
-    limit = np.minimum(highest, frequency[(length - 1) // 2])
-    kept = frequency <= limit.reshape(-1, *(1,) * (q.ndim - 1))
-    spectrum = np.fft.rfft(q, axis=-1) * kept
+    samples = q.shape[1]
+    frequency = np.fft.rfftfreq(samples, 1.0 / rate)
+    limit = np.minimum(highest, frequency[(samples - 1) // 2])
+    spectrum = np.fft.rfft(q, axis=1) * (frequency <= limit[:, None])
     turn = 2j * np.pi * frequency
-    first, second = (np.fft.irfft(spectrum * turn**n, length, axis=-1) for n in (1, 2))
-    return np.fft.irfft(spectrum, length, axis=-1), first, second
+    first, second = (np.fft.irfft(spectrum * turn**n, samples, axis=1) for n in (1, 2))
+    return np.fft.irfft(spectrum, samples, axis=1), first, second
 
 
 def torque_on_lines(tau: np.ndarray, recording: Recording) -> np.ndarray:
     """Torque of whole periods at the instants of the positions, of the shape of ``tau`` [N m or N].
 
-    ``tau``: logged torque, shape (joints, …, samples of a period).
+    ``tau``: logged torque, shape (joints, samples of one period or of several).
     """
     rate, timing = recording.rate, recording.torque_timing
-    frequency = np.fft.rfftfreq(tau.shape[-1], 1.0 / rate)
+    frequency = np.fft.rfftfreq(tau.shape[1], 1.0 / rate)
     delay = recording.delay - recording.drive_delay
     shift = torque_shift(rate, timing, control_rate=recording.control_rate, delay=delay) / rate
     factor = np.exp(-2j * np.pi * frequency * shift)
@@ -134,7 +133,7 @@ def torque_on_lines(tau: np.ndarray, recording: Recording) -> np.ndarray:
         factor *= np.sinc(frequency / max(rate, recording.control_rate))
     elif timing == "averaged":
         factor /= np.sinc(frequency / rate)
-    return np.fft.irfft(factor * np.fft.rfft(tau, axis=-1), tau.shape[-1], axis=-1)
+    return np.fft.irfft(factor * np.fft.rfft(tau, axis=1), tau.shape[1], axis=1)
 
 
 def low_lines(x: np.ndarray, lines: int) -> np.ndarray:
@@ -169,3 +168,16 @@ def window_around(slow: np.ndarray, reach: np.ndarray) -> np.ndarray:
 def _around(x: np.ndarray, kernel: np.ndarray) -> np.ndarray:
     """Circular convolution, shape (samples of a period,)."""
     return np.fft.irfft(np.fft.rfft(x) * np.fft.rfft(kernel), x.size)
+
+
+def low_lines_of_all(x: np.ndarray, lines: int) -> np.ndarray:
+    """The same of periods (joints, periods, samples) that follow each other, without inner edges.
+
+    They are low-passed in one, as far as the highest line and half a line beyond it, so that fast
+    noise does not leak from the edges of each period; shape (joints, periods, 2 lines + 1).
+    """
+    joints, count, length = x.shape
+    rows = 2 * lines + 1
+    kept = np.fft.rfft(x.reshape(joints, -1), axis=1)[:, : count * rows // 2 + 1]
+    low = np.fft.irfft(kept * (rows / length), count * rows, axis=1)
+    return low.reshape(joints, count, rows)
