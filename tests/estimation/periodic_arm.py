@@ -1,4 +1,4 @@
-"""The planar arm of the tests on a multisine that repeats, with noise in its loop and on its torque."""
+"""The planar arm of the tests on a multisine, with noise in its loop and on its torque."""
 
 from functools import cache
 
@@ -7,7 +7,7 @@ import numpy as np
 from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
 from pivident.robot.gallery import load_robot
-from tests.planar_arm import LAW, nominal_parameters, planar_record
+from tests.planar_arm import nominal_parameters, planar_record
 
 RATE, LENGTH, PERIODS = 1000.0, 4000, 6
 

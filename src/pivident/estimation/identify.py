@@ -67,7 +67,8 @@ def identify(
         )
     method = method_named(method)
     check_method(method, problem.recordings)
-    if isinstance(method, (Regression, InstrumentalVariables)):
+    lines = isinstance(method, FrequencyDomain)  # settles its own
+    if isinstance(method, (Regression, InstrumentalVariables)) and not lines:
         method = replace(method, signals=settled_recipe(method.signals, problem.recordings))
     say = progress or (lambda line: None)
     with linear_algebra_in_one_thread():

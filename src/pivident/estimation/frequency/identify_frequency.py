@@ -1,15 +1,16 @@
 """Base parameters from the lines of a periodic motion, weighted by the noise between periods.
 
-The equations τ = Φθ hold on each line of a periodic motion. With Φ_A, τ_A and Φ_B, τ_B from the mean
-of every other period, and Z_A = Φ_B, Z_B = Φ_A,
+The equations m τ = m Φθ hold on each line of a periodic motion, m a window that leaves out the
+instants at which a joint is slow. With Φ_A, τ_A and Φ_B, τ_B from the mean of the first and of the
+second half of the periods, and Z_A = Φ_B, Z_B = Φ_A,
 
     θ = (Σ_k Σ_h Z_hᴴ Φ_h/σ²_k)⁻¹ Σ_k Σ_h Z_hᴴ τ_h/σ²_k,      h = A, B
 
-over the lines k from zero to the highest one. σ²_k is the variance of τ - Φθ from one period to the
-next, on the line and its neighbours, of each joint. Noise of one half is not in the other, so that
-the estimate has no bias by the feedback, and needs neither law nor reference (Swevers, Ganseman,
-Tükel, De Schutter and Van Brussel 1997 for periodic excitation; Pintelon and Schoukens 2012, ch. 9
-and 13, for the weights and the instruments).
+over the lines k from zero to the highest one. σ²_k is the variance of m (τ - Φθ) from one period to
+the next, on the line and its neighbours, of each joint. Noise of one half is not in the other: the
+feedback makes no bias, and neither law nor reference is needed (Swevers, Ganseman, Tükel, De
+Schutter and Van Brussel 1997 for periodic excitation; Pintelon and Schoukens 2012, ch. 9 and 13,
+for weights and instruments).
 
 What repeats with the motion and the model does not explain is no noise: the mean residual of both
 halves shows it, and where it exceeds its noise the standard errors are widened by as much.
@@ -36,6 +37,7 @@ from pivident.estimation.frequency.whole_periods import (
 )
 from pivident.estimation.identification import Identification, Iteration
 from pivident.estimation.iteration import Estimate, Run, Say
+from pivident.estimation.kinematics import ABOVE_HALF_POWER, SHARE_OF_RATE
 from pivident.estimation.methods import Bandpass, FrequencyDomain
 from pivident.estimation.noise_identification import Prefilters
 from pivident.estimation.normal_equations import JointSums, relative_residual, solve
@@ -44,6 +46,7 @@ from pivident.instruments.given_motion import InstrumentsUsed, agreement
 from pivident.motion.kinematics import Kinematics, residual_of
 from pivident.motion.motion import SimulatedMotion, packed_stretch, with_inner
 from pivident.recording.recording import Recording
+from pivident.signals.random_walk import half_power_frequencies
 from pivident.text.finding import Finding, Quantity
 
 #: Lines on each side over which a variance is averaged.
@@ -81,6 +84,7 @@ class Periods:
 def identify_frequency(problem: Problem, method: FrequencyDomain, say: Say) -> Identification:
     """Iterate the estimate and the variances of its lines."""
     say(f"{method.label}: finding whole periods")
+    method = replace(method, signals=_settled(method, problem.recordings))
     made = [_periods(problem, recording, method) for recording in problem.recordings]
     theta = problem.initial_values()
     weights = [np.ones((problem.robot.size, own.lines + 1)) for own in made]
@@ -113,13 +117,32 @@ def identify_frequency(problem: Problem, method: FrequencyDomain, say: Say) -> I
     return answer(problem, method, estimate, run, _unexplained(problem, excess), _used(made))
 
 
+def _settled(method: FrequencyDomain, recordings: Sequence[Recording]) -> Bandpass:
+    """The highest lines in numbers: of positions where they sink into noise, of equations the band.
+
+    A band-pass may not go beyond its band by more than its skirts; lines have none, and positions
+    that are kept further know reversals better.
+    """
+    signals = method.signals
+    assert isinstance(signals, Bandpass)
+    if signals.decimation is None and signals.bandwidth is None:
+        signals = replace(signals, bandwidth=signals.band(min(r.rate for r in recordings)))
+    if signals.cutoff is not None:
+        return signals
+    found = [
+        np.minimum(ABOVE_HALF_POWER * half_power_frequencies(r.q, r.rate), SHARE_OF_RATE * r.rate)
+        for r in recordings
+    ]
+    return replace(signals, cutoff=tuple(float(f"{c:.3g}") for c in np.max(found, axis=0)))
+
+
 def _periods(problem: Problem, recording: Recording, method: FrequencyDomain) -> Periods:
     """Motion and torque of all periods of one recording, each on its own lines."""
     places = whole_periods(recording, method.period, method.transient)
     signals, rate, n = method.signals, recording.rate, recording.joints
     assert isinstance(signals, Bandpass)
     lines = min(int(signals.band(rate) * places.length / rate + 1e-9), (places.length - 1) // 2)
-    # All periods in one: where one ends and the next begins there is no edge for noise to leak from.
+    # All periods in one: where one ends there is no edge for noise to leak from.
     whole = slice(places.start, places.start + places.count * places.length)
     moved = derivatives_on_lines(recording.q.T[:, whole], rate, signals.cutoffs(n))
     moved = (*moved, torque_on_lines(recording.tau.T[:, whole], recording))
@@ -127,9 +150,7 @@ def _periods(problem: Problem, recording: Recording, method: FrequencyDomain) ->
     slow = ~problem.speed_limits(recording).moving(places.split(dq).mean(axis=1))
     window = window_around(slow, 0.5 * rate / signals.cutoffs(n))
     unknown = np.full(n, np.nan)
-    kinematics = Kinematics(
-        recording, q, dq, ddq, tau, whole.start, whole.stop, unknown, unknown
-    )
+    kinematics = Kinematics(recording, q, dq, ddq, tau, whole.start, whole.stop, unknown, unknown)
     return Periods(recording, places, kinematics, lines, window)
 
 

@@ -1,9 +1,9 @@
 """Equations of a periodic motion on its lines, in two halves that are each other's instruments.
 
-The periods are dealt to two halves in turn; mean positions of a half make Φ, its mean torque τ. The
-lines 0 … K of each column are held as the 2K + 1 samples that they are the transform of. By Parseval
-sums over these samples are sums over the lines, and a weight w_k on each line is a filter that runs
-around the period. The rows of both halves stand side by side, instant by instant, so that whatever
+Mean positions of each half of the periods make its Φ, its mean torque τ. The lines 0 … K of each
+column are held as the 2K + 1 samples that they are the transform of. By Parseval sums over these
+samples are sums over the lines, and a weight w_k on each line is a filter that runs around the
+period. The rows of both halves stand side by side, instant by instant, so that whatever
 is summed by windows of time holds both.
 """
 
