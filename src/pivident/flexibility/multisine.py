@@ -33,13 +33,20 @@ from pivident.flexibility.impedance_fit import (
     least_squares_fit,
     weighted_errors,
 )
-from pivident.flexibility.joint_impedance import flexible_parts, load_speed
+from pivident.flexibility.joint_impedance import flexible_parts, periodic_load_speed
 from pivident.flexibility.measured import Measured
 from pivident.flexibility.resonance import CLEARLY_BETTER, FRICTION_SHARE, MIN_BINS
 from pivident.recording.recording import Recording
 
 #: Lines on each side over which the noise is averaged.
 NEIGHBOURS = 5
+
+#: Speeds are low-passed at this share of the sampling rate.
+SPEED = 0.1
+
+#: Largest number of fits in which load's speed and constants come to agree, and the change in
+#: standard errors at which they do.
+MAX_STEPS, SETTLED = 8, 0.1
 
 #: Constants that all postures share: logarithms of the first three.
 SHARED = ("motor_inertia", "stiffness", "damping", "fv", "fv_l", "fc", "fc_l")
@@ -79,22 +86,29 @@ class _Run:
         rate = self.recording.rate
         whole = slice(places.start, places.start + places.count * places.length)
         q, tau = self.recording.q.T[j, whole], self.recording.tau.T[j, whole]
-        speed = derivatives_on_lines(q, rate, np.array([0.2 * rate]))[1]
+        speed = derivatives_on_lines(q, rate, np.array([SPEED * rate]))[1]
         torque = torque_on_lines(tau, self.recording)
-        speeds = [speed[0]] if known is None else [speed[0], load_speed(speed[0], rate, known)]
-        signs = [2.0 / np.pi * np.arctan(self.gamma * own) for own in speeds]
-        periods = np.stack([speed[0], torque[0], *signs]).reshape(-1, places.count, places.length)
+        periods = np.concatenate([speed, torque]).reshape(2, places.count, places.length)
         lines = np.fft.rfft(periods, axis=2) / np.sqrt(places.length)
         frequency = np.fft.rfftfreq(places.length, 1.0 / rate)
         mean = lines.mean(axis=1)
-        noise = _scatter(lines[:2] - mean[:2, None])
-        power = np.abs(mean[:2]) ** 2
+        noise = _scatter(lines - mean[:, None])
+        power = np.abs(mean) ** 2
+        signs = self._signs(periods[0].mean(axis=0), known)
         strong = np.all(power > EXCITED * np.einsum("kss->sk", noise).real, axis=0)
         kept = strong & (frequency >= self.band[0]) & (frequency <= self.band[1])
-        x = mean[:2, kept].T
+        x = mean[:, kept].T
         return LocalSpectra(
-            frequency[kept], x, mean[2:, kept].T, x, noise[kept], np.ones(len(x), bool)
+            frequency[kept], x, signs[:, kept].T, x, noise[kept], np.ones(len(x), bool)
         )
+
+    def _signs(self, speed: np.ndarray, known: np.ndarray | None) -> np.ndarray:
+        """Spectra of the signs of friction from the mean speed of a period, (signs, lines)."""
+        speeds = [speed]
+        if known is not None:
+            speeds.append(periodic_load_speed(speed, self.recording.rate, known, self.gamma))
+        signs = 2.0 / np.pi * np.arctan(self.gamma * np.stack(speeds))
+        return np.fft.rfft(signs, axis=1) / np.sqrt(len(speed))
 
 
 def identify_multisine(
@@ -147,7 +161,7 @@ def identify_multisine(
         _check_excited(run, found)
     rigid = [fit_rigid(s) for s in spectra]
     single = [fit_flexible(s, r[0], None)[0] for s, r in zip(spectra, rigid, strict=True)]
-    first, cost, _ = _pooled_fit(spectra, own, _start(single, own))
+    theta, cost, covariance = _pooled_fit(spectra, own, _start(single, own))
     gain = 2.0 * (sum(r[1] for r in rigid) - cost)
     if gain < CLEARLY_BETTER:
         raise IdentificationError(
@@ -155,11 +169,14 @@ def identify_multisine(
             f"{max(s.frequency[-1] for s in spectra):.3g} Hz, the highest line that is excited; "
             "give the multisine more lines above that"
         )
-    spectra = [
-        run.spectra(_of_posture(first, p)) for run, p in zip(runs, own.tolist(), strict=True)
-    ]
-    theta, cost, covariance = _pooled_fit(spectra, own, first)
-    moved = FRICTION_SHARE * (theta - first)
+    for _ in range(MAX_STEPS):
+        pairs = zip(runs, own.tolist(), strict=True)
+        spectra = [run.spectra(_of_posture(theta, posture)) for run, posture in pairs]
+        last = theta
+        theta, cost, covariance = _pooled_fit(spectra, own, last)
+        if np.all(np.abs(theta - last) < SETTLED * np.sqrt(np.diag(covariance))):
+            break
+    moved = FRICTION_SHARE * (theta - last)
     covariance = covariance + np.outer(moved, moved)
     return _estimate(runs, spectra, own, theta, covariance, gain, cost)
 
