@@ -1,7 +1,7 @@
 """A flexible joint from multisines at several postures, its constants fitted to all together.
 
-A multisine that repeats has lines, and what differs between its periods is noise: the mean over the
-periods gives speed Y_k, torque U_k and signs S_k of friction on each line k, the scatter their noise
+A multisine that repeats has lines, and what differs between its periods is noise: the mean over
+them gives speed Y_k, torque U_k and signs S_k of friction on each line k, the scatter their noise
 (Wernholt and Gunnarsson 2006 to 2008). With Z of `joint_impedance` the constants minimise
 
     Σ_p Σ_k |Y_pk - (U_pk - (fc + H fc_l) S_pk)/Z_p|² / σ²_pk
