@@ -7,6 +7,7 @@ from pivident.errors import DatasetUnavailable, ExperimentError, PividentError, 
 from pivident.estimation.methods import (
     Algebraic,
     Bandpass,
+    FrequencyDomain,
     InstrumentalVariables,
     LeastSquares,
     PrefilteredIV,
@@ -236,16 +237,33 @@ def test_algebraic_signals(tmp_path):
     methods = load(tmp_path, text).methods()
     own = Algebraic(degree=4, bandwidth=15)
     assert methods["ols"] == LeastSquares(weighted=False)
-    assert methods["ls"] == LeastSquares(
-        signals=Algebraic((0.1, 0.2), degree=4, decimation=(5, 4))
-    )
+    assert methods["ls"] == LeastSquares(signals=Algebraic((0.1, 0.2), degree=4, decimation=(5, 4)))
     assert methods["tls"].signals == own
-    assert methods["iv"] == InstrumentalVariables(Algebraic(degree=4, both_sides=False, bandwidth=15))
+    assert methods["iv"] == InstrumentalVariables(
+        Algebraic(degree=4, both_sides=False, bandwidth=15)
+    )
     assert methods["iv-full-rate"] == InstrumentalVariables(
         Algebraic(degree=4, exponent=3.0, decimation=1)
     )
     text = with_identify('methods = ["iv-full-rate"]\niv-full-rate = {signals = "algebraic"}')
     assert load(tmp_path, text).methods()["iv-full-rate"].signals == Algebraic(decimation=1)
+
+
+def test_lines_of_a_periodic_motion(tmp_path):
+    text = with_identify(
+        """
+        methods = ["frequency"]
+        tolerance = 0.005
+        frequency = {period = 5, transient = 2, bandpass = {cutoff = 80, bandwidth = 25}}
+        """
+    )
+    assert load(tmp_path, text).methods()["frequency"] == FrequencyDomain(
+        signals=Bandpass(cutoff=80, bandwidth=25), period=5, transient=2, tolerance=0.005
+    )
+    text = with_identify('methods = ["frequency"]\nfrequency = {signals = "algebraic"}')
+    assert "[identify.frequency]" in message(tmp_path, text) and "signals" in message(
+        tmp_path, text
+    )
 
 
 def test_parameters_mask_and_start(tmp_path):
