@@ -191,11 +191,19 @@ class Algebraic(Decimated):
         return half_gain_product(self.degree, self.exponent) / self.windows(joints)
 
     def halves(self, rate: float, joints: int) -> list[int]:
-        """Samples on each side of the instant, of each joint."""
+        """Samples on each side of the instant, of each joint.
+
+        Args:
+            rate: sampling rate [Hz].
+            joints: how many joints there are.
+
+        Raises:
+            ExperimentError: a window for each of another number of joints.
+        """
         return [half_samples(w, rate, self.degree) for w in self.windows(joints).tolist()]
 
     def ends(self, rate: float) -> tuple[int, int]:
-        """Samples at the start and at the end that have no whole window."""
+        """Samples at both ends that have no whole window, for a sampling ``rate`` [Hz]."""
         halves = self.halves(rate, len(np.atleast_1d(0.0 if self.window is None else self.window)))
         return max(halves), max(halves)
 
