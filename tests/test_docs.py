@@ -7,7 +7,14 @@ from pathlib import Path
 import pytest
 from pydantic_core import PydanticUndefined
 
-from pivident.estimation.methods import Bandpass, OutputError, PrefilteredIV, RandomWalk
+from pivident.estimation.methods import (
+    Algebraic,
+    Bandpass,
+    FrequencyDomain,
+    OutputError,
+    PrefilteredIV,
+    RandomWalk,
+)
 from pivident.estimation.noise_options import Arma, AutoRegressive
 from pivident.experiment import consistency_keys as consistency_tables
 from pivident.experiment import excite_keys, room_keys, schema
@@ -29,8 +36,10 @@ TABLES = {
     "`[controller]`": (schema.ControllerEntry, ()),
     "`[identify]`": (method_tables.IdentifyEntry, (PrefilteredIV,)),
     "methods": (method_tables.MethodEntry, (PrefilteredIV,)),
+    "frequency": (method_tables.FrequencyEntry, (FrequencyDomain,)),
     "simulation methods": (method_tables.SimulationEntry, (OutputError,)),
     "bandpass": (method_tables.BandpassEntry, (Bandpass,)),
+    "algebraic": (method_tables.AlgebraicEntry, (Algebraic,)),
     "random_walk": (method_tables.RandomWalkEntry, (RandomWalk,)),
     "noise": (method_tables.NoiseEntry, (AutoRegressive, Arma)),
     "`[validation]`": (schema.ValidationEntry, ()),

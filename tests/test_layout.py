@@ -31,21 +31,22 @@ DOORS = (
 )  # fmt: skip
 
 #: 6,000, loops whose law reads whole counts, iterations that go back and forth, noise of the
-#: equations, methods that fit a simulation, logs without torque.
+#: equations, methods that fit a simulation, logs without torque, options of regressions, algebraic
+#: signals and lines.
 MAX_LINES_OF_PACKAGE = 7500
 #: 91,000, the causes of model error, loops whose law reads whole counts, the paper's page,
 #: designed motions that collide with nothing, and the programs that robots run them with, tangents
 #: of the simulation, those of friction with a memory too, the fit of simulations, logs without
-#: torque, simulators as files.
-MAX_LINES = 118_000
+#: torque, simulators as files, regressions, algebraic signals, the lines of periodic motions.
+MAX_LINES = 121_000
 #: 90, nine for instruments from the record itself, the speeds of standstill, what smoothing takes,
 #: loops whose law reads whole counts, noise of the equations, eight that the simulator's kernel
 #: carries tangents with, the fit of simulations with eighteen of its own, two for logs without
-#: torque, eight regressions with their options.
-MAX_MODULES_OF_IDENTIFY = 148
+#: torque, ten for regressions, four for algebraic signals and the lines of periodic motions.
+MAX_MODULES_OF_IDENTIFY = 151
 
 #: Subpackages with a budget of their own.
-ROOMS = ("estimation.output_error", "estimation.regression")
+ROOMS = ("estimation.output_error", "estimation.regression", "estimation.frequency")
 
 
 def modules() -> dict[str, Path]:

@@ -5,7 +5,9 @@ import pytest
 
 from pivident.errors import DatasetUnavailable, ExperimentError, PividentError, UnknownColumn
 from pivident.estimation.methods import (
+    Algebraic,
     Bandpass,
+    FrequencyDomain,
     InstrumentalVariables,
     LeastSquares,
     PrefilteredIV,
@@ -221,6 +223,49 @@ def test_shared_and_own_options(tmp_path):
     )
 
 
+def test_algebraic_signals(tmp_path):
+    text = with_identify(
+        """
+        methods = ["ols", "ls", "tls", "iv", "iv-full-rate"]
+        algebraic = {degree = 4, bandwidth = 15}
+        ls = {signals = "algebraic", algebraic = {window = [0.1, 0.2], decimation = [5, 4]}}
+        tls = {signals = "algebraic"}
+        iv = {signals = "algebraic", algebraic = {both_sides = false}}
+        iv-full-rate = {signals = "algebraic", algebraic = {decimation = 1, exponent = 3}}
+        """
+    )
+    methods = load(tmp_path, text).methods()
+    own = Algebraic(degree=4, bandwidth=15)
+    assert methods["ols"] == LeastSquares(weighted=False)
+    assert methods["ls"] == LeastSquares(signals=Algebraic((0.1, 0.2), degree=4, decimation=(5, 4)))
+    assert methods["tls"].signals == own
+    assert methods["iv"] == InstrumentalVariables(
+        Algebraic(degree=4, both_sides=False, bandwidth=15)
+    )
+    assert methods["iv-full-rate"] == InstrumentalVariables(
+        Algebraic(degree=4, exponent=3.0, decimation=1)
+    )
+    text = with_identify('methods = ["iv-full-rate"]\niv-full-rate = {signals = "algebraic"}')
+    assert load(tmp_path, text).methods()["iv-full-rate"].signals == Algebraic(decimation=1)
+
+
+def test_lines_of_a_periodic_motion(tmp_path):
+    text = with_identify(
+        """
+        methods = ["frequency"]
+        tolerance = 0.005
+        frequency = {period = 5, transient = 2, bandpass = {cutoff = 80, bandwidth = 25}}
+        """
+    )
+    assert load(tmp_path, text).methods()["frequency"] == FrequencyDomain(
+        signals=Bandpass(cutoff=80, bandwidth=25), period=5, transient=2, tolerance=0.005
+    )
+    text = with_identify('methods = ["frequency"]\nfrequency = {signals = "algebraic"}')
+    assert "[identify.frequency]" in message(tmp_path, text) and "signals" in message(
+        tmp_path, text
+    )
+
+
 def test_parameters_mask_and_start(tmp_path):
     text = with_identify(
         'parameters = ["zz1", "zz2", "fv1", "fv2", "fc1", "fc2"]\nmask = 0\ninitial = {zz1r = 2.5}'
@@ -312,6 +357,18 @@ BAD = {
     "signals without use": (
         with_identify("ls = {random_walk = {order = 2}}"),
         ("[identify.ls]", "random_walk", 'signals = "random_walk"'),
+    ),
+    "window without use": (
+        with_identify("iv = {algebraic = {window = 0.1}}"),
+        ("[identify.iv]", "algebraic", 'signals = "algebraic"'),
+    ),
+    "signals of another method": (
+        with_identify('iv = {signals = "random_walk"}'),
+        ("[identify.iv]", "signals", "'algebraic'", "'iv-full-rate'"),
+    ),
+    "degree of no use": (
+        with_identify('ls = {signals = "algebraic", algebraic = {degree = 11}}'),
+        ("degree",),
     ),
     "DIDIM without controller": (
         EXPERIMENT.split("[controller]")[0] + '[identify]\nmethods = ["didim"]\n',

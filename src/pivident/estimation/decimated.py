@@ -11,8 +11,8 @@ import numpy as np
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.covariance.windows import Windows
 from pivident.estimation.equation_record import FittedRecording, JointColumns
-from pivident.estimation.methods import Bandpass
 from pivident.estimation.normal_equations import JointSums
+from pivident.estimation.signal_recipes import Decimated
 from pivident.motion.kinematics import Kinematics
 from pivident.motion.motion import SimulatedMotion, packed_stretch
 from pivident.motion.speed_limits import SpeedLimits
@@ -153,7 +153,7 @@ class DecimatedRecord:
 def decimate_record(
     regressor: Regressor,
     kinematics: Kinematics,
-    signals: Bandpass,
+    signals: Decimated,
     limits: SpeedLimits,
     motion: SimulatedMotion | None = None,
     earlier: DecimatedRecord | None = None,

@@ -12,7 +12,8 @@ from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.equation_noise import EquationNoise
 from pivident.estimation.equation_record import FittedRecording, MotionRange
-from pivident.estimation.methods import Bandpass, Method
+from pivident.estimation.methods import Method
+from pivident.estimation.signal_recipes import Decimated
 from pivident.estimation.simulation_result import SimulationResult
 from pivident.estimation.solved_equations import Equations, TorqueSums
 from pivident.instruments.given_motion import InstrumentsUsed
@@ -143,7 +144,7 @@ class Identification:
         """Whether the method worked on low-passed and thinned rows rather than on all samples."""
         if self.equations is not None:
             return not self.equations.full_rate
-        return self.method_used is not None and isinstance(self.method_used.signals, Bandpass)
+        return self.method_used is not None and isinstance(self.method_used.signals, Decimated)
 
     @property
     def torque_scale(self) -> tuple[TorqueScale, ...]:

@@ -15,12 +15,13 @@ from pivident.estimation.counted_loop import (
     reads_counts,
 )
 from pivident.estimation.didim import identify_didim
+from pivident.estimation.frequency.identify_frequency import identify_frequency
 from pivident.estimation.identification import Identification
 from pivident.estimation.instrumental_variables import identify_iv
 from pivident.estimation.kinematics import estimate_kinematics, settled_recipe
 from pivident.estimation.least_squares import identify_ls
 from pivident.estimation.methods import (
-    Bandpass,
+    FrequencyDomain,
     InstrumentalVariables,
     LeastSquares,
     Method,
@@ -28,6 +29,7 @@ from pivident.estimation.methods import (
     PrefilteredIV,
     RandomWalk,
     Regression,
+    SignalRecipe,
     method_named,
 )
 from pivident.estimation.output_error.output_error import identify_output_error
@@ -65,7 +67,8 @@ def identify(
         )
     method = method_named(method)
     check_method(method, problem.recordings)
-    if isinstance(method, (Regression, InstrumentalVariables)):
+    lines = isinstance(method, FrequencyDomain)  # settles its own
+    if isinstance(method, (Regression, InstrumentalVariables)) and not lines:
         method = replace(method, signals=settled_recipe(method.signals, problem.recordings))
     say = progress or (lambda line: None)
     with linear_algebra_in_one_thread():
@@ -80,6 +83,8 @@ def _estimate(problem: Problem, method: Method, say: Progress) -> Identification
     """By the method's own function."""
     if isinstance(method, LeastSquares):
         return identify_ls(problem, method, say)
+    if isinstance(method, FrequencyDomain):
+        return identify_frequency(problem, method, say)
     if isinstance(method, Regression):
         return identify_regression(problem, method, say)
     if isinstance(method, InstrumentalVariables):
@@ -94,7 +99,7 @@ def _estimate(problem: Problem, method: Method, say: Progress) -> Identification
 
 
 def build_regression(
-    problem: Problem, signals: Bandpass | RandomWalk | None = None
+    problem: Problem, signals: SignalRecipe | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Observation matrix and torque of all recordings, dense, at the full rate.
 

@@ -30,7 +30,7 @@ from pivident.estimation.iteration import (
     least_squares_pass,
     start_number,
 )
-from pivident.estimation.methods import Bandpass, InstrumentalVariables, PrefilteredIV
+from pivident.estimation.methods import InstrumentalVariables, PrefilteredIV
 from pivident.estimation.noise_identification import Prefilters
 from pivident.estimation.prefiltered_iv import (
     MIN_ESTIMATES,
@@ -38,6 +38,7 @@ from pivident.estimation.prefiltered_iv import (
     with_instruments,
 )
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import Decimated
 
 
 def identify_iv(problem: Problem, method: InstrumentalVariables, say: Say) -> Identification:
@@ -47,11 +48,11 @@ def identify_iv(problem: Problem, method: InstrumentalVariables, say: Say) -> Id
 
     def steps(chosen: Chosen) -> Steps:
         own = signals.with_kinematics(chosen.kinematics)
-        if isinstance(recipe, Bandpass):
+        if isinstance(recipe, Decimated):
             return DecimatedSteps(own, method, chosen.source, recipe)
         return FullRateSteps(own, method, chosen.source)
 
-    full_rate = not isinstance(recipe, Bandpass)
+    full_rate = not isinstance(recipe, Decimated)
     _, estimate, run, used = with_instruments(signals, method, steps, say, full_rate)
     return answer(problem, method, estimate, run, loop_warnings(problem, estimate, used), used)
 
@@ -68,7 +69,7 @@ class DecimatedSteps:
     signals: Signals
     method: InstrumentalVariables
     auxiliary: InstrumentSource
-    recipe: Bandpass
+    recipe: Decimated
 
     earliest = MIN_ESTIMATES + 1
     always_by_window = True

@@ -16,10 +16,11 @@ from dataclasses import replace
 import numpy as np
 
 from pivident.errors import RecordingError, RecordingTooShort
-from pivident.estimation.methods import Bandpass, RandomWalk
+from pivident.estimation.methods import Algebraic, Bandpass, RandomWalk, SignalRecipe
 from pivident.motion.kinematics import MIN_RUN, Kinematics
 from pivident.recording.recording import Recording
 from pivident.scratch import working_array
+from pivident.signals.algebraic import algebraic_derivative, half_gain_product
 from pivident.signals.alignment import AlignedTorque, align_torque
 from pivident.signals.bandpass import EDGE, bandpass
 from pivident.signals.coloured_walk import WalkSmoother, smooth_with_lines
@@ -45,7 +46,7 @@ ABOVE_BAND = 2.5
 SHARE_OF_RATE, MIN_PERIODS = 0.45, 20.0
 
 
-def estimate_kinematics(recording: Recording, signals: Bandpass | RandomWalk) -> Kinematics:
+def estimate_kinematics(recording: Recording, signals: SignalRecipe) -> Kinematics:
     """Differentiate the positions and put the torque where the derivatives are.
 
     Args:
@@ -60,31 +61,19 @@ def estimate_kinematics(recording: Recording, signals: Bandpass | RandomWalk) ->
         RecordingError: a cut-off that the recording's rate does not allow.
     """
     signals = settled_recipe(signals, [recording])
-    known = signals.ends(recording.rate) if isinstance(signals, Bandpass) else (EDGE, EDGE)
-    if recording.samples < sum(known) + MIN_RUN:
-        raise RecordingTooShort(recording.samples, sum(known) + MIN_RUN)
-    unknown = np.full(recording.joints, np.nan)
+    walks = isinstance(signals, RandomWalk)
+    ends = (EDGE, EDGE) if isinstance(signals, RandomWalk) else signals.ends(recording.rate)
+    if recording.samples < sum(ends) + MIN_RUN:
+        raise RecordingTooShort(recording.samples, sum(ends) + MIN_RUN)
+    f50 = encoder_std = np.full(recording.joints, np.nan)
     lines: tuple[tuple[SpectralLine, ...], ...] = ()
     smoothers: tuple[WalkSmoother | None, ...] = ()
+    halves: list[int] = []  # samples on each side of the windows that the torque passes
     if isinstance(signals, Bandpass):
-        cutoffs = signals.cutoffs(recording.joints)
-        if recording.slowed and not cutoffs.max() < recording.rate / 2:
-            raise RecordingError(
-                f"recording {recording.name!r}: the position filter has a cut-off of "
-                f"{cutoffs.max():g} Hz, but at {recording.rate:g} Hz there is nothing above "
-                f"{recording.rate / 2:g} Hz; {recording.slowed}"
-            )
-        passed = bandpass(
-            recording.q,
-            recording.rate,
-            cutoffs,
-            signals.order,
-            median=signals.median,
-            padlen=signals.padlen,
-            at_instants=bool(signals.at_instants),
-        )
-        motion = (passed.q, passed.dq, passed.ddq)
-        ends, f50, encoder_std = signals.ends(recording.rate), unknown, unknown
+        motion = _bandpassed(recording, signals)
+    elif isinstance(signals, Algebraic):
+        motion = _in_windows(recording, signals)
+        halves = signals.halves(recording.rate, recording.joints) if signals.filters_torque else []
     else:
         smoothed, lines, smoothers = _random_walk(recording, signals)
         motion = (smoothed.q, smoothed.dq, smoothed.ddq)
@@ -92,7 +81,7 @@ def estimate_kinematics(recording: Recording, signals: Bandpass | RandomWalk) ->
         f50, encoder_std = np.atleast_1d(smoothed.f50), np.atleast_1d(smoothed.noise_std)
     q, dq, ddq = (np.ascontiguousarray(x.T) for x in motion)
     tau = working_array(q.shape)
-    at_instants = signals.align and isinstance(signals, RandomWalk)
+    at_instants = signals.align and not isinstance(signals, Bandpass)
     lost = [(0, 0)] * recording.joints
 
     def work(j: int) -> None:
@@ -100,8 +89,11 @@ def estimate_kinematics(recording: Recording, signals: Bandpass | RandomWalk) ->
         lost[j] = torque.lost_start, torque.lost_end
         averaged = at_instants and torque.is_average
         tau[j] = torque_at_instants(torque.tau) if averaged else torque.tau
-        if at_instants:
+        if at_instants and walks:
             dq[j], ddq[j] = derivatives_at_instants(dq[j], ddq[j])
+        if halves:
+            tau[j] = _in_window(tau[j], halves[j], recording.rate, signals, 0)
+            lost[j] = lost[j][0] + halves[j], lost[j][1] + halves[j]
 
     run_in_threads(work, range(recording.joints))
     start = max(ends[0], *(first for first, _ in lost))
@@ -111,10 +103,8 @@ def estimate_kinematics(recording: Recording, signals: Bandpass | RandomWalk) ->
     return Kinematics(recording, q, dq, ddq, tau, start, stop, f50, encoder_std, lines, smoothers)
 
 
-def settled_recipe(
-    signals: Bandpass | RandomWalk, recordings: Sequence[Recording]
-) -> Bandpass | RandomWalk:
-    """The recipe with its cut-offs and its band in numbers.
+def settled_recipe(signals: SignalRecipe, recordings: Sequence[Recording]) -> SignalRecipe:
+    """The recipe with its cut-offs or windows and its band in numbers.
 
     Of several recordings the largest cut-off of each joint is taken, and the band of the slowest.
 
@@ -122,20 +112,71 @@ def settled_recipe(
         signals: the recipe; where nothing is open it is returned as it is.
         recordings: what it is for.
     """
-    if not isinstance(signals, Bandpass):
+    if isinstance(signals, RandomWalk):
         return signals
     settled = signals
     if signals.decimation is None and signals.bandwidth is None:
         settled = replace(settled, bandwidth=signals.band(min(r.rate for r in recordings)))
-    if signals.cutoff is None:
+    if isinstance(signals, Bandpass) and signals.cutoff is None:
         found = np.max([_cutoffs(signals, r) for r in recordings], axis=0)
-        cutoff = tuple(float(f"{c:.3g}") for c in found)
         at_instants = True if signals.at_instants is None else signals.at_instants
-        settled = replace(settled, cutoff=cutoff, at_instants=at_instants)
+        return replace(settled, cutoff=_rounded(found), at_instants=at_instants)
+    if isinstance(signals, Algebraic) and signals.window is None:
+        found = np.max([_cutoffs(signals, r) for r in recordings], axis=0)
+        product = half_gain_product(signals.degree, signals.exponent)
+        return replace(settled, window=_rounded(product / found))
     return settled
 
 
-def _cutoffs(signals: Bandpass, recording: Recording) -> np.ndarray:
+def _rounded(values: np.ndarray) -> tuple[float, ...]:
+    """Three digits of each."""
+    return tuple(float(f"{value:.3g}") for value in values)
+
+
+def _bandpassed(recording: Recording, signals: Bandpass) -> tuple[np.ndarray, ...]:
+    """q, dq and ddq behind the band-pass, shape (samples, joints) each."""
+    cutoffs = signals.cutoffs(recording.joints)
+    if recording.slowed and not cutoffs.max() < recording.rate / 2:
+        raise RecordingError(
+            f"recording {recording.name!r}: the position filter has a cut-off of "
+            f"{cutoffs.max():g} Hz, but at {recording.rate:g} Hz there is nothing above "
+            f"{recording.rate / 2:g} Hz; {recording.slowed}"
+        )
+    passed = bandpass(
+        recording.q,
+        recording.rate,
+        cutoffs,
+        signals.order,
+        median=signals.median,
+        padlen=signals.padlen,
+        at_instants=bool(signals.at_instants),
+    )
+    return passed.q, passed.dq, passed.ddq
+
+
+def _in_windows(recording: Recording, signals: Algebraic) -> tuple[np.ndarray, ...]:
+    """q, dq and ddq by algebraic differentiation, shape (samples, joints) each."""
+    halves = signals.halves(recording.rate, recording.joints)
+    made = np.empty((3, recording.joints, recording.samples))
+
+    def work(j: int) -> None:
+        own = np.ascontiguousarray(recording.q[:, j])
+        for n in range(3):
+            made[n, j] = _in_window(own, halves[j], recording.rate, signals, n)
+
+    run_in_threads(work, range(recording.joints))
+    return tuple(x.T for x in made)
+
+
+def _in_window(
+    x: np.ndarray, half: int, rate: float, signals: SignalRecipe, derivative: int
+) -> np.ndarray:
+    """A derivative of one signal by its window, shape (samples,)."""
+    assert isinstance(signals, Algebraic)
+    return algebraic_derivative(x, half, rate, derivative, signals.degree, signals.exponent)
+
+
+def _cutoffs(signals: Bandpass | Algebraic, recording: Recording) -> np.ndarray:
     """Cut-off of each joint for one recording, shape (joints,) [Hz]."""
     rate = recording.rate
     highest = min(ABOVE_BAND * signals.band(rate), SHARE_OF_RATE * rate)

@@ -20,10 +20,11 @@ from pivident.estimation.iteration import (
     has_settled,
 )
 from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.methods import Bandpass, LeastSquares, RandomWalk
+from pivident.estimation.methods import LeastSquares
 from pivident.estimation.noise_identification import Prefilters
 from pivident.estimation.normal_equations import JointSums, Solution, relative_residual, solve
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import Decimated
 from pivident.motion.kinematics import Kinematics
 from pivident.motion.motion import with_inner
 from pivident.motion.speed_limits import SpeedLimits
@@ -85,7 +86,7 @@ def _records(
     limits: list[SpeedLimits],
 ) -> Sequence[EquationRecord]:
     """Equations of all recordings, decimated or at full rate."""
-    if not isinstance(method.signals, Bandpass):
+    if not isinstance(method.signals, Decimated):
         return records_without_instruments(kinematics, limits)
     return [
         decimate_record(problem.regressor, k, method.signals, lim)
@@ -97,7 +98,7 @@ def _estimate(
     problem: Problem, method: LeastSquares, records: Sequence[EquationRecord]
 ) -> Estimate:
     """Solution with the weights 1/λ_j, or with a common λ."""
-    full_rate = isinstance(method.signals, RandomWalk)
+    full_rate = not isinstance(method.signals, Decimated)
     prefilters = Prefilters.none(problem) if full_rate else Prefilters(())
     sums = accumulate(problem.regressor, records, prefilters.filters)
     solution, variance = _solve(problem, method, sums)

@@ -9,8 +9,10 @@ from typing import Any
 from pivident.errors import PividentError
 from pivident.estimation.methods import (
     Adaline,
+    Algebraic,
     Bandpass,
     CorrelatedJoints,
+    FrequencyDomain,
     Hopfield,
     InstrumentalVariables,
     LeastSquares,
@@ -37,11 +39,12 @@ _METHODS = (
     PriorRegression,
     CorrelatedJoints,
     SetMembership,
+    FrequencyDomain,
     Adaline,
     Hopfield,
 )
 _PARTS = {
-    "signals": (Bandpass, RandomWalk),
+    "signals": (Bandpass, Algebraic, RandomWalk),
     "noise": (AutoRegressive, Repetition, Arma),
 }
 

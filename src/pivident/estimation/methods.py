@@ -14,6 +14,7 @@ from pivident.estimation.noise_options import Arma, AutoRegressive, CovarianceKi
 from pivident.estimation.regression_methods import (
     Adaline,
     CorrelatedJoints,
+    FrequencyDomain,
     Hopfield,
     LeastSquares,
     PriorRegression,
@@ -24,7 +25,12 @@ from pivident.estimation.regression_methods import (
     TotalLeastSquares,
     check_iteration,
 )
-from pivident.estimation.signal_recipes import Bandpass, RandomWalk
+from pivident.estimation.signal_recipes import (
+    Algebraic,
+    Bandpass,
+    RandomWalk,
+    SignalRecipe,
+)
 from pivident.robot.naming import nearest
 
 #: Where instruments come from, see `pivident.instruments`.
@@ -50,7 +56,8 @@ class InstrumentalVariables:
     """IDIM-IV: instruments Φ(q_s) from the simulated loop, or another motion q_s.
 
     Attributes:
-        signals: ``Bandpass()`` as in the literature, ``RandomWalk()`` at full rate.
+        signals: ``Bandpass()`` as in the literature, ``Algebraic()``, or ``RandomWalk()`` at full
+            rate.
         tolerance: both criteria of convergence.
         max_iterations: give up after so many.
         start: what the first simulation is made with: ``least-squares`` on the record, or the
@@ -65,7 +72,7 @@ class InstrumentalVariables:
         covariance: which covariance is reported, likewise.
     """
 
-    signals: Bandpass | RandomWalk = field(default_factory=Bandpass)
+    signals: SignalRecipe = field(default_factory=Bandpass)
     tolerance: float = 1e-2
     max_iterations: int = 20
     instruments: Instruments = "auto"
@@ -83,7 +90,10 @@ class InstrumentalVariables:
     @property
     def label(self) -> str:
         """Name as in the literature."""
-        return "IDIM-IV" if isinstance(self.signals, Bandpass) else "IDIM-IV (full rate)"
+        thinned = isinstance(self.signals, Bandpass) or (
+            isinstance(self.signals, Algebraic) and self.signals.decimation != 1
+        )
+        return "IDIM-IV" if thinned else "IDIM-IV (full rate)"
 
 
 @dataclass(frozen=True)
@@ -285,6 +295,7 @@ METHODS: dict[str, Method] = {
     "set-membership": SetMembership(),
     "adaline": Adaline(),
     "hopfield": Hopfield(),
+    "frequency": FrequencyDomain(),
     "iv": InstrumentalVariables(),
     "iv-full-rate": InstrumentalVariables(signals=RandomWalk()),
     "piv": PrefilteredIV(),

@@ -14,7 +14,7 @@ import numpy as np
 
 from pivident.errors import ExperimentError
 from pivident.estimation.noise_options import CovarianceKind
-from pivident.estimation.signal_recipes import Bandpass, RandomWalk
+from pivident.estimation.signal_recipes import Bandpass, SignalRecipe
 
 
 def check_iteration(tolerance: float, max_iterations: int) -> None:
@@ -39,9 +39,10 @@ class Regression:
         simulates_loop: whether instruments come from a simulated loop, for all such methods.
         weight_power: power of λ in the weights, likewise.
         covariance: which covariance is reported, likewise.
+        label: name as in the literature.
     """
 
-    signals: Bandpass | RandomWalk = field(default_factory=Bandpass)
+    signals: SignalRecipe = field(default_factory=Bandpass)
 
     simulates_loop: ClassVar[bool] = False
     weight_power: ClassVar[float] = 1.0
@@ -196,6 +197,42 @@ class SetMembership(Regression):
     def __post_init__(self) -> None:
         for value in np.atleast_1d([] if self.bound is None else self.bound).tolist():
             _check_positive("bound", value)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrequencyDomain(Regression):
+    """Weighted least squares with instruments on the lines of a periodic motion.
+
+    Of ``signals``, a band-pass, it has ``cutoff``, up to which lines of the positions are kept, and
+    ``bandwidth``, up to which lines of the equations are; both without a filter.
+
+    Attributes:
+        period: length of a period [s]; None: from the reference, or else the positions.
+        transient: periods at the start that are left out, in which the loop still settles.
+        tolerance: change of all parameters, in standard errors, at which the passes end.
+        max_iterations: give up after so many.
+    """
+
+    period: float | None = None
+    transient: int = 1
+    tolerance: float = 1e-2
+    max_iterations: int = 20
+
+    label: ClassVar[str] = "IDIM-FD"
+
+    def __post_init__(self) -> None:
+        check_iteration(self.tolerance, self.max_iterations)
+        if self.period is not None:
+            _check_positive("period", self.period)
+        if self.transient < 0:
+            raise ExperimentError(
+                f"transient is {self.transient}; it is a number of periods, 0 or more"
+            ).about("transient")
+        if not isinstance(self.signals, Bandpass):
+            raise ExperimentError(
+                "frequency differentiates on the lines of the motion; of its signals it takes "
+                "cutoff and bandwidth of a bandpass"
+            ).about("signals")
 
 
 @dataclass(frozen=True, kw_only=True)

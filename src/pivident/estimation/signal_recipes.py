@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from pivident.errors import ExperimentError
 from pivident.motion.kinematics import MOTION_BAND
+from pivident.signals.algebraic import half_gain_product, half_samples
 from pivident.signals.decimation import Convention
 
 #: Samples in a period of the highest frequency that a decimation keeps, at least: a difference that
@@ -16,8 +17,28 @@ from pivident.signals.decimation import Convention
 SAMPLES_OF_A_PERIOD = 8.0
 
 
+class Decimated:
+    """What recipes share whose equations are decimated, Φ and τ alike."""
+
+    decimation: int | tuple[int, ...] | None
+    bandwidth: float | None
+    convention: Convention
+
+    def band(self, rate: float) -> float:
+        """Frequency that the decimation keeps, for a sampling rate [Hz]."""
+        if self.decimation is not None:
+            return 0.5 * rate / float(np.prod(self.decimation))
+        return self.bandwidth or min(MOTION_BAND, rate / SAMPLES_OF_A_PERIOD)
+
+    def factor(self, rate: float) -> int | tuple[int, ...]:
+        """Decimation factor for a sampling rate [Hz]."""
+        if self.decimation is not None:
+            return self.decimation
+        return max(1, int(rate / 2.0 / self.band(rate) + 1e-9))
+
+
 @dataclass(frozen=True)
-class Bandpass:
+class Bandpass(Decimated):
     """Zero-phase Butterworth, central differences, parallel decimation of Φ and τ.
 
     Attributes:
@@ -72,18 +93,6 @@ class Bandpass:
             return (int(np.ceil(5.0 * rate / np.min(np.atleast_1d(self.cutoff or np.nan)))),) * 2
         return (self.edge, self.edge) if isinstance(self.edge, int) else self.edge
 
-    def band(self, rate: float) -> float:
-        """Frequency that the decimation keeps, for a sampling rate [Hz]."""
-        if self.decimation is not None:
-            return 0.5 * rate / float(np.prod(self.decimation))
-        return self.bandwidth or min(MOTION_BAND, rate / SAMPLES_OF_A_PERIOD)
-
-    def factor(self, rate: float) -> int | tuple[int, ...]:
-        """Decimation factor for a sampling rate [Hz]."""
-        if self.decimation is not None:
-            return self.decimation
-        return max(1, int(rate / 2.0 / self.band(rate) + 1e-9))
-
 
 @dataclass(frozen=True)
 class RandomWalk:
@@ -109,3 +118,95 @@ class RandomWalk:
             raise ExperimentError(
                 f"measurement_noise is {self.measurement_noise!r}; choose 'white' or 'auto'"
             )
+
+
+@dataclass(frozen=True)
+class Algebraic(Decimated):
+    """Integrals over a window that is centred on each sample, then parallel decimation.
+
+    Where the window lets less than all of the motion through, the torque loses as much: it passes
+    the window too. With a decimation of one the equations keep the full rate.
+
+    Attributes:
+        window: length T of the window, for all joints or for each [s]; None: from the record, so
+            that its gain is one half at the cut-off that a band-pass would have.
+        degree: N, degree of polynomials that a position, a speed and an acceleration may be in the
+            window; an odd number is the even one below it.
+        exponent: κ of the kernel's weight (1 - s²)^κ, 2 or more; at 2 the acceleration is that of
+            Savitzky and Golay.
+        both_sides: whether the torque passes the window, too; None: where equations are decimated.
+            At the full rate its noise, white before, would no longer be what intervals expect.
+        decimation: factor n_d, or its stages (10, 10); None: to ``bandwidth``.
+        bandwidth: frequency kept by the decimation [Hz], see `Bandpass`.
+        align: whether the torque is moved to the instants of the positions first.
+        convention: whose ``decimate`` is followed at the ends, for all such recipes.
+    """
+
+    window: float | tuple[float, ...] | None = None
+    degree: int = 2
+    exponent: float = 4.0
+    both_sides: bool | None = None
+    decimation: int | tuple[int, ...] | None = None
+    bandwidth: float | None = None
+    align: bool = True
+
+    convention: ClassVar[Convention] = "matlab"
+
+    def __post_init__(self) -> None:
+        if not np.all(np.atleast_1d(1.0 if self.window is None else self.window) > 0.0):
+            raise ExperimentError(f"window is {self.window} s; it has to be positive").about(
+                "window"
+            )
+        if not 0 <= self.degree <= 10:
+            raise ExperimentError(f"degree is {self.degree}; it lies between 0 and 10").about(
+                "degree"
+            )
+        if not 2.0 <= self.exponent <= 50.0:
+            raise ExperimentError(
+                f"exponent is {self.exponent}; accelerations need at least 2, and no more than 50 "
+                "are of use"
+            ).about("exponent")
+
+    @property
+    def filters_torque(self) -> bool:
+        """Whether the torque passes the window."""
+        return self.decimation != 1 if self.both_sides is None else self.both_sides
+
+    def windows(self, joints: int) -> np.ndarray:
+        """Window of each joint, shape (joints,) [s]; NaN as long as the record has to say.
+
+        Raises:
+            ExperimentError: a window for each of another number of joints.
+        """
+        given = np.atleast_1d(np.array(np.nan if self.window is None else self.window, float))
+        if len(given) not in (1, joints):
+            raise ExperimentError(
+                f"window has {len(given)} numbers for {joints} joints; give one for all or one for "
+                "each"
+            ).about("window")
+        return np.broadcast_to(given, joints)
+
+    def cutoffs(self, joints: int) -> np.ndarray:
+        """Frequency at which each joint's window has a gain of one half, shape (joints,) [Hz]."""
+        return half_gain_product(self.degree, self.exponent) / self.windows(joints)
+
+    def halves(self, rate: float, joints: int) -> list[int]:
+        """Samples on each side of the instant, of each joint.
+
+        Args:
+            rate: sampling rate [Hz].
+            joints: how many joints there are.
+
+        Raises:
+            ExperimentError: a window for each of another number of joints.
+        """
+        return [half_samples(w, rate, self.degree) for w in self.windows(joints).tolist()]
+
+    def ends(self, rate: float) -> tuple[int, int]:
+        """Samples at both ends that have no whole window, for a sampling ``rate`` [Hz]."""
+        halves = self.halves(rate, len(np.atleast_1d(0.0 if self.window is None else self.window)))
+        return max(halves), max(halves)
+
+
+#: How positions become speeds and accelerations.
+SignalRecipe = Bandpass | Algebraic | RandomWalk

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from pivident.estimation.identification import Identification
-from pivident.estimation.methods import Bandpass
+from pivident.estimation.methods import Algebraic, Bandpass
 from pivident.estimation.parameter_rows import (
     CONTRADICTION,
     ParameterRow,
@@ -170,6 +170,9 @@ def signals_line(identification: Identification) -> str:
         band = f", equations to {' and '.join(rates)} Hz" if rates else ""
         frequencies: Sequence[float] = list(method.signals.cutoffs(len(names)))
         text = f"positions low-passed at {frequencies_text(frequencies, names)}{band}"
+    elif isinstance(method.signals, Algebraic):
+        frequencies = list(method.signals.cutoffs(len(names)))
+        text = f"positions in windows with half gain at {frequencies_text(frequencies, names)}"
     else:
         frequencies = [joint.f50 for joint in identification.joints]
         text = f"positions smoothed, half power at {frequencies_text(frequencies, names)}"

@@ -41,6 +41,16 @@ def _switch(value: Any) -> Any:
     raise ValueError("must be true or false, a boolean; names of parameters go under parameters")
 
 
+def _check_decimation(entry: BandpassEntry | AlgebraicEntry) -> None:
+    if entry.decimation is not None and entry.bandwidth is not None:
+        raise ExperimentError(
+            "decimation and bandwidth are both given; the factor follows from one"
+        ).about("decimation")
+
+
+#: Names of the recipes of `pivident.estimation.signal_recipes`.
+SignalNames = Literal["bandpass", "algebraic", "random_walk"]
+
 Methods = Annotated[list[str], PlainValidator(_methods)]
 
 
@@ -60,13 +70,27 @@ class BandpassEntry(Entry):
 
     @model_validator(mode="after")
     def _one_decimation(self) -> BandpassEntry:
-        if self.decimation is not None and self.bandwidth is not None:
-            raise ExperimentError(
-                "decimation and bandwidth are both given; the factor follows from one"
-            ).about("decimation")
+        _check_decimation(self)
         if self.median is not None and self.median % 2 == 0:
             message = f"median = {self.median} must be an odd number of samples"
             raise ExperimentError(message).about("median")
+        return self
+
+
+class AlgebraicEntry(Entry):
+    """Options of `pivident.estimation.methods.Algebraic`."""
+
+    window: Cutoff | None = None
+    degree: Annotated[int, Field(ge=0, le=10)] | None = None
+    exponent: Annotated[float, Field(ge=2, le=50)] | None = None
+    both_sides: bool | None = None
+    decimation: Stages | None = None
+    bandwidth: PositiveFloat | None = None
+    align: bool | None = None
+
+    @model_validator(mode="after")
+    def _one_decimation(self) -> AlgebraicEntry:
+        _check_decimation(self)
         return self
 
 
@@ -117,6 +141,7 @@ class SharedOptions(Entry):
     max_iterations: Annotated[int, Field(ge=1)] | None = None
     instruments: Instruments | None = None
     bandpass: BandpassEntry = BandpassEntry()
+    algebraic: AlgebraicEntry = AlgebraicEntry()
     random_walk: RandomWalkEntry = RandomWalkEntry()
     noise: NoiseEntry = NoiseEntry()
 
@@ -124,7 +149,7 @@ class SharedOptions(Entry):
 class MethodEntry(SharedOptions):
     """Options of one method; they win over the shared ones."""
 
-    signals: Literal["bandpass", "random_walk"] | None = None
+    signals: SignalNames | None = None
     prefilter: Literal["auto", "controller", "direct"] | None = None
     covariance: CovarianceKind | None = None
     start: Literal["least-squares", "initial"] | None = None
@@ -163,8 +188,9 @@ class SimulationEntry(Entry):
 class RegressionEntry(Entry):
     """Options of a method of `pivident.estimation.regression_methods`."""
 
-    signals: Literal["bandpass", "random_walk"] | None = None
+    signals: SignalNames | None = None
     bandpass: BandpassEntry = BandpassEntry()
+    algebraic: AlgebraicEntry = AlgebraicEntry()
     random_walk: RandomWalkEntry = RandomWalkEntry()
 
 
@@ -202,6 +228,13 @@ class SetMembershipEntry(RegressionEntry):
     bound: PositiveFloat | list[PositiveFloat] | None = None
 
 
+class FrequencyEntry(IterationEntry):
+    """Options of `pivident.estimation.regression_methods.FrequencyDomain`."""
+
+    period: PositiveFloat | None = None
+    transient: Annotated[int, Field(ge=0)] | None = None
+
+
 class AdalineEntry(RegressionEntry):
     """Options of `pivident.estimation.regression_methods.Adaline`."""
 
@@ -235,6 +268,7 @@ class IdentifyEntry(SharedOptions):
     map: PriorEntry = PriorEntry()
     ml_ls: IterationEntry = Field(IterationEntry(), alias="ml-ls")
     set_membership: SetMembershipEntry = Field(SetMembershipEntry(), alias="set-membership")
+    frequency: FrequencyEntry = FrequencyEntry()
     adaline: AdalineEntry = AdalineEntry()
     hopfield: HopfieldEntry = HopfieldEntry()
     iv: MethodEntry = MethodEntry()

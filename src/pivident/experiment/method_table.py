@@ -13,6 +13,7 @@ from typing import Any
 from pivident.errors import ExperimentError
 from pivident.estimation.methods import (
     METHODS,
+    Algebraic,
     Bandpass,
     InstrumentalVariables,
     LeastSquares,
@@ -21,6 +22,7 @@ from pivident.estimation.methods import (
     PrefilteredIV,
     RandomWalk,
     Regression,
+    SignalRecipe,
 )
 from pivident.estimation.noise_options import Arma, AutoRegressive, Repetition
 from pivident.experiment.method_keys import (
@@ -30,6 +32,9 @@ from pivident.experiment.method_keys import (
     SimulationEntry,
 )
 from pivident.robot.mdh_schema import Entry
+
+#: Recipes by the names of their tables.
+_RECIPES = {"bandpass": Bandpass, "algebraic": Algebraic, "random_walk": RandomWalk}
 
 _ITERATION = {"tolerance", "max_iterations"}
 
@@ -58,16 +63,11 @@ def method_of(name: str, entry: IdentifyEntry) -> Method:
     with concerning_method(name):
         _check_keys(name, ready, own)
     if isinstance(ready, LeastSquares):
-        if own.signals == "random_walk":
-            return replace(ready, signals=_random_walk(entry, own))
-        return replace(ready, signals=_bandpass(entry, own))
+        return replace(ready, signals=_signals(entry, own, ready.signals))
     keys = _INSTRUMENTS if takes_any_instruments(ready) else _ITERATION
     options: dict[str, Any] = _given(entry, keys) | _given(own, keys)
     if isinstance(ready, InstrumentalVariables):
-        signals = ready.signals
-        if isinstance(signals, Bandpass):
-            return replace(ready, signals=_bandpass(entry, own), **options)
-        return replace(ready, signals=_random_walk(entry, own), **options)
+        return replace(ready, signals=_signals(entry, own, ready.signals), **options)
     as_printed = ready.as_printed if own.as_printed is None else own.as_printed
     noise = _noise(entry, own)
     if as_printed:
@@ -105,12 +105,11 @@ def _simulation(ready: OutputError, entry: IdentifyEntry, own: SimulationEntry) 
 
 def _regression(ready: Regression, entry: IdentifyEntry, own: RegressionEntry) -> Regression:
     """A method of the equations alone, with its own options."""
-    _check_signals(own)
-    walk = own.signals == "random_walk"
-    signals = _random_walk(entry, own) if walk else _bandpass(entry, own)
+    _check_signals(own, ready.signals)
+    signals = _signals(entry, own, ready.signals)
     shared = _ITERATION & {f.name for f in fields(ready)}
     options: dict[str, Any] = _given(entry, shared) | _given(own)
-    for key in ("signals", "bandpass", "random_walk"):
+    for key in ("signals", *_RECIPES):
         options.pop(key, None)
     return replace(ready, signals=signals, **{k: _tuples(v) for k, v in options.items()})
 
@@ -132,9 +131,9 @@ def _check_keys(
 ) -> None:
     """Refuse keys that the method has no use for, and those that exclude each other."""
     if isinstance(ready, LeastSquares):
-        known = {"signals", "bandpass", "random_walk"}
+        known = {"signals", *_RECIPES}
     elif isinstance(ready, InstrumentalVariables):
-        known = {"bandpass" if isinstance(ready.signals, Bandpass) else "random_walk", *_ITERATION}
+        known = {"signals", _name_of(ready.signals), "algebraic", *_ITERATION}
     else:
         known = {"random_walk", "noise", "prefilter", "covariance", "start", *_ITERATION}
         known |= {"as_printed"} if ready.regressor == "measured" else set()
@@ -153,28 +152,53 @@ def _check_keys(
             f"as_printed follows the paper to the letter and fixes {', '.join(fixed)}; "
             "remove one of the two"
         ).about(*fixed[0].split("."))
-    if isinstance(ready, LeastSquares):
-        _check_signals(own)
+    if not isinstance(ready, PrefilteredIV):
+        _check_signals(own, ready.signals)
+    if isinstance(ready, InstrumentalVariables) and own.signals not in (None, *known):
+        raise ExperimentError(
+            f"signals are {own.signals!r}; {name!r} takes {_name_of(ready.signals)!r} or "
+            "'algebraic', and 'iv' and 'iv-full-rate' are the same with the other one"
+        ).about("signals")
 
 
-def _check_signals(own: MethodEntry | RegressionEntry) -> None:
+def _check_signals(own: MethodEntry | RegressionEntry, ready: SignalRecipe) -> None:
     """Refuse the table of signals that are not used."""
-    unused = "bandpass" if own.signals == "random_walk" else "random_walk"
-    if unused in own.model_fields_set:
-        used = own.signals or "bandpass"
+    used = own.signals or _name_of(ready)
+    for unused in sorted(own.model_fields_set & (set(_RECIPES) - {used})):
         raise ExperimentError(
             f"{unused} is given, but the signals are {used!r}; set "
             f'signals = "{unused}" or remove the table'
         ).about(unused)
 
 
-def _bandpass(entry: IdentifyEntry, own: MethodEntry | RegressionEntry) -> Bandpass:
-    shared, special = _given(entry.bandpass), _given(own.bandpass)
+def _name_of(signals: SignalRecipe) -> str:
+    """Name of a recipe in a file."""
+    return next(name for name, kind in _RECIPES.items() if isinstance(signals, kind))
+
+
+def _signals(
+    entry: IdentifyEntry, own: MethodEntry | RegressionEntry, ready: SignalRecipe
+) -> SignalRecipe:
+    """The recipe that a file names, or that the method has."""
+    name = own.signals or _name_of(ready)
+    if name == "random_walk":
+        return _random_walk(entry, own)
+    if name == "bandpass":
+        return replace(Bandpass(), **_decimated(entry.bandpass, own.bandpass))
+    options = _decimated(entry.algebraic, own.algebraic)
+    if isinstance(ready, RandomWalk) and not options.keys() & {"decimation", "bandwidth"}:
+        options["decimation"] = 1
+    return replace(Algebraic(), **{key: _tuples(value) for key, value in options.items()})
+
+
+def _decimated(shared_entry: Entry, own_entry: Entry) -> dict[str, Any]:
+    """Options of a recipe that decimates."""
+    shared, special = _given(shared_entry), _given(own_entry)
     # A factor excludes a bandwidth; the method's own choice replaces the shared one.
     for key, other in (("decimation", "bandwidth"), ("bandwidth", "decimation")):
         if key in special:
             shared.pop(other, None)
-    return replace(Bandpass(), **shared | special)
+    return shared | special
 
 
 def _random_walk(

@@ -1,4 +1,5 @@
 from .compliance import identify_compliance as identify_compliance
+from .multisine import identify_multisine as identify_multisine
 from .resonance import find_resonance as find_resonance
 from .rigid_validity import rigid_validity as rigid_validity
 from .simulated_joint import TwoMassJoint as TwoMassJoint

@@ -33,9 +33,9 @@ def fit_rigid(spectra: LocalSpectra) -> tuple[np.ndarray, float, np.ndarray]:
 
     def residual(theta: np.ndarray) -> np.ndarray:
         admittance = 1 / rigid_impedance(spectra.frequency, theta)
-        return _residual(spectra, admittance, np.full((len(y), 1), theta[2]))
+        return weighted_errors(spectra, admittance, np.full((len(y), 1), theta[2]))
 
-    return _least_squares(residual, start)
+    return least_squares_fit(residual, start)
 
 
 def fit_flexible(
@@ -63,7 +63,7 @@ def fit_flexible(
         # Until the load's speed is known, its friction has the sign of the motor's speed.
         both = spectra.disturbance.shape[1] == 2
         friction = np.stack([motor, load], axis=1) if both else (motor + load)[:, None]
-        return _residual(spectra, admittance, friction)
+        return weighted_errors(spectra, admittance, friction)
 
     low, high = spectra.frequency[0], spectra.frequency[-1]
     best = None if known is None else (known[free], 0.0, np.empty(0))
@@ -72,17 +72,19 @@ def fit_flexible(
         load = max(rigid[0] - motor, 0.2 * rigid[0])
         initial = [np.log(motor), np.log(load), np.log(2 * np.pi * start), np.log(0.05)]
         initial += [0.5 * abs(rigid[1]), 0.5 * abs(rigid[1]), 0.5 * rigid[2], 0.5 * rigid[2]]
-        found = _least_squares(residual, np.array(initial)[free], 12)
+        found = least_squares_fit(residual, np.array(initial)[free], 12)
         if best is None or found[1] < best[1]:
             best = found
     assert best is not None
-    best = _least_squares(residual, best[0])
+    best = least_squares_fit(residual, best[0])
     covariance = np.zeros((FLEXIBLE, FLEXIBLE))
     covariance[np.ix_(free, free)] = best[2]
     return whole(best[0]), best[1], covariance
 
 
-def _residual(spectra: LocalSpectra, admittance: np.ndarray, friction: np.ndarray) -> np.ndarray:
+def weighted_errors(
+    spectra: LocalSpectra, admittance: np.ndarray, friction: np.ndarray
+) -> np.ndarray:
     """(Y - G (U - F S))/σ, real and imaginary parts."""
     v = np.stack([np.ones_like(admittance), -admittance], axis=1)
     e = np.einsum("ks,ks->k", v, spectra.x) + admittance * np.sum(
@@ -94,7 +96,7 @@ def _residual(spectra: LocalSpectra, admittance: np.ndarray, friction: np.ndarra
     return np.concatenate([scaled.real, scaled.imag])
 
 
-def _least_squares(
+def least_squares_fit(
     residual: Callable[[np.ndarray], np.ndarray], start: np.ndarray, most: int = 200
 ) -> tuple[np.ndarray, float, np.ndarray]:
     """Minimum, its sum of squares (the cost), and the covariance."""

@@ -18,6 +18,9 @@ import numpy as np
 #: Number of parameters of the flexible joint.
 FLEXIBLE = 8
 
+#: Steps in which the load's speed and its friction come to agree.
+LOAD_STEPS = 30
+
 
 def rigid_impedance(frequency: np.ndarray, theta: np.ndarray) -> np.ndarray:
     """J p + fv, shape (bins,) [N m s/rad]."""
@@ -30,9 +33,9 @@ def flexible_parts(
     """Admittance 1/Z, friction fc of the motor and H fc_l of the load, shape (bins,) each."""
     motor, load = np.exp(np.clip(theta[:2], -40, 40))
     p = 2j * np.pi * frequency
-    passed = _passed(frequency, theta)
-    impedance = motor * p + theta[4] + passed * (load * p + theta[5])
-    return 1 / impedance, np.full(len(p), theta[6], dtype=complex), passed * theta[7]
+    share = passed(frequency, theta)
+    impedance = motor * p + theta[4] + share * (load * p + theta[5])
+    return 1 / impedance, np.full(len(p), theta[6], dtype=complex), share * theta[7]
 
 
 def load_speed(motor_speed: np.ndarray, rate: float, theta: np.ndarray) -> np.ndarray:
@@ -40,12 +43,38 @@ def load_speed(motor_speed: np.ndarray, rate: float, theta: np.ndarray) -> np.nd
     n = len(motor_speed)
     # Padded with zeros of the same length, so that the end does not wrap around to the start.
     spectrum = np.fft.rfft(motor_speed, 2 * n)
-    return np.fft.irfft(_passed(np.fft.rfftfreq(2 * n, 1 / rate), theta) * spectrum, 2 * n)[:n]
+    return np.fft.irfft(passed(np.fft.rfftfreq(2 * n, 1 / rate), theta) * spectrum, 2 * n)[:n]
 
 
-def _passed(frequency: np.ndarray, theta: np.ndarray) -> np.ndarray:
-    """H, from the motor's to the load's speed."""
+def periodic_load_speed(
+    motor_speed: np.ndarray, rate: float, theta: np.ndarray, gamma: float
+) -> np.ndarray:
+    """The load's speed from one period of the motor's, with the load's own dry friction in it.
+
+        (Jl p² + (d + fv_l) p + k) v_l = (d p + k) v_m - p fc_l s(v_l),     s(v) = (2/π) atan(γ v)
+
+    solved by steps that go half of the way, shape (samples of a period,) [rad/s].
+    """
+    n = len(motor_speed)
+    frequency = np.fft.rfftfreq(n, 1 / rate)
+    linear = passed(frequency, theta) * np.fft.rfft(motor_speed)
+    answer = 2j * np.pi * frequency * theta[7] / _swinging(frequency, theta)
+    speed = np.fft.irfft(linear, n)
+    for _ in range(LOAD_STEPS):
+        sign = 2 / np.pi * np.arctan(gamma * speed)
+        speed += 0.5 * (np.fft.irfft(linear - answer * np.fft.rfft(sign), n) - speed)
+    return speed
+
+
+def passed(frequency: np.ndarray, theta: np.ndarray) -> np.ndarray:
+    """H, from the motor's to the load's speed, shape (bins,)."""
     load, omega, zeta = np.exp(np.clip(theta[1:4], -40, 40))
     stiffness, damping = omega**2 * load, 2 * zeta * omega * load
+    return (2j * np.pi * frequency * damping + stiffness) / _swinging(frequency, theta)
+
+
+def _swinging(frequency: np.ndarray, theta: np.ndarray) -> np.ndarray:
+    """Jl p² + (d + fv_l) p + k: the load on its spring."""
+    load, omega, zeta = np.exp(np.clip(theta[1:4], -40, 40))
     p = 2j * np.pi * frequency
-    return (damping * p + stiffness) / (load * p**2 + (damping + theta[5]) * p + stiffness)
+    return load * p**2 + (2 * zeta * omega * load + theta[5]) * p + omega**2 * load

@@ -16,9 +16,10 @@ from pivident.dynamics.regressor import Regressor
 from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.equation_record import EquationRecord, accumulate
 from pivident.estimation.identification import Identification
-from pivident.estimation.methods import Bandpass, Method
+from pivident.estimation.methods import Method
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import Decimated
 from pivident.estimation.solved_equations import Equations
 from pivident.motion.motion import Motion
 from pivident.signals.decimation import parallel_decimation
@@ -39,7 +40,7 @@ class LastPass:
     """Equations of an estimate in which columns can be changed."""
 
     equations: Equations  # of the last iteration
-    signals: Bandpass | None  # options of a band-pass method; None at full rate
+    signals: Decimated | None  # options of the decimation; None at full rate
     motions: tuple[Motion, ...] | None  # simulated motion of each record; None: least squares
 
     @classmethod
@@ -48,7 +49,7 @@ class LastPass:
         assert found.equations is not None
         equations, motions = found.equations, None
         recipe = (found.method_used or method).signals
-        signals = recipe if isinstance(recipe, Bandpass) else None
+        signals = recipe if isinstance(recipe, Decimated) else None
         if equations.has_instruments and signals is None:
             motions = tuple(r.motion for r in equations.records if r.motion is not None)
         elif equations.has_instruments:

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pivident.estimation.methods import Bandpass
+from pivident.estimation.methods import Algebraic, Bandpass
+from pivident.estimation.signal_recipes import Decimated
 from pivident.estimation.summary_tables import frequencies_text
 from pivident.report.plot_parts import LEGEND, Plot, band, packed
 from pivident.report.plotly_figures import (
@@ -18,6 +19,7 @@ from pivident.report.plotly_figures import (
     colour,
     empty_plot,
 )
+from pivident.signals.algebraic import algebraic_gain
 from pivident.signals.bandpass import bandpass_response
 from pivident.signals.decimation import EDGE_OF_BAND, decimation_gain, decimation_stages
 from pivident.signals.prefilter import Prefilter
@@ -72,7 +74,7 @@ def bandpass_figure(signals: Bandpass, names: Sequence[str], rate: float, method
     return Figure(plot, 420, "Positions to derivatives", label, note)
 
 
-def decimation_figure(signals: Bandpass, rate: float, method: int) -> Figure:
+def decimation_figure(signals: Decimated, rate: float, method: int) -> Figure:
     """Gain of the parallel decimation on torque and observation matrix; rate before it [Hz]."""
     stages = decimation_stages(signals.factor(rate))
     total = int(np.prod(stages))
@@ -124,6 +126,30 @@ def smoother_figure(
     )
     label = f"Gain of the position smoother of {len(known)} joints over frequency: {note}"
     return Figure(plot, 340, "Smoother of the positions", label, note)
+
+
+def window_figure(signals: Algebraic, names: Sequence[str], rate: float, method: int) -> Figure:
+    """Gain of each joint's window, which position, derivatives and torque share; rate in Hz."""
+    windows, cutoffs = signals.windows(len(names)), signals.cutoffs(len(names))
+    frequency = _frequencies(0.02 * float(cutoffs.min()), rate)
+    plot = empty_plot("gain [dB]")
+    _log_frequency(plot)
+    for k, (name, window, cutoff) in enumerate(zip(names, windows, cutoffs, strict=True)):
+        gain = np.abs(algebraic_gain(frequency, float(window), signals.degree, signals.exponent))
+        line = _joint_line(k) if len(names) > 1 else {"color": colour(method), "width": 1.8}
+        _gain(plot, frequency, gain, f"{name}, {format_significant(cutoff)} Hz", line)
+    plot.horizontal(20 * np.log10(0.5), {"color": ERROR, "width": 1, "dash": "dash"})
+    plot.y_axis(range=[-80, 5])
+    plot.update(showlegend=True, legend=LEGEND)
+    lengths = [f"{format_significant(1e3 * t)} ms" for t in windows]
+    listed = ", ".join(f"{name} {own}" for name, own in zip(names, lengths, strict=True))
+    note = (
+        f"algebraic differentiation of degree {signals.degree} and exponent "
+        f"{format_significant(signals.exponent)}, no phase; windows: {listed}; dashed: one half "
+        f"(-6 dB), reached at {frequencies_text(list(cutoffs), names)}"
+    )
+    label = f"Gain of the windows of {len(names)} joints over frequency: {note}"
+    return Figure(plot, 340, "Windows of the positions", label, note)
 
 
 def prefilter_figure(

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from pivident.estimation.identification import Identification
-from pivident.estimation.methods import Bandpass, RandomWalk
+from pivident.estimation.methods import SignalRecipe
 
 
-def signal_recipe(identification: Identification) -> Bandpass | RandomWalk | None:
+def signal_recipe(identification: Identification) -> SignalRecipe | None:
     """How positions became derivatives, from the method of the result.
 
     None for a result loaded from a file: the options of a file are unverified.

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pivident.estimation.methods import Bandpass
+from pivident.estimation.methods import Algebraic, Bandpass
 from pivident.report.frequency_figures import bandwidth_text, loop_figure
 from pivident.report.recipes import sampling_rate, signal_recipe
 from pivident.report.sections.base import Gallery, Section
@@ -77,6 +77,8 @@ class ClosedLoopSection(Section):
             identification = self.data.identifications[k]
             recipe = signal_recipe(identification)
             if recipe is None or identification.simulation is not None:  # it is filtered by none
+                continue
+            if isinstance(recipe, Algebraic):  # what its windows take the torque loses too
                 continue
             if isinstance(recipe, Bandpass):
                 remarks = _band_pass_remarks(own, recipe, sampling_rate(identification))

@@ -5,8 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 from pivident.estimation.identification import Identification
-from pivident.estimation.methods import Bandpass, RandomWalk
-from pivident.report.frequency_figures import bandpass_figure, decimation_figure, smoother_figure
+from pivident.estimation.methods import Algebraic, Bandpass, FrequencyDomain, RandomWalk
+from pivident.estimation.signal_recipes import Decimated
+from pivident.report.frequency_figures import (
+    bandpass_figure,
+    decimation_figure,
+    smoother_figure,
+    window_figure,
+)
 from pivident.report.plotly_figures import Figure
 from pivident.report.recipes import sampling_rate, signal_recipe
 from pivident.report.sections.base import Section
@@ -51,7 +57,9 @@ def _key(identification: Identification) -> tuple[Any, ...] | None:
     The smoother's bandwidth is searched, so its recipe alone does not say.
     """
     recipe = signal_recipe(identification)
-    if isinstance(recipe, Bandpass):
+    if isinstance(identification.method_used, FrequencyDomain):  # lines are kept or not
+        return None
+    if isinstance(recipe, Decimated):
         return recipe, sampling_rate(identification)
     if isinstance(recipe, RandomWalk) and _known_f50(identification):
         f50 = tuple(f"{joint.f50:.6g}" for joint in identification.joints)
@@ -70,6 +78,11 @@ def _figures(identification: Identification, method: int) -> tuple[Figure, ...]:
     if isinstance(recipe, Bandpass):
         return (
             bandpass_figure(recipe, names, rate, method),
+            decimation_figure(recipe, rate, method),
+        )
+    if isinstance(recipe, Algebraic):
+        return (
+            window_figure(recipe, names, rate, method),
             decimation_figure(recipe, rate, method),
         )
     assert recipe is not None

@@ -9,7 +9,7 @@ import numpy as np
 
 from pivident.errors import IdentificationError
 from pivident.estimation.identification import Identification
-from pivident.estimation.methods import LeastSquares, Method, Regression
+from pivident.estimation.methods import FrequencyDomain, LeastSquares, Method, Regression
 from pivident.estimation.problem import Problem
 from pivident.estimation.regression.identify_regression import solved_rows
 from pivident.estimation.regression.rows import Rows
@@ -20,7 +20,8 @@ from pivident.validation.held_out.folds import Fold
 
 def needs_rows(method: Method | None) -> bool:
     """Whether a method is solved from rows, not from sums of them."""
-    return isinstance(method, Regression) and not isinstance(method, LeastSquares)
+    summed = (LeastSquares, FrequencyDomain)
+    return isinstance(method, Regression) and not isinstance(method, summed)
 
 
 def regressions_without(

@@ -1,0 +1,1 @@
+"""Estimates from the lines of a periodic motion."""
