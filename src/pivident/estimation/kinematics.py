@@ -179,7 +179,10 @@ def _in_window(
 def _cutoffs(signals: Bandpass | Algebraic, recording: Recording) -> np.ndarray:
     """Cut-off of each joint for one recording, shape (joints,) [Hz]."""
     rate = recording.rate
-    highest = min(ABOVE_BAND * signals.band(rate), SHARE_OF_RATE * rate)
+    band = signals.band(rate)
+    if isinstance(signals, Algebraic) and signals.decimation == 1:  # the motion's, not the rate's
+        band = Algebraic().band(rate)
+    highest = min(ABOVE_BAND * band, SHARE_OF_RATE * rate)
     lowest = min(max(MIN_PERIODS / recording.duration, 0.05 * highest), highest)
     wanted = ABOVE_HALF_POWER * half_power_frequencies(recording.q, rate)
     return np.clip(wanted, lowest, highest)
