@@ -179,8 +179,14 @@ def _in_window(
 def _cutoffs(signals: Bandpass | Algebraic, recording: Recording) -> np.ndarray:
     """Cut-off of each joint for one recording, shape (joints,) [Hz]."""
     rate = recording.rate
-    highest = min(ABOVE_BAND * signals.band(rate), SHARE_OF_RATE * rate)
-    lowest = min(max(MIN_PERIODS / recording.duration, 0.05 * highest), highest)
+    band = np.full(recording.joints, signals.band(rate))
+    if isinstance(
+        signals, Algebraic
+    ):  # at the full rate, too: counts have no white noise to sink in
+        counted = [has_visible_counts(q) for q in recording.q.T]
+        band = np.where(counted, np.minimum(band, Algebraic().band(rate)), band)
+    highest = np.minimum(ABOVE_BAND * band, SHARE_OF_RATE * rate)
+    lowest = np.minimum(np.maximum(MIN_PERIODS / recording.duration, 0.05 * highest), highest)
     wanted = ABOVE_HALF_POWER * half_power_frequencies(recording.q, rate)
     return np.clip(wanted, lowest, highest)
 
