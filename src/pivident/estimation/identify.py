@@ -15,6 +15,7 @@ from pivident.estimation.counted_loop import (
     reads_counts,
 )
 from pivident.estimation.didim import identify_didim
+from pivident.estimation.filters.identify_filter import identify_filter
 from pivident.estimation.identification import Identification
 from pivident.estimation.instrumental_variables import identify_iv
 from pivident.estimation.kinematics import estimate_kinematics, settled_recipe
@@ -28,6 +29,7 @@ from pivident.estimation.methods import (
     PrefilteredIV,
     RandomWalk,
     Regression,
+    StateFilter,
     method_named,
 )
 from pivident.estimation.output_error.output_error import identify_output_error
@@ -65,7 +67,7 @@ def identify(
         )
     method = method_named(method)
     check_method(method, problem.recordings)
-    if isinstance(method, (Regression, InstrumentalVariables)):
+    if isinstance(method, (Regression, StateFilter, InstrumentalVariables)):
         method = replace(method, signals=settled_recipe(method.signals, problem.recordings))
     say = progress or (lambda line: None)
     with linear_algebra_in_one_thread():
@@ -82,6 +84,8 @@ def _estimate(problem: Problem, method: Method, say: Progress) -> Identification
         return identify_ls(problem, method, say)
     if isinstance(method, Regression):
         return identify_regression(problem, method, say)
+    if isinstance(method, StateFilter):
+        return identify_filter(problem, method, say)
     if isinstance(method, InstrumentalVariables):
         return identify_iv(problem, method, say)
     if isinstance(method, PrefilteredIV) and method.regressor == "simulated":

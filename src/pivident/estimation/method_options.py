@@ -10,12 +10,15 @@ from pivident.errors import PividentError
 from pivident.estimation.methods import (
     Adaline,
     Bandpass,
+    CentralDifferenceKalman,
     CorrelatedJoints,
+    ExtendedKalman,
     Hopfield,
     InstrumentalVariables,
     LeastSquares,
     Method,
     OutputError,
+    Particles,
     PrefilteredIV,
     PriorRegression,
     RandomWalk,
@@ -23,6 +26,7 @@ from pivident.estimation.methods import (
     RobustRegression,
     SetMembership,
     TotalLeastSquares,
+    UnscentedKalman,
 )
 from pivident.estimation.noise_options import Arma, AutoRegressive, Repetition
 
@@ -39,6 +43,10 @@ _METHODS = (
     SetMembership,
     Adaline,
     Hopfield,
+    ExtendedKalman,
+    UnscentedKalman,
+    CentralDifferenceKalman,
+    Particles,
 )
 _PARTS = {
     "signals": (Bandpass, RandomWalk),

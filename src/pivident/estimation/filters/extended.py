@@ -12,7 +12,6 @@ parameters: their estimates converge where the noises are as assumed, and may di
 
 from __future__ import annotations
 
-import numpy as np
 from numba import njit
 
 from pivident.estimation.filters.filter_state import (
@@ -20,6 +19,7 @@ from pivident.estimation.filters.filter_state import (
     INDEFINITE,
     torque_variance,
     update_positions,
+    worst,
 )
 from pivident.estimation.filters.midpoint_step import midpoint_step, step_tangent
 
@@ -94,7 +94,7 @@ def propagate(covariance, rows, solved, noise_torque, drift, h, scratch):
 def extended_samples(equations, state, noise, h, tau, y, innovations):
     """Advance over samples, with the torques before them: status, joint and sample.
 
-    ``tau``, ``y`` and ``innovations``: (samples, joints).
+    ``tau`` and ``y``: (samples, joints); ``innovations``: likewise, and √s, (2, samples, joints).
     """
     n = y.shape[1]
     x, covariance, work, motion = state.x, state.covariance, state.step, state.motion
@@ -111,7 +111,8 @@ def extended_samples(equations, state, noise, h, tau, y, innovations):
             x, covariance, state.gain, state.innovation, noise.encoder, y[k]
         )
         for i in range(n):
-            innovations[k, i] = state.innovation[i]
+            innovations[0, k, i] = state.innovation[0, i]
+            innovations[1, k, i] = state.innovation[1, i]
         if status != DONE:
-            return status, int(np.argmax(np.abs(state.innovation))), k
+            return status, worst(state.innovation), k
     return DONE, -1, -1

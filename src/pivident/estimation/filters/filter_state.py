@@ -50,7 +50,7 @@ class FilterState(NamedTuple):
     x: np.ndarray  # q, dq and θ, (N,)
     covariance: np.ndarray  # P, (N, N); square-root filters leave it alone
     factor: np.ndarray  # its lower Cholesky factor, for sigma points
-    innovation: np.ndarray  # z of the last sample, (joints,)
+    innovation: np.ndarray  # z of the last sample, and √s, (2, joints) [-, rad or m]
     torque: np.ndarray  # variance of the torque in this period, (joints,)
     motion: np.ndarray  # scratch, q⁺ and dq⁺, (2, joints)
     gain: np.ndarray  # scratch, (N,)
@@ -68,8 +68,8 @@ def filter_state(equations: RobotEquations, sigma_points: bool) -> FilterState:
     size = 2 * n + p
     own = size if sigma_points else 0
     return FilterState(
-        np.zeros(size), np.zeros((size, size)), np.zeros((own, own)), np.zeros(n), np.zeros(n),
-        np.zeros((2, n)),
+        np.zeros(size), np.zeros((size, size)), np.zeros((own, own)), np.zeros((2, n)),
+        np.zeros(n), np.zeros((2, n)),
         np.zeros(size), np.zeros((2 * n, size)), np.zeros((3, n, n)),
         np.zeros((2 * own + 1, own)), np.zeros((own, 3 * own)), np.zeros((n + own, n + own)),
         step_work(equations),
@@ -95,10 +95,11 @@ def update_positions(x, covariance, gain, innovation, encoder, y):
     for j in range(y.size):
         total = covariance[j, j] + encoder[j]
         if not total > 0.0:
-            innovation[j] = np.nan
+            innovation[0, j] = np.nan
             return NOT_POSITIVE
         error = y[j] - x[j]
-        innovation[j] = error / math.sqrt(total)
+        innovation[1, j] = math.sqrt(total)
+        innovation[0, j] = error / innovation[1, j]
         inverse = 1.0 / total
         for a in range(size):
             gain[a] = covariance[a, j]
@@ -128,11 +129,12 @@ def update_positions_of_factor(x, factor, joined, innovation, encoder, y):
     for j in range(n):
         error = y[j] - x[j]
         for b in range(j):
-            error -= joined[j, b] * innovation[b]
-        innovation[j] = error / joined[j, j]
+            error -= joined[j, b] * innovation[0, b]
+        innovation[1, j] = joined[j, j]
+        innovation[0, j] = error / joined[j, j]
     for a in range(size):
         for j in range(n):
-            x[a] += joined[n + a, j] * innovation[j]
+            x[a] += joined[n + a, j] * innovation[0, j]
         for b in range(a + 1):
             factor[a, b] = joined[n + a, n + b]
     return check_innovation(innovation)
@@ -141,7 +143,17 @@ def update_positions_of_factor(x, factor, joined, innovation, encoder, y):
 @inner
 def check_innovation(innovation):
     """Whether the positions are where the filter can believe them; NaN is not."""
-    for j in range(innovation.size):
-        if not abs(innovation[j]) <= MAX_INNOVATION:
+    for j in range(innovation.shape[1]):
+        if not abs(innovation[0, j]) <= MAX_INNOVATION:
             return FAR
     return DONE
+
+
+@inner
+def worst(innovation):
+    """Joint with the largest innovation, the first that is NaN."""
+    found = 0
+    for j in range(innovation.shape[1]):
+        if not abs(innovation[0, j]) <= abs(innovation[0, found]):
+            found = j
+    return found

@@ -19,7 +19,13 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from pivident.estimation.filters.filter_state import DONE, FAR, INDEFINITE, MAX_INNOVATION
+from pivident.estimation.filters.filter_state import (
+    DONE,
+    FAR,
+    INDEFINITE,
+    MAX_INNOVATION,
+    torque_variance,
+)
 from pivident.estimation.filters.midpoint_step import midpoint_step, step_tangent
 
 
@@ -129,27 +135,27 @@ def _transition(solved, noise_torque, h):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def particle_samples(
-    equations, work, noise, noise_torque, h, tau, y, innovations, particles, weights, covariance,
+    equations, work, noise, h, tau, y, innovations, particles, weights, covariance,
     shrinkage, rng,
 ):  # fmt: skip
     """Advance over samples, with the torques before them: status, joint and sample.
 
-    ``tau``, ``y`` and ``innovations``: (samples, joints); ``noise_torque``: variances of the
-    torque, likewise; ``particles``: q, dq, θ of each, (particles, N); ``weights``: (particles,);
+    ``tau`` and ``y``: (samples, joints); ``innovations``: z and √s, (2, samples, joints); ``particles``: q, dq, θ of each, (particles, N); ``weights``: (particles,);
     ``covariance``: of (q, dq) given θ, (2 joints, 2 joints).
     """
     n, count, size = y.shape[1], weights.size, particles.shape[1]
     mean, motion = np.zeros(size), np.zeros((2, n))
-    logs, error = np.zeros(count), np.zeros(n)
+    logs, error, noise_torque = np.zeros(count), np.zeros(n), np.zeros(n)
     for k in range(y.shape[0]):
         _mean(weights, particles, mean)
+        torque_variance(equations.couplings, noise, mean[n : 2 * n], noise_torque)
         joint = midpoint_step(
             equations, work, mean[2 * n :], mean[:n], mean[n : 2 * n], tau[k], h, motion[0],
             motion[1],
         )  # fmt: skip
         if joint >= 0 or not step_tangent(equations, work, h):
             return INDEFINITE, max(joint, 0), k
-        forward, added = _transition(work.solved, noise_torque[k], h)
+        forward, added = _transition(work.solved, noise_torque, h)
         covariance[:] = forward @ covariance @ forward.T + added
         total = covariance[:n, :n].copy()
         for j in range(n):
@@ -186,8 +192,9 @@ def particle_samples(
         # the weighted error before the update: y - q = (1 - K)⁻¹ (y - q⁺) = S R⁻¹ (y - q⁺)
         ahead = total @ ((y[k] - mean[:n]) / noise.encoder)
         for j in range(n):
-            innovations[k, j] = ahead[j] / np.sqrt(total[j, j])
-            if not abs(innovations[k, j]) <= MAX_INNOVATION:
+            innovations[1, k, j] = np.sqrt(total[j, j])
+            innovations[0, k, j] = ahead[j] / innovations[1, k, j]
+            if not abs(innovations[0, k, j]) <= MAX_INNOVATION:
                 return FAR, j, k
         for i in range(count):
             for a in range(2 * n, size):

@@ -23,11 +23,17 @@ from pivident.dynamics.parameters import Parameter
 from pivident.errors import ExperimentError
 from pivident.robot.description import INERTIAL, Robot
 from pivident.robot.friction import FrictionColumn
+from pivident.robot.friction_term import SignFunction
 
 _OFFSET, _VISCOUS = int(FrictionColumn.OFFSET), int(FrictionColumn.VISCOUS)
 _SPRING, _STRUT = int(FrictionColumn.SPRING), int(FrictionColumn.STRUT)
 _STIFFNESS = int(FrictionColumn.STRUT_STIFFNESS)
 _COSINE, _SINE = int(FrictionColumn.COSINE), int(FrictionColumn.SINE)
+
+_HARD, _TANH = int(SignFunction.SIGN), int(SignFunction.TANH)
+
+#: γ of a hyperbolic tangent that is a hard sign at any speed but zero.
+HARD = 1e300
 
 # Columns of ``local_index`` …
 ROW, _FUNCTION, _SIGN, _A, _B, COLUMN = 0, 1, 2, 3, 4, 5
@@ -46,8 +52,12 @@ class RobotEquations(NamedTuple):
     couplings: np.ndarray  # motor, joint and ratio of motors with dry friction, (couplings, 3)
 
 
-def robot_equations(robot: Robot, parameters: tuple[Parameter, ...]) -> RobotEquations:
+def robot_equations(
+    robot: Robot, parameters: tuple[Parameter, ...], simulated: bool = True
+) -> RobotEquations:
     """The equations of a robot for some of its parameters; all others count as zero.
+
+    ``simulated``: whether hard signs are smoothed, as the simulator needs.
 
     Raises:
         ExperimentError: friction with a memory or of the load, which (q, dq, θ) does not hold.
@@ -69,7 +79,9 @@ def robot_equations(robot: Robot, parameters: tuple[Parameter, ...]) -> RobotEqu
             floor[k] = 0.0
         joints = (p.joint,) if p.coupling is None else (p.coupling.joint, p.coupling.motor)
         for joint in joints:
-            (function, sign, a, b), numbers = joint_entry(robot, p, joint, simulated=True)
+            (function, sign, a, b), numbers = joint_entry(robot, p, joint, simulated)
+            if sign == _HARD and not simulated:
+                sign, numbers = _TANH, (*numbers[:2], HARD, *numbers[3:])
             index.append((joint, function, sign, a, b, k))
             value.append(numbers)
     dry = [(c.motor, c.joint, c.ratio) for c in robot.couplings if c.coulomb]

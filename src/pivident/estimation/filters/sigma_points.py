@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 from numba import njit
 
 from pivident.compiled import inner
@@ -30,6 +29,7 @@ from pivident.estimation.filters.filter_state import (
     torque_variance,
     update_positions,
     update_positions_of_factor,
+    worst,
 )
 from pivident.estimation.filters.midpoint_step import FACTOR, midpoint_step
 from pivident.estimation.filters.triangular import (
@@ -129,7 +129,7 @@ def sigma_samples(
 ):
     """Advance over samples, with the torques before them: status, joint and sample.
 
-    ``tau``, ``y`` and ``innovations``: (samples, joints); ``scale``: c; ``central``: which of the
+    ``tau`` and ``y``: (samples, joints); ``innovations``: likewise, and √s, (2, samples, joints); ``scale``: c; ``central``: which of the
     two filters; ``square_root``: whether the state's factor is carried, or its covariance.
     """
     n, size = y.shape[1], state.x.size
@@ -173,7 +173,8 @@ def sigma_samples(
                 x, covariance, gain, state.innovation, noise.encoder, y[k]
             )
         for i in range(n):
-            innovations[k, i] = state.innovation[i]
+            innovations[0, k, i] = state.innovation[0, i]
+            innovations[1, k, i] = state.innovation[1, i]
         if status != DONE:
-            return status, int(np.argmax(np.abs(state.innovation))), k
+            return status, worst(state.innovation), k
     return DONE, -1, -1
