@@ -41,11 +41,11 @@ MAX_LINES = 118_000
 #: 90, nine for instruments from the record itself, the speeds of standstill, what smoothing takes,
 #: loops whose law reads whole counts, noise of the equations, eight that the simulator's kernel
 #: carries tangents with, the fit of simulations with eighteen of its own, two for logs without
-#: torque.
+#: torque, one for each filter, its state, step and run.
 MAX_MODULES_OF_IDENTIFY = 137
 
 #: Subpackages with a budget of their own.
-ROOMS = ("estimation.output_error",)
+ROOMS = ("estimation.output_error", "estimation.filters")
 
 
 def modules() -> dict[str, Path]:

@@ -129,8 +129,8 @@ class Particles(StateFilter):
         seed: of the random numbers.
     """
 
-    particles: int = 1000
-    discount: float = 0.99
+    particles: int = 500
+    discount: float = 0.9
     seed: int = 0
 
     label: ClassVar[str] = "particle filter"

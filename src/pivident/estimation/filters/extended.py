@@ -100,10 +100,10 @@ def extended_samples(equations, state, noise, h, tau, y, innovations):
     x, covariance, work, motion = state.x, state.covariance, state.step, state.motion
     q, dq, theta = x[:n], x[n : 2 * n], x[2 * n :]
     for k in range(y.shape[0]):
-        torque_variance(equations.couplings, noise, dq, state.torque)
         joint = midpoint_step(equations, work, theta, q, dq, tau[k], h, motion[0], motion[1])
         if joint >= 0 or not step_tangent(equations, work, h):
             return INDEFINITE, max(joint, 0), k
+        torque_variance(equations.couplings, noise, dq, motion[1], state.torque)
         propagate(covariance, state.rows, work.solved, state.torque, noise.drift, h, state.small)
         for i in range(n):
             q[i], dq[i] = motion[0, i], motion[1, i]

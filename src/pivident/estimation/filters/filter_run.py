@@ -78,7 +78,7 @@ def _kalman(
     found, marks = [], [(kalman.theta, kalman.covariance)]
     for stretch in stretches:
         kalman.samples = 0
-        kalman.start(stretch.q[0], stretch.dq, stretch.dq_std)
+        kalman.start(stretch.q[0], stretch.dq[0], stretch.dq_std)
         count = max(round((len(stretch.q) - 1) / length), 1)
         for part in np.array_split(np.arange(1, len(stretch.q)), count):
             try:
@@ -126,14 +126,14 @@ def _particles(
         setup.encoder**2, setup.torque**2, setup.still**2, setup.limits, setup.drift**2
     )
     rng = np.random.default_rng([method.seed, number])
-    cloud = np.zeros((count, 2 * n + theta.size))
+    cloud = np.zeros((count, 3 * n + theta.size))
     root = np.linalg.cholesky(setup.covariance)
-    cloud[:, 2 * n :] = theta + rng.standard_normal((count, theta.size)) @ root.T
+    cloud[:, 2 * n : -n] = theta + rng.standard_normal((count, theta.size)) @ root.T
     weights = np.full(count, 1.0 / count)
     shrinkage = (3.0 * method.discount - 1.0) / (2.0 * method.discount)
     found = []
     for stretch in stretches:
-        cloud[:, :n], cloud[:, n : 2 * n] = stretch.q[0], stretch.dq
+        cloud[:, :n], cloud[:, n : 2 * n] = stretch.q[0], stretch.dq[0]
         motion = np.diag(np.concatenate([setup.encoder**2, stretch.dq_std**2]))
         q, tau = (np.ascontiguousarray(x) for x in stretch.part(1, len(stretch.q)))
         innovations = np.zeros((2, *q.shape))
@@ -142,15 +142,13 @@ def _particles(
             shrinkage, rng,
         )  # fmt: skip
         if status != DONE:
-            own = innovations[0, sample, joint]
-            raise FilterDiverged(
-                problem.robot.joint_names[joint], stretch.first + sample + 1, float(own),
-                CAUSES.get(status, "no particle explains it" if not own else ""),
-            )  # fmt: skip
+            own = float(innovations[0, sample, joint])
+            name = problem.robot.joint_names[joint]
+            raise FilterDiverged(name, stretch.first + sample + 1, own, CAUSES.get(status, ""))
         found.append(innovations[0])
     mean = weights @ cloud
-    covariance = cloud_covariance(weights, cloud, mean)[2 * n :, 2 * n :]
-    values = mean[2 * n :]
+    covariance = cloud_covariance(weights, cloud, mean)[2 * n : -n, 2 * n : -n]
+    values = mean[2 * n : -n]
     return Filtered(values, covariance, covariance, np.concatenate(found), values[None])
 
 

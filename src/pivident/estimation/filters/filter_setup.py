@@ -16,8 +16,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pivident.dynamics.forward import make_model
+from pivident.dynamics.friction_table import dry_friction_level
 from pivident.errors import ExperimentError, FilterDiverged
-from pivident.estimation.filter_methods import ExtendedKalman, StateFilter
+from pivident.estimation.filter_methods import ExtendedKalman, Particles, StateFilter
 from pivident.estimation.filters.online import KalmanFilter
 from pivident.estimation.iteration import Estimate
 from pivident.estimation.kinematics import estimate_kinematics
@@ -36,6 +38,9 @@ DECADES = np.arange(1.0, -3.1, -0.5)
 #: Step of the second, finer search, decades.
 FINER = 0.2
 
+#: Standard deviation of dry friction at standstill, over its level: that of any value up to it.
+SHARE_AT_STANDSTILL = 3.0**-0.5
+
 #: Least encoder noise that is assumed, over the range of a joint's motion.
 LEAST_NOISE = 1e-9
 
@@ -48,12 +53,27 @@ class FilterStretch:
     first: int  # number of the first sample there
     q: np.ndarray  # measured positions, (samples, joints) [rad or m]
     tau: np.ndarray  # torques that acted before each, likewise [N m or N]
-    dq: np.ndarray  # first speeds, (joints,) [rad/s or m/s]
-    dq_std: np.ndarray  # their standard deviation, likewise
+    dq: np.ndarray  # speeds of least squares, likewise [rad/s or m/s]
+    difference: np.ndarray  # encoder noise in a difference of two samples, (joints,) [rad/s or m/s]
+
+    @property
+    def dq_std(self) -> np.ndarray:
+        """Standard deviation of the first speed, (joints,) [rad/s or m/s]."""
+        return self.difference + 1e-3 * np.abs(self.dq).max(axis=0) + 1e-9
 
     def part(self, begin: int, end: int) -> tuple[np.ndarray, np.ndarray]:
         """Positions and torques of some samples."""
         return self.q[begin:end], self.tau[begin:end]
+
+    def without(self, left_out: np.ndarray) -> list[FilterStretch]:
+        """What remains where samples are left out, a flag for each of the recording's."""
+        used = ~left_out[self.first : self.first + len(self.q)]
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], used, [False]]))).reshape(-1, 2)
+        return [
+            replace(self, first=self.first + a, q=self.q[a:b], tau=self.tau[a:b], dq=self.dq[a:b])
+            for a, b in edges.tolist()
+            if b - a > 2
+        ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,8 +86,13 @@ class FilterSetup:
     drift: np.ndarray  # standard deviation gained in a second, (parameters,)
     encoder: np.ndarray  # standard deviations, (joints,) [rad or m]
     torque: np.ndarray  # likewise [N m or N]
-    still: np.ndarray  # likewise, at standstill
+    dry: np.ndarray  # the same, besides, at standstill, of dry friction
     limits: np.ndarray  # speeds of standstill, (joints,) [rad/s or m/s]
+
+    @property
+    def still(self) -> np.ndarray:
+        """Standard deviation of the torques at standstill, (joints,) [N m or N]."""
+        return np.hypot(self.torque, self.dry)
 
     def kalman(self, problem: Problem, method: StateFilter) -> KalmanFilter:
         """A filter that starts here."""
@@ -92,29 +117,22 @@ def acting_torques(recording: Recording) -> np.ndarray:
 
 
 def stretches_of(
-    problem: Problem,
-    kinematics: Sequence[Kinematics],
-    encoder: np.ndarray,
-    left_out: Sequence[np.ndarray] | None = None,
+    problem: Problem, kinematics: Sequence[Kinematics], encoder: np.ndarray
 ) -> list[FilterStretch]:
-    """Usable samples of all recordings, but those left out, a flag for each sample."""
+    """Usable samples of all recordings."""
     found = []
     for r, (recording, known) in enumerate(zip(problem.recordings, kinematics, strict=True)):
-        tau = acting_torques(recording)
-        used = np.zeros(recording.samples, bool)
-        used[known.start : known.stop] = True
-        if left_out is not None:
-            used &= ~left_out[r]
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], used, [False]])))
-        for begin, end in edges.reshape(-1, 2).tolist():
-            if end - begin < 3:
-                continue
-            speed = np.abs(known.dq[:, begin:end]).max(axis=1)
-            part = slice(begin, end)
-            dq_std = encoder * recording.rate + 1e-3 * speed + 1e-9
-            found.append(
-                FilterStretch(r, begin, recording.q[part], tau[part], known.dq[:, begin], dq_std)
+        part = slice(known.start, known.stop)
+        found.append(
+            FilterStretch(
+                r,
+                known.start,
+                recording.q[part],
+                acting_torques(recording)[part],
+                known.dq[:, part].T,
+                encoder * recording.rate,
             )
+        )
     return found
 
 
@@ -151,17 +169,18 @@ def filter_setup(
     else:
         theta, size = estimate.theta, np.sqrt(np.diag(estimate.solution.covariance))
     limits = np.max([problem.speed_limits(r).joints for r in problem.recordings], axis=0)
-    tau = np.concatenate([r.tau for r in problem.recordings])
+    friction = make_model(problem.robot, problem.regressor.parameters, estimate.theta).friction
+    dry = dry_friction_level(friction, problem.robot.size)
     rows = sum(int(r.used.sum()) for r in estimate.records) / problem.robot.size
     apart = max(sum(len(s.q) for s in stretches) / max(rows, 1.0), 1.0)
     setup = FilterSetup(
         rates.pop(),
         theta,
-        np.diag((method.spread * size) ** 2),
+        _first_covariance(method, estimate, size),
         method.drift * np.abs(theta),
         encoder,
         np.sqrt(estimate.variance * apart),
-        np.sqrt(np.mean(tau**2, axis=0)) + 1e-12,
+        SHARE_AT_STANDSTILL * dry,
         limits,
     )
     if method.torque_noise is not None:
@@ -170,6 +189,18 @@ def filter_setup(
     near = np.sqrt(np.diag(estimate.solution.covariance))
     search = replace(setup, theta=estimate.theta, covariance=np.diag((10.0 * near) ** 2))
     return replace(setup, torque=likeliest_torque_noise(problem, search, stretches))
+
+
+def _first_covariance(method: StateFilter, estimate: Estimate, size: np.ndarray) -> np.ndarray:
+    """Spread at the start: independent parameters, of particles correlated as least squares has it.
+
+    Particles are few: where columns are nearly dependent, independent ones would be far from all
+    torques.
+    """
+    spread = method.spread * size
+    if isinstance(method, Particles) and method.start == "least-squares":
+        return method.spread**2 * estimate.solution.covariance
+    return np.diag(spread**2)
 
 
 def explaining_values(estimate: Estimate) -> np.ndarray:
@@ -202,7 +233,7 @@ def likeliest_torque_noise(
 def _score(problem: Problem, setup: FilterSetup, stretch: FilterStretch) -> np.ndarray:
     """Log likelihood of the innovations of each joint, (joints,); a filter that ends has none."""
     kalman = setup.kalman(problem, ExtendedKalman())
-    kalman.start(stretch.q[0], stretch.dq, stretch.dq_std)
+    kalman.start(stretch.q[0], stretch.dq[0], stretch.dq_std)
     try:
         z, s = kalman.run(*stretch.part(1, SEARCHED))
     except FilterDiverged:

@@ -5,8 +5,8 @@ samples has white noise w, which reaches the state through A⁻¹ of the step, a
 
     x⁺ = f(x, τ + w),   cov w = diag(σ_τ²),   cov(θ⁺ - θ) = h diag(d²)
 
-At standstill dry friction follows no law: below its limit of speed a joint's torque counts as
-unknown, with a noise as large as the torque itself.
+At standstill dry friction follows no law, and a step that passes through it meets both of its
+signs: there a joint's torque has the noise of dry friction that is not known, besides.
 
 Positions are taken one joint at a time, which needs no inverse:
 
@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pivident.compiled import inner
+from pivident.compiled import inlined, inner
 from pivident.estimation.filters.midpoint_step import StepWork, step_work
 from pivident.estimation.filters.robot_equations import RobotEquations
 from pivident.estimation.filters.triangular import lower_factor
@@ -76,15 +76,25 @@ def filter_state(equations: RobotEquations, sigma_points: bool) -> FilterState:
     )  # fmt: skip
 
 
+@inlined
+def _stands_still(now, then, limit):
+    """Whether a speed is, or passes through, what counts as standstill."""
+    if limit == 0.0:
+        return False
+    return abs(now) <= limit or abs(then) <= limit or now * then < 0.0
+
+
 @inner
-def torque_variance(couplings, noise, dq, out):
-    """Noise of the torques at these speeds: where a joint or a coupling's motor stands still."""
+def torque_variance(couplings, noise, dq, ahead, out):
+    """Noise of the torques between two speeds: larger where a joint or a motor stands still."""
     for j in range(out.size):
-        moving = abs(dq[j]) > noise.limit[j] or noise.limit[j] == 0.0
-        out[j] = noise.torque[j] if moving else noise.still[j]
+        out[j] = noise.torque[j]
+        if _stands_still(dq[j], ahead[j], noise.limit[j]):
+            out[j] = noise.still[j]
     for c in range(couplings.shape[0]):
         i, j = int(couplings[c, 0]), int(couplings[c, 1])
-        if noise.limit[i] > 0.0 and abs(dq[i] + couplings[c, 2] * dq[j]) <= noise.limit[i]:
+        now, then = dq[i] + couplings[c, 2] * dq[j], ahead[i] + couplings[c, 2] * ahead[j]
+        if _stands_still(now, then, noise.limit[i]):
             out[i], out[j] = noise.still[i], noise.still[j]
 
 

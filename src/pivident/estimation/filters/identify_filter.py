@@ -11,13 +11,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from pivident.estimation.answer import Covariances, answer
 from pivident.estimation.filter_methods import Particles, StateFilter
 from pivident.estimation.filters.filter_run import Filtered, run_filter
-from pivident.estimation.filters.filter_setup import encoder_noise, filter_setup, stretches_of
+from pivident.estimation.filters.filter_setup import (
+    FilterSetup,
+    FilterStretch,
+    encoder_noise,
+    filter_setup,
+    stretches_of,
+)
+from pivident.estimation.filters.robot_equations import robot_equations
 from pivident.estimation.identification import Identification, Iteration
 from pivident.estimation.iteration import Estimate, Run, Say
 from pivident.estimation.kinematics import estimate_kinematics
@@ -36,14 +44,7 @@ WHITE = 0.15
 
 def identify_filter(problem: Problem, method: StateFilter, say: Say) -> Identification:
     """Estimate by one of the filters."""
-    say(f"{method.label}: filtering the records")
-    kinematics = [estimate_kinematics(r, method.signals) for r in problem.recordings]
-    least = LeastSquares(signals=method.signals)
-    estimate, _ = settled_least_squares(problem, least, kinematics, say)
-    encoder = encoder_noise(problem, method)
-    stretches = stretches_of(problem, kinematics, encoder)
-    say(f"{method.label}: noise of the torques")
-    setup = filter_setup(problem, method, estimate, stretches, encoder)
+    estimate, setup, stretches = prepared(problem, method, say)
     say(f"{method.label}: {sum(len(s.q) for s in stretches)} samples")
     made = run_filter(problem, method, setup, stretches)
     solution = Solution(
@@ -60,6 +61,27 @@ def identify_filter(problem: Problem, method: StateFilter, say: Say) -> Identifi
     covariances = Covariances(made.robust, made.covariance)
     run = Run(_history(estimate, made), True)
     return answer(problem, method, result, run, findings, covariances=covariances)
+
+
+class Prepared(NamedTuple):
+    """What comes before a filter."""
+
+    estimate: Estimate  # least squares
+    setup: FilterSetup
+    stretches: list[FilterStretch]
+
+
+def prepared(problem: Problem, method: StateFilter, say: Say) -> Prepared:
+    """Least squares, noises and the samples that are gone through."""
+    robot_equations(problem.robot, problem.regressor.parameters)  # refused before minutes of work
+    say(f"{method.label}: filtering the records")
+    kinematics = [estimate_kinematics(r, method.signals) for r in problem.recordings]
+    least = LeastSquares(signals=method.signals)
+    estimate, _ = settled_least_squares(problem, least, kinematics, say)
+    encoder = encoder_noise(problem, method)
+    stretches = stretches_of(problem, kinematics, encoder)
+    say(f"{method.label}: noise of the torques")
+    return Prepared(estimate, filter_setup(problem, method, estimate, stretches, encoder), stretches)
 
 
 def _history(estimate: Estimate, made: Filtered) -> tuple[Iteration, ...]:

@@ -4,9 +4,10 @@
 
 Given θ_i the motion is as good as linear, so that a particle carries the mean of its own extended
 Kalman filter, and all share the covariance of the mean's (marginalised particles: Schön, Gustafsson
-and Nordlund 2005); sampled are the parameters alone. Where fewer than half of the particles count,
-1/Σ w² < N/2, they are drawn anew, systematically (Kitagawa 1996), and moved by the kernel of Liu
-and West (2001), which keeps mean m and covariance V of parameters and motion:
+and Nordlund 2005); sampled are the parameters alone. Before fewer than half of the
+particles count, 1/Σ w² < N/2, they are drawn anew, systematically (Kitagawa 1996), with as much of
+the likelihood as that leaves (tempering; Neal 2001), and moved by the kernel of Liu and West
+(2001), which keeps mean m and covariance V of parameters, motion and innovation:
 
     z_i ← m + a (z_i - m) + √(1 - a²) L ε,     L Lᵀ = V,   a = (3δ - 1)/(2δ)
 
@@ -27,6 +28,16 @@ from pivident.estimation.filters.filter_state import (
     torque_variance,
 )
 from pivident.estimation.filters.midpoint_step import midpoint_step, step_tangent
+
+#: Share of the particles that has to count.
+ENOUGH = 0.5
+
+#: What a cloud is widened by at a drawing, over dimensions by particles that count: clouds of few
+#: particles lose their tails.
+WIDER = 0.5
+
+#: Halvings in the search for the share of a likelihood.
+BISECTIONS = 20
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -97,16 +108,17 @@ def _draw_anew(weights, particles, mean, shrinkage, rng):
     count, size = particles.shape
     factor = _root(cloud_covariance(weights, particles, mean))
     factor *= np.sqrt(1.0 - shrinkage * shrinkage)
+    wider = np.sqrt(1.0 + WIDER * size * np.sum(weights * weights))
     kept = particles[systematic(weights, rng.random())]
     normal = np.empty(size)
     for i in range(count):
         for a in range(size):
             normal[a] = rng.standard_normal()
         for a in range(size):
-            moved = mean[a] + shrinkage * (kept[i, a] - mean[a])
+            apart = shrinkage * (kept[i, a] - mean[a])
             for b in range(a + 1):
-                moved += factor[a, b] * normal[b]
-            particles[i, a] = moved
+                apart += factor[a, b] * normal[b]
+            particles[i, a] = mean[a] + wider * apart
         weights[i] = 1.0 / count
 
 
@@ -134,27 +146,71 @@ def _transition(solved, noise_torque, h):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def _temper(weights, logs, share):
+    """Effective number of particles, 1/Σ w², for weights w L^share."""
+    best = logs.max()
+    total, square = 0.0, 0.0
+    for i in range(logs.size):
+        w = weights[i] * np.exp(share * (logs[i] - best))
+        total += w
+        square += w * w
+    return total * total / square
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _reweigh(particles, weights, inverse, mean, logs, shrinkage, rng):
+    """Weights by the innovations in the last columns; anew, as often as too few would count."""
+    n, count = inverse.shape[0], weights.size
+    first, remaining = particles.shape[1] - n, 1.0
+    while remaining > 0.0:
+        for i in range(count):
+            logs[i] = 0.0
+            for a in range(n):
+                for b in range(n):
+                    logs[i] -= (
+                        0.5 * particles[i, first + a] * inverse[a, b] * particles[i, first + b]
+                    )
+        share = remaining
+        if _temper(weights, logs, share) < ENOUGH * count:
+            low, high = 0.0, remaining
+            for _ in range(BISECTIONS):
+                share = 0.5 * (low + high)
+                if _temper(weights, logs, share) < ENOUGH * count:
+                    high = share
+                else:
+                    low = share
+        best = logs.max()
+        for i in range(count):
+            weights[i] *= np.exp(share * (logs[i] - best))
+        weights /= weights.sum()
+        remaining -= share
+        if remaining > 0.0:
+            _mean(weights, particles, mean)
+            _draw_anew(weights, particles, mean, shrinkage, rng)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def particle_samples(
-    equations, work, noise, h, tau, y, innovations, particles, weights, covariance,
-    shrinkage, rng,
-):  # fmt: skip
+    equations, work, noise, h, tau, y, innovations, particles, weights, covariance, shrinkage, rng
+):
     """Advance over samples, with the torques before them: status, joint and sample.
 
-    ``tau`` and ``y``: (samples, joints); ``innovations``: z and √s, (2, samples, joints); ``particles``: q, dq, θ of each, (particles, N); ``weights``: (particles,);
-    ``covariance``: of (q, dq) given θ, (2 joints, 2 joints).
+    ``tau`` and ``y``: (samples, joints); ``innovations``: z and √s, (2, samples, joints);
+    ``particles``: q, dq, θ and innovations of each, (particles, N + joints); ``weights``:
+    (particles,); ``covariance``: of (q, dq) given θ, (2 joints, 2 joints).
     """
-    n, count, size = y.shape[1], weights.size, particles.shape[1]
-    mean, motion = np.zeros(size), np.zeros((2, n))
-    logs, error, noise_torque = np.zeros(count), np.zeros(n), np.zeros(n)
+    n, count, size = y.shape[1], weights.size, particles.shape[1] - y.shape[1]
+    mean, motion = np.zeros(size + n), np.zeros((2, n))
+    logs, noise_torque = np.zeros(count), np.zeros(n)
     for k in range(y.shape[0]):
         _mean(weights, particles, mean)
-        torque_variance(equations.couplings, noise, mean[n : 2 * n], noise_torque)
         joint = midpoint_step(
-            equations, work, mean[2 * n :], mean[:n], mean[n : 2 * n], tau[k], h, motion[0],
+            equations, work, mean[2 * n : size], mean[:n], mean[n : 2 * n], tau[k], h, motion[0],
             motion[1],
         )  # fmt: skip
         if joint >= 0 or not step_tangent(equations, work, h):
             return INDEFINITE, max(joint, 0), k
+        torque_variance(equations.couplings, noise, mean[n : 2 * n], motion[1], noise_torque)
         forward, added = _transition(work.solved, noise_torque, h)
         covariance[:] = forward @ covariance @ forward.T + added
         total = covariance[:n, :n].copy()
@@ -163,44 +219,37 @@ def particle_samples(
         inverse = np.linalg.inv(total)
         gain = np.ascontiguousarray(covariance[:, :n]) @ inverse
         covariance -= gain @ np.ascontiguousarray(covariance[:n])
-        best = -np.inf
+        alive = 0
         for i in range(count):
             own = particles[i]
             joint = midpoint_step(
-                equations, work, own[2 * n :], own[:n], own[n : 2 * n], tau[k], h, motion[0],
+                equations, work, own[2 * n : size], own[:n], own[n : 2 * n], tau[k], h, motion[0],
                 motion[1],
             )  # fmt: skip
-            logs[i] = np.log(weights[i])
             if joint >= 0:  # the values of no machine
-                logs[i] = -np.inf
+                weights[i] = 0.0
                 continue
+            alive += 1
             for j in range(n):
                 own[j], own[n + j] = motion[0, j], motion[1, j]
-                error[j] = y[k, j] - own[j]
-            for a in range(n):
-                for b in range(n):
-                    logs[i] -= 0.5 * error[a] * inverse[a, b] * error[b]
-                    own[a] += gain[a, b] * error[b]
-                    own[n + a] += gain[n + a, b] * error[b]
-            best = max(best, logs[i])
-        if not best > -np.inf:
-            return FAR, 0, k
-        for i in range(count):
-            weights[i] = np.exp(logs[i] - best)
+                own[size + j] = y[k, j] - own[j]
+        if not (alive > 0 and weights.sum() > 0.0):
+            return INDEFINITE, 0, k
         weights /= weights.sum()
         _mean(weights, particles, mean)
-        # the weighted error before the update: y - q = (1 - K)⁻¹ (y - q⁺) = S R⁻¹ (y - q⁺)
-        ahead = total @ ((y[k] - mean[:n]) / noise.encoder)
         for j in range(n):
             innovations[1, k, j] = np.sqrt(total[j, j])
-            innovations[0, k, j] = ahead[j] / innovations[1, k, j]
+            innovations[0, k, j] = mean[size + j] / innovations[1, k, j]
             if not abs(innovations[0, k, j]) <= MAX_INNOVATION:
                 return FAR, j, k
+        _reweigh(particles, weights, inverse, mean, logs, shrinkage, rng)
         for i in range(count):
+            own = particles[i]
+            for a in range(2 * n):
+                for b in range(n):
+                    own[a] += gain[a, b] * own[size + b]
             for a in range(2 * n, size):
                 variance = h * noise.drift[a - 2 * n]
                 if variance > 0.0:
-                    particles[i, a] += np.sqrt(variance) * rng.standard_normal()
-        if 1.0 / np.sum(weights * weights) < 0.5 * count:
-            _draw_anew(weights, particles, mean, shrinkage, rng)
+                    own[a] += np.sqrt(variance) * rng.standard_normal()
     return DONE, -1, -1

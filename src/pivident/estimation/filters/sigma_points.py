@@ -138,7 +138,6 @@ def sigma_samples(
     motion, inverse = state.motion, state.small[0]
     factor = state.factor
     for k in range(y.shape[0]):
-        torque_variance(equations.couplings, noise, x[n : 2 * n], state.torque)
         if not square_root and cholesky(covariance, factor) >= 0:
             return NOT_POSITIVE, 0, k
         _place_points(x, factor, scale, points)
@@ -153,6 +152,9 @@ def sigma_samples(
             for j in range(n):
                 own[j], own[n + j] = motion[0, j], motion[1, j]
             if i == 0:
+                torque_variance(
+                    equations.couplings, noise, x[n : 2 * n], motion[1], state.torque
+                )
                 _invert(work.matrices[FACTOR], inverse)
         weight = _weigh(x, points, scale, central, alpha, beta, wide, gain)
         columns = _add_noise(wide, 2 * size, inverse, state.torque, noise.drift, h)
