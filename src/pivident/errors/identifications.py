@@ -88,7 +88,7 @@ class FilterDiverged(IdentificationError):
         what = f"{cause} ({found})" if cause else f"the {found} of its position"
         super().__init__(
             f"the filter diverged at sample {sample}, joint {joint!r}: {what}; start it nearer to "
-            "the truth (start = \"least-squares\"), with a smaller spread, or assume larger noise "
+            'the truth (start = "least-squares"), with a smaller spread, or assume larger noise '
             "(torque_noise, encoder_noise)"
         )
 

@@ -25,8 +25,9 @@ class StateFilter:
             and the torques that results show.
         start: first parameters: ``least-squares`` on the record, or the problem's ``initial``
             values.
-        spread: first standard deviation of each parameter: in standard errors of least squares, or
-            for initial values as a share of the value that alone would explain a joint's torque.
+        spread: first standard deviation of each parameter: in standard errors of least squares
+            (None: 10), or as a share of initial values, and where these are zero of the value that
+            alone would explain the torque of a joint (None: 0.3).
         drift: standard deviation that a parameter gains in a second, as a share of its first value.
         encoder_noise: standard deviation of measured positions of all joints, or of each [rad or
             m]; None: from the record.
@@ -40,7 +41,7 @@ class StateFilter:
 
     signals: Bandpass | RandomWalk = field(default_factory=Bandpass)
     start: Literal["least-squares", "initial"] = "least-squares"
-    spread: float = 10.0
+    spread: float | None = None
     drift: float = 0.0
     encoder_noise: float | tuple[float, ...] | None = None
     torque_noise: float | tuple[float, ...] | None = None
@@ -51,12 +52,19 @@ class StateFilter:
     covariance: ClassVar[CovarianceKind] = "formula"
     label: ClassVar[str] = ""
 
+    @property
+    def first_spread(self) -> float:
+        """The spread, or what stands for None."""
+        usual = 10.0 if self.start == "least-squares" else 0.3
+        return usual if self.spread is None else self.spread
+
     def __post_init__(self) -> None:
         if self.start not in ("least-squares", "initial"):
             raise ExperimentError(
                 f"start is {self.start!r}; choose 'least-squares' or 'initial'"
             ).about("start")
-        _check_positive("spread", self.spread)
+        if self.spread is not None:
+            _check_positive("spread", self.spread)
         if not (np.isfinite(self.drift) and self.drift >= 0.0):
             raise ExperimentError(f"drift is {self.drift}; zero or more").about("drift")
         if self.passes < 1:
@@ -140,9 +148,9 @@ class Particles(StateFilter):
         if self.particles < 10:
             raise ExperimentError(f"particles is {self.particles}; at least ten").about("particles")
         if not 0.5 < self.discount < 1.0:
-            raise ExperimentError(
-                f"discount is {self.discount}; it lies between 0.5 and 1"
-            ).about("discount")
+            raise ExperimentError(f"discount is {self.discount}; it lies between 0.5 and 1").about(
+                "discount"
+            )
         if self.seed < 0:
             raise ExperimentError(f"seed is {self.seed}; zero or more").about("seed")
 

@@ -18,6 +18,7 @@ from pivident.estimation.methods import (
     UnscentedKalman,
 )
 from pivident.validation.held_out.cross_validation import cross_validate
+from pivident.validation.held_out.filter_folds import filters_without
 from tests.estimation.filters.scenes import planar_problem
 
 
@@ -61,7 +62,7 @@ def test_initial_values_lead_to_the_same_estimate(arm):
     problem, theta = arm
     near = {name: 0.8 * value for name, value in zip(problem.names, theta, strict=True)}
     started = replace(problem, initial=near)
-    first = identify(started, ExtendedKalman(start="initial", spread=0.3, passes=2))
+    first = identify(started, ExtendedKalman(start="initial", passes=2))
     least = identify(problem, ExtendedKalman())
     std = np.sqrt(np.diag(least.covariance))
     assert (np.abs(first.theta - least.theta) < 2.0 * std).all()
@@ -88,11 +89,9 @@ def test_folds_are_filtered_anew(arm):
     problem, _ = arm
     judged = cross_validate(problem, "ekf", folds=3)
     least = cross_validate(problem, "ls", folds=3)
-    assert judged.source == least.source == "folds"
+    assert judged.kind == least.kind == "folds"
     assert judged.relative_error < 1.05 * least.relative_error
     too_long = Particles(particles=10_000)
-    from pivident.validation.held_out.filter_folds import filters_without
-
     found = replace(identify(problem, "ekf"), method_used=too_long)
     assert "take too long" in str(filters_without(problem, found, [None, None])[0])
 

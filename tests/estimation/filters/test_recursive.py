@@ -21,9 +21,7 @@ def test_without_forgetting_it_is_least_squares(arm):
     found = identify(arm, method)
     known = estimate_kinematics(arm.recordings[0], method.signals)
     std = [joint.noise_std for joint in found.joints]
-    least = RecursiveLeastSquares.of_robot(
-        arm.robot, arm.regressor.parameters, torque_std=std
-    )
+    least = RecursiveLeastSquares.of_robot(arm.robot, arm.regressor.parameters, torque_std=std)
     assert np.isnan(least.theta).all()
     for k in range(known.start, known.stop):
         least.update_motion(known.q[:, k], known.dq[:, k], known.ddq[:, k], known.tau[:, k])

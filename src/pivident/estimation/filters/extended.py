@@ -107,9 +107,7 @@ def extended_samples(equations, state, noise, h, tau, y, innovations):
         propagate(covariance, state.rows, work.solved, state.torque, noise.drift, h, state.small)
         for i in range(n):
             q[i], dq[i] = motion[0, i], motion[1, i]
-        status = update_positions(
-            x, covariance, state.gain, state.innovation, noise.encoder, y[k]
-        )
+        status = update_positions(x, covariance, state.gain, state.innovation, noise.encoder, y[k])
         for i in range(n):
             innovations[0, k, i] = state.innovation[0, i]
             innovations[1, k, i] = state.innovation[1, i]

@@ -152,9 +152,7 @@ def _particles(
     return Filtered(values, covariance, covariance, np.concatenate(found), values[None])
 
 
-def _in_record(
-    error: FilterDiverged, problem: Problem, stretch: FilterStretch
-) -> FilterDiverged:
+def _in_record(error: FilterDiverged, problem: Problem, stretch: FilterStretch) -> FilterDiverged:
     """The same error, with the number of the sample in its recording."""
     name = problem.recordings[stretch.recording].name
     cause = error.cause or f"recording {name!r}"

@@ -165,7 +165,8 @@ def filter_setup(
             "rate"
         )
     if method.start == "initial":
-        theta, size = problem.initial_values(), explaining_values(estimate)
+        theta = problem.initial_values()
+        size = np.where(theta != 0.0, np.abs(theta), explaining_values(estimate))
     else:
         theta, size = estimate.theta, np.sqrt(np.diag(estimate.solution.covariance))
     limits = np.max([problem.speed_limits(r).joints for r in problem.recordings], axis=0)
@@ -197,9 +198,9 @@ def _first_covariance(method: StateFilter, estimate: Estimate, size: np.ndarray)
     Particles are few: where columns are nearly dependent, independent ones would be far from all
     torques.
     """
-    spread = method.spread * size
+    spread = method.first_spread * size
     if isinstance(method, Particles) and method.start == "least-squares":
-        return method.spread**2 * estimate.solution.covariance
+        return method.first_spread**2 * estimate.solution.covariance
     return np.diag(spread**2)
 
 

@@ -81,7 +81,9 @@ def prepared(problem: Problem, method: StateFilter, say: Say) -> Prepared:
     encoder = encoder_noise(problem, method)
     stretches = stretches_of(problem, kinematics, encoder)
     say(f"{method.label}: noise of the torques")
-    return Prepared(estimate, filter_setup(problem, method, estimate, stretches, encoder), stretches)
+    return Prepared(
+        estimate, filter_setup(problem, method, estimate, stretches, encoder), stretches
+    )
 
 
 def _history(estimate: Estimate, made: Filtered) -> tuple[Iteration, ...]:

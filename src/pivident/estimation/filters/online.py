@@ -89,9 +89,7 @@ class KalmanFilter:
             _spread("drift", drift, p) ** 2,
         )
         self._equations = robot_equations(robot, self.parameters)
-        self._state = filter_state(
-            self._equations, not isinstance(self.method, ExtendedKalman)
-        )
+        self._state = filter_state(self._equations, not isinstance(self.method, ExtendedKalman))
         self._tau, self._y = np.zeros((1, n)), np.zeros((1, n))
         self._innovations = np.zeros((2, 1, n))
         self.samples = 0
@@ -236,9 +234,7 @@ def _spread(name: str, value: ArrayLike, count: int, positive: bool = False) -> 
     return np.broadcast_to(given, count).copy()
 
 
-def _checked(
-    theta: ArrayLike, covariance: ArrayLike, count: int
-) -> tuple[np.ndarray, np.ndarray]:
+def _checked(theta: ArrayLike, covariance: ArrayLike, count: int) -> tuple[np.ndarray, np.ndarray]:
     """First parameters and their covariance, refused where they cannot be."""
     values, matrix = np.array(theta, dtype=float), np.array(covariance, dtype=float)
     if values.shape != (count,) or matrix.shape != (count, count):

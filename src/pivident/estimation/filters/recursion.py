@@ -14,6 +14,7 @@ from pivident.errors import IdentificationError
 from pivident.estimation.filters.midpoint_step import StepWork
 from pivident.estimation.filters.robot_equations import RobotEquations, add_local_columns
 
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def _columns(equations, work, motion, phi):
     """Φ of one instant, (joints, parameters); ``motion``: q, dq and ddq, (3, joints)."""

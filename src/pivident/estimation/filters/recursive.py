@@ -83,9 +83,7 @@ class RecursiveLeastSquares(Recursion):
         self._phi[:], self._tau[:] = phi, tau
         self._turn()
 
-    def update_motion(
-        self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, tau: ArrayLike
-    ) -> None:
+    def update_motion(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, tau: ArrayLike) -> None:
         """Take one sample of a robot.
 
         Args:

@@ -152,9 +152,7 @@ def sigma_samples(
             for j in range(n):
                 own[j], own[n + j] = motion[0, j], motion[1, j]
             if i == 0:
-                torque_variance(
-                    equations.couplings, noise, x[n : 2 * n], motion[1], state.torque
-                )
+                torque_variance(equations.couplings, noise, x[n : 2 * n], motion[1], state.torque)
                 _invert(work.matrices[FACTOR], inverse)
         weight = _weigh(x, points, scale, central, alpha, beta, wide, gain)
         columns = _add_noise(wide, 2 * size, inverse, state.torque, noise.drift, h)
@@ -171,9 +169,7 @@ def sigma_samples(
             )
         else:
             _sum_squares(wide, columns, weight, gain, covariance)
-            status = update_positions(
-                x, covariance, gain, state.innovation, noise.encoder, y[k]
-            )
+            status = update_positions(x, covariance, gain, state.innovation, noise.encoder, y[k])
         for i in range(n):
             innovations[0, k, i] = state.innovation[0, i]
             innovations[1, k, i] = state.innovation[1, i]

@@ -70,7 +70,7 @@ def _filtered(
         numbers = [record.sample_numbers for record in found.equations.records]
         rows = Rows.of(found.equations, rows_left_out(numbers, fold))
         normal = NormalEquations.of(rows.sums(), rows.size)
-        size = method.spread * np.sqrt(np.diag(normal.inverse))
+        size = method.first_spread * np.sqrt(np.diag(normal.inverse))
         setup = replace(setup, theta=normal.solution, covariance=np.diag(size**2))
     filtered = run_filter(problem, method, setup, left)
     return replace(
