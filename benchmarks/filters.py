@@ -4,8 +4,8 @@ Run ``python -m benchmarks.filters [time accuracy drift particles]`` on one core
 code stand on the page `docs/theory/filters.md`.
 
 *time*: one update of a TX40 with 34 parameters (28 essential ones and six offsets), called from
-Python. *accuracy*: median relative error and share of 95 % intervals that hold the truth, planar arm
-(1 kHz, 10 s, encoder 2e-6 rad, torque 0.05 N m) and TX40 in the scenario *fine*. *drift*: friction
+Python. *accuracy*: median relative error and share of 95 % intervals that hold the truth, planar
+arm (1 kHz, 10 s, encoder 2e-6 rad, torque 0.05 N m) and TX40 in the scenario *fine*. *drift*: friction
 of the planar arm grows by 10 % in 100 s; lag and standard deviation of the estimates. *particles*:
 the particle filter on the planar arm.
 """
@@ -17,6 +17,8 @@ import time
 
 import numpy as np
 from numba import njit
+from tests.estimation.filters.scenes import RATE, planar_problem
+from tests.planar_arm import LAW, nominal_parameters, planar_motion
 
 from pivident.estimation.filters import KalmanFilter, RecursiveLeastSquares
 from pivident.estimation.filters.midpoint_step import midpoint_step, step_work
@@ -33,8 +35,6 @@ from pivident.estimation.methods import (
 from pivident.estimation.problem import Problem
 from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL, tx40_fine
 from pivident.recording.recording import Recording
-from tests.estimation.filters.scenes import RATE, planar_problem
-from tests.planar_arm import LAW, nominal_parameters, planar_motion
 
 KALMAN = {"ekf": ExtendedKalman(), "ukf": UnscentedKalman(), "cdkf": CentralDifferenceKalman()}
 ROOTED = {

@@ -3,9 +3,9 @@
 import numpy as np
 from numba import njit
 
-from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.forward import acceleration
+from pivident.dynamics.parameters import nominal_values
 from pivident.estimation.filters.midpoint_step import midpoint_step, step_tangent, step_work
 from pivident.estimation.filters.robot_equations import robot_equations
 from pivident.robot.gallery import load_robot

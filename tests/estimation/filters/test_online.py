@@ -83,7 +83,7 @@ def test_a_filter_that_diverges_names_sample_and_innovation(arm):
     q = problem.recordings[0].q.copy()
     q[60, 1] += 0.1
     kalman = made(problem, theta)
-    with pytest.raises(FilterDiverged, match="sample 60, joint 'elbow': the innovation") as caught:
+    with pytest.raises(FilterDiverged, match=r"sample 60, joint 'elbow': the innovation") as caught:
         for k in range(100):
             kalman.update(q[k], problem.recordings[0].tau[max(k - 1, 0)])
     assert caught.value.sample == 60 and abs(caught.value.innovation) > 100.0
@@ -93,7 +93,7 @@ def test_a_mass_matrix_that_is_none_is_named(arm):
     problem, theta = arm
     kalman = made(problem, theta, theta=-theta)
     kalman.update(problem.recordings[0].q[0], np.zeros(2))
-    with pytest.raises(FilterDiverged, match="sample 1, .*mass matrix .* not positive definite"):
+    with pytest.raises(FilterDiverged, match=r"sample 1, .*mass matrix .* not positive definite"):
         kalman.update(problem.recordings[0].q[1], np.zeros(2))
 
 
@@ -109,7 +109,7 @@ def test_bad_input_is_refused(arm):
         made(problem, theta, covariance=np.eye(3))
     with pytest.raises(IdentificationError, match="not finite"):
         made(problem, theta, theta=np.full(count, np.nan))
-    with pytest.raises(IdentificationError, match="encoder_std is 0.0; it has to be positive"):
+    with pytest.raises(IdentificationError, match=r"encoder_std is 0.0; it has to be positive"):
         made(problem, theta, encoder_std=0.0)
     with pytest.raises(IdentificationError, match=r"torque_std has shape \(3,\)"):
         made(problem, theta, torque_std=np.ones(3))

@@ -98,12 +98,12 @@ def test_instruments_take_the_bias_of_noise_in_the_rows_away():
 
 
 def test_bad_input_is_refused():
-    with pytest.raises(IdentificationError, match="forgetting is 1.5"):
+    with pytest.raises(IdentificationError, match=r"forgetting is 1.5"):
         RecursiveLeastSquares(1, 2, forgetting=1.5)
     with pytest.raises(IdentificationError, match="torque_std"):
         RecursiveInstruments(2, 2, torque_std=[1.0, -1.0])
     least = RecursiveLeastSquares(1, 2)
     with pytest.raises(IdentificationError, match="knows no robot"):
         least.update_motion([0.0], [0.0], [0.0], [0.0])
-    with pytest.raises(IdentificationError, match="sample 1: .*not finite"):
+    with pytest.raises(IdentificationError, match=r"sample 1: .*not finite"):
         least.update([[np.nan, 1.0]], [0.0])

@@ -44,7 +44,7 @@ from pivident.estimation.filters.triangular import cholesky, eliminate, solve_ch
 #: Most iterations of Newton's method, and halvings of one of its steps.
 MAX_ITERATIONS, MAX_HALVINGS = 25, 6
 
-#: Step of the acceleration, relative to it, that is the last one: it converges a hundredfold a step.
+#: Relative step of the acceleration that is the last one: each is a hundredth of the one before.
 SETTLED = 1e-11
 
 # Rows of ``vectors``: q_m, dq_m, a; residual, step, bias and local torques, zeros, a tried.
@@ -175,7 +175,7 @@ def midpoint_step(equations, work, theta, q, dq, tau, h, q_next, dq_next):
 
 @inner
 def step_tangent(equations, work, h):
-    """A⁻¹ times [K B Φ 1] of the step that was just taken, into ``solved``; False: A is singular."""
+    """A⁻¹ times [K B Φ 1] of the step just taken, into ``solved``; False: A is singular."""
     tree, local_index, local_value = equations.tree, equations.local_index, equations.local_value
     vectors, matrices, solved = work.vectors, work.matrices, work.solved
     n = tree.parent.size

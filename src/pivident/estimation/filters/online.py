@@ -217,7 +217,7 @@ class KalmanFilter:
 
     @property
     def innovation(self) -> np.ndarray:
-        """Measured less expected positions of the last sample, in standard deviations, (joints,)."""
+        """Measured less expected positions, in standard deviations, shape (joints,)."""
         return self._state.innovation[0].copy()
 
 

@@ -90,7 +90,7 @@ def _root(covariance):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def systematic(weights, start):
-    """Number of each particle to keep: at (start + i)/N of the cumulated weights, start in [0, 1)."""
+    """Particles to keep: those at (start + i)/N of the cumulated weights, start in [0, 1)."""
     count = weights.size
     chosen = np.empty(count, np.int64)
     total, j = weights[0], 0

@@ -1,7 +1,7 @@
 """Recursive least squares and recursive instruments, with exponential forgetting.
 
-Rows φ of τ = φθ come one sample at a time; older samples count less by μ each. Least squares carries
-the triangle of its information (Bierman 1977) and turns each row into it by Givens' rotations,
+Rows φ of τ = φθ come one sample at a time; older samples count less by μ each. Least squares
+carries the triangle of its information (Bierman 1977) and turns each row into it by Givens' rotations,
 
     [R d] ← Q [√μ R  √μ d; φ/σ  τ/σ],      R θ = d,      P = (RᵀR)⁻¹
 
@@ -11,8 +11,8 @@ to the last digits. Instruments z carry the sums
     G ← μ G + zᵀφ/σ²,   g ← μ g + zᵀτ/σ²,   C ← μ² C + zᵀz/σ²,    θ = G⁻¹g,   P = G⁻¹ C G⁻ᵀ
 
 (Söderström and Stoica 1983). With μ < 1 the estimate follows parameters that change, with a memory
-of 1/(1-μ) samples; directions that are not excited meanwhile lose theirs. Covariances are those of errors
-that are white, with the variance σ² of each joint; with μ < 1 that of least squares is about twice
+of 1/(1-μ) samples; directions that are not excited meanwhile lose theirs. Covariances are those of
+white errors with the variance σ² of each joint; with μ < 1 that of least squares is about twice
 that of its noise, and stands for what may have changed, too.
 """
 

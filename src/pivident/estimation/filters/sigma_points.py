@@ -129,8 +129,9 @@ def sigma_samples(
 ):
     """Advance over samples, with the torques before them: status, joint and sample.
 
-    ``tau`` and ``y``: (samples, joints); ``innovations``: likewise, and √s, (2, samples, joints); ``scale``: c; ``central``: which of the
-    two filters; ``square_root``: whether the state's factor is carried, or its covariance.
+    ``tau`` and ``y``: (samples, joints); ``innovations``: likewise, and √s, (2, samples, joints);
+    ``scale``: c; ``central``: which of the two filters; ``square_root``: whether the state's factor
+    is carried, or its covariance.
     """
     n, size = y.shape[1], state.x.size
     x, covariance, work = state.x, state.covariance, state.step

@@ -38,7 +38,7 @@ def cholesky(matrix, factor):
 
 @_fast
 def solve_cholesky(factor, x):
-    """x ← (L Lᵀ)⁻¹ x."""
+    """X ← (L Lᵀ)⁻¹ x."""
     n = x.size
     for i in range(n):
         for k in range(i):
@@ -52,7 +52,7 @@ def solve_cholesky(factor, x):
 
 @_fast
 def eliminate(matrix, right):
-    """right ← matrix⁻¹ right, with row exchanges; the matrix is destroyed. False: singular."""
+    """Right ← matrix⁻¹ right, with row exchanges; the matrix is destroyed. False: singular."""
     n, columns = right.shape
     for i in range(n):
         best = i
