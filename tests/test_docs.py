@@ -8,12 +8,20 @@ import pytest
 from pydantic_core import PydanticUndefined
 
 from pivident.estimation.methods import (
+    Adaline,
     Algebraic,
     Bandpass,
+    CentralDifferenceKalman,
     FrequencyDomain,
+    Hopfield,
     OutputError,
+    Particles,
     PrefilteredIV,
+    PriorRegression,
     RandomWalk,
+    Ridge,
+    RobustRegression,
+    UnscentedKalman,
 )
 from pivident.estimation.noise_options import Arma, AutoRegressive
 from pivident.experiment import consistency_keys as consistency_tables
@@ -23,6 +31,24 @@ from pivident.recording.recording import Recording
 from pivident.robot.mdh_schema import Entry, FrictionEntry
 
 TEXT = (Path(__file__).resolve().parents[1] / "docs" / "experiment_file.md").read_text("utf-8")
+
+#: Tables that one list of keys describes together.
+REGRESSIONS = (
+    method_tables.RegressionEntry,
+    method_tables.IterationEntry,
+    method_tables.RobustEntry,
+    method_tables.RidgeEntry,
+    method_tables.PriorEntry,
+    method_tables.SetMembershipEntry,
+    method_tables.AdalineEntry,
+    method_tables.HopfieldEntry,
+)
+FILTERS = (
+    method_tables.FilterEntry,
+    method_tables.UnscentedEntry,
+    method_tables.CentralDifferenceEntry,
+    method_tables.ParticlesEntry,
+)
 
 #: Heading of each table, its schema, and the classes whose defaults its keys leave alone.
 TABLES = {
@@ -37,6 +63,8 @@ TABLES = {
     "`[identify]`": (method_tables.IdentifyEntry, (PrefilteredIV,)),
     "methods": (method_tables.MethodEntry, (PrefilteredIV,)),
     "frequency": (method_tables.FrequencyEntry, (FrequencyDomain,)),
+    "regressions": (REGRESSIONS, (RobustRegression, Ridge, PriorRegression, Adaline, Hopfield)),
+    "filters": (FILTERS, (UnscentedKalman, CentralDifferenceKalman, Particles)),
     "simulation methods": (method_tables.SimulationEntry, (OutputError,)),
     "bandpass": (method_tables.BandpassEntry, (Bandpass,)),
     "algebraic": (method_tables.AlgebraicEntry, (Algebraic,)),
@@ -72,6 +100,11 @@ def sections() -> dict[str, list[list[str]]]:
     return found
 
 
+def models_of(own) -> tuple[type[Entry], ...]:
+    """The schema of a table, or those that one list of keys describes."""
+    return own if isinstance(own, tuple) else (own,)
+
+
 def toml(value: object) -> str:
     if isinstance(value, bool):
         return str(value).lower()
@@ -99,7 +132,7 @@ def test_every_table_is_documented():
     modules = (schema, method_tables, consistency_tables, excite_keys, room_keys)
     names = {name: value for module in modules for name, value in vars(module).items()}
     models = {m for m in names.values() if isinstance(m, type) and issubclass(m, Entry)}
-    described = {model for model, _ in TABLES.values()}
+    described = {model for own, _ in TABLES.values() for model in models_of(own)}
     others = {Entry, method_tables.SharedOptions, consistency_tables.ConsistencyFile}
     others |= {room_keys.RoomEntry}  # keys of [excite]
     assert models - described <= others
@@ -108,7 +141,11 @@ def test_every_table_is_documented():
 @pytest.mark.parametrize("heading", TABLES)
 def test_every_key_is_documented_with_its_default(heading):
     model, classes = TABLES[heading]
-    fields = {field.alias or name: field for name, field in model.model_fields.items()}
+    fields = {
+        field.alias or name: field
+        for own in models_of(model)
+        for name, field in own.model_fields.items()
+    }
     rows = sections()[heading]
     assert all(len(row) == 5 and all(row) for row in rows)
     assert sorted(row[0].strip("`") for row in rows) == sorted(fields)

@@ -31,22 +31,29 @@ DOORS = (
 )  # fmt: skip
 
 #: 6,000, loops whose law reads whole counts, iterations that go back and forth, noise of the
-#: equations, methods that fit a simulation, logs without torque, options of regressions, algebraic
-#: signals and lines.
+#: equations, methods that fit a simulation, logs without torque, options of regressions and
+#: filters, algebraic signals and lines.
 MAX_LINES_OF_PACKAGE = 7500
 #: 91,000, the causes of model error, loops whose law reads whole counts, the paper's page,
 #: designed motions that collide with nothing, and the programs that robots run them with, tangents
 #: of the simulation, those of friction with a memory too, the fit of simulations, logs without
-#: torque, simulators as files, regressions, algebraic signals, the lines of periodic motions.
-MAX_LINES = 121_000
+#: torque, simulators as files, regressions, filters, algebraic signals, the lines of periodic
+#: motions.
+MAX_LINES = 125_000
 #: 90, nine for instruments from the record itself, the speeds of standstill, what smoothing takes,
 #: loops whose law reads whole counts, noise of the equations, eight that the simulator's kernel
-#: carries tangents with, the fit of simulations with eighteen of its own, two for logs without
-#: torque, ten for regressions, four for algebraic signals and the lines of periodic motions.
-MAX_MODULES_OF_IDENTIFY = 151
+#: carries tangents with, the fit of simulations with nineteen of its own, two for logs without
+#: torque, ten for regressions, thirteen for filters, four for algebraic signals and the lines of
+#: periodic motions.
+MAX_MODULES_OF_IDENTIFY = 165
 
 #: Subpackages with a budget of their own.
-ROOMS = ("estimation.output_error", "estimation.regression", "estimation.frequency")
+ROOMS = (
+    "estimation.output_error",
+    "estimation.regression",
+    "estimation.frequency",
+    "estimation.filters",
+)
 
 
 def modules() -> dict[str, Path]:

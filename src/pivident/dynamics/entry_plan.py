@@ -83,7 +83,7 @@ def make_entry_plan(
                 value.append((1.0, 0.0, *_NO_SHAPE))
                 inner += 1
                 continue
-            function, factors = _joint_entry(robot, p, joint)
+            function, factors = joint_entry(robot, p, joint)
             index.append(function)
             value.append(factors)
     return EntryPlan(
@@ -102,18 +102,21 @@ def has_inner_signal(p: Parameter) -> bool:
     return p.friction is not None and p.friction.has_inner_signal
 
 
-def _joint_entry(
-    robot: Robot, p: Parameter, joint: int
+def joint_entry(
+    robot: Robot, p: Parameter, joint: int, simulated: bool = False
 ) -> tuple[tuple[int, int, int, int], tuple[float, ...]]:
-    """Row of ``joint_index`` and of ``joint_value`` for a rotor, friction or coupling entry."""
+    """Row of ``joint_index`` and of ``joint_value`` for a rotor, friction or coupling entry.
+
+    ``simulated`` replaces the hard sign by the arctangent.
+    """
     if p.friction is not None:
-        column, sign, shape = p.friction.encoded()
+        column, sign, shape = p.friction.encoded(simulated)
         return (column, sign, joint, joint), (1.0, 0.0, *shape)
     if p.coupling is None:
         return (ACCELERATION, 0, joint, joint), (1.0, 0.0, *_NO_SHAPE)
     c = p.coupling
     if p.stem == "fcm":
-        sign, gamma = coupling_sign(robot, c.motor)
+        sign, gamma = coupling_sign(robot, c.motor, simulated)
         factor = c.ratio if joint == c.joint else 1.0
         coulomb = int(FrictionColumn.COULOMB)
         return (coulomb, sign, c.motor, c.joint), (factor, c.ratio, gamma, *_NO_SHAPE[1:])

@@ -7,6 +7,7 @@ and the next step, so that it can be shown to a user as one readable line.
 from pivident.errors.identifications import (
     ContradictoryBounds,
     DelayTooLong,
+    FilterDiverged,
     MassMatrixNotPositiveDefinite,
     NegativePayload,
     NoConsistentModelNear,
@@ -55,6 +56,7 @@ __all__ = [
     "ExperimentError",
     "ExportError",
     "FileFormatError",
+    "FilterDiverged",
     "GapInClock",
     "IdentificationError",
     "IdentificationFileError",

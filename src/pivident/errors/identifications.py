@@ -71,6 +71,28 @@ class SimulationDiverged(IdentificationError):
         )
 
 
+class FilterDiverged(IdentificationError):
+    """A filter met a sample that its estimate cannot explain.
+
+    Attributes:
+        joint: name of the joint.
+        sample: number of the sample, from the first one that the filter was given.
+        innovation: what was measured less what was expected, in standard deviations; NaN where the
+            expectation itself is not a number.
+        cause: what happened, a clause; empty for a large innovation.
+    """
+
+    def __init__(self, joint: str, sample: int, innovation: float, cause: str = "") -> None:
+        self.joint, self.sample, self.innovation, self.cause = joint, sample, innovation, cause
+        found = f"innovation {innovation:.3g} standard deviations"
+        what = f"{cause} ({found})" if cause else f"the {found} of its position"
+        super().__init__(
+            f"the filter diverged at sample {sample}, joint {joint!r}: {what}; start it nearer to "
+            'the truth (start = "least-squares"), with a smaller spread, or assume larger noise '
+            "(torque_noise, encoder_noise)"
+        )
+
+
 class UnusableSignal(IdentificationError, ValueError):
     """An input or output from which no linear model can be estimated.
 

@@ -15,6 +15,7 @@ from pivident.estimation.counted_loop import (
     reads_counts,
 )
 from pivident.estimation.didim import identify_didim
+from pivident.estimation.filters.identify_filter import identify_filter
 from pivident.estimation.frequency.identify_frequency import identify_frequency
 from pivident.estimation.identification import Identification
 from pivident.estimation.instrumental_variables import identify_iv
@@ -30,6 +31,7 @@ from pivident.estimation.methods import (
     RandomWalk,
     Regression,
     SignalRecipe,
+    StateFilter,
     method_named,
 )
 from pivident.estimation.output_error.output_error import identify_output_error
@@ -68,7 +70,7 @@ def identify(
     method = method_named(method)
     check_method(method, problem.recordings)
     lines = isinstance(method, FrequencyDomain)  # settles its own
-    if isinstance(method, (Regression, InstrumentalVariables)) and not lines:
+    if isinstance(method, (Regression, StateFilter, InstrumentalVariables)) and not lines:
         method = replace(method, signals=settled_recipe(method.signals, problem.recordings))
     say = progress or (lambda line: None)
     with linear_algebra_in_one_thread():
@@ -87,6 +89,8 @@ def _estimate(problem: Problem, method: Method, say: Progress) -> Identification
         return identify_frequency(problem, method, say)
     if isinstance(method, Regression):
         return identify_regression(problem, method, say)
+    if isinstance(method, StateFilter):
+        return identify_filter(problem, method, say)
     if isinstance(method, InstrumentalVariables):
         return identify_iv(problem, method, say)
     if isinstance(method, PrefilteredIV) and method.regressor == "simulated":

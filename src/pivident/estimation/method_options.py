@@ -11,13 +11,16 @@ from pivident.estimation.methods import (
     Adaline,
     Algebraic,
     Bandpass,
+    CentralDifferenceKalman,
     CorrelatedJoints,
+    ExtendedKalman,
     FrequencyDomain,
     Hopfield,
     InstrumentalVariables,
     LeastSquares,
     Method,
     OutputError,
+    Particles,
     PrefilteredIV,
     PriorRegression,
     RandomWalk,
@@ -25,6 +28,7 @@ from pivident.estimation.methods import (
     RobustRegression,
     SetMembership,
     TotalLeastSquares,
+    UnscentedKalman,
 )
 from pivident.estimation.noise_options import Arma, AutoRegressive, Repetition
 
@@ -42,6 +46,10 @@ _METHODS = (
     FrequencyDomain,
     Adaline,
     Hopfield,
+    ExtendedKalman,
+    UnscentedKalman,
+    CentralDifferenceKalman,
+    Particles,
 )
 _PARTS = {
     "signals": (Bandpass, Algebraic, RandomWalk),

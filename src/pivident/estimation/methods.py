@@ -10,6 +10,13 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar, Literal, get_args
 
 from pivident.errors import ExperimentError, IdentificationError
+from pivident.estimation.filter_methods import (
+    CentralDifferenceKalman,
+    ExtendedKalman,
+    Particles,
+    StateFilter,
+    UnscentedKalman,
+)
 from pivident.estimation.noise_options import Arma, AutoRegressive, CovarianceKind
 from pivident.estimation.regression_methods import (
     Adaline,
@@ -280,7 +287,7 @@ class OutputError:
         return {"positions": "CLOE", "torques": "CLIE", "both": "ML"}[self.compares]
 
 
-Method = Regression | InstrumentalVariables | PrefilteredIV | OutputError
+Method = Regression | StateFilter | InstrumentalVariables | PrefilteredIV | OutputError
 
 #: Names that the command line and experiment files use.
 METHODS: dict[str, Method] = {
@@ -296,6 +303,10 @@ METHODS: dict[str, Method] = {
     "adaline": Adaline(),
     "hopfield": Hopfield(),
     "frequency": FrequencyDomain(),
+    "ekf": ExtendedKalman(),
+    "ukf": UnscentedKalman(),
+    "cdkf": CentralDifferenceKalman(),
+    "particle": Particles(),
     "iv": InstrumentalVariables(),
     "iv-full-rate": InstrumentalVariables(signals=RandomWalk()),
     "piv": PrefilteredIV(),

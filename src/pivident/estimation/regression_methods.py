@@ -261,18 +261,18 @@ class Hopfield(Regression):
     """Hopfield and Tank's network: least squares as the end of a differential equation.
 
     Attributes:
-        bound: largest parameter that the neurons can take, over that of least squares.
+        reach: largest parameter that the neurons can take, over that of least squares.
         time: how long the network runs, in time constants of its fastest direction.
     """
 
-    bound: float = 10.0
+    reach: float = 10.0
     time: float = 1e6
 
     label: ClassVar[str] = "Hopfield"
 
     def __post_init__(self) -> None:
-        if not self.bound > 1.0:
+        if not self.reach > 1.0:
             raise ExperimentError(
-                f"bound is {self.bound}; the neurons have to reach the answer: more than 1"
-            ).about("bound")
+                f"reach is {self.reach}; the neurons have to reach the answer: more than 1"
+            ).about("reach")
         _check_positive("time", self.time)

@@ -18,6 +18,7 @@ from pivident.estimation.methods import (
     OutputError,
     PrefilteredIV,
     Regression,
+    StateFilter,
 )
 from pivident.recording.recording import Recording
 from pivident.simulation.control_loop import Loop
@@ -156,6 +157,6 @@ def equation_error(method: Method, recordings: Sequence[Recording]) -> tuple[Fin
     """
     if all(recording.torque_source != "law" for recording in recordings):
         return ()
-    if isinstance(method, OutputError):
+    if isinstance(method, (OutputError, StateFilter)):
         return ()
     return (_BIASED,) if isinstance(method, Regression) else (_INSTRUMENTS,)

@@ -245,8 +245,43 @@ class AdalineEntry(RegressionEntry):
 class HopfieldEntry(RegressionEntry):
     """Options of `pivident.estimation.regression_methods.Hopfield`."""
 
-    bound: Annotated[float, Field(gt=1)] | None = None
+    reach: Annotated[float, Field(gt=1)] | None = None
     time: PositiveFloat | None = None
+
+
+class FilterEntry(RegressionEntry):
+    """Options of `pivident.estimation.filter_methods.StateFilter`."""
+
+    start: Literal["least-squares", "initial"] | None = None
+    spread: PositiveFloat | None = None
+    drift: Annotated[float, Field(ge=0)] | None = None
+    encoder_noise: PositiveFloat | list[PositiveFloat] | None = None
+    torque_noise: PositiveFloat | list[PositiveFloat] | None = None
+    passes: Annotated[int, Field(ge=1)] | None = None
+
+
+class UnscentedEntry(FilterEntry):
+    """Options of `pivident.estimation.filter_methods.UnscentedKalman`."""
+
+    alpha: PositiveFloat | None = None
+    beta: float | None = None
+    kappa: float | None = None
+    square_root: bool | None = None
+
+
+class CentralDifferenceEntry(FilterEntry):
+    """Options of `pivident.estimation.filter_methods.CentralDifferenceKalman`."""
+
+    step: Annotated[float, Field(ge=1)] | None = None
+    square_root: bool | None = None
+
+
+class ParticlesEntry(FilterEntry):
+    """Options of `pivident.estimation.filter_methods.Particles`."""
+
+    particles: Annotated[int, Field(ge=10)] | None = None
+    discount: Annotated[float, Field(gt=0.5, lt=1)] | None = None
+    seed: Annotated[int, Field(ge=0)] | None = None
 
 
 class IdentifyEntry(SharedOptions):
@@ -271,6 +306,10 @@ class IdentifyEntry(SharedOptions):
     frequency: FrequencyEntry = FrequencyEntry()
     adaline: AdalineEntry = AdalineEntry()
     hopfield: HopfieldEntry = HopfieldEntry()
+    ekf: FilterEntry = FilterEntry()
+    ukf: UnscentedEntry = UnscentedEntry()
+    cdkf: CentralDifferenceEntry = CentralDifferenceEntry()
+    particle: ParticlesEntry = ParticlesEntry()
     iv: MethodEntry = MethodEntry()
     iv_full_rate: MethodEntry = Field(MethodEntry(), alias="iv-full-rate")
     piv: MethodEntry = MethodEntry()

@@ -23,6 +23,7 @@ from pivident.estimation.methods import (
     RandomWalk,
     Regression,
     SignalRecipe,
+    StateFilter,
 )
 from pivident.estimation.noise_options import Arma, AutoRegressive, Repetition
 from pivident.experiment.method_keys import (
@@ -56,10 +57,10 @@ def method_of(name: str, entry: IdentifyEntry) -> Method:
         with concerning_method(name):
             return _simulation(ready, entry, own)
     if isinstance(own, RegressionEntry):
-        assert isinstance(ready, Regression)
+        assert isinstance(ready, (Regression, StateFilter))
         with concerning_method(name):
             return _regression(ready, entry, own)
-    assert isinstance(own, MethodEntry) and not isinstance(ready, OutputError)
+    assert isinstance(own, MethodEntry) and not isinstance(ready, (OutputError, StateFilter))
     with concerning_method(name):
         _check_keys(name, ready, own)
     if isinstance(ready, LeastSquares):
@@ -103,8 +104,10 @@ def _simulation(ready: OutputError, entry: IdentifyEntry, own: SimulationEntry) 
     return replace(ready, signals=_random_walk(entry, own), noise=noise, **options)
 
 
-def _regression(ready: Regression, entry: IdentifyEntry, own: RegressionEntry) -> Regression:
-    """A method of the equations alone, with its own options."""
+def _regression(
+    ready: Regression | StateFilter, entry: IdentifyEntry, own: RegressionEntry
+) -> Regression | StateFilter:
+    """A method without instruments, with its own options."""
     _check_signals(own, ready.signals)
     signals = _signals(entry, own, ready.signals)
     shared = _ITERATION & {f.name for f in fields(ready)}

@@ -30,6 +30,7 @@ from pivident.estimation.methods import (
     PrefilteredIV,
     RandomWalk,
     Regression,
+    StateFilter,
     method_named,
 )
 from pivident.estimation.problem import Problem
@@ -171,7 +172,7 @@ def _method(method: Method | str | None) -> Method:
     method = method_named(method)
     didim = isinstance(method, PrefilteredIV) and method.regressor == "simulated"
     other = isinstance(method, Regression) and not isinstance(method, LeastSquares)
-    if other:
+    if other or isinstance(method, StateFilter):
         raise IdentificationError(
             f"laws are compared by least squares or instruments, not by {method.label}; choose the "
             "laws with 'ls', 'iv' or 'piv'"

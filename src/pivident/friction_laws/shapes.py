@@ -24,6 +24,7 @@ from pivident.estimation.methods import (
     OutputError,
     PrefilteredIV,
     Regression,
+    StateFilter,
     method_named,
 )
 from pivident.estimation.normal_equations import JointSums
@@ -194,7 +195,8 @@ def identify_shapes(
             f"{method.label} fits shape constants itself: name them in free, such as free = "
             "('gamma',), and call identify"
         )
-    if isinstance(method, Regression) and not isinstance(method, LeastSquares):
+    other = isinstance(method, Regression) and not isinstance(method, LeastSquares)
+    if other or isinstance(method, StateFilter):
         raise IdentificationError(
             f"{method.label} has no equations for shape constants; identify them with 'ls' or "
             "'piv', and use their values with it"

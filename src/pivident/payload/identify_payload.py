@@ -27,6 +27,7 @@ from pivident.estimation.methods import (
     PrefilteredIV,
     RandomWalk,
     Regression,
+    StateFilter,
     method_named,
 )
 from pivident.estimation.normal_equations import JointSums
@@ -184,7 +185,7 @@ def _full_rate(
 ) -> LeastSquares | InstrumentalVariables | PrefilteredIV:
     """The method with signals at the full sampling rate."""
     made = method_named(method)
-    if isinstance(made, OutputError):
+    if isinstance(made, (OutputError, StateFilter)):
         raise ExperimentError(
             f"{made.label} has no payload variant; use piv, iv-full-rate or ls for the load"
         )

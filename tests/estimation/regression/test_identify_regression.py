@@ -145,7 +145,7 @@ def test_options_of_an_experiment_file_reach_the_methods(tmp_path):
         (lambda: PriorRegression(deviation={"fv1": 0.0}), "deviation of fv1"),
         (lambda: SetMembership(bound=(1.0, 0.0)), "positive"),
         (lambda: Adaline(rate=2.5), "between 0 and 2"),
-        (lambda: Hopfield(bound=0.5), "reach the answer"),
+        (lambda: Hopfield(reach=0.5), "reach the answer"),
     ],
 )
 def test_options_that_make_no_sense_are_refused(make, message):

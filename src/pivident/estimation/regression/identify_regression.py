@@ -112,7 +112,7 @@ def solved_rows(problem: Problem, method: Regression, rows: Rows, start: np.ndar
         made = solve_adaline(rows, problem.initial_values(), method.rate, method.epochs)
         return Noticed(made, (_NETWORK,))
     assert isinstance(method, Hopfield)
-    made = solve_hopfield(rows, problem.initial_values(), method.bound, method.time)
+    made = solve_hopfield(rows, problem.initial_values(), method.reach, method.time)
     return Noticed(made, (_NETWORK,))
 
 

@@ -57,13 +57,13 @@ def solve_adaline(rows: Rows, start: np.ndarray, rate: float, epochs: int) -> So
     )
 
 
-def solve_hopfield(rows: Rows, start: np.ndarray, bound: float, time: float) -> Solved:
+def solve_hopfield(rows: Rows, start: np.ndarray, reach: float, time: float) -> Solved:
     """The estimate of Hopfield and Tank's network.
 
     Args:
         rows: the equations.
         start: θ at time zero, shape (parameters,).
-        bound: β over the largest parameter of least squares, in columns of unit length.
+        reach: β over the largest parameter of least squares, in columns of unit length.
         time: how long the network runs, in time constants of its fastest direction.
     """
     from scipy.integrate import solve_ivp
@@ -71,7 +71,7 @@ def solve_hopfield(rows: Rows, start: np.ndarray, bound: float, time: float) -> 
     sums = rows.sums()
     equations = NormalEquations.of(sums, rows.size)
     values = np.linalg.eigvalsh(equations.gram)
-    size = bound * np.abs(equations.solution * equations.scale).max()
+    size = reach * np.abs(equations.solution * equations.scale).max()
     first = np.clip(start * equations.scale / size, -0.99, 0.99)
     fastest = values[-1]
 

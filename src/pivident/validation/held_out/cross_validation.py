@@ -16,13 +16,14 @@ from pivident.errors import IdentificationError, SimulationDiverged
 from pivident.errors import MassMatrixNotPositiveDefinite as IndefiniteMass
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import Method
+from pivident.estimation.methods import Method, StateFilter
 from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
 from pivident.recording.repeated_motion import find_repetition
 from pivident.text.lists import listed
 from pivident.text.numbers import format_significant
 from pivident.text.plain_table import plain_table
+from pivident.validation.held_out.filter_folds import filters_without
 from pivident.validation.held_out.fold_estimates import estimates_without
 from pivident.validation.held_out.folds import Piece, contiguous_folds, equal_blocks
 from pivident.validation.held_out.judged_motion import JudgedMotion
@@ -272,6 +273,8 @@ def judged_on(
     stretches: list[HeldOut] = []
     if solved.simulation is not None:
         estimates = simulated_estimates_without(solved, divided)
+    elif isinstance(solved.method_used, StateFilter):
+        estimates = filters_without(problem, solved, divided)
     elif needs_rows(solved.method_used):
         estimates = regressions_without(problem, solved, divided)
     else:

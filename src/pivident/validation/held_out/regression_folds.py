@@ -39,7 +39,7 @@ def regressions_without(
     made: list[Identification | IdentificationError] = []
     with linear_algebra_in_one_thread():
         for fold in folds:
-            rows = Rows.of(found.equations, _left_out(samples, fold))
+            rows = Rows.of(found.equations, rows_left_out(samples, fold))
             try:
                 made.append(_solved(problem, found, found.method_used, rows))
             except IdentificationError as error:
@@ -47,7 +47,7 @@ def regressions_without(
     return made
 
 
-def _left_out(samples: Sequence[np.ndarray], fold: Fold) -> np.ndarray:
+def rows_left_out(samples: Sequence[np.ndarray], fold: Fold) -> np.ndarray:
     """Rows that a fold leaves out, those of all recordings one after the other."""
     out = [np.zeros(len(own), bool) for own in samples]
     for piece in fold.left_out:

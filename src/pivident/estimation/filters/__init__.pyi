@@ -1,0 +1,3 @@
+from .online import KalmanFilter as KalmanFilter
+from .recursive import RecursiveInstruments as RecursiveInstruments
+from .recursive import RecursiveLeastSquares as RecursiveLeastSquares

@@ -1,0 +1,255 @@
+"""Kalman filters that run beside the robot: one sample at a time, in bounded time and memory.
+
+The same filters estimate along a record, see `pivident.estimation.filters.identify_filter`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pivident.dynamics.parameters import Parameter
+from pivident.errors import FilterDiverged, IdentificationError
+from pivident.estimation.filter_methods import (
+    CentralDifferenceKalman,
+    ExtendedKalman,
+    UnscentedKalman,
+)
+from pivident.estimation.filters.extended import extended_samples
+from pivident.estimation.filters.filter_state import (
+    DONE,
+    INDEFINITE,
+    NOT_POSITIVE,
+    FilterNoise,
+    filter_state,
+)
+from pivident.estimation.filters.robot_equations import robot_equations
+from pivident.estimation.filters.sigma_points import sigma_samples
+from pivident.robot.description import Robot
+
+KalmanMethod = ExtendedKalman | UnscentedKalman | CentralDifferenceKalman
+
+#: What ended a filter, by its status.
+CAUSES = {
+    INDEFINITE: "the mass matrix of its parameters is not positive definite",
+    NOT_POSITIVE: "its covariance is not positive definite any more",
+}
+
+
+class KalmanFilter:
+    """A filter on (q, dq, θ), whose input is the torque and whose output is the position.
+
+    Args:
+        robot: the robot.
+        parameters: what is estimated; all other parameters count as zero.
+        theta: first values, shape (parameters,).
+        covariance: theirs, shape (parameters, parameters), symmetric and positive definite.
+        rate: samples in a second [Hz].
+        encoder_std: standard deviation of measured positions, shape (joints,) or one for all
+            [rad or m].
+        torque_std: standard deviation of the torque of a period, likewise [N m or N].
+        drift: standard deviation that a parameter gains in a second, shape (parameters,) or one
+            for all, in its own unit.
+        standstill: speed below which a joint stands still, shape (joints,) or one for all
+            [rad/s or m/s].
+        still_std: standard deviation of the torque there, where no law of friction holds.
+        method: which filter; its options of starts and noises are not used here.
+
+    Raises:
+        IdentificationError: arrays that do not fit, noises that are not positive, a covariance
+            that is none.
+        ExperimentError: friction that (q, dq, θ) does not hold.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        parameters: tuple[Parameter, ...],
+        theta: ArrayLike,
+        covariance: ArrayLike,
+        *,
+        rate: float,
+        encoder_std: ArrayLike,
+        torque_std: ArrayLike,
+        drift: ArrayLike = 0.0,
+        standstill: ArrayLike = 0.0,
+        still_std: ArrayLike | None = None,
+        method: KalmanMethod | None = None,
+    ) -> None:
+        self.method = method or ExtendedKalman()
+        self.robot, self.parameters, self.rate = robot, tuple(parameters), float(rate)
+        n, p = robot.size, len(self.parameters)
+        torque = _spread("torque_std", torque_std, n, positive=True)
+        still = torque if still_std is None else _spread("still_std", still_std, n, positive=True)
+        self._noise = FilterNoise(
+            _spread("encoder_std", encoder_std, n, positive=True) ** 2,
+            torque**2,
+            still**2,
+            _spread("standstill", standstill, n),
+            _spread("drift", drift, p) ** 2,
+        )
+        self._equations = robot_equations(robot, self.parameters)
+        self._state = filter_state(self._equations, not isinstance(self.method, ExtendedKalman))
+        self._tau, self._y = np.zeros((1, n)), np.zeros((1, n))
+        self._innovations = np.zeros((2, 1, n))
+        self.samples = 0
+        self._first = _checked(theta, covariance, p)
+        self._rooted = getattr(self.method, "square_root", False)
+        self._started = False
+
+    def start(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike | None = None,
+        dq_std: ArrayLike = 1.0,
+        q_std: ArrayLike | None = None,
+    ) -> None:
+        """Begin at a position; the parameters keep what they are, speeds forget what they were.
+
+        Args:
+            q: measured positions, shape (joints,) [rad or m].
+            dq: speeds, shape (joints,) [rad/s or m/s]; None: zero.
+            dq_std: their standard deviation, shape (joints,) or one for all.
+            q_std: that of the positions; None: that of the encoder.
+        """
+        n, state = self.robot.size, self._state
+        theta, covariance = self._estimate()
+        state.x[:n], state.x[n : 2 * n] = q, 0.0 if dq is None else dq
+        state.x[2 * n :] = theta
+        whole = np.zeros_like(state.covariance)
+        spread = _spread("dq_std", dq_std, n, positive=True)
+        near = np.sqrt(self._noise.encoder) if q_std is None else _spread("q_std", q_std, n, True)
+        whole[:n, :n], whole[n : 2 * n, n : 2 * n] = np.diag(near**2), np.diag(spread**2)
+        whole[2 * n :, 2 * n :] = covariance
+        state.covariance[:] = whole
+        if self._rooted:
+            state.factor[:] = np.linalg.cholesky(whole)
+        state.step.vectors[:] = 0.0
+        self._started = True
+
+    def update(self, q: ArrayLike, tau: ArrayLike) -> None:
+        """Take one sample.
+
+        Args:
+            q: measured positions, shape (joints,) [rad or m].
+            tau: torques that have acted since the sample before, shape (joints,) [N m or N].
+
+        Raises:
+            FilterDiverged: names the sample and the innovation.
+        """
+        self._tau[0], self._y[0] = tau, q
+        if not self._started:
+            self.start(self._y[0])
+            return
+        self._advance(self._tau, self._y, self._innovations)
+
+    def run(self, q: np.ndarray, tau: np.ndarray) -> np.ndarray:
+        """Take many samples.
+
+        Args:
+            q: measured positions, shape (samples, joints) [rad or m].
+            tau: torques that have acted before each, likewise [N m or N].
+
+        Returns:
+            Innovations in standard deviations, and these [rad or m], shape (2, samples, joints).
+
+        Raises:
+            FilterDiverged: names the sample and the innovation.
+        """
+        if not self._started:
+            raise IdentificationError("the filter has no first position; call start(q) first")
+        q, tau = (np.ascontiguousarray(x, dtype=float) for x in (q, tau))
+        innovations = np.zeros((2, *q.shape))
+        self._advance(tau, q, innovations)
+        return innovations
+
+    def _advance(self, tau: np.ndarray, q: np.ndarray, innovations: np.ndarray) -> None:
+        """By the compiled filter."""
+        method, h = self.method, 1.0 / self.rate
+        known = self._equations, self._state, self._noise, h, tau, q, innovations
+        if isinstance(method, ExtendedKalman):
+            status, joint, sample = extended_samples(*known)
+        elif isinstance(method, UnscentedKalman):
+            scale = method.alpha * float(np.sqrt(self._state.x.size + method.kappa))
+            status, joint, sample = sigma_samples(
+                *known, scale, False, method.alpha, method.beta, self._rooted
+            )
+        else:
+            status, joint, sample = sigma_samples(*known, method.step, True, 1.0, 2.0, self._rooted)
+        if status != DONE:
+            raise FilterDiverged(
+                self.robot.joint_names[joint],
+                self.samples + sample + 1,
+                float(self._state.innovation[0, joint]),
+                CAUSES.get(status, ""),
+            )
+        self.samples += len(q)
+
+    def _estimate(self) -> tuple[np.ndarray, np.ndarray]:
+        """Parameters and their covariance."""
+        if not self._started:
+            return self._first
+        n, state = self.robot.size, self._state
+        if self._rooted:
+            own = state.factor[2 * n :]
+            return state.x[2 * n :].copy(), own @ own.T
+        return state.x[2 * n :].copy(), state.covariance[2 * n :, 2 * n :].copy()
+
+    @property
+    def theta(self) -> np.ndarray:
+        """Parameters, shape (parameters,)."""
+        return self._estimate()[0]
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Covariance of the parameters, shape (parameters, parameters)."""
+        return self._estimate()[1]
+
+    @property
+    def q(self) -> np.ndarray:
+        """Filtered positions, shape (joints,) [rad or m]."""
+        return self._state.x[: self.robot.size].copy()
+
+    @property
+    def dq(self) -> np.ndarray:
+        """Filtered speeds, shape (joints,) [rad/s or m/s]."""
+        return self._state.x[self.robot.size : 2 * self.robot.size].copy()
+
+    @property
+    def innovation(self) -> np.ndarray:
+        """Measured less expected positions, in standard deviations, shape (joints,)."""
+        return self._state.innovation[0].copy()
+
+
+def _spread(name: str, value: ArrayLike, count: int, positive: bool = False) -> np.ndarray:
+    """One number for all, or one for each."""
+    given = np.asarray(value, dtype=float)
+    if given.shape not in ((), (count,)):
+        raise IdentificationError(f"{name} has shape {given.shape}; one number or {count}")
+    least = float(given.min(initial=np.inf))
+    if not np.isfinite(given).all() or least < 0.0 or (positive and least == 0.0):
+        raise IdentificationError(
+            f"{name} is {value}; it has to be {'positive' if positive else 'zero or more'}"
+        )
+    return np.broadcast_to(given, count).copy()
+
+
+def _checked(theta: ArrayLike, covariance: ArrayLike, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """First parameters and their covariance, refused where they cannot be."""
+    values, matrix = np.array(theta, dtype=float), np.array(covariance, dtype=float)
+    if values.shape != (count,) or matrix.shape != (count, count):
+        raise IdentificationError(
+            f"theta and covariance have shapes {values.shape} and {matrix.shape}; for {count} "
+            f"parameters ({count},) and ({count}, {count}) are needed"
+        )
+    if not (np.isfinite(values).all() and np.isfinite(matrix).all()):
+        raise IdentificationError("theta and covariance hold numbers that are not finite")
+    size = np.sqrt(np.abs(np.diag(matrix)))
+    scaled = matrix / np.outer(size, size) if (size > 0.0).all() else matrix
+    least = float(np.linalg.eigvalsh(0.5 * (scaled + scaled.T))[0])
+    if not np.allclose(scaled, scaled.T, atol=1e-9) or not least > 0.0:
+        raise IdentificationError(
+            "the first covariance is not symmetric and positive definite (smallest eigenvalue "
+            f"{least:.3g}, in units of its diagonal); no normal distribution has it"
+        )
+    return values, matrix
