@@ -57,7 +57,7 @@ def test_drawn_errors_are_measured_less_simulated(name):
     by_hand = np.concatenate(errors)[:-1]
     drawn = own.errors[0]
     both = np.isfinite(drawn) & np.isfinite(by_hand)
-    assert both.mean() > 0.9 and (np.diff(own.t) > 0.0).all()
+    assert both.mean() > 0.8 and (np.diff(own.t) > 0.0).all()
     spread = np.std(by_hand[both])
     assert np.median(np.abs(drawn[both] - by_hand[both])) < 0.05 * spread
     figure = simulation_figure(result, own, 1, 2, 500)
