@@ -31,7 +31,8 @@ DOORS = (
 )  # fmt: skip
 
 #: 6,000, loops whose law reads whole counts, iterations that go back and forth, noise of the
-#: equations, methods that fit a simulation, logs without torque, options of regressions and filters.
+#: equations, methods that fit a simulation, logs without torque, options of regressions and of
+#: filters.
 MAX_LINES_OF_PACKAGE = 7500
 #: 91,000, the causes of model error, loops whose law reads whole counts, the paper's page,
 #: designed motions that collide with nothing, and the programs that robots run them with, tangents

@@ -9,8 +9,9 @@ import numpy as np
 
 from pivident.audit.timing import Timing, at_equal_intervals
 from pivident.estimation.kinematics import ABOVE_HALF_POWER
-from pivident.estimation.methods import MOTION_BAND, SAMPLES_OF_A_PERIOD
+from pivident.estimation.signal_recipes import SAMPLES_OF_A_PERIOD
 from pivident.logs.log import Log
+from pivident.motion.kinematics import MOTION_BAND
 from pivident.signals.bandpass import bandpass
 from pivident.signals.random_walk import half_power_frequencies
 from pivident.text.finding import Finding, Quantity
