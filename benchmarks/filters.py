@@ -5,9 +5,9 @@ code stand on the page `docs/theory/filters.md`.
 
 *time*: one update of a TX40 with 34 parameters (28 essential ones and six offsets), called from
 Python. *accuracy*: median relative error and share of 95 % intervals that hold the truth, planar
-arm (1 kHz, 10 s, encoder 2e-6 rad, torque 0.05 N m) and TX40 in the scenario *fine*. *drift*: friction
-of the planar arm grows by 10 % in 100 s; lag and standard deviation of the estimates. *particles*:
-the particle filter on the planar arm.
+arm (1 kHz, 10 s, encoder 2e-6 rad, torque 0.05 N m) and TX40 in the scenario *fine*. *drift*:
+friction of the planar arm grows by 10 % in 100 s; lag and standard deviation of the estimates.
+*particles*: the particle filter on the planar arm.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """Recursive least squares and recursive instruments, with exponential forgetting.
 
 Rows φ of τ = φθ come one sample at a time; older samples count less by μ each. Least squares
-carries the triangle of its information (Bierman 1977) and turns each row into it by Givens'
-rotations,
+carries the triangle of its information (Bierman 1977), into which Givens' rotations turn each row,
 
     [R d] ← Q [√μ R  √μ d; φ/σ  τ/σ],      R θ = d,      P = (RᵀR)⁻¹
 
