@@ -7,7 +7,16 @@ from pathlib import Path
 import pytest
 from pydantic_core import PydanticUndefined
 
-from pivident.estimation.methods import Bandpass, OutputError, PrefilteredIV, RandomWalk
+from pivident.estimation.methods import (
+    Bandpass,
+    CentralDifferenceKalman,
+    ExtendedKalman,
+    OutputError,
+    Particles,
+    PrefilteredIV,
+    RandomWalk,
+    UnscentedKalman,
+)
 from pivident.estimation.noise_options import Arma, AutoRegressive
 from pivident.experiment import consistency_keys as consistency_tables
 from pivident.experiment import excite_keys, room_keys, schema
@@ -30,6 +39,10 @@ TABLES = {
     "`[identify]`": (method_tables.IdentifyEntry, (PrefilteredIV,)),
     "methods": (method_tables.MethodEntry, (PrefilteredIV,)),
     "simulation methods": (method_tables.SimulationEntry, (OutputError,)),
+    "ekf": (method_tables.FilterEntry, (ExtendedKalman,)),
+    "ukf": (method_tables.UnscentedEntry, (UnscentedKalman,)),
+    "cdkf": (method_tables.CentralDifferenceEntry, (CentralDifferenceKalman,)),
+    "particle": (method_tables.ParticlesEntry, (Particles,)),
     "bandpass": (method_tables.BandpassEntry, (Bandpass,)),
     "random_walk": (method_tables.RandomWalkEntry, (RandomWalk,)),
     "noise": (method_tables.NoiseEntry, (AutoRegressive, Arma)),
