@@ -1,4 +1,11 @@
 from .auxiliary_model import AuxiliaryModel as AuxiliaryModel
+from .filter_methods import CentralDifferenceKalman as CentralDifferenceKalman
+from .filter_methods import ExtendedKalman as ExtendedKalman
+from .filter_methods import Particles as Particles
+from .filter_methods import UnscentedKalman as UnscentedKalman
+from .filters.online import KalmanFilter as KalmanFilter
+from .filters.recursive import RecursiveInstruments as RecursiveInstruments
+from .filters.recursive import RecursiveLeastSquares as RecursiveLeastSquares
 from .identify import build_regression as build_regression
 from .kinematics import estimate_kinematics as estimate_kinematics
 from .methods import Algebraic as Algebraic

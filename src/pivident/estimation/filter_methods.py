@@ -37,6 +37,7 @@ class StateFilter:
         simulates_loop: whether instruments come from a simulated loop, for all such methods.
         weight_power: power of λ in the weights, likewise.
         covariance: which covariance is reported, likewise.
+        label: name as in the literature, likewise.
     """
 
     signals: Bandpass | RandomWalk = field(default_factory=Bandpass)

@@ -154,6 +154,7 @@ class KalmanFilter:
             Innovations in standard deviations, and these [rad or m], shape (2, samples, joints).
 
         Raises:
+            IdentificationError: the filter has no first position.
             FilterDiverged: names the sample and the innovation.
         """
         if not self._started:

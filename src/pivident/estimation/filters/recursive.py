@@ -67,6 +67,9 @@ class RecursiveLeastSquares(Recursion):
             parameters: what is estimated.
             torque_std: see the class.
             forgetting: see the class.
+
+        Returns:
+            The recursion, without any sample.
         """
         made = cls(robot.size, len(parameters), torque_std=torque_std, forgetting=forgetting)
         made._equations = robot_equations(robot, tuple(parameters), simulated=False)
@@ -159,6 +162,9 @@ class RecursiveInstruments(Recursion):
             parameters: what is estimated.
             torque_std: see the class.
             forgetting: see the class.
+
+        Returns:
+            The recursion, without any sample.
         """
         made = cls(robot.size, len(parameters), torque_std=torque_std, forgetting=forgetting)
         made._equations = robot_equations(robot, tuple(parameters), simulated=False)
