@@ -13,7 +13,7 @@ import numpy as np
 
 from pivident.errors import ExperimentError
 from pivident.estimation.noise_options import CovarianceKind
-from pivident.estimation.signal_recipes import Bandpass, RandomWalk
+from pivident.estimation.signal_recipes import Bandpass, SignalRecipe
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +40,7 @@ class StateFilter:
         label: name as in the literature, likewise.
     """
 
-    signals: Bandpass | RandomWalk = field(default_factory=Bandpass)
+    signals: SignalRecipe = field(default_factory=Bandpass)
     start: Literal["least-squares", "initial"] = "least-squares"
     spread: float | None = None
     drift: float = 0.0

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -114,7 +115,7 @@ def settled_recipe(signals: SignalRecipe, recordings: Sequence[Recording]) -> Si
     """
     if isinstance(signals, RandomWalk):
         return signals
-    settled = signals
+    settled: Any = signals
     if signals.decimation is None and signals.bandwidth is None:
         settled = replace(settled, bandwidth=signals.band(min(r.rate for r in recordings)))
     if isinstance(signals, Bandpass) and signals.cutoff is None:

@@ -150,7 +150,7 @@ class Algebraic(Decimated):
     bandwidth: float | None = None
     align: bool = True
 
-    convention: ClassVar[Convention] = "matlab"
+    convention: ClassVar[Convention] = "matlab"  # type: ignore[misc]  # no option here
 
     def __post_init__(self) -> None:
         if not np.all(np.atleast_1d(1.0 if self.window is None else self.window) > 0.0):

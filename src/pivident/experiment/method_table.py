@@ -60,7 +60,8 @@ def method_of(name: str, entry: IdentifyEntry) -> Method:
         assert isinstance(ready, (Regression, StateFilter))
         with concerning_method(name):
             return _regression(ready, entry, own)
-    assert isinstance(own, MethodEntry) and not isinstance(ready, (OutputError, StateFilter))
+    assert isinstance(own, MethodEntry)
+    assert isinstance(ready, (LeastSquares, InstrumentalVariables, PrefilteredIV))
     with concerning_method(name):
         _check_keys(name, ready, own)
     if isinstance(ready, LeastSquares):

@@ -19,7 +19,13 @@ import numpy as np
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.friction_table import dry_friction_level
 from pivident.errors import ExperimentError, FilterDiverged
-from pivident.estimation.filter_methods import ExtendedKalman, Particles, StateFilter
+from pivident.estimation.filter_methods import (
+    CentralDifferenceKalman,
+    ExtendedKalman,
+    Particles,
+    StateFilter,
+    UnscentedKalman,
+)
 from pivident.estimation.filters.online import KalmanFilter
 from pivident.estimation.iteration import Estimate
 from pivident.estimation.kinematics import estimate_kinematics
@@ -96,6 +102,7 @@ class FilterSetup:
 
     def kalman(self, problem: Problem, method: StateFilter) -> KalmanFilter:
         """A filter that starts here."""
+        assert isinstance(method, (ExtendedKalman, UnscentedKalman, CentralDifferenceKalman))
         return KalmanFilter(
             problem.robot, problem.regressor.parameters, self.theta, self.covariance,
             rate=self.rate, encoder_std=self.encoder, torque_std=self.torque, drift=self.drift,

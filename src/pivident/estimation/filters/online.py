@@ -230,7 +230,7 @@ def _spread(name: str, value: ArrayLike, count: int, positive: bool = False) -> 
     least = float(given.min(initial=np.inf))
     if not np.isfinite(given).all() or least < 0.0 or (positive and least == 0.0):
         raise IdentificationError(
-            f"{name} is {value}; it has to be {'positive' if positive else 'zero or more'}"
+            f"{name} is {value!r}; it has to be {'positive' if positive else 'zero or more'}"
         )
     return np.broadcast_to(given, count).copy()
 

@@ -82,7 +82,8 @@ class Recursion:
         std = np.asarray(torque_std, dtype=float)
         if std.shape not in ((), (joints,)) or not (np.isfinite(std) & (std > 0.0)).all():
             raise IdentificationError(
-                f"torque_std is {torque_std}; one positive number, or one for each of {joints} rows"
+                f"torque_std is {torque_std!r}; one positive number, or one for each of {joints} "
+                "rows"
             )
         if not 0.0 < forgetting <= 1.0:
             raise IdentificationError(f"forgetting is {forgetting}; above 0 and at most 1")

@@ -145,8 +145,8 @@ def _periods(problem: Problem, recording: Recording, method: FrequencyDomain) ->
     # All periods in one: where one ends there is no edge for noise to leak from.
     whole = slice(places.start, places.start + places.count * places.length)
     moved = derivatives_on_lines(recording.q.T[:, whole], rate, signals.cutoffs(n))
-    moved = (*moved, torque_on_lines(recording.tau.T[:, whole], recording))
-    q, dq, ddq, tau = (places.filled(x, recording.samples) for x in moved)
+    torque = torque_on_lines(recording.tau.T[:, whole], recording)
+    q, dq, ddq, tau = (places.filled(x, recording.samples) for x in (*moved, torque))
     slow = ~problem.speed_limits(recording).moving(places.split(dq).mean(axis=1))
     window = window_around(slow, 0.5 * rate / signals.cutoffs(n))
     unknown = np.full(n, np.nan)

@@ -98,10 +98,11 @@ class Rows:
         """R of the factors Q R = [Φ τ]/√λ of all rows, shape (size + 1, size + 1)."""
         made = np.zeros((0, self.size + 1))
         for own in self.joints:
-            reduced = np.linalg.qr(np.vstack([own.phi, own.tau])[:, own.used].T, mode="r")
+            rows = np.vstack([own.phi, own.tau])[:, own.used].T
+            reduced = np.asarray(np.linalg.qr(rows, mode="r"))
             block = np.zeros((len(reduced), self.size + 1))
             block[:, np.append(own.columns, self.size)] = reduced
-            made = np.linalg.qr(np.vstack([made, block]), mode="r")
+            made = np.asarray(np.linalg.qr(np.vstack([made, block]), mode="r"))
         return made
 
 

@@ -60,11 +60,10 @@ def parameter_box(rows: Rows, bound: np.ndarray | None, start: np.ndarray) -> Pa
             contradict most.
     """
     program = _Program(rows, np.ones(len(rows.joints)), start)
-    given = bound is not None
-    if given:
+    if bound is not None:
         program.relative = np.asarray(bound, float) / rows.root
     least = program.least()
-    if not given:
+    if bound is None:
         program.relative = np.full(len(rows.joints), MARGIN * least)
     elif least > 1.0 + SLACK:
         raise _contradiction(rows, program, bound, least)
