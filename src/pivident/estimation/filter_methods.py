@@ -13,6 +13,7 @@ import numpy as np
 
 from pivident.errors import ExperimentError
 from pivident.estimation.noise_options import CovarianceKind
+from pivident.estimation.option_checks import check_positive
 from pivident.estimation.signal_recipes import Bandpass, SignalRecipe
 
 
@@ -65,7 +66,7 @@ class StateFilter:
                 f"start is {self.start!r}; choose 'least-squares' or 'initial'"
             ).about("start")
         if self.spread is not None:
-            _check_positive("spread", self.spread)
+            check_positive("spread", self.spread)
         if not (np.isfinite(self.drift) and self.drift >= 0.0):
             raise ExperimentError(f"drift is {self.drift}; zero or more").about("drift")
         if self.passes < 1:
@@ -73,7 +74,7 @@ class StateFilter:
         for name in ("encoder_noise", "torque_noise"):
             given = getattr(self, name)
             for value in np.atleast_1d([] if given is None else given).tolist():
-                _check_positive(name, value)
+                check_positive(name, value)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,7 +104,7 @@ class UnscentedKalman(StateFilter):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _check_positive("alpha", self.alpha)
+        check_positive("alpha", self.alpha)
         _check_switch(self.square_root)
 
 
@@ -154,11 +155,6 @@ class Particles(StateFilter):
             )
         if self.seed < 0:
             raise ExperimentError(f"seed is {self.seed}; zero or more").about("seed")
-
-
-def _check_positive(name: str, value: float) -> None:
-    if not (np.isfinite(value) and value > 0.0):
-        raise ExperimentError(f"{name} is {value}; it has to be positive").about(name)
 
 
 def _check_switch(square_root: bool) -> None:

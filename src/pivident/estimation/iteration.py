@@ -30,6 +30,7 @@ from pivident.estimation.noise_identification import Prefilters
 from pivident.estimation.normal_equations import (
     JointSums,
     Solution,
+    joint_variances,
     relative_residual,
     weighted_solution,
 )
@@ -80,6 +81,12 @@ def has_settled(theta: np.ndarray, last: np.ndarray, std: np.ndarray) -> bool:
     """Whether an estimate changed so little that its load stands still."""
     change = np.abs(theta - last)
     return bool((change <= LOAD_SETTLED * std + ROUNDING * np.abs(theta).max()).all())
+
+
+def relative_change(theta: np.ndarray, last: np.ndarray) -> float:
+    """Largest change relative to the larger of both values."""
+    size = np.maximum(np.maximum(np.abs(theta), np.abs(last)), 1e-300)
+    return float((np.abs(theta - last) / size).max(initial=0.0))
 
 
 #: Condition number from which on a motion hardly separates some parameters.
@@ -182,6 +189,25 @@ class Estimate(Pass):
     def reservations(self) -> list[Finding]:
         """Parameters that the motion hardly separates."""
         return poor_motion(self.solution)
+
+
+def solved_otherwise(
+    start: Estimate, theta: np.ndarray, covariance: np.ndarray, condition: float, passes: np.ndarray
+) -> tuple[Estimate, tuple[Iteration, ...]]:
+    """An estimate of the same equations by another method than theirs, and its passes.
+
+    ``start``: least squares; ``theta``, ``covariance`` and ``condition``: what the method found;
+    ``passes``: parameters after each, shape (passes, parameters).
+    """
+    solution = Solution(theta, covariance, condition, start.solution.weakest)
+    variance = joint_variances(start.sums, theta)
+    history, last = [], start.theta
+    for own in passes:
+        residual = relative_residual(start.sums, own, start.variance)
+        history.append(Iteration(own, relative_change(own, last), residual))
+        last = own
+    made = replace(start, number=len(passes), theta=theta, solution=solution, variance=variance)
+    return made, tuple(history)
 
 
 class Steps(Protocol):

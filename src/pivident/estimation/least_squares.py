@@ -18,9 +18,10 @@ from pivident.estimation.iteration import (
     Say,
     estimate_without_load,
     has_settled,
+    relative_change,
 )
 from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.methods import LeastSquares
+from pivident.estimation.methods import LeastSquares, Regression, StateFilter
 from pivident.estimation.noise_identification import Prefilters
 from pivident.estimation.normal_equations import JointSums, Solution, relative_residual, solve
 from pivident.estimation.problem import Problem
@@ -52,6 +53,16 @@ def least_squares_on(
     return answer(problem, method, estimate, run)
 
 
+def least_squares_start(
+    problem: Problem, method: Regression | StateFilter, say: Say
+) -> tuple[list[Kinematics], Estimate]:
+    """Motions and torques by a method's recipe, and least squares on them, where it begins."""
+    say(f"{method.label}: filtering the records")
+    kinematics = [estimate_kinematics(r, method.signals) for r in problem.recordings]
+    least = LeastSquares(signals=method.signals)
+    return kinematics, settled_least_squares(problem, least, kinematics, say)[0]
+
+
 def settled_least_squares(
     problem: Problem,
     method: LeastSquares,
@@ -69,7 +80,7 @@ def settled_least_squares(
         if theta is not None:
             std = np.sqrt(np.diag(estimate.solution.covariance))
             settled = has_settled(estimate.theta, theta, std)
-            change = _change(estimate.theta, theta)
+            change = relative_change(estimate.theta, theta)
         residual = relative_residual(estimate.sums, estimate.theta, estimate.variance)
         made = Iteration(estimate.theta, change, residual)
         run = Run((*run.history, made), settled)
@@ -103,12 +114,6 @@ def _estimate(
     sums = accumulate(problem.regressor, records, prefilters.filters)
     solution, variance = _solve(problem, method, sums)
     return Estimate(1, solution.theta, None, records, prefilters, sums, solution, variance)
-
-
-def _change(theta: np.ndarray, last: np.ndarray) -> float:
-    """Largest change relative to the larger of both values."""
-    size = np.maximum(np.maximum(np.abs(theta), np.abs(last)), 1e-300)
-    return float((np.abs(theta - last) / size).max())
 
 
 def _solve(

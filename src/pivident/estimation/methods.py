@@ -18,6 +18,7 @@ from pivident.estimation.filter_methods import (
     UnscentedKalman,
 )
 from pivident.estimation.noise_options import Arma, AutoRegressive, CovarianceKind
+from pivident.estimation.option_checks import check_iteration
 from pivident.estimation.regression_methods import (
     Adaline,
     CorrelatedJoints,
@@ -30,7 +31,6 @@ from pivident.estimation.regression_methods import (
     RobustRegression,
     SetMembership,
     TotalLeastSquares,
-    check_iteration,
 )
 from pivident.estimation.signal_recipes import (
     Algebraic,

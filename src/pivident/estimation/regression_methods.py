@@ -14,20 +14,8 @@ import numpy as np
 
 from pivident.errors import ExperimentError
 from pivident.estimation.noise_options import CovarianceKind
+from pivident.estimation.option_checks import check_iteration, check_positive
 from pivident.estimation.signal_recipes import Bandpass, SignalRecipe
-
-
-def check_iteration(tolerance: float, max_iterations: int) -> None:
-    """Refuse a tolerance or a number of passes that end nothing."""
-    if not 0 < tolerance < 1:
-        raise ExperimentError(f"tolerance must lie between 0 and 1, not {tolerance}")
-    if max_iterations < 1:
-        raise ExperimentError(f"max_iterations must be at least 1, not {max_iterations}")
-
-
-def _check_positive(name: str, value: float) -> None:
-    if not (np.isfinite(value) and value > 0.0):
-        raise ExperimentError(f"{name} is {value}; it has to be positive").about(name)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,7 +99,7 @@ class Ridge(Regression):
 
     def __post_init__(self) -> None:
         if self.penalty is not None:
-            _check_positive("penalty", self.penalty)
+            check_positive("penalty", self.penalty)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,7 +125,7 @@ class PriorRegression(Regression):
     label: ClassVar[str] = "IDIM-MAP"
 
     def __post_init__(self) -> None:
-        _check_positive("spread", self.spread)
+        check_positive("spread", self.spread)
         for name, value in self.deviation.items():
             if not value > 0.0:  # infinite: nothing is known
                 raise ExperimentError(
@@ -196,7 +184,7 @@ class SetMembership(Regression):
 
     def __post_init__(self) -> None:
         for value in np.atleast_1d([] if self.bound is None else self.bound).tolist():
-            _check_positive("bound", value)
+            check_positive("bound", value)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -223,7 +211,7 @@ class FrequencyDomain(Regression):
     def __post_init__(self) -> None:
         check_iteration(self.tolerance, self.max_iterations)
         if self.period is not None:
-            _check_positive("period", self.period)
+            check_positive("period", self.period)
         if self.transient < 0:
             raise ExperimentError(
                 f"transient is {self.transient}; it is a number of periods, 0 or more"
@@ -275,4 +263,4 @@ class Hopfield(Regression):
             raise ExperimentError(
                 f"reach is {self.reach}; the neurons have to reach the answer: more than 1"
             ).about("reach")
-        _check_positive("time", self.time)
+        check_positive("time", self.time)

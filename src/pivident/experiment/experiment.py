@@ -30,7 +30,7 @@ from pathlib import Path
 from pivident.consistency.method_names import free_methods, made_consistent
 from pivident.consistency.options import ConsistencyOptions
 from pivident.errors import ExperimentError, IdentificationError
-from pivident.estimation.methods import METHODS, WITHOUT_TORQUE, Method, Regression, StateFilter
+from pivident.estimation.methods import METHODS, WITHOUT_TORQUE, Method
 from pivident.estimation.problem import Problem
 from pivident.estimation.without_torque import needs_torques
 from pivident.experiment.consistency_table import consistency_of
@@ -234,7 +234,7 @@ class Experiment:
                     f"{WITHOUT_TORQUE[0]}"
                 ).within("identify", "methods")
             return
-        if isinstance(method, (Regression, StateFilter)):
+        if not method.simulates_loop:
             return
         if controller is None:
             wanted = getattr(method, "instruments", "auto") == "loop"

@@ -23,11 +23,8 @@ from pivident.estimation.methods import (
     InstrumentalVariables,
     LeastSquares,
     Method,
-    OutputError,
     PrefilteredIV,
     RandomWalk,
-    Regression,
-    StateFilter,
     method_named,
 )
 from pivident.estimation.normal_equations import JointSums
@@ -185,18 +182,13 @@ def _full_rate(
 ) -> LeastSquares | InstrumentalVariables | PrefilteredIV:
     """The method with signals at the full sampling rate."""
     made = method_named(method)
-    if isinstance(made, (OutputError, StateFilter)):
-        raise ExperimentError(
-            f"{made.label} has no payload variant; use piv, iv-full-rate or ls for the load"
-        )
+    refused = ExperimentError(
+        f"{made.label} has no payload variant; use piv, iv-full-rate or ls for the load"
+    )
+    if not isinstance(made, (LeastSquares, InstrumentalVariables, PrefilteredIV)):
+        raise refused
     if isinstance(made, PrefilteredIV) and (made.as_printed or made.regressor == "simulated"):
-        raise ExperimentError(
-            f"{made.label} has no payload variant; use piv, iv-full-rate or ls for the load"
-        )
-    if isinstance(made, Regression) and not isinstance(made, LeastSquares):
-        raise ExperimentError(
-            f"{made.label} has no payload variant; use piv, iv-full-rate or ls for the load"
-        )
+        raise refused
     if isinstance(made, LeastSquares) and not made.weighted:
         raise ExperimentError("ols does not weight the joints; use ls for the load")
     if not isinstance(made.signals, RandomWalk):

@@ -10,7 +10,6 @@ assumed is that w and v are white; a filter's own intervals hold for such noises
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -26,12 +25,9 @@ from pivident.estimation.filters.filter_setup import (
     stretches_of,
 )
 from pivident.estimation.filters.robot_equations import robot_equations
-from pivident.estimation.identification import Identification, Iteration
-from pivident.estimation.iteration import Estimate, Run, Say
-from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.least_squares import settled_least_squares
-from pivident.estimation.methods import LeastSquares
-from pivident.estimation.normal_equations import Solution, joint_variances, relative_residual
+from pivident.estimation.identification import Identification
+from pivident.estimation.iteration import Estimate, Run, Say, solved_otherwise
+from pivident.estimation.least_squares import least_squares_start
 from pivident.estimation.problem import Problem
 from pivident.text.finding import Finding, Quantity
 
@@ -47,19 +43,12 @@ def identify_filter(problem: Problem, method: StateFilter, say: Say) -> Identifi
     estimate, setup, stretches = prepared(problem, method, say)
     say(f"{method.label}: {sum(len(s.q) for s in stretches)} samples")
     made = run_filter(problem, method, setup, stretches)
-    solution = Solution(
-        made.theta, made.covariance, estimate.solution.condition, estimate.solution.weakest
-    )
-    result = replace(
-        estimate,
-        number=len(made.passes),
-        theta=made.theta,
-        solution=solution,
-        variance=joint_variances(estimate.sums, made.theta),
+    result, history = solved_otherwise(
+        estimate, made.theta, made.covariance, estimate.solution.condition, made.passes
     )
     findings = (assumption(problem, method, made), *whiteness(problem, made))
     covariances = Covariances(made.robust, made.covariance)
-    run = Run(_history(estimate, made), True)
+    run = Run(history, True)
     return answer(problem, method, result, run, findings, covariances=covariances)
 
 
@@ -74,28 +63,13 @@ class Prepared(NamedTuple):
 def prepared(problem: Problem, method: StateFilter, say: Say) -> Prepared:
     """Least squares, noises and the samples that are gone through."""
     robot_equations(problem.robot, problem.regressor.parameters)  # refused before minutes of work
-    say(f"{method.label}: filtering the records")
-    kinematics = [estimate_kinematics(r, method.signals) for r in problem.recordings]
-    least = LeastSquares(signals=method.signals)
-    estimate, _ = settled_least_squares(problem, least, kinematics, say)
+    kinematics, estimate = least_squares_start(problem, method, say)
     encoder = encoder_noise(problem, method)
     stretches = stretches_of(problem, kinematics, encoder)
     say(f"{method.label}: noise of the torques")
     return Prepared(
         estimate, filter_setup(problem, method, estimate, stretches, encoder), stretches
     )
-
-
-def _history(estimate: Estimate, made: Filtered) -> tuple[Iteration, ...]:
-    """The passes."""
-    history, last = [], estimate.theta
-    for theta in made.passes:
-        size = np.maximum(np.maximum(np.abs(theta), np.abs(last)), 1e-300)
-        change = float((np.abs(theta - last) / size).max(initial=0.0))
-        residual = relative_residual(estimate.sums, theta, estimate.variance)
-        history.append(Iteration(theta, change, residual))
-        last = theta
-    return tuple(history)
 
 
 def assumption(problem: Problem, method: StateFilter, made: Filtered) -> Finding:

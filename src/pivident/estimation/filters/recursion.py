@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import math
+from typing import Self
 
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
 from pivident.dynamics.kernels import link_poses
+from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.rigid_body_slopes import inertial_columns, move_links, place_links
 from pivident.errors import IdentificationError
-from pivident.estimation.filters.midpoint_step import StepWork
-from pivident.estimation.filters.robot_equations import RobotEquations, add_local_columns
+from pivident.estimation.filters.midpoint_step import StepWork, step_work
+from pivident.estimation.filters.robot_equations import (
+    RobotEquations,
+    add_local_columns,
+    robot_equations,
+)
+from pivident.robot.description import Robot
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -78,7 +85,9 @@ def add_up(gram, moment, squares, phi, tau, z, weight, forgetting):
 class Recursion:
     """Rows of a robot, or of anything else, and what they weigh."""
 
-    def __init__(self, joints: int, size: int, torque_std: ArrayLike, forgetting: float) -> None:
+    def __init__(
+        self, joints: int, size: int, *, torque_std: ArrayLike = 1.0, forgetting: float = 1.0
+    ) -> None:
         std = np.asarray(torque_std, dtype=float)
         if std.shape not in ((), (joints,)) or not (np.isfinite(std) & (std > 0.0)).all():
             raise IdentificationError(
@@ -93,6 +102,31 @@ class Recursion:
         self._tau, self._motion = np.zeros(joints), np.zeros((3, joints))
         self._equations: RobotEquations | None = None
         self._work: StepWork | None = None
+
+    @classmethod
+    def of_robot(
+        cls,
+        robot: Robot,
+        parameters: tuple[Parameter, ...],
+        *,
+        torque_std: ArrayLike = 1.0,
+        forgetting: float = 1.0,
+    ) -> Self:
+        """With the rows of a robot, for ``update_motion``.
+
+        Args:
+            robot: the robot.
+            parameters: what is estimated.
+            torque_std: see the class.
+            forgetting: see the class.
+
+        Returns:
+            The recursion, without any sample.
+        """
+        made = cls(robot.size, len(parameters), torque_std=torque_std, forgetting=forgetting)
+        made._equations = robot_equations(robot, tuple(parameters), simulated=False)
+        made._work = step_work(made._equations)
+        return made
 
     def _take(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, out: np.ndarray) -> None:
         """Φ of one instant into ``out``."""

@@ -21,11 +21,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pivident.dynamics.parameters import Parameter
-from pivident.estimation.filters.midpoint_step import step_work
 from pivident.estimation.filters.recursion import Recursion, add_up, turn_in
-from pivident.estimation.filters.robot_equations import robot_equations
-from pivident.robot.description import Robot
 
 #: Smallest diagonal of the information's triangle, relative to its column, that determines θ.
 DETERMINED = 1e-12
@@ -48,33 +44,8 @@ class RecursiveLeastSquares(Recursion):
     def __init__(
         self, joints: int, size: int, *, torque_std: ArrayLike = 1.0, forgetting: float = 1.0
     ) -> None:
-        super().__init__(joints, size, torque_std, forgetting)
+        super().__init__(joints, size, torque_std=torque_std, forgetting=forgetting)
         self._triangle, self._row = np.zeros((size, size + 1)), np.zeros(size + 1)
-
-    @classmethod
-    def of_robot(
-        cls,
-        robot: Robot,
-        parameters: tuple[Parameter, ...],
-        *,
-        torque_std: ArrayLike = 1.0,
-        forgetting: float = 1.0,
-    ) -> RecursiveLeastSquares:
-        """With the rows of a robot, for ``update_motion``.
-
-        Args:
-            robot: the robot.
-            parameters: what is estimated.
-            torque_std: see the class.
-            forgetting: see the class.
-
-        Returns:
-            The recursion, without any sample.
-        """
-        made = cls(robot.size, len(parameters), torque_std=torque_std, forgetting=forgetting)
-        made._equations = robot_equations(robot, tuple(parameters), simulated=False)
-        made._work = step_work(made._equations)
-        return made
 
     def update(self, phi: ArrayLike, tau: ArrayLike) -> None:
         """Take the rows of one sample.
@@ -142,34 +113,9 @@ class RecursiveInstruments(Recursion):
     def __init__(
         self, joints: int, size: int, *, torque_std: ArrayLike = 1.0, forgetting: float = 1.0
     ) -> None:
-        super().__init__(joints, size, torque_std, forgetting)
+        super().__init__(joints, size, torque_std=torque_std, forgetting=forgetting)
         self._gram, self._squares = np.zeros((size, size)), np.zeros((size, size))
         self._moment = np.zeros(size)
-
-    @classmethod
-    def of_robot(
-        cls,
-        robot: Robot,
-        parameters: tuple[Parameter, ...],
-        *,
-        torque_std: ArrayLike = 1.0,
-        forgetting: float = 1.0,
-    ) -> RecursiveInstruments:
-        """With the rows of a robot, for ``update_motion``.
-
-        Args:
-            robot: the robot.
-            parameters: what is estimated.
-            torque_std: see the class.
-            forgetting: see the class.
-
-        Returns:
-            The recursion, without any sample.
-        """
-        made = cls(robot.size, len(parameters), torque_std=torque_std, forgetting=forgetting)
-        made._equations = robot_equations(robot, tuple(parameters), simulated=False)
-        made._work = step_work(made._equations)
-        return made
 
     def update(self, phi: ArrayLike, tau: ArrayLike, z: ArrayLike) -> None:
         """Take the rows of one sample.

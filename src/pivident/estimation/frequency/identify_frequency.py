@@ -36,7 +36,7 @@ from pivident.estimation.frequency.whole_periods import (
     window_around,
 )
 from pivident.estimation.identification import Identification, Iteration
-from pivident.estimation.iteration import Estimate, Run, Say
+from pivident.estimation.iteration import Estimate, Run, Say, relative_change
 from pivident.estimation.kinematics import ABOVE_HALF_POWER, SHARE_OF_RATE
 from pivident.estimation.methods import Bandpass, FrequencyDomain
 from pivident.estimation.noise_identification import Prefilters
@@ -101,9 +101,8 @@ def identify_frequency(problem: Problem, method: FrequencyDomain, say: Say) -> I
         step = np.abs(theta - last)
         settled = step <= method.tolerance * np.sqrt(np.diag(solution.covariance))
         converged = number > 2 and bool(settled.all())
-        size = np.maximum(np.maximum(np.abs(theta), np.abs(last)), 1e-300)
         residual = relative_residual(sums, theta, variance)
-        history.append(Iteration(theta, float((step / size).max()), residual))
+        history.append(Iteration(theta, relative_change(theta, last), residual))
         say(f"estimate {number}: relative error {residual:.3g}")
         if not converged and number < method.max_iterations:
             weights, variance = _weights(problem, made, theta)

@@ -6,21 +6,19 @@ where the methods begin.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from pivident.errors import ExperimentError
 from pivident.estimation.answer import Covariances, answer
-from pivident.estimation.identification import Identification, Iteration
-from pivident.estimation.iteration import Estimate, Run, Say
-from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.least_squares import settled_least_squares
+from pivident.estimation.identification import Identification
+from pivident.estimation.iteration import Run, Say, solved_otherwise
+from pivident.estimation.least_squares import least_squares_start
 from pivident.estimation.methods import (
     Adaline,
     CorrelatedJoints,
     Hopfield,
-    LeastSquares,
     PriorRegression,
     Regression,
     Ridge,
@@ -28,7 +26,6 @@ from pivident.estimation.methods import (
     SetMembership,
     TotalLeastSquares,
 )
-from pivident.estimation.normal_equations import Solution, joint_variances, relative_residual
 from pivident.estimation.problem import Problem
 from pivident.estimation.regression.correlated_joints import joint_covariance, solve_correlated
 from pivident.estimation.regression.networks import solve_adaline, solve_hopfield
@@ -62,10 +59,7 @@ class Noticed:
 
 def identify_regression(problem: Problem, method: Regression, say: Say) -> Identification:
     """Estimate by one of the regressions."""
-    say(f"{method.label}: filtering the records")
-    kinematics = [estimate_kinematics(r, method.signals) for r in problem.recordings]
-    least = LeastSquares(signals=method.signals)
-    estimate, _ = settled_least_squares(problem, least, kinematics, say)
+    _, estimate = least_squares_start(problem, method, say)
     filters = estimate.prefilters.filters
     equations = Equations(
         problem.regressor, tuple(estimate.records), tuple(filters), estimate.variance
@@ -73,15 +67,10 @@ def identify_regression(problem: Problem, method: Regression, say: Say) -> Ident
     say(f"{method.label}: solving")
     found = solved_rows(problem, method, Rows.of(equations), estimate.theta)
     made = found.solved
-    solution = Solution(made.theta, made.covariance, made.condition, estimate.solution.weakest)
-    result = replace(
-        estimate,
-        number=len(made.iterations),
-        theta=made.theta,
-        solution=solution,
-        variance=joint_variances(estimate.sums, made.theta),
+    result, history = solved_otherwise(
+        estimate, made.theta, made.covariance, made.condition, made.iterations
     )
-    run = Run(_history(estimate, made), made.converged)
+    run = Run(history, made.converged)
     covariances = Covariances(made.robust, made.covariance)
     return answer(problem, method, result, run, found.findings, covariances=covariances)
 
@@ -114,18 +103,6 @@ def solved_rows(problem: Problem, method: Regression, rows: Rows, start: np.ndar
     assert isinstance(method, Hopfield)
     made = solve_hopfield(rows, problem.initial_values(), method.reach, method.time)
     return Noticed(made, (_NETWORK,))
-
-
-def _history(estimate: Estimate, made: Solved) -> tuple[Iteration, ...]:
-    """The passes of a method."""
-    history, last = [], estimate.theta
-    for theta in made.iterations:
-        size = np.maximum(np.maximum(np.abs(theta), np.abs(last)), 1e-300)
-        change = float((np.abs(theta - last) / size).max(initial=0.0))
-        residual = relative_residual(estimate.sums, theta, estimate.variance)
-        history.append(Iteration(theta, change, residual))
-        last = theta
-    return tuple(history)
 
 
 _EQUAL_ERRORS = Finding(

@@ -15,6 +15,7 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.problem import Problem
 from pivident.estimation.regression.rows import NormalEquations, Rows
 from pivident.threads import linear_algebra_in_one_thread
+from pivident.validation.held_out.fold_estimates import without_fold
 from pivident.validation.held_out.folds import Fold
 from pivident.validation.held_out.regression_folds import rows_left_out
 
@@ -73,13 +74,10 @@ def _filtered(
         size = method.first_spread * np.sqrt(np.diag(normal.inverse))
         setup = replace(setup, theta=normal.solution, covariance=np.diag(size**2))
     filtered = run_filter(problem, method, setup, left)
-    return replace(
+    return without_fold(
         found,
-        theta=filtered.theta,
+        filtered.theta,
         covariance=filtered.covariance,
         robust_covariance=filtered.robust,
         formula_covariance=filtered.covariance,
-        recordings=(),
-        motion=found.fitted_range,
-        equations=None,
     )

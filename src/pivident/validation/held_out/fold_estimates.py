@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -117,13 +118,16 @@ def _solved(found: Identification, sums: Sequence[JointSums], whole: int) -> Ide
             "a longer motion"
         )
     share = whole / sum(joint.rows for joint in sums)
-    return replace(
-        found,
-        theta=solution.theta,
-        covariance=share * found.covariance,
-        robust_covariance=share * found.robust_covariance,
-        formula_covariance=share * found.formula_covariance,
-        recordings=(),
-        motion=found.fitted_range,
-        equations=None,
-    )
+    return without_fold(found, solution.theta, **widened(found, share))
+
+
+def widened(found: Identification, share: float) -> dict[str, np.ndarray]:
+    """Covariances of an estimate from fewer rows; ``share``: all rows over those."""
+    kinds = ("covariance", "robust_covariance", "formula_covariance")
+    return {kind: share * getattr(found, kind) for kind in kinds}
+
+
+def without_fold(found: Identification, theta: np.ndarray, **others: Any) -> Identification:
+    """An identification with other parameters, without the signals and equations of its own."""
+    motion = found.fitted_range
+    return replace(found, theta=theta, recordings=(), motion=motion, equations=None, **others)

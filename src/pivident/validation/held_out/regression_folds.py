@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from pivident.estimation.problem import Problem
 from pivident.estimation.regression.identify_regression import solved_rows
 from pivident.estimation.regression.rows import Rows
 from pivident.threads import linear_algebra_in_one_thread
-from pivident.validation.held_out.fold_estimates import POORER
+from pivident.validation.held_out.fold_estimates import POORER, without_fold
 from pivident.validation.held_out.folds import Fold
 
 
@@ -67,13 +66,10 @@ def _solved(
             f"{solved.condition:.3g}, with it {found.condition:.3g}); take more folds, or a longer "
             "motion"
         )
-    return replace(
+    return without_fold(
         found,
-        theta=solved.theta,
+        solved.theta,
         covariance=solved.covariance,
         robust_covariance=solved.robust,
         formula_covariance=solved.covariance,
-        recordings=(),
-        motion=found.fitted_range,
-        equations=None,
     )

@@ -32,7 +32,7 @@ from pivident.estimation.output_error.thinning import Thinning
 from pivident.estimation.simulation_result import SimulationResult
 from pivident.recording.recording import Recording
 from pivident.threads import linear_algebra_in_one_thread
-from pivident.validation.held_out.fold_estimates import POORER
+from pivident.validation.held_out.fold_estimates import POORER, widened, without_fold
 from pivident.validation.held_out.folds import Fold
 
 
@@ -90,15 +90,10 @@ def _without(
     values = fit.values + step
     more = _used(fit.made) / max(_used(kept), 1)
     count = len(found.theta)
-    return replace(
+    return without_fold(
         found,
-        theta=values[:count],
-        covariance=more * found.covariance,
-        robust_covariance=more * found.robust_covariance,
-        formula_covariance=more * found.formula_covariance,
-        recordings=(),
-        motion=found.fitted_range,
-        equations=None,
+        values[:count],
+        **widened(found, more),
         simulation=replace(
             simulation,
             loop_parameters=tuple(
