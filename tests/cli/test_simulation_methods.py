@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from pivident.cli import main
+from pivident.errors import ExperimentError
+from pivident.experiment.experiment import load_experiment
 from pivident.robot.urdf import read_urdf
 from tests.planar_log import EXPERIMENT, write_experiment
 
@@ -48,6 +50,16 @@ def test_gains_and_held_out_positions_are_stored(folder):
     assert {name: e["loop"] for name, e in held_out.items()} == {
         "piv": "closed", "cloe": "closed", "oloe": "open",
     }  # fmt: skip
+
+
+def test_an_open_loop_needs_no_control_law(tmp_path):
+    text = EXPERIMENT.replace('methods = ["ls"]', 'methods = ["oloe"]')
+    before, _, after = text.partition("[controller]")
+    path = write_experiment(tmp_path, before + after[after.index("[identify]") :])
+    assert load_experiment(path).methods()["oloe"].loop == "open"
+    path.write_text(path.read_text().replace("oloe", "cloe"))
+    with pytest.raises(ExperimentError, match="no table \\[controller\\]"):
+        load_experiment(path)
 
 
 def test_tables_are_printed(folder, capsys):

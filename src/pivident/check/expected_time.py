@@ -22,7 +22,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from pivident.compiled import is_compiled
-from pivident.estimation.methods import Method, Regression
+from pivident.estimation.methods import Method, OutputError, Regression
 from pivident.estimation.problem import Problem
 
 #: T₀: libraries, robot and records [s].
@@ -104,6 +104,8 @@ def first_run(methods: Mapping[str, Method]) -> float:
     from pivident.dynamics.regressor_kernels import observe
     from pivident.simulation.loop_kernel import run_loop
 
-    simulated = any(method.simulates_loop for method in methods.values())
+    simulated = any(
+        method.simulates_loop or isinstance(method, OutputError) for method in methods.values()
+    )
     missing = 0.0 if is_compiled(observe) else COMPILING[0]
     return missing + (COMPILING[1] if simulated and not is_compiled(run_loop) else 0.0)

@@ -223,7 +223,6 @@ class OutputError:
         tolerance: step, in standard errors, at which the iteration may end: no combination of
             unknowns moves by more.
         max_iterations: give up after so many.
-        simulates_loop: whether a loop is simulated, for all such methods.
         weight_power: power of λ in the weights, likewise.
     """
 
@@ -243,7 +242,6 @@ class OutputError:
     tolerance: float = 0.1
     max_iterations: int = 30
 
-    simulates_loop: ClassVar[bool] = True
     weight_power: ClassVar[float] = 1.0
 
     def __post_init__(self) -> None:
@@ -278,6 +276,11 @@ class OutputError:
         object.__setattr__(self, "free", tuple(self.free))
         bounds = {name: (float(low), float(high)) for name, (low, high) in self.bounds.items()}
         object.__setattr__(self, "bounds", bounds)
+
+    @property
+    def simulates_loop(self) -> bool:
+        """Whether the control loop is simulated: in open loop it is not."""
+        return self.loop == "closed"
 
     @property
     def label(self) -> str:
