@@ -174,8 +174,8 @@ class SetMembership(Regression):
     """Intervals that are guaranteed where each row's error keeps to its bound.
 
     Attributes:
-        bound: bound of the torque's error of all joints, or of each [N m or N]; None: the least
-            that leaves any parameters, and a tenth: no guarantee then.
+        bound: bound of the torque's error of all joints, or of each [N m or N]; None: the
+            largest that least squares leaves, and a tenth: no guarantee then.
     """
 
     bound: float | tuple[float, ...] | None = None

@@ -20,7 +20,8 @@ _MARGIN = 6.0
 #: A nominal value farther away than this, in widths of all intervals, is only pointed at.
 _FAR = 1.5
 
-#: Outlines of the methods' markers about their middle [px]: dot, square, diamond, triangles, cross.
+#: Outlines of the methods' markers about their middle [px]: dot, square, diamond, triangles up and
+#: down, cross, triangles to both sides, bars upright and lying.
 MARKERS = (
     "M-3.2 0a3.2 3.2 0 1 0 6.4 0a3.2 3.2 0 1 0-6.4 0z",
     "M-2.9-2.9h5.8v5.8h-5.8z",
@@ -28,6 +29,10 @@ MARKERS = (
     "M0-3.9l3.9 6.6h-7.8z",
     "M0 3.9l3.9-6.6h-7.8z",
     "M-1.3-4h2.6v2.7h2.7v2.6h-2.7v2.7h-2.6v-2.7h-2.7v-2.6h2.7z",
+    "M3.9 0l-6.6 3.9v-7.8z",
+    "M-3.9 0l6.6 3.9v-7.8z",
+    "M-1.5-4h3v8h-3z",
+    "M-4-1.5h8v3h-8z",
 )
 
 

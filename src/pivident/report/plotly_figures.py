@@ -19,7 +19,10 @@ from pivident.validation.residuals.residual_tests import JointResidualTests
 
 #: Colours of the methods, and of the joints, on white; then they repeat. After Okabe and Ito
 #: (2008), distinct for any colour vision; vermilion is kept for errors.
-METHOD_COLOURS = ("#0072b2", "#b87a00", "#009e73", "#b5568f", "#2f8fc7", "#7a7430")
+METHOD_COLOURS = (
+    "#0072b2", "#b87a00", "#009e73", "#b5568f", "#2f8fc7", "#7a7430", "#6a51a3", "#8c564b",
+    "#a6323e", "#3f7f3f",
+)  # fmt: skip
 
 MEASURED, ERROR, SHADE = "#7f8999", "#d55e00", "rgba(138, 147, 163, 0.22)"
 
@@ -31,6 +34,10 @@ DARK_COLOURS = {
     "#b5568f": "#e08fbf",
     "#2f8fc7": "#7cc7f2",
     "#7a7430": "#b9b25a",
+    "#6a51a3": "#a894dd",
+    "#8c564b": "#c9958b",
+    "#a6323e": "#ec8f97",
+    "#3f7f3f": "#8bcf8b",
     MEASURED: "#98a2b3",
     ERROR: "#ff8a3d",
 }

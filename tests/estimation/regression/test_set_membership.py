@@ -47,11 +47,12 @@ def test_bounds_that_nothing_keeps_to_name_joint_and_row():
         parameter_box(rows, BOUND, TRUTH)
 
 
-def test_without_a_bound_it_is_the_least_one_and_a_tenth():
-    rows = bounded(4)
-    box = parameter_box(rows, None, np.zeros(4))
+def test_without_a_bound_it_is_the_largest_error_of_the_start_and_a_tenth():
+    rows = bounded(4, root=(0.2, 3.0))
     dense, torque = stacked(rows)
-    upper = np.block([[dense, -np.ones((600, 1))], [-dense, -np.ones((600, 1))]])
-    made = linprog(np.eye(5)[4], upper, np.append(torque, -torque), bounds=[(None, None)] * 5)
-    np.testing.assert_allclose(box.bound, MARGIN * made.x[4], rtol=1e-6)
-    assert (box.high > box.low).all()
+    least = np.linalg.lstsq(dense, torque, rcond=None)[0]
+    box = parameter_box(rows, None, least)
+    errors = np.abs(torque - dense @ least).reshape(2, -1).max(axis=1)
+    np.testing.assert_allclose(box.bound, MARGIN * errors * rows.root, rtol=1e-9)
+    assert (box.low < least).all() and (least < box.high).all()
+    assert (box.low < TRUTH).all() and (TRUTH < box.high).all()

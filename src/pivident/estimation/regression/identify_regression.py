@@ -236,8 +236,8 @@ def _members(problem: Problem, method: SetMembership, rows: Rows, start: np.ndar
         )
         return Noticed(made, (Finding("note", "regression", "bounded errors", text),))
     text = (
-        "No bound of the torque's error was given: the least that leaves any parameters was taken, "
-        "and a tenth more. Its intervals are no guarantee."
+        "No bound of the torque's error was given: the largest error that least squares leaves was "
+        "taken, and a tenth more. Its intervals are no guarantee."
     )
     step = "Give bound, the largest error that sensor and model can make."
     evidence = {

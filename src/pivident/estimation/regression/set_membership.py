@@ -9,8 +9,8 @@ intervals, together and without a probability. The estimate is the middle of eac
 The programs have few rows that matter. They are solved on some, those that the solution violates
 are added, until there are none.
 
-Without a bound, ε_j = m λ_j^(1/2) with the smallest m for which any θ is left, times ``MARGIN``: a
-statement about these rows, no guarantee.
+Without a bound, ε_j is the largest error that least squares leaves on joint j, times ``MARGIN``, so
+that its estimate is inside: a statement about these rows, no guarantee.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ ADDED = 40
 #: Violation, in bounds, that is none.
 SLACK = 1e-9
 
-#: Bounds without a word of the user, over the smallest that leave any parameters.
+#: Bounds without a word of the user, over the largest errors of least squares.
 MARGIN = 1.1
 
 
@@ -52,20 +52,19 @@ def parameter_box(rows: Rows, bound: np.ndarray | None, start: np.ndarray) -> Pa
 
     Args:
         rows: the equations, weighted by 1/√λ_j.
-        bound: ε of each joint, shape (joints,) [N m or N]; None: from the record.
-        start: parameters near the middle, for the first rows, shape (parameters,).
+        bound: ε of each joint, shape (joints,) [N m or N]; None: from the errors of ``start``.
+        start: parameters near the middle, shape (parameters,).
 
     Raises:
         IdentificationError: no parameters keep to the bound; names the joint and the row that
             contradict most.
     """
-    program = _Program(rows, np.ones(len(rows.joints)), start)
-    if bound is not None:
-        program.relative = np.asarray(bound, float) / rows.root
-    least = program.least()
     if bound is None:
-        program.relative = np.full(len(rows.joints), MARGIN * least)
-    elif least > 1.0 + SLACK:
+        largest = np.abs(rows.residuals(start)).max(axis=1)
+        bound = MARGIN * np.maximum(largest, SLACK * largest.max()) * rows.root
+    program = _Program(rows, np.asarray(bound, float) / rows.root, start)
+    least = program.least()
+    if least > 1.0 + SLACK:
         raise _contradiction(rows, program, bound, least)
     low, high = np.empty((2, rows.size))
     for i in range(rows.size):
