@@ -61,7 +61,7 @@ def test_conditions_have_folders_of_their_own(tmp_path, capsys, in_this_process)
     only = tmp_path / "only"
     command = ["study", str(tmp_path / "arm.toml"), "--runs", "2", "--out", str(only)]
     assert main([*command, "--condition", "lo*"]) == 0
-    assert sorted(p.name for p in only.iterdir()) == ["low", "summary.json"]
+    assert sorted(p.name for p in only.iterdir()) == ["low", "report.html", "summary.json"]
 
 
 def test_an_optimised_motion_is_kept_with_the_results(tmp_path, in_this_process, monkeypatch):

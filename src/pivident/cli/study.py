@@ -10,6 +10,7 @@ from cyclopts import Parameter
 
 from pivident.cli.console import Progress, note
 from pivident.cli.workers import check_count, chosen_pool
+from pivident.text.lists import separated
 
 if TYPE_CHECKING:
     from pivident.many.batch.runner import Pool
@@ -27,6 +28,10 @@ def study(
     dask: Annotated[bool, Parameter(negative=())] = False,
     scheduler: str | None = None,
     condition: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)] = (),
+    methods: Annotated[
+        tuple[str, ...],
+        Parameter(name=["--methods", "--method", "-m"], negative=(), show_default=False),
+    ] = (),
 ) -> int:
     """Simulate many runs of a scenario and judge the estimates against the truth.
 
@@ -48,6 +53,9 @@ def study(
         Use the Dask cluster of the scheduler at this address, tcp://host:8786.
     condition
         Conditions of the scenario, such as tx40-n1-d1 or 'tx40-*'. Default: all.
+    methods
+        Methods to compare, separated by commas or repeated; all: every one, all,-particle: every
+        one but that. Default: those of the scenario.
     """
     from pivident.cli.workflow import check_output
     from pivident.many.study.scenario import load_scenario
@@ -56,6 +64,8 @@ def study(
     chosen = load_scenario(scenario)
     if runs is not None:
         chosen = chosen.with_runs(runs)
+    if methods:
+        chosen = chosen.with_methods(separated(methods))
     conditions = chosen.chosen_conditions(condition)
     folder = out or Path(f"{chosen.name}-study")
     check_output(folder)
@@ -90,8 +100,7 @@ def _compute(
             write_index(summaries, folder)
     print("\n\n".join(summary_text(summary) for summary in summaries.values()))
     print(f"\nSummary: {folder / SUMMARY}")
-    if not varied:
-        print(f"Report:  {folder / PAGE}")
-    else:
+    print(f"Report:  {folder / PAGE}")
+    if varied:
         print(f"Reports: {folder / '*' / PAGE}")
     return summaries

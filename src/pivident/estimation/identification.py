@@ -140,6 +140,16 @@ class Identification:
         return len(self.history)
 
     @property
+    def simulations(self) -> int:
+        """How often the loop was simulated: once a pass, once for each halving; 0 without a loop.
+
+        Those of a fitted simulation carry its tangents along.
+        """
+        if self.method_used is None or not self.method_used.simulates_loop:
+            return 0
+        return sum(1 + made.halvings for made in self.history)
+
+    @property
     def is_decimated(self) -> bool:
         """Whether the method worked on low-passed and thinned rows rather than on all samples."""
         if self.equations is not None:

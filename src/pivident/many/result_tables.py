@@ -35,7 +35,7 @@ def study_methods(summary: Summary) -> Table:
     names = (
         "robust_coverage", "median_relative_error", "relative_spread",
         "predicted_over_empirical", "robust_over_empirical", "efficiency", "runs", "records",
-        "failed", "not_converged", "seconds",
+        "failed", "not_converged", "simulations", "seconds",
     )  # fmt: skip
     rows = []
     for method, found in summary.methods.items():

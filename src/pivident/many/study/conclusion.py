@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from pivident.many.study.bench import Bench
+from pivident.many.study.league_page import render_league
 from pivident.many.study.motion import optimised_series
 from pivident.many.study.scenario import Scenario
 from pivident.many.study.study_errors import StudyFolderError
@@ -47,8 +48,10 @@ def conclude_study(
 
 
 def write_index(summaries: dict[str, Summary], folder: str | Path) -> None:
-    """``summary.json`` of a scenario with conditions: the summary of each one."""
+    """``summary.json`` of a scenario with conditions, and ``report.html``: all side by side."""
     content = {
         "conditions": {name: json.loads(summary.to_json()) for name, summary in summaries.items()}
     }
-    Store(Path(folder)).write(SUMMARY, json.dumps(content, indent=1))
+    store = Store(Path(folder))
+    store.write(SUMMARY, json.dumps(content, indent=1))
+    store.write(PAGE, render_league(summaries))

@@ -85,6 +85,7 @@ def _values(bench: Bench, found: Identification, begin: float) -> Row:
     return {
         "converged": bool(found.converged),
         "iterations": found.iterations,
+        "simulations": found.simulations,
         "theta": found.theta.tolist(),
         "std": found.std.tolist(),
         "robust_std": found.robust_std.tolist(),

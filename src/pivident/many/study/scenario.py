@@ -29,7 +29,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -38,6 +38,7 @@ from typing import Any
 from pivident.errors import ExperimentError
 from pivident.files import regular_file
 from pivident.many.study.checks import check_scenario
+from pivident.many.study.league_methods import league_methods
 from pivident.many.study.scenario_tables import ScenarioTables, file_named, merged, short_forms
 from pivident.text.toml import MAX_FILE, parse_toml
 
@@ -66,14 +67,27 @@ class Scenario(ScenarioTables):
 
     def with_runs(self, runs: int) -> Scenario:
         """The same scenario with another number of runs, in all conditions."""
-        plain = self.plain | {"runs": runs}
+        return self._everywhere({"runs": runs})
+
+    def with_methods(self, names: Sequence[str]) -> Scenario:
+        """The same scenario with other methods, in all conditions.
+
+        Args:
+            names: of methods. ``all`` stands for each that can judge a simulated loop, ``-NAME``
+                takes one out.
+
+        Raises:
+            ExperimentError: there is no such method, or none is left.
+        """
+        return self._everywhere({"identify": {"methods": league_methods(names)}})
+
+    def _everywhere(self, tables: dict[str, Any]) -> Scenario:
+        """The same scenario with keys that no condition changes."""
         alternatives = {
-            group: {
-                name: {key: value for key, value in tables.items() if key != "runs"}
-                for name, tables in own.items()
-            }
-            for group, own in self.alternatives.items()
+            group: {name: _without(own, tables) for name, own in named.items()}
+            for group, named in self.alternatives.items()
         }
+        plain = merged(self.plain, tables)
         made = Scenario(self.name, plain, self.source, alternatives, self.condition)
         for condition in made.conditions:
             condition.content  # noqa: B018 - reading it is the check
@@ -158,6 +172,17 @@ def read_scenario(text: str, name: str, source: str | None = None) -> Scenario:
     scenario = Scenario(name, plain, source, vary)
     scenario.check()
     return scenario
+
+
+def _without(tables: Mapping[str, Any], keys: Mapping[str, Any]) -> dict[str, Any]:
+    """Tables without the keys that other tables have, at any depth."""
+    kept = {}
+    for key, value in tables.items():
+        if key not in keys:
+            kept[key] = value
+        elif isinstance(value, Mapping) and isinstance(keys[key], Mapping):
+            kept[key] = _without(value, keys[key])
+    return kept
 
 
 def _check_alternatives(vary: Mapping[str, Mapping[str, Any]]) -> None:

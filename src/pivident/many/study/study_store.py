@@ -31,6 +31,7 @@ def row_schema() -> dict[str, Any]:
         "method": text,
         "converged": pl.Boolean,
         "iterations": pl.Int64,
+        "simulations": pl.Int64,
         "theta": numbers,
         "std": numbers,
         "robust_std": numbers,

@@ -9,7 +9,7 @@ from pivident.text.plain_table import plain_table
 
 HEADINGS = (
     "method", "runs", "covered", "interval", "median error", "predicted/found", "efficiency",
-    "iterations", "time",
+    "iterations", "simulations", "time",
 )  # fmt: skip
 
 
@@ -28,6 +28,7 @@ def summary_text(summary: Summary) -> str:
                 number(m.predicted_over_empirical),
                 number(m.efficiency),
                 number(m.iterations[0]),
+                number(m.simulations),
                 "–" if math.isnan(m.seconds) else f"{m.seconds:.2f} s",
             )
         )

@@ -86,6 +86,7 @@ class MethodSummary:
     errors: dict[str, int]  # number of runs that ended with each class of error
     messages: dict[str, str]  # first message of each class
     iterations: tuple[float, int]  # median and largest number
+    simulations: float  # median number of simulations of the loop, NaN where rows are without
     seconds: float  # median time of an identification [s]
     merit: Merit  # medians over the runs of the figures of merit [%]
     simulations_diverged: int  # estimates with which the second motion cannot be simulated
@@ -141,6 +142,8 @@ class _Table:
         pl = require("polars", extra="tables", purpose="a Monte Carlo study")
         self.failures = rows.filter(pl.col("error").is_not_null())
         self.rows = rows.filter(pl.col("error").is_null())
+        if "simulations" not in rows.columns:  # rows of an older program
+            self.rows = self.rows.with_columns(pl.lit(None, pl.Int64).alias("simulations"))
         size = len(bench.estimated)
         self.theta, self.std, self.robust = (
             np.array(self.rows[key].to_list(), dtype=float).reshape(-1, size)
@@ -194,6 +197,7 @@ def _method(
         errors=dict(errors),
         messages=first,
         iterations=(_median(iterations), max(iterations, default=0)),
+        simulations=_median(rows["simulations"].drop_nulls().to_list()),
         seconds=_median(rows["seconds"].to_list()),
         merit=Merit(*medians),
         simulations_diverged=int(rows["d_q"].null_count()),
