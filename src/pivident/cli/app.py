@@ -113,9 +113,11 @@ def identify(
     experiment
         The experiment file.
     method
-        ols, ls, wls, iv, iv-full-rate, piv, didim or piv-as-printed; with the prefix pc- also made
-        physically consistent (pc-piv); several separated by commas or repeated. Default: those of
-        the file.
+        A method of least squares (ols, ls, tls, irls, ridge, map, ml-ls, set-membership, adaline,
+        hopfield, frequency), a filter (ekf, ukf, cdkf, particle), with instruments (iv,
+        iv-full-rate, piv, didim, piv-as-printed), or one that fits a simulation (cloe, clie, ml,
+        oloe); with the prefix pc- also made physically consistent (pc-piv); several separated by
+        commas or repeated. Default: those of the file.
     folds
         Blocks of the motion that are held out in turn to judge the methods; 0: none. Default: that
         of the file, or else 5.
@@ -305,7 +307,10 @@ def _check_methods(names: Sequence[str]) -> None:
 
     known = (*METHODS, *CONSISTENT_METHODS)
     if not names:
-        raise UsageError(f"--method names no method; choose from {', '.join(known)}")
+        raise UsageError(
+            f"--method names no method; choose from {', '.join(METHODS)}, each also with the "
+            "prefix pc-"
+        )
     for name in names:
         if name not in known:
             bare = name.lower().removeprefix("idim-")

@@ -28,7 +28,7 @@ def study(
     dask: Annotated[bool, Parameter(negative=())] = False,
     scheduler: str | None = None,
     condition: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)] = (),
-    methods: Annotated[
+    method: Annotated[
         tuple[str, ...],
         Parameter(name=["--methods", "--method", "-m"], negative=(), show_default=False),
     ] = (),
@@ -53,7 +53,7 @@ def study(
         Use the Dask cluster of the scheduler at this address, tcp://host:8786.
     condition
         Conditions of the scenario, such as tx40-n1-d1 or 'tx40-*'. Default: all.
-    methods
+    method
         Methods to compare, separated by commas or repeated; all: every one, all,-particle: every
         one but that. Default: those of the scenario.
     """
@@ -64,8 +64,8 @@ def study(
     chosen = load_scenario(scenario)
     if runs is not None:
         chosen = chosen.with_runs(runs)
-    if methods:
-        chosen = chosen.with_methods(separated(methods))
+    if method:
+        chosen = chosen.with_methods(separated(method))
     conditions = chosen.chosen_conditions(condition)
     folder = out or Path(f"{chosen.name}-study")
     check_output(folder)

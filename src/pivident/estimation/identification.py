@@ -141,10 +141,7 @@ class Identification:
 
     @property
     def simulations(self) -> int:
-        """How often the loop was simulated: once a pass, once for each halving; 0 without a loop.
-
-        Those of a fitted simulation carry its tangents along.
-        """
+        """How often the loop was simulated: once a pass, and once for each halving."""
         if self.method_used is None or not self.method_used.simulates_loop:
             return 0
         return sum(1 + made.halvings for made in self.history)

@@ -25,7 +25,9 @@ METHOD_NAMES = (*METHODS, *CONSISTENT_METHODS)
 def _methods(value: Any) -> Any:
     names = [value] if isinstance(value, str) else value
     if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
-        raise ValueError(f"must be a list with some of {', '.join(METHOD_NAMES)}")
+        raise ValueError(
+            f"must be a list with some of {', '.join(METHODS)}, each also with the prefix pc-"
+        )
     for name in names:
         if name not in METHOD_NAMES:
             bare = name.lower().replace("_", "-").removeprefix("idim-")

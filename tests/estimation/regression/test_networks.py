@@ -22,6 +22,18 @@ def test_hopfield_arrives_at_least_squares():
     assert not early.converged
 
 
+def test_hopfield_does_not_depend_on_the_unit_of_the_torque():
+    phi, tau, noise, _ = made(0, noise=1.0, count=2000)
+    passes = []
+    for unit in (1.0, 1e-9, 1e9):
+        rows = rows_of(phi, [unit * (t + e) for t, e in zip(tau, noise, strict=True)])
+        found = solve_hopfield(rows, np.zeros(4), 10.0, 1e6)
+        least = NormalEquations.of(rows.sums(), 4).solution
+        np.testing.assert_allclose(found.theta, least, rtol=1e-6)
+        passes.append(len(found.iterations))
+    assert max(passes) < 1000 and np.ptp(passes) <= 2
+
+
 def test_adaline_scatters_around_the_truth_as_theory_says():
     errors, std, least = [], [], []
     for seed in range(120):

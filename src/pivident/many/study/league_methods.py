@@ -27,9 +27,7 @@ def league_methods(names: Sequence[str]) -> list[str]:
     for name in names:
         bare = name.removeprefix("-")
         if bare not in (ALL, *METHODS):
-            raise ExperimentError(
-                f"there is no method {bare!r}; {nearest(bare, (ALL, *METHODS))}"
-            )
+            raise ExperimentError(f"there is no method {bare!r}; {nearest(bare, (ALL, *METHODS))}")
         if name.startswith("-"):
             taken_out.add(bare)
         elif name == ALL:

@@ -80,19 +80,19 @@ STANDINGS = (
         lambda value: percent(value, 1),
         "nominal",
     ),
-    Standing("Time", "Median of an identification, in one thread [s].", lambda m: m.seconds, number),
+    Standing("Time", "Median of an identification [s].", lambda m: m.seconds, number),
     Standing(
         "Simulations",
-        "Median number of simulations of the control loop in an identification; those of cloe, clie "
-        "and ml carry the tangents of all parameters.",
+        "Median number of simulations of the control loop in an identification; those of cloe, "
+        "clie and ml carry the tangents of all parameters.",
         lambda m: m.simulations,
         number,
         "none",
     ),
     Standing(
         "Runs that went wrong",
-        "Runs without an estimate, estimates that did not converge, and those with which the second "
-        "motion cannot be simulated.",
+        "Runs without an estimate, estimates that did not converge, and those with which the "
+        "second motion cannot be simulated.",
         _missed,
         lambda value: f"{value:.0f}",
         "none",
