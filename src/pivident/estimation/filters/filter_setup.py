@@ -35,8 +35,8 @@ from pivident.motion.kinematics import Kinematics
 from pivident.recording.recording import Recording
 from pivident.signals.alignment import torque_shift
 
-#: Samples on which noise of the torque is searched.
-SEARCHED = 10_000
+#: Samples on which noise of the torque is searched, roughly and then more finely.
+SEARCHED = (2_500, 10_000)
 
 #: Standard deviations of the torque that are tried, over that of the residual: decades.
 DECADES = np.arange(1.0, -3.1, -0.5)
@@ -227,23 +227,21 @@ def likeliest_torque_noise(
     """Standard deviation of each joint's torque, searched on the longest stretch, (joints,)."""
     longest = max(stretches, key=lambda s: len(s.q))
     found = np.zeros(problem.robot.size)
-    for grid in (DECADES, FINER * np.arange(-2.0, 2.1)):
-        scores = np.array(
-            [
-                _score(problem, replace(setup, torque=setup.torque * 10.0 ** (found + d)), longest)
-                for d in grid
-            ]
-        )
+    for grid, samples in zip((DECADES, FINER * np.arange(-2.0, 2.1)), SEARCHED, strict=True):
+        tried = [replace(setup, torque=setup.torque * 10.0 ** (found + d)) for d in grid]
+        scores = np.array([_score(problem, own, longest, samples) for own in tried])
         found = found + np.array([_peak(grid, own) for own in scores.T])
     return setup.torque * 10.0**found
 
 
-def _score(problem: Problem, setup: FilterSetup, stretch: FilterStretch) -> np.ndarray:
+def _score(
+    problem: Problem, setup: FilterSetup, stretch: FilterStretch, samples: int
+) -> np.ndarray:
     """Log likelihood of the innovations of each joint, (joints,); a filter that ends has none."""
     kalman = setup.kalman(problem, ExtendedKalman())
     kalman.start(stretch.q[0], stretch.dq[0], stretch.dq_std)
     try:
-        z, s = kalman.run(*stretch.part(1, SEARCHED))
+        z, s = kalman.run(*stretch.part(1, samples))
     except FilterDiverged:
         return np.full(problem.robot.size, -np.inf)
     return -(np.log(s) + 0.5 * z**2).sum(axis=0)
