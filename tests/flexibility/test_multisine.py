@@ -13,7 +13,7 @@ from pivident.flexibility.simulated_joint import MotorLoop, loop_motion, simulat
 from tests.flexibility.flexible_joint import COARSE, JOINT, LOOP, RATE, record
 from tests.flexibility.multisine_joint import LOADS, PERIOD, periodic_reference, posture
 
-SEEDS = 30
+SEEDS = 16
 
 
 def scores(estimate, loads):

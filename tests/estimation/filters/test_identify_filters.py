@@ -47,7 +47,7 @@ def test_kalman_filters_are_nearer_than_least_squares(arm, least, name):
 
 
 def test_particles_agree_with_the_extended_filter():
-    problem, _ = planar_problem(seed=4, samples=2500)
+    problem, _ = planar_problem(seed=4, samples=1500)
     kalman = identify(problem, "ekf")
     found = identify(problem, Particles(particles=200, seed=1))
     std = np.sqrt(np.diag(kalman.covariance))
