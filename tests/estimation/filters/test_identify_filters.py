@@ -47,15 +47,15 @@ def test_kalman_filters_are_nearer_than_least_squares(arm, least, name):
 
 
 def test_particles_agree_with_the_extended_filter():
-    problem, _ = planar_problem(seed=4, samples=1500)
+    problem, _ = planar_problem(seed=4, samples=2500)
     kalman = identify(problem, "ekf")
     found = identify(problem, Particles(particles=200, seed=1))
     std = np.sqrt(np.diag(kalman.covariance))
     assert np.median(np.abs(found.theta - kalman.theta) / std) < 10.0  # chance, see the docs
     ratio = np.sqrt(np.diag(found.covariance)) / std
     assert 0.1 < np.median(ratio) < 3.0
-    again = identify(problem, Particles(particles=200, seed=1))
-    np.testing.assert_array_equal(again.theta, found.theta)
+    few = [identify(problem, Particles(particles=20, seed=1)).theta for _ in range(2)]
+    np.testing.assert_array_equal(*few)
 
 
 def test_initial_values_lead_to_the_same_estimate(arm):
