@@ -1,6 +1,6 @@
 """Set membership: in how many of a thousand draws with bounded errors the truth is inside.
 
-    python -m benchmarks.bounded_errors [DRAWS]
+python -m benchmarks.bounded_errors [DRAWS]
 """
 
 import sys

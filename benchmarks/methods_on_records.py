@@ -1,6 +1,7 @@
-"""Real records: held-out torque error of fitted simulations beside that of PIV, the same bands.
+"""Real records: held-out torque error of all methods beside that of PIV, the same bands.
 
-    PIVIDENT_DATA=FOLDER python -m benchmarks.output_error_records [--records emps tx40 kr300]
+    PIVIDENT_DATA=FOLDER python -m benchmarks.methods_on_records [--records emps tx40 kr300]
+        [--methods ls,piv,cloe]
 
 EMPS: fitted on one file, judged on the other (pulses), in closed loop with its known law. TX40:
 five contiguous folds with the paper's 28 parameters and offsets; its reference was not logged, so
@@ -15,7 +16,7 @@ The torque error is that of the motion's band, ‖τ - Φθ‖/‖τ‖ of the h
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from time import perf_counter
 
 import numpy as np
@@ -23,48 +24,68 @@ from benchmarks.held_out_folds import tx40_problem
 from benchmarks.kuka_kr300_blocks import EXAMPLE, held_out, loops, without_vague_inertias
 
 from pivident.errors import PividentError
+from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS, PrefilteredIV
 from pivident.estimation.problem import Problem
+from pivident.many.study.league_methods import league_methods
 from pivident.recording.public_records import load_emps, load_emps_pulses, load_kuka_kr300
 from pivident.robot.gallery import load_robot
 from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import Cascade
 from pivident.validation.held_out.out_of_sample import compare_out_of_sample
 
-CLOSED = ("cloe", "clie", "ml")
+#: Methods that are compared unless others are named.
+COMPARED = ("ls", "iv-full-rate", "piv", "cloe", "clie", "ml", "oloe")
 
 
-def emps() -> None:
+def emps(names: Sequence[str]) -> None:
     """Unseen pulses."""
     loop = Loop(Cascade(kp=[160.18], kv=[243.45], averaged=True), 35.15065188248547, 10.0)
     problem = Problem(load_robot("emps"), (load_emps(),), loop)
-    names = ("ls", "iv-full-rate", "piv", *CLOSED, "oloe")
-    print(compare_out_of_sample(problem, names, recording=load_emps_pulses()))
+    print(compare_out_of_sample(problem, _possible(problem, names), recording=load_emps_pulses()))
 
 
-def tx40() -> None:
+def tx40(names: Sequence[str]) -> None:
     """Five folds."""
-    print(compare_out_of_sample(tx40_problem(), ("ls", "iv-full-rate", "piv", "oloe")))
+    problem = tx40_problem()
+    print(compare_out_of_sample(problem, _possible(problem, names)))
 
 
-def kr300() -> None:
+def _possible(problem: Problem, names: Sequence[str]) -> list[str]:
+    """Methods that give an estimate of a record; of the others, why not."""
+    found = []
+    for name in names:
+        started = perf_counter()
+        try:
+            identify(problem, name)
+        except PividentError as error:
+            print(f"  {name}: {type(error).__name__}: {str(error)[:110]}")
+        else:
+            print(f"  {name}: {perf_counter() - started:.1f} s")
+            found.append(name)
+    return found
+
+
+def kr300(names: Sequence[str]) -> None:
     """Blocks of two motions, two laws, without the moments of inertia that LS hardly tells."""
     robot = load_robot(EXAMPLE / "kuka_kr300_axes_1_3.toml")
     runs = tuple(load_kuka_kr300(motion, robot=robot) for motion in ("A", "B"))
     known, fewer = loops(robot, runs), without_vague_inertias(robot, runs)
     for law in ("identified", "authors' PD"):
         own, loop = known[law]
-        for name in ("ls", "piv", *CLOSED, "oloe"):
+        for name in names:
             method = PrefilteredIV(prefilter="direct") if name == "piv" else METHODS[name]
             started = perf_counter()
             try:
                 errors = held_out(robot, own, loop, method, lambda *_: fewer)
             except PividentError as error:
-                print(f"  {name:5} {law:12} {type(error).__name__}: {str(error)[:110]}")
+                print(f"  {name:12} {law:12} {type(error).__name__}: {str(error)[:110]}")
                 continue
             listed = "  ".join(f"{e:6.2f}" for e in errors)
             seconds = perf_counter() - started
-            print(f"  {name:5} {law:12} {listed} %   mean {np.mean(errors):.2f} %, {seconds:.0f} s")
+            print(
+                f"  {name:12} {law:12} {listed} %   mean {np.mean(errors):.2f} %, {seconds:.0f} s"
+            )
 
 
 RECORDS: Mapping = {"emps": emps, "tx40": tx40, "kr300": kr300}
@@ -73,9 +94,12 @@ RECORDS: Mapping = {"emps": emps, "tx40": tx40, "kr300": kr300}
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--records", nargs="+", default=list(RECORDS), choices=list(RECORDS))
-    for name in parser.parse_args().records:
+    parser.add_argument("--methods", default=",".join(COMPARED))
+    options = parser.parse_args()
+    names = league_methods(options.methods.split(","))
+    for name in options.records:
         print(f"\n{name}")
-        RECORDS[name]()
+        RECORDS[name](names)
 
 
 if __name__ == "__main__":
