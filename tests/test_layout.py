@@ -45,7 +45,7 @@ MAX_LINES = 125_000
 #: carries tangents with, the fit of simulations with nineteen of its own, two for logs without
 #: torque, ten for regressions, thirteen for filters, four for algebraic signals and the lines of
 #: periodic motions.
-MAX_MODULES_OF_IDENTIFY = 165
+MAX_MODULES_OF_IDENTIFY = 166
 
 #: Subpackages with a budget of their own.
 ROOMS = (

@@ -76,6 +76,18 @@ def test_a_drive_gain_that_the_torques_contradict_is_named():
     assert wrong.evidence["change"].value == pytest.approx(10.0, abs=1.5)
 
 
+@pytest.mark.parametrize("name", ["cloe", "ml"])
+def test_gains_that_are_all_too_large_are_named_by_the_torque(name):
+    """Positions fit as well as ever: only the torque tells."""
+    found = identify(problem(law=PD(LAW.kp * 1.02, LAW.kd * 1.02)), name)
+    (wrong,) = [w for w in found.warnings if w.topic == "law"]
+    assert wrong.kind == "other torque"
+    torque = wrong.evidence["torque"]
+    assert torque.value == pytest.approx(100.0 * (1.0 / 1.02 - 1.0), abs=0.2)
+    ratio = found.theta / identify(problem(), name).theta
+    assert np.median(ratio) == pytest.approx(1.02, abs=2e-3)
+
+
 def test_gains_are_identified_where_they_are_free():
     method = OutputError("both", free=("kp", "kd2"))
     found = identify(problem(law=PD(LAW.kp * [1.03, 1.0], LAW.kd)), method)

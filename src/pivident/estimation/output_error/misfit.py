@@ -27,6 +27,7 @@ from pivident.estimation.output_error.reduced_equations import (
     stretch_equations,
 )
 from pivident.estimation.output_error.simulated_errors import simulated_errors
+from pivident.estimation.output_error.simulated_torque import torque_findings
 from pivident.estimation.output_error.unknowns import Unknown, values_of
 from pivident.estimation.problem import Problem
 from pivident.text.finding import Finding, Quantity
@@ -65,6 +66,7 @@ def misfit_findings(problem: Problem, method: OutputError, fit: SimulationFit) -
     wrong = []
     if method.loop == "closed":
         wrong = [_wrong_gain(own) for own in contradicted(problem, fit)]
+        wrong = wrong or torque_findings(problem, fit)
     excess = np.nanmax(fit.noise.excess, axis=0, initial=0.0)
     names = [
         name
