@@ -76,8 +76,8 @@ def torque_findings(problem: Problem, fit: SimulationFit) -> list[Finding]:
     )
     text = (
         "Measured torques are not as large as those that the law commands in the simulation: "
-        f"{listed}. Positions give parameters as multiples of the gains, so that these follow a gain "
-        "that is declared wrong, and so does every interval."
+        f"{listed}. Positions give parameters as multiples of the gains: they follow gains "
+        "that are declared wrong, and so does every interval."
     )
     step = (
         "Correct the gains, drive_gain or the unit of the torque; or take piv, whose parameters "

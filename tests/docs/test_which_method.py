@@ -1,0 +1,41 @@
+"""The page "Which method for which record": its tables are those of the shipped results."""
+
+import re
+from pathlib import Path
+
+import pytest
+from benchmarks.league_tables import filled, rows, tables
+
+from pivident.many.study.league_methods import league_methods
+from pivident.many.study.scenario import load_scenario
+
+PAGE = (Path(__file__).resolve().parents[2] / "docs" / "which_method.md").read_text("utf-8")
+
+
+def test_tables_are_those_of_the_results():
+    made = tables()
+    shown = re.findall(r"<!-- table ([^>]+) -->", PAGE)
+    assert sorted(shown) == sorted(made)
+    assert filled(PAGE, made) == PAGE
+
+
+def test_all_conditions_and_methods_were_run():
+    found = rows("league")
+    own = {(r["condition"], r["method"]) for r in found if r["scenario"] == "birdy"}
+    conditions = {c.condition for c in load_scenario("birdy").conditions}
+    assert {condition for condition, _ in own} == conditions
+    every = set(league_methods(["all", "-particle", "-ukf", "-cdkf", "-set-membership"]))
+    for condition in conditions:
+        if condition.endswith("-d1"):
+            assert every <= {method for c, method in own if c == condition}
+
+
+def test_the_page_says_how_many_runs_there_are():
+    counts = [int(r["runs"]) for r in rows("league") if r["scenario"] == "birdy"]
+    (least,) = re.findall(r"at least (\d+) runs? of each condition", PAGE)
+    assert int(least) == min(counts)
+
+
+@pytest.mark.parametrize("record", ["EMPS", "TX40", "KR300"])
+def test_real_records_are_there(record):
+    assert any(r["record"] == record for r in rows("records"))
