@@ -100,7 +100,7 @@ def main() -> None:
     for record in options.records:
         print(f"\n{record}")
         for name, error in RECORDS[record](names).items():
-            lines.append(f"{record.upper()},{name},{error:.3g}")
+            lines.append(f"{record.upper()},{name},{error:.2f}")
     if options.table is not None:
         options.table.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
