@@ -6,7 +6,7 @@ from scipy.optimize import linprog
 
 from pivident.errors import IdentificationError
 from pivident.estimation.regression.set_membership import MARGIN, parameter_box
-from tests.estimation.regression.made_rows import TRUTH, made, rows_of, stacked
+from tests.estimation.regression.made_rows import COLUMNS, TRUTH, made, rows_of, stacked
 
 BOUND = np.array([0.3, 0.5])
 
@@ -64,3 +64,14 @@ def test_without_a_bound_it_is_the_largest_error_of_the_start_and_a_tenth():
     np.testing.assert_allclose(box.bound, MARGIN * errors * rows.root, rtol=1e-9)
     assert (box.low < least).all() and (least < box.high).all()
     assert (box.low < TRUTH).all() and (TRUTH < box.high).all()
+
+
+def test_a_direction_that_nothing_bounds_has_no_interval():
+    phi, tau, _, _ = made(3, count=200)
+    phi[0][1] = phi[1][0] = 0.0  # the second parameter acts nowhere
+    tau = [TRUTH[c] @ own for c, own in zip(COLUMNS, phi, strict=True)]
+    box = parameter_box(rows_of(phi, tau), BOUND, TRUTH)
+    assert box.low[1] == -np.inf and box.high[1] == np.inf
+    others = [0, 2, 3]
+    assert (box.low[others] < TRUTH[others]).all() and (TRUTH[others] < box.high[others]).all()
+    assert np.isfinite(box.low[others]).all()
