@@ -4,7 +4,7 @@
 
 ``results/league.csv`` is what ``league.py`` found on simulated records, ``results/records.csv``
 what ``methods_on_records.py`` found on real ones. Without a page the tables are printed; in a page
-they are put between ``<!-- table NAME -->`` and ``<!-- end -->``.
+they are put between ``% table NAME`` and ``% end``.
 """
 
 from __future__ import annotations
@@ -149,9 +149,9 @@ def filled(page: str, made: Mapping[str, str]) -> str:
     """A page with its tables."""
 
     def put(match: re.Match[str]) -> str:
-        return f"<!-- table {match[1]} -->\n{made[match[1]]}\n<!-- end -->"
+        return f"% table {match[1]}\n\n{made[match[1]]}\n\n% end"
 
-    return re.sub(r"<!-- table ([^>]+) -->\n.*?<!-- end -->", put, page, flags=re.DOTALL)
+    return re.sub(r"% table ([^\n]+)\n.*?% end", put, page, flags=re.DOTALL)
 
 
 def main(page: str = "") -> None:
@@ -161,7 +161,7 @@ def main(page: str = "") -> None:
         Path(page).write_text(filled(text, tables()), encoding="utf-8")
         return
     for name, text in tables().items():
-        print(f"<!-- {name} -->\n{text}\n")
+        print(f"% {name}\n\n{text}\n")
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ PAGE = (Path(__file__).resolve().parents[2] / "docs" / "which_method.md").read_t
 
 def test_tables_are_those_of_the_results():
     made = tables()
-    shown = re.findall(r"<!-- table ([^>]+) -->", PAGE)
+    shown = re.findall(r"% table ([^\n]+)", PAGE)
     assert sorted(shown) == sorted(made)
     assert filled(PAGE, made) == PAGE
 
