@@ -2,8 +2,8 @@
 
     python benchmarks/league_tables.py [PAGE]
 
-``results/league.csv`` is what ``league.py`` found on simulated records, ``results/records.csv``
-what ``methods_on_records.py`` found on real ones. Without a page the tables are printed; in a page
+``docs/_static/league.csv`` is what ``league.py`` found on simulated records, ``records.csv`` beside
+it what ``methods_on_records.py`` found on real ones. Without a page the tables are printed; in a page
 they are put between ``% table NAME`` and ``% end``.
 """
 
@@ -17,7 +17,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from statistics import median
 
-RESULTS = Path(__file__).parent / "results"
+RESULTS = Path(__file__).resolve().parents[1] / "docs" / "_static"
 
 Row = dict[str, str]
 
