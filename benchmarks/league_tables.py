@@ -3,8 +3,8 @@
     python benchmarks/league_tables.py [PAGE]
 
 ``docs/_static/league.csv`` is what ``league.py`` found on simulated records, ``records.csv`` beside
-it what ``methods_on_records.py`` found on real ones. Without a page the tables are printed; in a page
-they are put between ``% table NAME`` and ``% end``.
+it what ``methods_on_records.py`` found on real ones. Without a page the tables are printed; in a
+page they are put between ``% table NAME`` and ``% end``.
 """
 
 from __future__ import annotations
