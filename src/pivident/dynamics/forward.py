@@ -11,8 +11,8 @@ from __future__ import annotations
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from pivident.compiled import allocating
 from pivident.dynamics.friction_kernels import level_and_slope
 from pivident.dynamics.friction_table import (
     AHEAD,
@@ -76,7 +76,7 @@ def make_model(
     return Model(tree_of(robot), inertia, rotor, make_friction_table(robot, parameters, values))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@allocating
 def _accelerations(model, q, dq, tau, states, out, failure):
     """Accelerations at many states; the first indefinite mass matrix is reported."""
     n = q.shape[1]
@@ -113,7 +113,7 @@ def _accelerations(model, q, dq, tau, states, out, failure):
     return -1, -1
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@allocating
 def _mass_matrices(model, q, out):
     """M(q) at many positions, both triangles."""
     n = q.shape[1]

@@ -13,8 +13,8 @@ relaxed, z = 0.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from pivident.compiled import kernel
 from pivident.dynamics.friction_kernels import level_and_slope, state_after_way, travel_to_reversal
 from pivident.robot.friction import FrictionColumn, FrictionLaw
 from pivident.robot.friction_term import OF_POSITION, WITH_MEMORY, SignFunction
@@ -23,7 +23,7 @@ _PRESLIDING = int(FrictionColumn.PRESLIDING)
 _RATE = int(FrictionColumn.PRESLIDING_RATE)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _along(column, distance, excess, speed, exponent, period, q, dq, out):
     kind = _PRESLIDING if column == _RATE else column
     shape = (1.0 / distance, excess, 1.0 / speed if excess > 0.0 else 0.0, exponent)

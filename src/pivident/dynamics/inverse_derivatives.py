@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from pivident.compiled import kernel
 from pivident.dynamics.column_slopes import column_slopes
 from pivident.dynamics.forward import make_model, mass_matrix
 from pivident.dynamics.kernels import link_poses
@@ -39,7 +39,7 @@ class InverseDynamicsDerivatives(NamedTuple):
     acceleration: np.ndarray
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _along(tree, inertia, q, dq, ddq, pose, links, body, by_position, by_speed):
     for s in range(q.shape[0]):
         link_poses(tree.prismatic, tree.rotation, tree.translation, q[s], pose)

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pivident.compiled import inlined, inner, kernel
+from pivident.compiled import allocating, inlined, inner, kernel
 from pivident.dynamics.elementary import sine_and_cosine
 from pivident.robot.description import Robot
 
@@ -55,7 +55,7 @@ class RigidBodyWork(NamedTuple):
     composite: np.ndarray  # ten parameters of the subtree, (joints, 10)
 
 
-@inner
+@allocating
 def rigid_body_work(joints):
     """Empty scratch for a robot of so many joints."""
     return RigidBodyWork(
@@ -65,11 +65,7 @@ def rigid_body_work(joints):
 
 @inner
 def link_poses(prismatic, rotation, translation, q, pose):
-    """Pose of every link in its parent's frame: nine of ^pR_i row by row, three of ^pp_i.
-
-    Row views would be more readable than [i, k]; each costs an atomic reference count, which
-    together would double the time of a simulation.
-    """
+    """Pose of every link in its parent's frame: nine of ^pR_i row by row, three of ^pp_i."""
     for i in range(q.size):
         if prismatic[i]:
             for k in range(3):

@@ -22,8 +22,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pivident.compiled import allocating
 from pivident.compiled import inlined as _inline
-from pivident.compiled import kernel
 from pivident.dynamics.column_slopes import ColumnSlope, column_slopes
 from pivident.dynamics.kernels import Tree, link_poses, tree_of
 from pivident.dynamics.regressor import Regressor
@@ -185,7 +185,7 @@ def _dot(x, f):
     return total
 
 
-@kernel
+@allocating
 def _rigid_derivatives(tree, column, q, dq, ddq, weights, out):
     """Add the rigid-body part of the derivatives to ``out``, sample by sample."""
     samples, n = q.shape

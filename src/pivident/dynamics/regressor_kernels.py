@@ -18,10 +18,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from numba import njit
-
 from pivident.compiled import inlined as _inline
-from pivident.compiled import section
+from pivident.compiled import kernel, section
 from pivident.dynamics.elementary import sine_and_cosine
 from pivident.dynamics.entry_plan import INERTIAS, INNER, MOMENTS, EntryPlan
 from pivident.dynamics.joint_rows import TILE, joint_row
@@ -252,7 +250,7 @@ PACKED, DENSE, TORQUES = 0, 1, 2
 
 
 # One kernel for all three: most of its code is that of ``_fill``, and would be compiled with each.
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def observe(plan, tile, kind, place, weight, q, dq, ddq, inner, out):
     """Entries of Φ, packed or at their places, or weighted sums of them; signals time last.
 

@@ -17,9 +17,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
-from pivident.compiled import inner
+from pivident.compiled import allocating, inner
 from pivident.dynamics.kernels import link_poses, place_link, tree_of
 from pivident.dynamics.parameters import Parameter, nominal_values, standard_parameters
 from pivident.errors import ExperimentError
@@ -124,7 +123,7 @@ def gravity_slopes(parent, prismatic, gravity, masses, place, out):
             out[j, k] = sign * (place[j, 2] * fx + place[j, 5] * fy + place[j, 8] * fz)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@allocating
 def _along(parent, prismatic, rotation, translation, gravity, masses, q, out):
     """``gravity_torques`` of many postures, shape (samples, joints)."""
     n = q.shape[1]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from pivident.compiled import kernel
 from pivident.dynamics.forward import Model
 from pivident.dynamics.friction_table import (
     PATH_ROWS,
@@ -150,7 +150,7 @@ def path_arguments(
     return friction.path_index, friction.path_value, state.path, record
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def run_loop(
     model, law, state, rate, delay, q_ref, inputs, noise, limits, steps, oracle, first, last,
     origin, channels, failure, tangent, path_index, path_value, path, path_record,

@@ -12,8 +12,7 @@ parameters: their estimates converge where the noises are as assumed, and may di
 
 from __future__ import annotations
 
-from numba import njit
-
+from pivident.compiled import kernel, summing
 from pivident.estimation.filters.filter_state import (
     DONE,
     INDEFINITE,
@@ -23,10 +22,8 @@ from pivident.estimation.filters.filter_state import (
 )
 from pivident.estimation.filters.midpoint_step import midpoint_step, step_tangent
 
-_fast = njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
 
-
-@_fast
+@summing
 def propagate(covariance, rows, solved, noise_torque, drift, h, scratch):
     """P of the next sample; ``solved``: A⁻¹ [K B Φ 1]; see above."""
     size, n = covariance.shape[0], noise_torque.size
@@ -90,7 +87,7 @@ def propagate(covariance, rows, solved, noise_torque, drift, h, scratch):
         covariance[2 * n + k, 2 * n + k] += h * drift[k]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def extended_samples(equations, state, noise, h, tau, y, innovations):
     """Advance over samples, with the torques before them: status, joint and sample.
 

@@ -57,6 +57,7 @@ class FilterState(NamedTuple):
     rows: np.ndarray  # scratch, (2 joints, N)
     small: np.ndarray  # scratch, (3, joints, joints)
     points: np.ndarray  # sigma points, (2N + 1, N)
+    accelerations: np.ndarray  # of each point in its last step, (2N + 1, joints)
     wide: np.ndarray  # deviations and roots of noise, (N, 2N + N)
     joined: np.ndarray  # scratch of the update of factors, (joints + N, joints + N)
     step: StepWork
@@ -71,7 +72,8 @@ def filter_state(equations: RobotEquations, sigma_points: bool) -> FilterState:
         np.zeros(size), np.zeros((size, size)), np.zeros((own, own)), np.zeros((2, n)),
         np.zeros(n), np.zeros((2, n)),
         np.zeros(size), np.zeros((2 * n, size)), np.zeros((3, n, n)),
-        np.zeros((2 * own + 1, own)), np.zeros((own, 3 * own)), np.zeros((n + own, n + own)),
+        np.zeros((2 * own + 1, own)), np.zeros((2 * own + 1, n)),
+        np.zeros((own, 3 * own)), np.zeros((n + own, n + own)),
         step_work(equations),
     )  # fmt: skip
 

@@ -124,7 +124,7 @@ class KalmanFilter:
         state.covariance[:] = whole
         if self._rooted:
             state.factor[:] = np.linalg.cholesky(whole)
-        state.step.vectors[:] = 0.0
+        state.step.vectors[:], state.accelerations[:] = 0.0, 0.0
         self._started = True
 
     def update(self, q: ArrayLike, tau: ArrayLike) -> None:
@@ -159,7 +159,8 @@ class KalmanFilter:
         """
         if not self._started:
             raise IdentificationError("the filter has no first position; call start(q) first")
-        q, tau = (np.ascontiguousarray(x, dtype=float) for x in (q, tau))
+        # copies: what may not be written to would be compiled anew, with sums in another order
+        q, tau = (np.array(x, dtype=float, order="C") for x in (q, tau))
         innovations = np.zeros((2, *q.shape))
         self._advance(tau, q, innovations)
         return innovations

@@ -18,8 +18,8 @@ filter is a distribution of any shape, what it costs is chance, in estimates and
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from pivident.compiled import allocating
 from pivident.estimation.filters.filter_state import (
     DONE,
     FAR,
@@ -40,7 +40,7 @@ WIDER = 0.5
 BISECTIONS = 20
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@allocating
 def _mean(weights, particles, out):
     for a in range(particles.shape[1]):
         out[a] = 0.0
@@ -49,7 +49,7 @@ def _mean(weights, particles, out):
             out[a] += weights[i] * particles[i, a]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@allocating
 def cloud_covariance(weights, particles, mean):
     """Σ w (z - m)(z - m)ᵀ, shape (dimensions, dimensions)."""
     size = particles.shape[1]
@@ -68,7 +68,7 @@ def cloud_covariance(weights, particles, mean):
     return total
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@allocating
 def _root(covariance):
     """Lower factor of a covariance that may be of lower rank: columns without a pivot are zero."""
     size = covariance.shape[0]
@@ -88,7 +88,7 @@ def _root(covariance):
     return factor
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@allocating
 def systematic(weights, start):
     """Particles to keep: those at (start + i)/N of the cumulated weights, start in [0, 1)."""
     count = weights.size
@@ -102,7 +102,7 @@ def systematic(weights, start):
     return chosen
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@allocating
 def _draw_anew(weights, particles, mean, shrinkage, rng):
     """Systematic resampling, then the kernel."""
     count, size = particles.shape
@@ -122,7 +122,7 @@ def _draw_anew(weights, particles, mean, shrinkage, rng):
         weights[i] = 1.0 / count
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@allocating
 def _transition(solved, noise_torque, h):
     """F and G C Gᵀ of the motion (q, dq)."""
     n = noise_torque.size
@@ -145,7 +145,7 @@ def _transition(solved, noise_torque, h):
     return forward, gain @ gain.T
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@allocating
 def _temper(weights, logs, share):
     """Effective number of particles, 1/Σ w², for weights w L^share."""
     best = logs.max()
@@ -157,7 +157,7 @@ def _temper(weights, logs, share):
     return total * total / square
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@allocating
 def _reweigh(particles, weights, inverse, mean, logs, shrinkage, rng):
     """Weights by the innovations in the last columns; anew, as often as too few would count."""
     n, count = inverse.shape[0], weights.size
@@ -189,7 +189,7 @@ def _reweigh(particles, weights, inverse, mean, logs, shrinkage, rng):
             _draw_anew(weights, particles, mean, shrinkage, rng)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@allocating
 def particle_samples(
     equations, work, noise, h, tau, y, innovations, particles, weights, covariance, shrinkage, rng
 ):

@@ -6,9 +6,9 @@ import math
 from typing import Self
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
+from pivident.compiled import kernel
 from pivident.dynamics.kernels import link_poses
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.rigid_body_slopes import inertial_columns, move_links, place_links
@@ -22,7 +22,7 @@ from pivident.estimation.filters.robot_equations import (
 from pivident.robot.description import Robot
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _columns(equations, work, motion, phi):
     """Φ of one instant, (joints, parameters); ``motion``: q, dq and ddq, (3, joints)."""
     tree = equations.tree
@@ -38,7 +38,7 @@ def _columns(equations, work, motion, phi):
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def turn_in(triangle, row, phi, tau, weight, forgetting):
     """Rows of one sample into the triangle [R d], (parameters, parameters + 1)."""
     size, root = row.size - 1, math.sqrt(forgetting)
@@ -61,7 +61,7 @@ def turn_in(triangle, row, phi, tau, weight, forgetting):
                 row[b] = c * row[b] - s * old
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def add_up(gram, moment, squares, phi, tau, z, weight, forgetting):
     """Sums of the equations of instruments."""
     size = moment.size

@@ -19,9 +19,7 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
-from pivident.compiled import inner
+from pivident.compiled import inner, kernel, summing
 from pivident.estimation.filters.filter_state import (
     DONE,
     INDEFINITE,
@@ -31,7 +29,7 @@ from pivident.estimation.filters.filter_state import (
     update_positions_of_factor,
     worst,
 )
-from pivident.estimation.filters.midpoint_step import FACTOR, midpoint_step
+from pivident.estimation.filters.midpoint_step import ACCELERATION, FACTOR, midpoint_step
 from pivident.estimation.filters.triangular import (
     cholesky,
     lower_factor,
@@ -39,10 +37,8 @@ from pivident.estimation.filters.triangular import (
     update_factor,
 )
 
-_fast = njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
 
-
-@_fast
+@summing
 def _place_points(x, factor, scale, points):
     """Points x̂, then x̂ + c L_i and x̂ - c L_i in turn."""
     size = x.size
@@ -54,7 +50,7 @@ def _place_points(x, factor, scale, points):
             points[1 + 2 * i, a], points[2 + 2 * i, a] = x[a] + way, x[a] - way
 
 
-@_fast
+@summing
 def _weigh(x, points, scale, central, alpha, beta, wide, gain):
     """Mean into x, weighted deviations into ``wide``, that of the middle into ``gain``.
 
@@ -82,7 +78,7 @@ def _weigh(x, points, scale, central, alpha, beta, wide, gain):
     return 0.0 if central else 2.0 - size / square - alpha * alpha + beta
 
 
-@_fast
+@summing
 def _add_noise(wide, first, inverse, torque, drift, h):
     """Roots of the noises as columns from ``first`` on; how many columns there are."""
     n, size = torque.size, wide.shape[0]
@@ -102,7 +98,7 @@ def _add_noise(wide, first, inverse, torque, drift, h):
     return last
 
 
-@_fast
+@summing
 def _sum_squares(wide, columns, weight, middle, covariance):
     """P = W Wᵀ + weight m mᵀ."""
     for a in range(covariance.shape[0]):
@@ -123,7 +119,7 @@ def _invert(factor, inverse):
         solve_cholesky(factor, inverse[i])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def sigma_samples(
     equations, state, noise, h, tau, y, innovations, scale, central, alpha, beta, square_root
 ):
@@ -137,13 +133,17 @@ def sigma_samples(
     x, covariance, work = state.x, state.covariance, state.step
     points, wide, joined, gain = state.points, state.wide, state.joined, state.gain
     motion, inverse = state.motion, state.small[0]
-    factor = state.factor
+    factor, accelerations = state.factor, state.accelerations
+    found, moved = work.vectors[ACCELERATION], state.small[1, 0]
     for k in range(y.shape[0]):
         if not square_root and cholesky(covariance, factor) >= 0:
             return NOT_POSITIVE, 0, k
         _place_points(x, factor, scale, points)
         for i in range(points.shape[0]):
             own = points[i]
+            # Newton's method starts where the point was, moved on as the middle has moved
+            for j in range(n):
+                found[j] = accelerations[i, j] + (moved[j] if i > 0 else 0.0)
             joint = midpoint_step(
                 equations, work, own[2 * n :], own[:n], own[n : 2 * n], tau[k], h, motion[0],
                 motion[1],
@@ -152,6 +152,9 @@ def sigma_samples(
                 return INDEFINITE, joint, k
             for j in range(n):
                 own[j], own[n + j] = motion[0, j], motion[1, j]
+                if i == 0:
+                    moved[j] = found[j] - accelerations[0, j]
+                accelerations[i, j] = found[j]
             if i == 0:
                 torque_variance(equations.couplings, noise, x[n : 2 * n], motion[1], state.torque)
                 _invert(work.matrices[FACTOR], inverse)

@@ -11,13 +11,10 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
-#: Sums may be formed in another order than written, so that they become vectors.
-_fast = njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
+from pivident.compiled import summing
 
 
-@_fast
+@summing
 def cholesky(matrix, factor):
     """L of a symmetric matrix (lower half read); -1, or the pivot that is not positive."""
     n = matrix.shape[0]
@@ -36,7 +33,7 @@ def cholesky(matrix, factor):
     return -1
 
 
-@_fast
+@summing
 def solve_cholesky(factor, x):
     """X ← (L Lᵀ)⁻¹ x."""
     n = x.size
@@ -50,7 +47,7 @@ def solve_cholesky(factor, x):
         x[i] /= factor[i, i]
 
 
-@_fast
+@summing
 def eliminate(matrix, right):
     """Right ← matrix⁻¹ right, with row exchanges; the matrix is destroyed. False: singular."""
     n, columns = right.shape
@@ -81,7 +78,7 @@ def eliminate(matrix, right):
     return True
 
 
-@_fast
+@summing
 def lower_factor(wide, columns):
     """LQ of the first ``columns`` columns in place: the lower triangle of ``wide`` becomes L."""
     rows = wide.shape[0]
@@ -114,7 +111,7 @@ def lower_factor(wide, columns):
                 wide[k, i] = -wide[k, i]
 
 
-@_fast
+@summing
 def update_factor(factor, v, sign):
     """L of L Lᵀ + sign v vᵀ in place, v destroyed; -1, or the pivot that is not positive."""
     n = v.size
