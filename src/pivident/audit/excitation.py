@@ -15,7 +15,7 @@ import numpy as np
 
 from pivident.audit.inverse_model import OVERSAMPLING, InverseModel
 from pivident.dynamics.parameters import Parameter, nominal_values
-from pivident.dynamics.regressor import Regressor
+from pivident.dynamics.robot_regressor import regressor_of
 from pivident.text.finding import Finding, Quantity, Severity
 
 #: Singular values below this, relative to the largest one, count as zero.
@@ -141,7 +141,7 @@ def _full_motion(models: Sequence[InverseModel], theta: np.ndarray) -> tuple[np.
     dq = rng.uniform(-speed, speed, (samples, robot.size))
     ddq = rng.uniform(-speed, speed, (samples, robot.size)) / RISE
     still = np.zeros_like(q)
-    regressor = Regressor.build(robot, models[0].base.parameters)
+    regressor = regressor_of(robot, models[0].base.parameters)
 
     def rms(phi: np.ndarray) -> np.ndarray:
         return np.sqrt(np.mean(phi**2, axis=0).max(axis=0))

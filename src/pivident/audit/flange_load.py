@@ -21,7 +21,7 @@ import numpy as np
 from pivident.audit.blocked_fit import blocked_fit, jackknife
 from pivident.audit.inverse_model import InverseModel
 from pivident.dynamics.parameters import standard_parameters
-from pivident.dynamics.regressor import Regressor
+from pivident.dynamics.robot_regressor import regressor_of
 from pivident.robot.description import INERTIAL
 
 #: Standard errors by which the mass of a load must be above zero.
@@ -104,7 +104,7 @@ def _last_link(model: InverseModel) -> list[np.ndarray]:
     """Regressor of the last link's ten inertial parameters, for each joint (rows, 10)."""
     robot = model.robot
     own = [p for p in standard_parameters(robot) if p.is_inertial and p.joint == robot.size - 1]
-    full = Regressor.build(robot, own).matrix(model.q, model.dq, model.ddq)
+    full = regressor_of(robot, own).matrix(model.q, model.dq, model.ddq)
     rows = np.asarray(full).reshape(len(model.at), robot.size, -1)
     return [rows[:, j] for j in range(robot.size)]
 

@@ -20,6 +20,7 @@ from pivident.audit.timing import Timing
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
+from pivident.dynamics.robot_regressor import regressor_of
 from pivident.errors import RecordingError
 from pivident.logs.clocks.timestamps import resample_smooth
 from pivident.logs.log import Log
@@ -194,7 +195,7 @@ def inverse_model_of(
     robot, rate, band, margin = log.robot, signals.rate, signals.band, signals.margin
     assert robot is not None
     base = base_parameters(robot)
-    regressor = Regressor.build(robot, base.parameters)
+    regressor = regressor_of(robot, base.parameters)
     samples = len(signals.motion[0])
     stride = max(1, int(rate / (OVERSAMPLING * band)))
     at = np.arange(margin, samples - margin, stride)

@@ -151,9 +151,9 @@ class ConsistentModel:
             dq: joint speeds [rad/s or m/s].
             ddq: joint accelerations [rad/s² or m/s²].
         """
-        from pivident.dynamics.regressor import Regressor
+        from pivident.dynamics.robot_regressor import regressor_of
 
-        regressor = Regressor.build(self.robot, self.parameters)
+        regressor = regressor_of(self.robot, self.parameters)
         return regressor.torque(q, dq, ddq, self.values)
 
     def intervals(self, confidence: float = 0.95, of: str = "estimated") -> ProfileIntervals:

@@ -33,6 +33,7 @@ from pivident.control_law.law_equations import (
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor import Regressor
+from pivident.dynamics.robot_regressor import regressor_of
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.simulation.gravity_compensation import MASS_STEMS, GravityModel
@@ -136,7 +137,7 @@ class GravityFit:
 def gravity_columns(robot: Robot) -> list[GravityColumns]:
     """What gravity models of the laws of all joints can be made of."""
     heads = tuple(p for p in base_parameters(robot).parameters if p.stem in MASS_STEMS)
-    regressor = Regressor.build(robot, heads)
+    regressor = regressor_of(robot, heads)
     postures = np.random.default_rng(19991231).uniform(-np.pi, np.pi, (POSTURES, robot.size))
     probe = _at_rest(regressor, postures)
     return [GravityColumns(regressor, j, _independent(probe[:, j])) for j in range(robot.size)]

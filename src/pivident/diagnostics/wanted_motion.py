@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.dynamics.parameters import Parameter
-from pivident.dynamics.regressor import Regressor
+from pivident.dynamics.robot_regressor import regressor_of
 from pivident.estimation.identification import Identification
 from pivident.robot.description import Robot
 
@@ -80,7 +80,7 @@ def column_parts(robot: Robot, parameters: tuple[Parameter, ...], limits: Limits
     dq = rng.uniform(-limits.speed, limits.speed, shape)
     ddq = rng.uniform(-limits.acceleration, limits.acceleration, shape)
     still = np.zeros(shape)
-    regressor = Regressor.build(robot, parameters)
+    regressor = regressor_of(robot, parameters)
     # friction with memory or load shows in steady motion, not at random states
     level, none = regressor.levels(dq.T), regressor.levels(still.T)
     rest = regressor.matrix(q, still, still, inner=none)

@@ -3,3 +3,4 @@ from .inverse_derivatives import InverseDynamicsDerivatives as InverseDynamicsDe
 from .inverse_derivatives import inverse_dynamics_derivatives as inverse_dynamics_derivatives
 from .parameters import Parameter as Parameter
 from .regressor import Regressor as Regressor
+from .robot_regressor import regressor_of as regressor_of

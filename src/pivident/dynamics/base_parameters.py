@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pivident.dynamics.closed_regressor import ClosedRegressor
 from pivident.dynamics.parameters import Parameter, standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import ExperimentError
@@ -157,6 +158,8 @@ def _probe(robot: Robot, standard: tuple[Parameter, ...]) -> np.ndarray:
     """
     samples = max(40, 3 * len(standard) // robot.size)
     rng = np.random.default_rng(19910501)
+    if robot.constraints is not None:
+        return _closed_probe(robot, standard, samples, rng)
     q, dq, ddq = rng.uniform(-np.pi, np.pi, (3, samples, robot.size))
     phi = Regressor.build(robot, standard).matrix(q, dq, ddq)
     for k, p in enumerate(standard):
@@ -165,8 +168,27 @@ def _probe(robot: Robot, standard: tuple[Parameter, ...]) -> np.ndarray:
     return phi.reshape(-1, len(standard))
 
 
+def _closed_probe(
+    robot: Robot, standard: tuple[Parameter, ...], samples: int, rng: np.random.Generator
+) -> np.ndarray:
+    """The same of a closed mechanism, at postures in which its loops close."""
+    regressor = ClosedRegressor.of(robot, standard)
+    q = regressor.chains.random_postures(rng, samples)
+    dq, ddq = rng.uniform(-np.pi, np.pi, (2, samples, robot.size))
+    phi = np.concatenate(
+        [regressor.matrix(*(x[None] for x in one)) for one in zip(q, dq, ddq, strict=True)]
+    )
+    independent = [k for k, p in enumerate(standard) if p.friction and p.friction.is_independent]
+    if independent:
+        gain = np.stack([regressor.chains.start(x).gain for x in q])
+        for k in independent:
+            phi[:, :, k] = gain[:, standard[k].joint] * rng.uniform(-1.0, 1.0, (len(q), 1))
+    return phi.reshape(-1, len(standard))
+
+
 def _preference(robot: Robot, standard: tuple[Parameter, ...]) -> list[int]:
     """Indices of the standard parameters, those to be kept first."""
+    joints = robot.tree.joints
 
     def rank(p: Parameter) -> int:
         if p.friction is not None and p.friction.depends_on_position:
@@ -175,7 +197,7 @@ def _preference(robot: Robot, standard: tuple[Parameter, ...]) -> list[int]:
             return 1
         if not p.is_inertial:
             return 0
-        if robot.joints[p.joint].kind == "prismatic":
+        if joints[p.joint].kind == "prismatic":
             return int(p.stem not in ("mx", "my", "mz", "m"))
         return int(p.stem in ("yy", "mz", "m"))
 

@@ -13,6 +13,14 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from pivident.compiled import allocating
+from pivident.dynamics.closed_dynamics import (
+    ClosedModel,
+    closed_mass_and_bias,
+    closed_model,
+    closed_run,
+    on_own_joints,
+)
+from pivident.dynamics.closed_motion import ClosedChains
 from pivident.dynamics.friction_kernels import level_and_slope
 from pivident.dynamics.friction_table import (
     AHEAD,
@@ -35,17 +43,21 @@ from pivident.dynamics.kernels import (
     tree_of,
 )
 from pivident.dynamics.parameters import Parameter
-from pivident.errors import MassMatrixNotPositiveDefinite
+from pivident.errors import LoopNotClosed, MassMatrixNotPositiveDefinite
 from pivident.robot.description import INERTIAL, Robot
 
 
 class Model(NamedTuple):
-    """A robot with parameter values, as arrays for the compiled loops."""
+    """A robot with parameter values, as arrays for the compiled loops.
+
+    Tree and inertias are those of all links, rotors and friction of the joints that are driven.
+    """
 
     tree: Tree
-    inertia: np.ndarray  # ten inertial parameters of every link, (joints, 10)
+    inertia: np.ndarray  # ten inertial parameters of every link, (tree joints, 10)
     rotor: np.ndarray  # rotor inertias with couplings, (joints, joints)
     friction: FrictionTable
+    closed: ClosedModel | None  # what closes the loops; None: a tree
 
 
 def make_model(
@@ -57,23 +69,40 @@ def make_model(
     that feeds energy in makes the simulated loop diverge, and an iteration may pass through such
     values. Unclipped, load-dependent friction fl >= 1 is a ValueError.
     """
-    n = robot.size
-    inertia, rotor = np.zeros((n, 10)), np.zeros((n, n))
+    tree = robot.tree
+    inertia = np.zeros((tree.size, 10))
     values = np.array(theta, dtype=float)
     for k, p in enumerate(parameters):
         if clip and p.friction is not None:
             values[k] = clipped_friction(p.friction, values[k])
         elif clip and p.is_dissipative and p.stem not in ("ia", "iam"):
             values[k] = max(values[k], 0.0)
-    for p, value in zip(parameters, values.tolist(), strict=True):
         if p.is_inertial:
-            inertia[p.joint, INERTIAL.index(p.stem)] = value
-        elif p.stem == "ia":
+            inertia[p.joint, INERTIAL.index(p.stem)] = values[k]
+    if robot.constraints is None:
+        friction = make_friction_table(robot, parameters, values)
+        return Model(tree_of(robot), inertia, _rotors(robot, parameters, values), friction, None)
+    own = np.array([p.joint in robot.places for p in parameters], bool)
+    driven, given = on_own_joints(robot, parameters), values[own]
+    return Model(
+        tree_of(tree),
+        inertia,
+        _rotors(robot, driven, given),
+        make_friction_table(robot, driven, given),
+        closed_model(robot, parameters, values, inertia),
+    )
+
+
+def _rotors(robot: Robot, parameters: tuple[Parameter, ...], values: np.ndarray) -> np.ndarray:
+    """Rotor inertias with couplings, shape (joints, joints)."""
+    rotor = np.zeros((robot.size, robot.size))
+    for p, value in zip(parameters, values.tolist(), strict=True):
+        if p.stem == "ia":
             rotor[p.joint, p.joint] = value
         elif p.coupling is not None and p.stem == "iam":
             i, j = p.coupling.motor, p.coupling.joint
             rotor[i, j] = rotor[j, i] = p.coupling.ratio * value
-    return Model(tree_of(robot), inertia, rotor, make_friction_table(robot, parameters, values))
+    return rotor
 
 
 @allocating
@@ -134,8 +163,48 @@ def mass_matrix(
     """M(q) [kg m², kg m or kg], shape (samples, joints, joints), at positions (samples, joints)."""
     (q,) = _states(robot, q)
     out = np.zeros((len(q), robot.size, robot.size))
-    _mass_matrices(make_model(robot, parameters, theta), q, out)
+    model = make_model(robot, parameters, theta)
+    if model.closed is not None:
+        return _closed_states(robot, model, model.closed, q, np.zeros(q.shape))[0]
+    _mass_matrices(model, q, out)
     return out
+
+
+def _closed_states(
+    robot: Robot, model: Model, closed: ClosedModel, q: np.ndarray, dq: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """M_a and h_a at many states that need not follow one another."""
+    chains = ClosedChains(robot)
+    mass, bias = np.zeros((*q.shape, robot.size)), np.zeros(q.shape)
+    for s in range(len(q)):
+        run = closed_run(closed, chains.start(q[s]))
+        status = closed_mass_and_bias(run, model.rotor, q[s], dq[s], mass[s], bias[s])
+        if status:
+            raise LoopNotClosed(status, q[s], robot.joint_names, s)
+    return mass, bias
+
+
+def _closed_acceleration(
+    robot: Robot, model: Model, closed: ClosedModel, q: np.ndarray, dq: np.ndarray, tau: np.ndarray
+) -> np.ndarray:
+    """M_a⁻¹ (τ - h_a - friction) of a closed mechanism."""
+    mass, bias = _closed_states(robot, model, closed, q, dq)
+    f, n = model.friction, robot.size
+    vectors, slopes = np.zeros((2, n)), np.zeros((1, slopes_width(n, len(f.pair_index))))
+    net = tau - bias
+    for s in range(len(q)):
+        vectors[0] = dq[s]
+        friction_torque(
+            f.linear, f.term_index, f.term_value, f.pair_index, f.pair_value, vectors, 0, 1, slopes,
+            0,
+        )  # fmt: skip
+        net[s] -= vectors[1]
+        try:
+            np.linalg.cholesky(mass[s])
+        except np.linalg.LinAlgError:
+            lowest = float(np.linalg.eigvalsh(mass[s])[0])
+            raise MassMatrixNotPositiveDefinite(robot.joint_names[0], float(s), lowest) from None
+    return np.linalg.solve(mass, net[..., None])[..., 0]
 
 
 def friction_states(robot: Robot, parameters: tuple[Parameter, ...]) -> tuple[str, ...]:
@@ -165,6 +234,8 @@ def acceleration(
     """
     q, dq, tau = _states(robot, q, dq, tau)
     model = make_model(robot, parameters, theta)
+    if model.closed is not None:
+        return _closed_acceleration(robot, model, model.closed, q, dq, tau)
     states = _memory(model.friction, dq, state)
     out, failure = np.zeros(q.shape), np.zeros(1)
     joint, sample = _accelerations(model, q, dq, tau, states, out, failure)

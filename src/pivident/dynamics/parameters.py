@@ -62,15 +62,20 @@ class Parameter:
 
 
 def standard_parameters(robot: Robot) -> tuple[Parameter, ...]:
-    """All parameters of the linear model, in the order of the module's docstring."""
+    """All parameters of the linear model, in the order of the module's docstring.
+
+    Those of a closed mechanism count joints and links in its tree. Its passive joints have no rotor
+    inertia, and links that are no bodies no inertia.
+    """
     parameters = []
+    driven, robot = robot.places, robot.tree
     for i, joint in enumerate(robot.joints):
         label = robot.label(i)
-        for stem in INERTIAL:
+        for stem in INERTIAL if robot.links[i].is_body else ():
             unit = "kg" if stem == "m" else "kg m" if stem.startswith("m") else "kg m²"
             parameters.append(Parameter(f"{stem}{label}", stem, i, unit))
         rotor_unit = "kg m²" if joint.kind == "revolute" else "kg"
-        if robot.torque_side == "motor":
+        if robot.torque_side == "motor" and i in driven:
             parameters.append(Parameter(f"ia{label}", "ia", i, rotor_unit))
         for term in joint.friction.terms:
             unit = friction_unit(term, joint.kind)
@@ -96,7 +101,7 @@ def friction_unit(term: FrictionTerm, kind: JointKind) -> str:
 
 def nominal_values(robot: Robot, parameters: tuple[Parameter, ...]) -> np.ndarray:
     """Nominal (CAD) value of each standard parameter, zero where none is known."""
-    values = np.zeros(len(parameters))
+    values, robot = np.zeros(len(parameters)), robot.tree
     for k, p in enumerate(parameters):
         if p.is_inertial:
             values[k] = robot.links[p.joint].inertia[INERTIAL.index(p.stem)]

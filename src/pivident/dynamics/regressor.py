@@ -65,7 +65,12 @@ class Regressor:
 
         Returns:
             The regressor, which knows where entries can be non-zero.
+
+        Raises:
+            ValueError: a mechanism with closed loops, see `dynamics.robot_regressor`.
         """
+        if robot.constraints is not None:
+            raise ValueError(f"{robot!r} has closed loops; use regressor_of(robot, parameters)")
         candidates = _possible_entries(robot, parameters)
         everything = cls._from_entries(robot, tuple(parameters), candidates)
         rng = np.random.default_rng(20180501)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from pivident.errors.kinds import IdentificationError
 
@@ -40,6 +40,41 @@ class MassMatrixNotPositiveDefinite(IdentificationError):
         super().__init__(
             f"the mass matrix is not positive definite at joint {joint!r}, t = {time:.4f} s "
             f"(pivot {pivot:.3g}); start from larger rotor inertias or CAD values"
+        )
+
+
+class LoopNotClosed(IdentificationError):
+    """The loops of a mechanism cannot be closed at a posture, or it is singular there.
+
+    Attributes:
+        q: positions of the independent joints [rad or m], shape (joints,).
+        singular: whether the loops close, but the independent joints no longer move the others.
+        sample: index of the sample, or None.
+        time: time in a simulation [s], or None.
+    """
+
+    def __init__(
+        self,
+        status: int,
+        q: Iterable[float],
+        joints: Sequence[str],
+        sample: int | None = None,
+        time: float | None = None,
+    ) -> None:
+        self.q, self.singular = tuple(float(x) for x in q), status == 2
+        self.sample, self.time = sample, time
+        names = joints or [f"joint {k + 1}" for k in range(len(self.q))]
+        where = ", ".join(f"{name} = {x:.4g}" for name, x in zip(names, self.q, strict=True))
+        when = "" if sample is None else f"at sample {sample}, "
+        when = when if time is None else f"at t = {time:.4f} s, "
+        what = (
+            "the mechanism is singular: its independent joints no longer move the others"
+            if self.singular
+            else "the mechanism cannot be assembled: its loops do not close"
+        )
+        super().__init__(
+            f"{when}{where}: {what}; check units, signs and zero positions of the joints, lengths "
+            "of the links, and the posture from which the description assembles them"
         )
 
 

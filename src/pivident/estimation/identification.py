@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from pivident.dynamics.parameters import Parameter
-from pivident.dynamics.regressor import Regressor
+from pivident.dynamics.robot_regressor import regressor_of
 from pivident.estimation.equation_noise import EquationNoise
 from pivident.estimation.equation_record import FittedRecording, MotionRange
 from pivident.estimation.methods import Method
@@ -245,7 +245,7 @@ class Identification:
             dq: joint speeds [rad/s or m/s].
             ddq: joint accelerations [rad/s² or m/s²].
         """
-        return Regressor.build(self.robot, self.parameters).torque(q, dq, ddq, self.theta)
+        return regressor_of(self.robot, self.parameters).torque(q, dq, ddq, self.theta)
 
     def __str__(self) -> str:
         return self.summary()

@@ -17,7 +17,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from pivident.dynamics.regressor import Regressor
+from pivident.dynamics.robot_regressor import regressor_of
 from pivident.errors import MassMatrixNotPositiveDefinite, SimulationDiverged
 from pivident.estimation.covariance.sandwich import sandwich
 from pivident.estimation.equation_record import EquationRecord, accumulate
@@ -66,7 +66,7 @@ def estimate_without_load(
         return None
     others = np.flatnonzero(~problem.regressor.load_parameters)
     parameters = [problem.regressor.parameters[k] for k in others]
-    regressor = Regressor.build(problem.robot, parameters)
+    regressor = regressor_of(problem.robot, parameters)
     known = [with_inner(regressor, k) for k in kinematics]
     filters = [Prefilter()] * problem.robot.size
     records = records_without_instruments(known, limits)

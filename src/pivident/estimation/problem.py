@@ -19,6 +19,7 @@ from pivident.dynamics.base_parameters import (
 )
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
+from pivident.dynamics.robot_regressor import regressor_of
 from pivident.errors import ExperimentError, IdentificationError, concerning
 from pivident.estimation.without_torque import scale_findings
 from pivident.logs.torque_scale import OUTPUT_UNIT, is_ratio
@@ -102,7 +103,7 @@ class Problem:
         object.__setattr__(
             self,
             "regressor",
-            Regressor.build(self.robot, [base.parameters[k] for k in self.selection]),
+            regressor_of(self.robot, [base.parameters[k] for k in self.selection]),
         )
         self.initial_values()  # unknown names are refused now, not after minutes of work
 

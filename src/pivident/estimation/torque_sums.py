@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
-from pivident.dynamics.regressor import Regressor
+from pivident.dynamics.robot_regressor import regressor_of
 from pivident.estimation.equation_record import FittedRecording
 from pivident.estimation.identification import Identification
 from pivident.estimation.solved_equations import TorqueSums
@@ -26,7 +26,7 @@ def torque_sums(identification: Identification) -> TorqueSums:
             "(torque_sums), or identify again"
         )
     base = base_parameters(identification.robot)
-    everything = Regressor.build(identification.robot, base.parameters)
+    everything = regressor_of(identification.robot, base.parameters)
     theta = estimated_in_base(identification, base)
     weights = 1.0 / np.array([max(j.rms_error, 1e-150) ** 2 for j in identification.joints])
     size = len(base)

@@ -10,6 +10,7 @@ import numpy as np
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
+from pivident.dynamics.robot_regressor import regressor_of
 from pivident.errors import ExperimentError
 from pivident.estimation.equation_noise import EquationNoise
 from pivident.estimation.identification import Identification
@@ -87,7 +88,7 @@ def knowledge(
         ExperimentError: a result of another robot.
     """
     base = base_parameters(robot)
-    regressor = Regressor.build(robot, base.parameters)
+    regressor = regressor_of(robot, base.parameters)
     notes: list[str] = []
     values = base.values(nominal_values(robot, base.standard))
     values = np.where(values == 0.0, np.nan, values)

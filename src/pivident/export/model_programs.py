@@ -13,7 +13,7 @@ import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters
 from pivident.dynamics.parameters import Parameter
-from pivident.dynamics.regressor import Regressor
+from pivident.dynamics.robot_regressor import regressor_of
 from pivident.models.runnable_model import RunnableModel
 from pivident.text.identifiers import one_line
 
@@ -102,7 +102,7 @@ def inner_columns(
     The states (samples, joints) are taken as one path.
     """
     own = model_columns(model)
-    regressor = Regressor.build(model.robot, own.parameters)
+    regressor = regressor_of(model.robot, own.parameters)
     inner = regressor.inner(q.T, dq.T, ddq.T, own.values).T
     terms = [regressor.parameters[k].friction for k in regressor.column[regressor.inner_entries]]
     memory = np.array([t is not None and t.has_memory for t in terms], dtype=bool)

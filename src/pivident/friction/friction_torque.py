@@ -23,6 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.dynamics.regressor import Regressor
+from pivident.dynamics.robot_regressor import regressor_of
 from pivident.estimation.identification import Identification
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import RandomWalk
@@ -87,7 +88,7 @@ def friction_torques(
     load and acceleration [Hz] (None: the highest frequency of the motion, 20 Hz).
     """
     rigid = _rigid_theta(identification)
-    regressor = Regressor.build(identification.robot, identification.parameters)
+    regressor = regressor_of(identification.robot, identification.parameters)
     records = _kinematics(problem, identification)
     slow = _standstill(problem, standstill)
     band = min(motion_band(r) for r in problem.recordings) if band is None else band

@@ -16,6 +16,7 @@ import numpy as np
 
 from pivident.dynamics.parameters import standard_parameters
 from pivident.dynamics.regressor import Regressor
+from pivident.dynamics.robot_regressor import regressor_of
 from pivident.friction_laws.band_rows import BandRows
 from pivident.friction_laws.filtered_rows import LastPass, row_samples
 from pivident.friction_laws.held_out_cells import Cells, Division
@@ -275,10 +276,10 @@ class JointJudge:
         robot = self.robot.with_friction({name: FrictionLaw((term,))})
         own = [p for p in standard_parameters(robot) if p.joint == self.joint and p.friction]
         if not term.depends_on_load:
-            return Regressor.build(robot, own), False
+            return regressor_of(robot, own), False
         parameters = self.last.equations.regressor.parameters
         carried = [parameters[k] for k in self._carried()]
-        return Regressor.build(robot, [*carried, own[0]]), True
+        return regressor_of(robot, [*carried, own[0]]), True
 
     def _carried(self) -> list[int]:
         parameters = self.last.equations.regressor.parameters

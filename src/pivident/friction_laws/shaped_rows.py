@@ -18,7 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from pivident.dynamics.parameters import Parameter, standard_parameters
-from pivident.dynamics.regressor import Regressor
+from pivident.dynamics.robot_regressor import regressor_of
 from pivident.errors import ExperimentError
 from pivident.estimation.covariance.windows import windows_of
 from pivident.estimation.normal_equations import JointSums
@@ -140,7 +140,7 @@ class ShapedRows:
         """Columns of the terms with unknown constants, filtered, for each record: of Φ and Z."""
         robot = with_shapes(self.robot, self.values(coordinates))
         by_name = {p.name: p for p in standard_parameters(robot)}
-        regressor = Regressor.build(robot, [by_name[name] for name in self.shaped])
+        regressor = regressor_of(robot, [by_name[name] for name in self.shaped])
         return self.last.changed(regressor, self.joint, self.records)
 
 

@@ -15,6 +15,7 @@ from functools import lru_cache
 import numpy as np
 
 from pivident.dynamics.regressor import Regressor
+from pivident.dynamics.robot_regressor import regressor_of
 from pivident.estimation.problem import Problem
 from pivident.model_errors.cause import Cause
 from pivident.model_errors.record_motion import RecordMotion
@@ -77,7 +78,7 @@ def _cause(subject: str, what: str, unit: str, *changes: Change) -> Cause:
     @lru_cache(maxsize=1)
     def changed(regressor: Regressor) -> list[Regressor]:
         robots = [change(regressor.robot, step * scale) for change in changes]
-        return [Regressor.build(robot, regressor.parameters) for robot in robots]
+        return [regressor_of(robot, regressor.parameters) for robot in robots]
 
     def columns(motion: RecordMotion) -> np.ndarray:
         after = [motion.torque_by(other) for other in changed(motion.regressor)]

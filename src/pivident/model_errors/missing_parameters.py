@@ -10,6 +10,7 @@ import numpy as np
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import Parameter, standard_parameters
 from pivident.dynamics.regressor import Regressor
+from pivident.dynamics.robot_regressor import regressor_of
 from pivident.model_errors.cause import Cause, Columns
 from pivident.model_errors.record_motion import RecordMotion
 from pivident.robot.description import Robot
@@ -62,7 +63,7 @@ def _torques_of(parameters: Sequence[Parameter]) -> Columns:
 
     @lru_cache(maxsize=1)
     def regressor(robot: Robot) -> Regressor:
-        return Regressor.build(robot, parameters)
+        return regressor_of(robot, parameters)
 
     def columns(motion: RecordMotion) -> np.ndarray:
         matrix = regressor(motion.robot).matrix(motion.q.T, motion.dq.T, motion.ddq.T)

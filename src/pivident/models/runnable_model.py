@@ -18,6 +18,7 @@ import numpy as np
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
 from pivident.dynamics.parameters import Parameter, nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
+from pivident.dynamics.robot_regressor import regressor_of
 from pivident.errors import ExportError
 from pivident.estimation.identification import Identification
 from pivident.robot.description import INERTIAL, Robot
@@ -78,7 +79,7 @@ class RunnableModel:
     @cached_property
     def regressor(self) -> Regressor:
         """Observation matrix of all standard parameters."""
-        return Regressor.build(self.robot, self.parameters)
+        return regressor_of(self.robot, self.parameters)
 
     @cached_property
     def base(self) -> BaseParameters:

@@ -17,11 +17,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
 
 from pivident.errors import RobotDescriptionError
+from pivident.robot.constraints import Constraints
 from pivident.robot.friction import DEFAULT_FRICTION, FrictionLaw
 from pivident.robot.friction_term import SLOPE_AT_RATED_SPEED
 from pivident.robot.naming import find_joint, nearest
@@ -103,10 +105,13 @@ class Link:
     Attributes:
         name: unique name.
         inertia: nominal ``xx xy xz yy yz zz mx my mz m``, shape (10,); zeros where unknown.
+        is_body: False for a frame between the axes of a universal or ball joint: it has no mass,
+            and no parameters.
     """
 
     name: str
     inertia: np.ndarray = field(default_factory=lambda: np.zeros(10))
+    is_body: bool = True
 
 
 @dataclass(frozen=True)
@@ -164,6 +169,10 @@ class Robot:
         urdf: the file it was read from, or None.
         torque_side: ``motor``: its joint torques are those of the motors, on the joint side;
             ``link``: of sensors behind the gears, see `with_link_torques`.
+        passive_joints: joints that the loops of a closed mechanism move along, parents counted in
+            the `tree` of all joints; empty for a tree.
+        passive_links: what they carry.
+        constraints: what closes the loops, see `pivident.robot.closed_robot`; None: a tree.
     """
 
     name: str
@@ -177,6 +186,9 @@ class Robot:
     description: str = ""
     urdf: UrdfFile | None = None
     torque_side: TorqueSide = "motor"
+    passive_joints: tuple[Joint, ...] = ()
+    passive_links: tuple[Link, ...] = ()
+    constraints: Constraints | None = None
 
     def __post_init__(self) -> None:
         check_robot(self)
@@ -240,8 +252,44 @@ class Robot:
 
     @property
     def size(self) -> int:
-        """Number of joints."""
+        """Number of joints; of a closed mechanism, of those that are independent."""
         return len(self.joints)
+
+    @cached_property
+    def tree(self) -> Robot:
+        """All joints and links with the loops cut; without loops the robot itself.
+
+        Parameters count joints and links there, parents before children.
+        """
+        if self.constraints is None:
+            return self
+        places = self.constraints.places
+        count = len(places) + len(self.passive_joints)
+        passive = iter(zip(self.passive_joints, self.passive_links, strict=True))
+        own = dict(zip(places, zip(self.joints, self.links, strict=True), strict=True))
+        members = [own[i] if i in own else next(passive) for i in range(count)]
+        rotor = np.zeros(count)
+        rotor[list(places)] = self.rotor_inertia
+        return replace(
+            self,
+            joints=tuple(joint for joint, _ in members),
+            links=tuple(link for _, link in members),
+            rotor_inertia=rotor,
+            transmission=Transmission.direct(count),
+            couplings=tuple(
+                replace(c, motor=places[c.motor], joint=places[c.joint]) for c in self.couplings
+            ),
+            passive_joints=(),
+            passive_links=(),
+            constraints=None,
+        )
+
+    @property
+    def places(self) -> tuple[int, ...]:
+        """Index of each joint in the `tree`."""
+        if self.constraints is None:
+            return tuple(range(self.size))
+        return self.constraints.places
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -251,7 +299,9 @@ class Robot:
     @property
     def is_chain(self) -> bool:
         """Whether each link hangs on the one before it (a serial arm)."""
-        return all(joint.parent == i - 1 for i, joint in enumerate(self.joints))
+        return self.constraints is None and all(
+            joint.parent == i - 1 for i, joint in enumerate(self.joints)
+        )
 
     @property
     def rated_speeds(self) -> np.ndarray:
@@ -259,8 +309,12 @@ class Robot:
         return np.array([np.nan if j.rated_speed is None else j.rated_speed for j in self.joints])
 
     def label(self, index: int) -> str:
-        """The joint of an index in a parameter's name: ``3`` on a chain, ``[elbow]`` on a tree."""
-        return str(index + 1) if self.is_chain else f"[{self.joints[index].name}]"
+        """The joint of an index in a parameter's name: ``3`` on a chain, ``[elbow]`` on a tree.
+
+        The joints of a closed mechanism are counted in its tree.
+        """
+        tree = self.tree
+        return str(index + 1) if tree.is_chain else f"[{tree.joints[index].name}]"
 
     def link_index(self, name: str) -> int:
         """Index of a link by its own name, or that or the number of the joint that moves it.
@@ -360,6 +414,9 @@ class Robot:
 
 def check_robot(robot: Robot) -> None:
     """Refuse a description that is not a tree with proper frames."""
+    if robot.constraints is not None:
+        robot.tree  # noqa: B018 — the tree checks itself, and holds all that there is
+        return
     if not robot.joints:
         raise RobotDescriptionError(f"robot {robot.name!r} has no moving joint")
     if len(robot.links) != len(robot.joints) or np.shape(robot.rotor_inertia) != (robot.size,):

@@ -17,6 +17,7 @@ from pivident.compiled import read_only
 from pivident.dynamics.forward import Model
 from pivident.errors import (
     ExperimentError,
+    LoopNotClosed,
     MassMatrixNotPositiveDefinite,
     ShapeMismatch,
     SimulationDiverged,
@@ -38,11 +39,13 @@ from pivident.simulation.loop_kernel import (
     GAIN,
     INDEFINITE,
     LIMITS,
+    NOT_CLOSED,
     OUTPUT,
     SPEED,
     TOO_FAR,
     TOO_FAST,
     initial_state,
+    loops_of,
     path_arguments,
     run_loop,
 )
@@ -82,7 +85,7 @@ def run_python_loop(
     said = np.zeros((samples, n))
     law = SampledLaw(none, unit, none, np.zeros(n), said, said).protected()
     state = initial_state(model, law, start[0], start[1], int(delay * rate + 1e-9))
-    on_path = path_arguments(model.friction, state, samples)
+    on_path, loops = path_arguments(model.friction, state, samples), loops_of(model, start[0])
     heard = read_only(np.zeros((1, n)))
     q_wanted, dq_wanted = read_only(q_ref), read_only(dq_ref)
     with _ONE_RUN_AT_A_TIME:
@@ -95,7 +98,7 @@ def run_python_loop(
             said[k] = _checked(controller.function(k, measured, q_wanted[k], dq_wanted[k]), k, n)
             what, joint, _ = run_loop(
                 model, law, state, rate, delay, q_ref, inputs, heard, limits, steps, oracle,
-                k, k + 1, 0, channels, failure, None, *on_path,
+                k, k + 1, 0, channels, failure, None, *on_path, loops,
             )  # fmt: skip
             if what != DONE:
                 return what, joint, k, on_path[-1]
@@ -218,7 +221,7 @@ def simulate_blocks(
     overwrites both. ``tangent``: tangents that are carried along, with room for a stretch; not of a
     Python law.
     """
-    n = len(model.inertia)
+    n = len(model.rotor)
     rate, samples = float(signals.rate), len(signals.q_ref)
     delay = float(signals.drive_delay)
     if not 0.0 <= delay < samples / rate:
@@ -246,21 +249,21 @@ def simulate_blocks(
             model, controller, begin, rate, delay, q_ref, dq_ref, inputs, noise, limits, steps,
             oracle, channels, failure,
         )  # fmt: skip
-        _check_outcome(what, joint, sample / rate, float(failure[0]), limits, joint_names)
+        _check_outcome(what, joint, sample / rate, failure, limits, joint_names, q_ref[sample])
         yield slice(0, samples), channels, _states(model, record, samples)
         return
     law = controller.law(rate, q_ref, dq_ref).protected()
     state = initial_state(model, law, begin[0], begin[1], int(delay * rate + 1e-9))
     block = min(block, samples)
     channels = np.zeros((CHANNELS, block, n))
-    on_path = path_arguments(model.friction, state, block)
+    on_path, loops = path_arguments(model.friction, state, block), loops_of(model, begin[0])
     for first in range(0, samples, block):
         last = min(first + block, samples)
         what, joint, sample = run_loop(
             model, law, state, rate, delay, q_ref, inputs, noise, limits,
-            steps, oracle, first, last, first, channels, failure, tangent, *on_path,
+            steps, oracle, first, last, first, channels, failure, tangent, *on_path, loops,
         )  # fmt: skip
-        _check_outcome(what, joint, sample / rate, float(failure[0]), limits, joint_names)
+        _check_outcome(what, joint, sample / rate, failure, limits, joint_names, q_ref[sample])
         length = last - first
         yield slice(first, last), channels[:, :length], _states(model, on_path[-1], length)
 
@@ -278,7 +281,7 @@ def steps_of_a_period(model: Model, rate: float) -> int:
     springs = {FrictionColumn.SPRING, FrictionColumn.STRUT}.intersection(
         model.friction.path_index[:, 1].tolist()
     )
-    if model.tree.prismatic.all() and not springs:
+    if model.tree.prismatic.all() and not springs and model.closed is None:
         return 1
     return max(1, int(np.ceil(1.0 / (rate * MAX_STEP) - 1e-9)))
 
@@ -294,11 +297,15 @@ def _check_outcome(
     what: int,
     joint: int,
     time: float,
-    value: float,
+    failure: np.ndarray,
     limits: np.ndarray,
     joint_names: tuple[str, ...],
+    near: np.ndarray,
 ) -> None:
-    """Raise the error of a run that ended early."""
+    """Raise the error of a run that ended early, ``near`` a posture of the reference."""
+    value = float(failure[0])
+    if what == NOT_CLOSED:
+        raise LoopNotClosed(joint, near, joint_names, time=time)
     if what == INDEFINITE:
         raise MassMatrixNotPositiveDefinite(joint_names[joint], time, value)
     if what in (TOO_FAR, TOO_FAST):

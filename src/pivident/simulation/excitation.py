@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.dynamics.parameters import Parameter
-from pivident.dynamics.regressor import Regressor
+from pivident.dynamics.robot_regressor import regressor_of
 from pivident.robot.description import Robot
 
 #: Samples per period of the highest harmonic on which limits and W are evaluated.
@@ -121,7 +121,7 @@ def optimised_series(
     ``frequency``: of the first one [Hz].
     """
     rng = np.random.default_rng(seed)
-    regressor = Regressor.build(robot, parameters)
+    regressor = regressor_of(robot, parameters)
     shape = (robot.size, 2 * harmonics + 1)
 
     def judged(raw: np.ndarray) -> FourierSeries:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pivident.dynamics.parameters import Parameter, nominal_values, standard_parameters
-from pivident.dynamics.regressor import Regressor
+from pivident.dynamics.robot_regressor import regressor_of
 from pivident.robot.description import Robot
 from pivident.simulation.controllers import Controller, FeedForward
 from pivident.simulation.gravity_compensation import GravityCompensated, GravityModel
@@ -63,7 +63,7 @@ def computed_torque_feed_forward(
     ``q_ref``: reference positions [rad or m], shape (samples, joints). Result: torques or forces
     [N m or N].
     """
-    return Regressor.build(robot, parameters).torque(q_ref, dq_ref, ddq_ref, theta)
+    return regressor_of(robot, parameters).torque(q_ref, dq_ref, ddq_ref, theta)
 
 
 def with_measured_gravity(

@@ -27,6 +27,7 @@ import numpy as np
 
 from pivident.compiled import inlined as _inline
 from pivident.compiled import inner, rows, section
+from pivident.dynamics.closed_dynamics import closed_bias, closed_mass
 from pivident.dynamics.friction_table import (
     AHEAD,
     MIDWAY,
@@ -116,25 +117,41 @@ def _has_moved(vectors, clock):
 def evaluate(
     parent, prismatic, rotation, translation, gravity, inertia, rotor,
     linear, term_index, term_value, pair_index, pair_value, path_index, path_value, path,
-    vectors, matrices, slopes, clock, pose, motion, force, composite, torque, exact,
+    vectors, matrices, slopes, clock, pose, motion, force, composite, torque, exact, closed,
 ):  # fmt: skip
     """Rigid body, friction and acceleration at the present state under ``torque``.
+
+    Returns -1, the joint at which M(q) is indefinite, or below -1 a `closure_kernels` status
+    subtracted from -1.
 
     ``inertia``: ten inertial parameters of every link, shape (joints, 10); ``rotor``: rotor
     inertias, shape (joints, joints); ``path_index``: terms of position, path and load, or None;
     ``path_value``: their values, or None; ``path``: states of friction, see ``friction_table``, or
     None; ``slopes``: friction slopes at V and scratch, shape (4, joints + couplings) or wider;
-    ``torque``: held joint torques, shape (joints,).
+    ``torque``: held joint torques, shape (joints,); ``closed``: the loops of a
+    mechanism, a ``ClosedRun``, or None.
     """
     n = torque.size
     for i in range(n):
         vectors[LAST_BIAS, i] = vectors[BIAS, i]
-    link_poses(prismatic, rotation, translation, vectors[Q], pose)
-    bias_torque(parent, prismatic, gravity, pose, inertia, vectors[V], motion, force, vectors[BIAS])
+    if closed is None:  # decided by its type, too: trees are compiled without
+        link_poses(prismatic, rotation, translation, vectors[Q], pose)
+        bias_torque(
+            parent, prismatic, gravity, pose, inertia, vectors[V], motion, force, vectors[BIAS]
+        )
+    else:
+        status = closed_bias(closed, vectors[Q], vectors[V], vectors[BIAS])
+        if status > 0:
+            return -1 - status
     if path is not None:  # decided by its type: laws of speed alone are compiled without
         spring_torque(path_index, path_value, vectors, Q, BIAS)
     if exact or _has_moved(vectors, clock):
-        composite_mass_matrix(parent, prismatic, pose, inertia, rotor, composite, matrices[MASS])
+        if closed is None:
+            composite_mass_matrix(
+                parent, prismatic, pose, inertia, rotor, composite, matrices[MASS]
+            )
+        else:
+            closed_mass(closed, rotor, matrices[MASS])
         joint = invert_mass_matrix(matrices[MASS], matrices[FACTOR], matrices[INVERSE])
         if joint >= 0:
             return joint
@@ -394,7 +411,7 @@ def _nonlinear_step(
 def advance_runge_kutta(
     parent, prismatic, rotation, translation, gravity, inertia, rotor,
     linear, term_index, term_value, pair_index, pair_value, path_index, path_value, path,
-    vectors, matrices, slopes, clock, pose, motion, force, composite, torque, h, substeps,
+    vectors, matrices, slopes, clock, pose, motion, force, composite, torque, h, substeps, closed,
 ):  # fmt: skip
     """Integrate one step by classical Runge–Kutta on the full dynamics, the oracle."""
     n = torque.size
@@ -410,8 +427,9 @@ def advance_runge_kutta(
                 linear, term_index, term_value, pair_index, pair_value,
                 path_index, path_value, path,
                 vectors, matrices, slopes, clock, pose, motion, force, composite, torque, True,
+                closed,
             )  # fmt: skip
-            if joint >= 0:
+            if joint != -1:
                 return joint
             weight = 2.0 if stage in (1, 2) else 1.0
             ahead = step if stage == 2 else 0.5 * step

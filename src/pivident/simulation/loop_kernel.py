@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from pivident.compiled import kernel
+from pivident.dynamics.closed_dynamics import ClosedRun, closed_run
+from pivident.dynamics.closed_motion import closed_place
 from pivident.dynamics.forward import Model
 from pivident.dynamics.friction_table import (
     PATH_ROWS,
@@ -52,8 +54,9 @@ from pivident.simulation.step_tangent import (
     nonlinear_tangent,
 )
 
-#: What may happen: nothing, M(q) is indefinite, a joint is too far off, a joint is too fast.
-DONE, INDEFINITE, TOO_FAR, TOO_FAST = 0, 1, 2, 3
+#: What may happen: nothing, M(q) is indefinite, a joint is too far off, a joint is too fast, a
+#: mechanism cannot be closed or is singular (its status stands in for the joint).
+DONE, INDEFINITE, TOO_FAR, TOO_FAST, NOT_CLOSED = 0, 1, 2, 3, 4
 
 # Rows of ``limits``: joint torque per controller output, largest output, largest distance from the
 # reference, largest speed, and what the law's encoder counts in, zero for no counts.
@@ -99,7 +102,7 @@ def initial_state(
     model: Model, law: SampledLaw, q: np.ndarray, dq: np.ndarray, late: int = 0
 ) -> LoopState:
     """A loop at positions ``q`` with speeds ``dq``, shape (joints,), whose law has been at rest."""
-    n, friction = len(model.inertia), model.friction
+    n, friction = len(model.rotor), model.friction
     couplings, entries = len(friction.pair_index), len(friction.path_index)
     state = LoopState(
         vectors=np.zeros((ROWS, n)),
@@ -128,6 +131,19 @@ def initial_state(
     return state
 
 
+def loops_of(model: Model, q: np.ndarray) -> ClosedRun | None:
+    """The last argument of ``run_loop`` at positions ``q``, shape (joints,); None without loops.
+
+    Raises:
+        LoopNotClosed: they do not close there.
+    """
+    return (
+        None
+        if model.closed is None
+        else closed_run(model.closed, closed_place(model.closed.table, q))
+    )
+
+
 def is_on_path(friction: FrictionTable) -> bool:
     """Whether friction is integrated by the scheme of ``path_integration``.
 
@@ -153,7 +169,7 @@ def path_arguments(
 @kernel
 def run_loop(
     model, law, state, rate, delay, q_ref, inputs, noise, limits, steps, oracle, first, last,
-    origin, channels, failure, tangent, path_index, path_value, path, path_record,
+    origin, channels, failure, tangent, path_index, path_value, path, path_record, closed,
 ):  # fmt: skip
     """Simulate the samples from ``first`` to before ``last``.
 
@@ -163,7 +179,8 @@ def run_loop(
     (LIMITS, joints); ``oracle``: None, or Runge–Kutta substeps per control period; ``channels``:
     receives the motion, see above, shape (CHANNELS, rows, joints); ``failure``: receives the pivot,
     distance or speed that ended the run, shape (1,); ``tangent``: None, or a ``LoopTangent`` that
-    is carried along: compiled where it is asked for.
+    is carried along: compiled where it is asked for; ``closed``: None, or the loops of a mechanism,
+    see ``closed_run``, whose bodies and closures are then those that count.
     """
     n = q_ref.shape[1]
     period = 1.0 / rate
@@ -275,8 +292,10 @@ def run_loop(
                 linear, term_index, term_value, pair_index, pair_value,
                 path_index, path_value, path,
                 vectors, matrices, slopes, clock, pose, motion, force, composite, torque,
-                oracle is not None,
+                oracle is not None, closed,
             )  # fmt: skip
+            if joint < -1:
+                return NOT_CLOSED, -1 - joint, k
             if joint >= 0:
                 failure[0] = matrices[FACTOR, joint, joint]
                 return INDEFINITE, joint, k
@@ -325,8 +344,10 @@ def run_loop(
                     linear, term_index, term_value, pair_index, pair_value,
                     path_index, path_value, path,
                     vectors, matrices, slopes, clock, pose, motion, force, composite, torque,
-                    step, oracle,
+                    step, oracle, closed,
                 )  # fmt: skip
+                if joint < -1:
+                    return NOT_CLOSED, -1 - joint, k
                 if joint >= 0:
                     failure[0] = matrices[FACTOR, joint, joint]
                     return INDEFINITE, joint, k

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.dynamics.regressor import Regressor
+from pivident.dynamics.robot_regressor import regressor_of
 from pivident.estimation.output_error.stretch import Stretch
 from pivident.estimation.output_error.unknowns import Unknown, values_of, with_values
 from pivident.motion.law_torque import controller_outputs
@@ -65,7 +65,7 @@ class _Motion:
         times = np.arange(len(self.q)) * self.stretch.step - late
         at = np.arange(len(tau))
         tau = np.stack([np.interp(times, at, own) for own in tau.T], axis=1)
-        regressor = Regressor.build(loop.robot, loop.parameters)
+        regressor = regressor_of(loop.robot, loop.parameters)
         model = regressor.torque(self.q - bias, self.dq, self.ddq, loop.theta)
         used = slice(self.stretch.first, None)
         return (tau - model)[used], tau[used]

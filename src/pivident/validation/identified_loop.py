@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.dynamics.regressor import Regressor
+from pivident.dynamics.robot_regressor import regressor_of
 from pivident.errors import ExperimentError
 from pivident.estimation.identification import Identification
 from pivident.simulation.joint_loop import JointFeedback, JointLoop, joint_feedbacks
@@ -148,7 +148,7 @@ def _viscous_slopes(identification: Identification) -> np.ndarray:
     still = np.zeros((n, n))
     for k, p in enumerate(parameters):
         if p.stem in _VISCOUS:
-            torque = Regressor.build(robot, (p,)).torque(still, np.eye(n), still, np.ones(1))
+            torque = regressor_of(robot, (p,)).torque(still, np.eye(n), still, np.ones(1))
             slopes[:, k] = np.diag(torque)
     return slopes
 

@@ -24,6 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pivident.compiled import inner
+from pivident.dynamics.elimination import eliminate
 from pivident.dynamics.kernels import bias_torque, composite_mass_matrix, link_poses
 from pivident.dynamics.rigid_body_slopes import (
     inertial_columns,
@@ -39,7 +40,7 @@ from pivident.estimation.filters.robot_equations import (
     local_torques,
     take_parameters,
 )
-from pivident.estimation.filters.triangular import cholesky, eliminate, solve_cholesky
+from pivident.estimation.filters.triangular import cholesky, solve_cholesky
 
 #: Most iterations of Newton's method, and halvings of one of its steps.
 MAX_ITERATIONS, MAX_HALVINGS = 25, 6

@@ -16,6 +16,7 @@ import numpy as np
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
 from pivident.dynamics.parameters import Parameter, nominal_values
 from pivident.dynamics.regressor import Regressor
+from pivident.dynamics.robot_regressor import regressor_of
 from pivident.errors import ExperimentError
 from pivident.estimation.problem import Problem
 from pivident.many.study.motion import per_joint, reference_of
@@ -91,7 +92,7 @@ class Bench:
     def regressor(self) -> Regressor:
         """Observation matrix of the estimated parameters."""
         heads = [self.base.parameters[self.base.index(name)] for name in self.estimated]
-        return Regressor.build(self.scenario.robot, heads)
+        return regressor_of(self.scenario.robot, heads)
 
     @cached_property
     def controller(self) -> Controller:

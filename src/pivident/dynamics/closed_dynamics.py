@@ -1,0 +1,155 @@
+"""Mass matrix and bias torques of a closed mechanism in its independent joints.
+
+    M_a = Nᵀ M N + J,    h_a = Nᵀ (h + M γ + f_p),    M_a ddq_a + h_a + friction = τ_a
+
+M, h and the friction f_p of passive joints are those of the tree at the posture that closes the
+loops, J the rotors.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from pivident.compiled import inner, kernel
+from pivident.dynamics.closure_kernels import (
+    CLOSED,
+    ClosureTable,
+    ClosureWork,
+    close_loops,
+    closure_table,
+    lead_on,
+)
+from pivident.dynamics.friction_table import (
+    FrictionTable,
+    friction_torque,
+    make_friction_table,
+    slopes_width,
+)
+from pivident.dynamics.kernels import bias_torque, composite_mass_matrix
+from pivident.dynamics.parameters import Parameter
+from pivident.robot.description import Robot
+
+# Rows of ``ClosedRun.vectors``: speeds and friction of all joints, h + M γ + f.
+_SPEED, _FRICTION, _BIAS, _ROWS = 0, 1, 2, 3
+
+
+class ClosedModel(NamedTuple):
+    """What a simulation needs of a closed mechanism beside its independent joints."""
+
+    table: ClosureTable
+    inertia: np.ndarray  # ten inertial parameters of every link of the tree, (tree joints, 10)
+    friction: FrictionTable  # of the passive joints, counted in the tree
+
+
+class ClosedRun(NamedTuple):
+    """State and scratch of a simulation of it."""
+
+    model: ClosedModel
+    place: ClosureWork
+    motion: np.ndarray  # scratch of the rigid bodies, (tree joints, 9)
+    force: np.ndarray  # (tree joints, 6)
+    composite: np.ndarray  # (tree joints, 10)
+    no_rotor: np.ndarray  # zeros, (tree joints, tree joints)
+    mass: np.ndarray  # M, (tree joints, tree joints)
+    product: np.ndarray  # M N, (tree joints, joints)
+    vectors: np.ndarray  # (rows, tree joints)
+    slopes: np.ndarray  # scratch of friction
+
+
+def closed_model(
+    robot: Robot, parameters: tuple[Parameter, ...], values: np.ndarray, inertia: np.ndarray
+) -> ClosedModel:
+    """The part of a model that only closed mechanisms have."""
+    passive = [k for k, p in enumerate(parameters) if p.friction and p.joint not in robot.places]
+    own = tuple(parameters[k] for k in passive)
+    return ClosedModel(
+        closure_table(robot), inertia, make_friction_table(robot.tree, own, values[passive])
+    )
+
+
+def on_own_joints(robot: Robot, parameters: tuple[Parameter, ...]) -> tuple[Parameter, ...]:
+    """Parameters that belong to independent joints, which are counted among themselves."""
+    place = {i: j for j, i in enumerate(robot.places)}
+    pairs = dict(zip(robot.tree.couplings, robot.couplings, strict=True))
+    return tuple(
+        replace(p, joint=place[p.joint], coupling=pairs[p.coupling] if p.coupling else None)
+        for p in parameters
+        if p.joint in place
+    )
+
+
+def closed_run(model: ClosedModel, place: ClosureWork) -> ClosedRun:
+    """A simulation at a place."""
+    n, m = place.gain.shape
+    return ClosedRun(
+        model, place, np.zeros((n, 9)), np.zeros((n, 6)), np.zeros((n, 10)), np.zeros((n, n)),
+        np.zeros((n, n)), np.zeros((n, m)), np.zeros((_ROWS, n)),
+        np.zeros((1, slopes_width(n, len(model.friction.pair_index)))),
+    )  # fmt: skip
+
+
+@inner
+def closed_bias(run, q, dq, bias):
+    """Close the loops at independent positions and speeds, and h_a; status, see above."""
+    table, place, friction = run.model.table, run.place, run.model.friction
+    tree, inertia, vectors = table.tree, run.model.inertia, run.vectors
+    n, m = place.gain.shape
+    lead_on(table, place, q)
+    for a in range(m):
+        place.dq[table.places[a]] = dq[a]
+    status = close_loops(table, place)
+    if status != CLOSED:
+        return status
+    bias_torque(
+        tree.parent, tree.prismatic, tree.gravity, place.pose, inertia, place.dq, run.motion,
+        run.force, vectors[_BIAS],
+    )  # fmt: skip
+    composite_mass_matrix(
+        tree.parent, tree.prismatic, place.pose, inertia, run.no_rotor, run.composite, run.mass
+    )
+    for i in range(n):
+        vectors[_SPEED, i] = place.dq[i]
+        for j in range(i):
+            run.mass[j, i] = run.mass[i, j]
+    friction_torque(
+        friction.linear, friction.term_index, friction.term_value, friction.pair_index,
+        friction.pair_value, vectors, _SPEED, _FRICTION, run.slopes, 0,
+    )  # fmt: skip
+    for i in range(n):
+        vectors[_BIAS, i] += vectors[_FRICTION, i]
+        for j in range(n):
+            vectors[_BIAS, i] += run.mass[i, j] * place.drift[j]
+    for a in range(m):
+        bias[a] = 0.0
+        for i in range(n):
+            bias[a] += place.gain[i, a] * vectors[_BIAS, i]
+    return CLOSED
+
+
+@inner
+def closed_mass(run, rotor, mass):
+    """M_a at the place of ``closed_bias``, both triangles."""
+    gain, product = run.place.gain, run.product
+    n, m = gain.shape
+    for i in range(n):
+        for a in range(m):
+            product[i, a] = 0.0
+            for j in range(n):
+                product[i, a] += run.mass[i, j] * gain[j, a]
+    for a in range(m):
+        for b in range(m):
+            mass[a, b] = rotor[a, b]
+            for i in range(n):
+                mass[a, b] += gain[i, a] * product[i, b]
+
+
+@kernel
+def closed_mass_and_bias(run, rotor, q, dq, mass, bias):
+    """Both at one state; status."""
+    status = closed_bias(run, q, dq, bias)
+    if status == CLOSED:
+        closed_mass(run, rotor, mass)
+    return status

@@ -1,0 +1,130 @@
+"""The motion of all joints of a closed mechanism from that of its independent ones."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from pivident.dynamics.closure_kernels import (
+    CLOSED,
+    ClosureTable,
+    ClosureWork,
+    approach,
+    closure_table,
+    closure_work,
+    follow,
+)
+from pivident.errors import LoopNotClosed
+from pivident.robot.description import Robot
+
+
+class ClosedMotion(NamedTuple):
+    """Motion of all joints of the tree, time last; shapes (tree joints, samples)."""
+
+    q: np.ndarray  # [rad or m]
+    dq: np.ndarray  # [rad/s or m/s]
+    ddq: np.ndarray  # [rad/s² or m/s²]
+    gain: np.ndarray  # N, dq = N dq_a, shape (tree joints, joints, samples)
+
+
+def closed_place(
+    table: ClosureTable, q: np.ndarray, joint_names: Sequence[str] = ()
+) -> ClosureWork:
+    """A mechanism at independent positions, followed from the posture of its description.
+
+    Args:
+        table: its constraints.
+        q: independent positions [rad or m], shape (joints,).
+        joint_names: of the independent joints, for the error.
+
+    Raises:
+        LoopNotClosed: on the way the loops do not close, or the mechanism is singular.
+    """
+    work, goal = closure_work(table), np.array(q, dtype=float)
+    status = approach(table, work, goal, np.zeros((2, goal.size)))
+    if status != CLOSED:
+        raise LoopNotClosed(status, goal, joint_names)
+    return work
+
+
+class ClosedChains:
+    """The constraints of a robot, ready for motions.
+
+    Args:
+        robot: with `Robot.constraints`.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot = robot
+        self.table: ClosureTable = closure_table(robot)
+
+    def start(self, q: np.ndarray) -> ClosureWork:
+        """The mechanism at independent positions, followed from the posture of its description.
+
+        Args:
+            q: independent positions [rad or m], shape (joints,).
+
+        Raises:
+            LoopNotClosed: on the way the loops do not close, or the mechanism is singular.
+        """
+        return closed_place(self.table, q, self.robot.joint_names)
+
+    def motion(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> ClosedMotion:
+        """Motion of all joints, ddq = N ddq_a + γ.
+
+        Args:
+            q: independent positions [rad or m], time last, shape (joints, samples); each sample
+                is near the one before.
+            dq: their speeds [rad/s or m/s], likewise.
+            ddq: their accelerations [rad/s² or m/s²], likewise.
+
+        Raises:
+            LoopNotClosed: names the sample.
+        """
+        q, dq, ddq = (np.array(x, dtype=float, order="C") for x in (q, dq, ddq))
+        joints, samples = len(self.table.posture), q.shape[1]
+        whole = np.empty((3, joints, samples))
+        gain = np.empty((joints, self.robot.size, samples))
+        if samples:
+            work = self.start(q[:, 0])
+            status, sample = follow(self.table, work, q, dq, ddq, *whole, gain)
+            if status != CLOSED:
+                raise LoopNotClosed(status, q[:, sample], self.robot.joint_names, sample)
+        positions, speeds, accelerations = whole
+        return ClosedMotion(positions, speeds, accelerations, gain)
+
+    def random_postures(self, rng: np.random.Generator, samples: int) -> np.ndarray:
+        """Independent positions at which the loops close, shape (samples, joints) [rad or m].
+
+        Uniform between the limits of the joints, or half a radian or decimetre around the posture
+        of the description where a joint has none.
+
+        Raises:
+            LoopNotClosed: most of them do not close.
+        """
+        joints, posture = self.robot.joints, self.table.posture[self.table.places]
+        spread = [0.5 if joint.kind == "revolute" else 0.1 for joint in joints]
+        low, high = np.transpose(
+            [
+                joint.position_limits or (at - own, at + own)
+                for joint, at, own in zip(joints, posture, spread, strict=True)
+            ]
+        )
+        found: list[np.ndarray] = []
+        failure: LoopNotClosed | None = None
+        for _ in range(20 * samples):
+            if len(found) == samples:
+                break
+            q = rng.uniform(low, high)
+            try:
+                self.start(q)
+            except LoopNotClosed as error:
+                failure = error
+                continue
+            found.append(q)
+        if len(found) < samples:
+            assert failure is not None
+            raise failure
+        return np.array(found)

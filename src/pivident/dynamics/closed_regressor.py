@@ -1,0 +1,150 @@
+"""Observation matrix of a closed mechanism: Nᵀ Y of its tree, in the rows of independent joints.
+
+    Nᵀ Y(q, dq, ddq) θ = τ_a
+
+by virtual work; Y is the tree's, at the motion of all joints that closes the loops. Friction of
+passive joints stays in Y.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pivident.compiled import kernel
+from pivident.dynamics.closed_motion import ClosedChains, ClosedMotion
+from pivident.dynamics.parameters import Parameter
+from pivident.dynamics.regressor import Regressor
+from pivident.errors import RobotDescriptionError
+from pivident.robot.description import Robot
+
+#: Postures at which an entry has to be zero to count as one that always is, and its size.
+PROBES, ZERO = 64, 1e-11
+
+
+@kernel
+def _project(term, gain, packed, out):
+    """Out[row] = Σ N_ia Y_i: rows of ``term`` are row of out, entry of the tree, joint i, a."""
+    for k in range(term.shape[0]):
+        row, entry, i, a = term[k, 0], term[k, 1], term[k, 2], term[k, 3]
+        for t in range(out.shape[1]):
+            out[row, t] += gain[i, a, t] * packed[entry, t]
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedRegressor(Regressor):
+    """The observation matrix of a closed mechanism; rows are its independent joints.
+
+    Attributes:
+        chains: its constraints.
+        tree: the observation matrix of all joints.
+        term: what entries are sums of: row of the entry, entry of the tree, joint of the tree,
+            independent joint, shape (terms, 4).
+    """
+
+    chains: ClosedChains = field(repr=False, kw_only=True)
+    tree: Regressor = field(repr=False, kw_only=True)
+    term: np.ndarray = field(repr=False, kw_only=True)
+
+    @classmethod
+    def of(cls, robot: Robot, parameters: Sequence[Parameter]) -> ClosedRegressor:
+        """Find the entries that are not always zero, by postures at random.
+
+        Raises:
+            RobotDescriptionError: friction whose column needs more than one sample.
+        """
+        tree = Regressor.build(robot.tree, parameters)
+        if tree.inner_entries.size:
+            p = parameters[tree.column[tree.inner_entries[0]]]
+            raise RobotDescriptionError(
+                f"{p.name}: friction with a memory, and friction that grows with the load, are not "
+                "handled in mechanisms with closed loops; choose viscous, Coulomb, Stribeck …"
+            )
+        chains = ClosedChains(robot)
+        rng = np.random.default_rng(20260501)
+        q = chains.random_postures(rng, PROBES)
+        gain = np.stack([chains.start(x).gain for x in q], axis=2)
+        moved = np.abs(gain).max(axis=2) > ZERO
+        candidates = {
+            (a, int(c))
+            for i, c in zip(tree.row, tree.column, strict=True)
+            for a in np.flatnonzero(moved[i])
+        }
+        entries = sorted((int(a), c) for a, c in candidates)
+        place = {entry: k for k, entry in enumerate(entries)}
+        term = [
+            (place[int(a), int(c)], e, int(i), int(a))
+            for e, (i, c) in enumerate(zip(tree.row, tree.column, strict=True))
+            for a in np.flatnonzero(moved[i])
+        ]
+        row = np.array([a for a, _ in entries], dtype=np.int64)
+        return cls(
+            robot,
+            tuple(parameters),
+            row,
+            np.array([c for _, c in entries], dtype=np.int64),
+            np.searchsorted(row, np.arange(robot.size + 1)),
+            np.zeros(0, dtype=np.int64),
+            tree._plan,
+            chains=chains,
+            tree=tree,
+            term=np.array(term, dtype=np.int64).reshape(-1, 4),
+        )
+
+    def _packed_tree(self, motion: ClosedMotion) -> np.ndarray:
+        """Entries of Nᵀ Y, time last."""
+        packed = self.tree.packed(motion.q, motion.dq, motion.ddq)
+        out = np.zeros((self.entries, motion.q.shape[1]))
+        _project(self.term, motion.gain, packed, out)
+        return out
+
+    def packed(
+        self,
+        q: np.ndarray,
+        dq: np.ndarray,
+        ddq: np.ndarray,
+        out: np.ndarray | None = None,
+        inner: np.ndarray | None = None,
+        place: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """As `Regressor.packed`; samples follow one another."""
+        self._check_motion(np.transpose(q), np.transpose(dq), np.transpose(ddq))
+        entries = self._packed_tree(self.chains.motion(q, dq, ddq))
+        if place is None:
+            place = np.arange(self.entries)
+        shape = (int(place.max(initial=-1)) + 1, entries.shape[1])
+        if out is None:
+            out = np.empty(shape)
+        if len(out) < shape[0] or out.shape[1:] != shape[1:]:
+            raise ValueError(f"out has shape {out.shape}; {shape} or more rows are needed")
+        out[place] = entries
+        return out
+
+    def matrix(
+        self,
+        q: np.ndarray,
+        dq: np.ndarray,
+        ddq: np.ndarray,
+        out: np.ndarray | None = None,
+        inner: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """As `Regressor.matrix`; samples follow one another."""
+        self._check_motion(q, dq, ddq)
+        shape = (q.shape[0], self.robot.size, len(self.parameters))
+        if out is None:
+            out = np.zeros(shape)
+        if out.shape != shape or not out.flags.c_contiguous:
+            raise ValueError(f"out has shape {out.shape}; {shape} in C order is needed")
+        out[:, self.row, self.column] = self._packed_tree(self.chains.motion(q.T, dq.T, ddq.T)).T
+        return out
+
+    def _weighted_sum(
+        self, weights: np.ndarray, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, inner: np.ndarray
+    ) -> np.ndarray:
+        """Sum of each joint's entries with given weights, shape (samples, joints)."""
+        packed = self._packed_tree(self.chains.motion(q.T, dq.T, ddq.T))
+        tau = np.zeros((self.robot.size, len(q)))
+        np.add.at(tau, self.row, weights[:, None] * packed)
+        return np.ascontiguousarray(tau.T)

@@ -1,0 +1,36 @@
+"""Linear equations of a few unknowns in compiled code: Gauss and Jordan, with row exchanges."""
+
+from __future__ import annotations
+
+from pivident.compiled import summing
+
+
+@summing
+def eliminate(matrix, right):
+    """Right ← matrix⁻¹ right, with row exchanges; the matrix is destroyed. False: singular."""
+    n, columns = right.shape
+    for i in range(n):
+        best = i
+        for k in range(i + 1, n):
+            if abs(matrix[k, i]) > abs(matrix[best, i]):
+                best = k
+        if not abs(matrix[best, i]) > 0.0:
+            return False
+        if best != i:
+            for c in range(n):
+                matrix[i, c], matrix[best, c] = matrix[best, c], matrix[i, c]
+            for c in range(columns):
+                right[i, c], right[best, c] = right[best, c], right[i, c]
+        inverse = 1.0 / matrix[i, i]
+        for c in range(columns):
+            right[i, c] *= inverse
+        for c in range(i, n):
+            matrix[i, c] *= inverse
+        for k in range(n):
+            share = matrix[k, i]
+            if k != i and share != 0.0:
+                for c in range(i, n):
+                    matrix[k, c] -= share * matrix[i, c]
+                for c in range(columns):
+                    right[k, c] -= share * right[i, c]
+    return True

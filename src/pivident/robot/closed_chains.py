@@ -1,0 +1,221 @@
+"""From a tree and what closes its loops to a robot of independent joints.
+
+The equations of a closure with the frames (p_1, R_1) and (p_2, R_2), seen from the base, are
+
+    p_1 - p_2 = 0,    a_1 · b_2 = 0
+
+for pairs of axes a of the first and b of the second frame, see `constraints.DIRECTIONS`. Of a
+planar loop that is described in space some follow from the others; the first of them are kept, as
+found by QR with pivots over several postures. The compiled loops of ``dynamics`` have equations of
+their own; these here are for the description, and test those.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import scipy.linalg
+
+from pivident.errors import RobotDescriptionError
+from pivident.robot.constraints import DIRECTIONS, Closure, Constraints, LinearConstraint
+from pivident.robot.description import Robot
+from pivident.robot.frames import Pose, rotation_z
+from pivident.robot.naming import find_joint
+from pivident.robot.transmission import Transmission
+
+#: Largest gap of a closed loop [m, rad].
+CLOSED = 1e-10
+
+#: Relative size of a singular value that counts as zero.
+RANK = 1e-7
+
+#: Postures from which the rank of the equations is seen, and how far they are apart [rad or m].
+POSTURES, SPREAD = 6, 0.05
+
+MAX_STEPS = 60
+
+
+def closed_robot(
+    tree: Robot,
+    independent: Sequence[str],
+    closures: Sequence[Closure] = (),
+    linear: Sequence[LinearConstraint] = (),
+    posture: np.ndarray | None = None,
+) -> Robot:
+    """The robot of a tree whose loops are closed: its joints are the independent ones.
+
+    Args:
+        tree: all joints and links, loops cut. Its transmission is that of the independent joints
+            alone only where all joints have drives; set it with `pivident.robot.with_drives`.
+        independent: names of the joints that have motors and encoders, or are chosen to describe
+            the posture.
+        closures: frames that meet where the loops were cut.
+        linear: joints that move in proportion.
+        posture: positions near which the loops close, shape (tree joints,); None: zeros.
+
+    Returns:
+        The robot; its links are those of the independent joints, `Robot.tree` has all.
+
+    Raises:
+        RobotDescriptionError: an unknown joint; loops that do not close, by how much; joints that
+            nothing determines; independent joints that the loops determine.
+    """
+    places = tuple(find_joint(tree.joint_names, name) for name in independent)
+    if len(set(places)) != len(places) or not places:
+        raise RobotDescriptionError(
+            f"independent joints are {', '.join(independent) or 'missing'}; name each once"
+        )
+    start = np.zeros(tree.size) if posture is None else np.asarray(posture, dtype=float)
+    constraints = Constraints(places, tuple(closures), tuple(linear), start)
+    others = [i for i in range(tree.size) if i not in places]
+    start = assembled(tree, constraints, start)
+    kept = _independent_equations(tree, replace(constraints, posture=start), others)
+    constraints = replace(constraints, posture=start, kept=kept)
+    return Robot(
+        name=tree.name,
+        joints=tuple(tree.joints[i] for i in places),
+        links=tuple(tree.links[i] for i in places),
+        gravity=tree.gravity,
+        rotor_inertia=tree.rotor_inertia[list(places)],
+        transmission=Transmission.direct(len(places)),
+        friction_nominal=tree.friction_nominal,
+        description=tree.description,
+        torque_side=tree.torque_side,
+        passive_joints=tuple(tree.joints[i] for i in others),
+        passive_links=tuple(tree.links[i] for i in others),
+        constraints=constraints,
+    )
+
+
+def equations(tree: Robot, constraints: Constraints, q: np.ndarray) -> tuple[np.ndarray, ...]:
+    """All equations c(q), shape (equations,), and A = ∂c/∂q, shape (equations, tree joints)."""
+    poses = _poses(tree, q)
+    values: list[float] = []
+    rows: list[np.ndarray] = []
+    for closure in constraints.closures:
+        ends, speeds, turns = [], [], []
+        for link, frame in zip(closure.links, closure.frames, strict=True):
+            end = poses[link] @ frame if link >= 0 else frame
+            ends.append(end)
+            speed, turn = np.zeros((3, tree.size)), np.zeros((3, tree.size))
+            for k in tree.ancestors(link) if link >= 0 else ():
+                axis = poses[k].rotation[:, 2]
+                if tree.joints[k].kind == "prismatic":
+                    speed[:, k] = axis
+                else:
+                    speed[:, k] = np.cross(axis, end.translation - poses[k].translation)
+                    turn[:, k] = axis
+            speeds.append(speed)
+            turns.append(turn)
+        values.extend(ends[0].translation - ends[1].translation)
+        rows.extend(speeds[0] - speeds[1])
+        for first, second in DIRECTIONS[closure.kind]:
+            a, b = ends[0].rotation[:, first], ends[1].rotation[:, second]
+            values.append(float(a @ b))
+            rows.append(np.cross(a, b) @ (turns[0] - turns[1]))
+    for one in constraints.linear:
+        values.append(float(one.ratios @ q - one.offset))
+        rows.append(one.ratios)
+    return np.array(values), np.array(rows).reshape(-1, tree.size)
+
+
+def assembled(tree: Robot, constraints: Constraints, q: np.ndarray) -> np.ndarray:
+    """The posture near ``q``, its independent joints as they are, in which all loops close.
+
+    Newton's method with steps of least squares, halved while they lead away.
+
+    Raises:
+        RobotDescriptionError: names the loop that stays open most, and by how much.
+    """
+    q = np.array(q, dtype=float)
+    if q.shape != (tree.size,):
+        raise RobotDescriptionError(
+            f"a posture has {tree.size} positions, one for each joint; shape {q.shape} was given"
+        )
+    others = [i for i in range(tree.size) if i not in constraints.places]
+    value, slope = equations(tree, constraints, q)
+    for _ in range(MAX_STEPS):
+        if np.abs(value).max(initial=0.0) < CLOSED / 1e3:
+            break
+        step = np.zeros(tree.size)
+        step[others] = np.linalg.lstsq(slope[:, others], -value, rcond=1e-12)[0]
+        share = 1.0
+        tried, fresh = equations(tree, constraints, q + step)
+        while np.linalg.norm(tried) > np.linalg.norm(value) and share > 1e-3:
+            share /= 2.0
+            tried, fresh = equations(tree, constraints, q + share * step)
+        if not np.linalg.norm(tried) < np.linalg.norm(value):
+            break
+        q, value, slope = q + share * step, tried, fresh
+    gap = np.abs(value)
+    if gap.max(initial=0.0) > CLOSED:
+        worst = int(np.argmax(gap))
+        raise RobotDescriptionError(
+            f"loop {constraints.names[worst]!r} does not close: {gap[worst]:.3g} m or rad are "
+            "left; check its frames, the lengths of the links and the posture to start from"
+        )
+    return q
+
+
+def _poses(tree: Robot, q: np.ndarray) -> list[Pose]:
+    """Place of each link in the base."""
+    places: list[Pose] = []
+    for joint, position in zip(tree.joints, q, strict=True):
+        parent = places[joint.parent] if joint.parent >= 0 else Pose.identity()
+        mounted = parent @ Pose(joint.rotation, joint.translation)
+        if joint.kind == "prismatic":
+            places.append(mounted @ Pose(np.eye(3), np.array([0.0, 0.0, position])))
+        else:
+            places.append(mounted @ Pose(rotation_z(position), np.zeros(3)))
+    return places
+
+
+def _independent_equations(
+    tree: Robot, constraints: Constraints, others: list[int]
+) -> tuple[int, ...]:
+    """Equations that do not follow from the others, one for each dependent joint."""
+    rng = np.random.default_rng(19730501)
+    slopes = [equations(tree, constraints, constraints.posture)[1]]
+    for _ in range(POSTURES):
+        q = constraints.posture.copy()
+        q[list(constraints.places)] += rng.uniform(-SPREAD, SPREAD, len(constraints.places))
+        try:
+            q = assembled(tree, constraints, q)
+        except RobotDescriptionError:
+            continue
+        slopes.append(equations(tree, constraints, q)[1])
+    if len(slopes) == 1:
+        raise RobotDescriptionError(
+            f"robot {tree.name!r} cannot move: its loops hold "
+            f"{', '.join(tree.joints[i].name for i in constraints.places)}; name fewer "
+            "independent joints, or free a joint of the loop"
+        )
+    _check_rank(tree, slopes, others)
+    side = np.hstack([slope[:, others] for slope in slopes])
+    _, size, pivots = scipy.linalg.qr(side.T, mode="economic", pivoting=True)
+    count = len(others)
+    left = np.abs(np.diag(size))[count:]
+    if left.size and left.max() > RANK * abs(size[0, 0]):
+        raise RobotDescriptionError(
+            f"robot {tree.name!r} has loops with more than {count} independent equations for "
+            f"{count} passive joints; name fewer independent joints, or free a joint of a loop"
+        )
+    return tuple(sorted(int(k) for k in pivots[:count]))
+
+
+def _check_rank(tree: Robot, slopes: list[np.ndarray], others: list[int]) -> None:
+    """Refuse joints that no equation determines."""
+    own = slopes[-1][:, others]
+    *_, directions = np.linalg.svd(own)
+    sizes = np.linalg.svd(own, compute_uv=False)
+    rank = int((sizes > RANK * sizes.max(initial=1.0)).sum())
+    if rank == len(others):
+        return
+    free = np.abs(directions[rank:]).max(axis=0)
+    names = ", ".join(tree.joints[others[k]].name for k in np.flatnonzero(free > 1e-3))
+    raise RobotDescriptionError(
+        f"robot {tree.name!r}: nothing determines {names} at the posture where its loops are "
+        "closed; add a loop or an independent joint, or start from a posture that is not singular"
+    )
