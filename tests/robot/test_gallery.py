@@ -15,7 +15,10 @@ SIX_AXES = ["staubli_tx40", "mitsubishi_rv2sq"]
 
 
 def test_the_gallery_has_these_robots():
-    assert gallery_names() == ("emps", "mitsubishi_rv2sq", "planar_2r", "staubli_tx40")
+    assert gallery_names() == (
+        "delta", "emps", "five_bar", "mitsubishi_rv2sq", "orthoglide", "parallelogram_palletizer",
+        "planar_2r", "scara", "staubli_tx40",
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("name", gallery_names())

@@ -2,11 +2,12 @@
 
 The equations of a closure with the frames (p_1, R_1) and (p_2, R_2), seen from the base, are
 
-    p_1 - p_2 = 0,    a_1 · b_2 = 0
+    R_1ᵀ (p_1 - p_2) = 0,    a_1 · b_2 = 0
 
 for pairs of axes a of the first and b of the second frame, see `constraints.DIRECTIONS`. Of a
-planar loop that is described in space some follow from the others; the first of them are kept, as
-found by QR with pivots over several postures. The compiled loops of ``dynamics`` have equations of
+planar loop that is described in space some follow from the others, and in the first frame they are
+the same ones whichever way the mechanism turns. Those to keep are found by QR with pivots over
+several postures. The compiled loops of ``dynamics`` have equations of
 their own; these here are for the description, and test those.
 """
 
@@ -16,7 +17,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import scipy.linalg
 
 from pivident.errors import RobotDescriptionError
 from pivident.robot.constraints import DIRECTIONS, Closure, Constraints, LinearConstraint
@@ -95,22 +95,25 @@ def equations(tree: Robot, constraints: Constraints, q: np.ndarray) -> tuple[np.
     values: list[float] = []
     rows: list[np.ndarray] = []
     for closure in constraints.closures:
-        ends, speeds, turns = [], [], []
-        for link, frame in zip(closure.links, closure.frames, strict=True):
-            end = poses[link] @ frame if link >= 0 else frame
-            ends.append(end)
+        ends = [
+            poses[link] @ frame if link >= 0 else frame
+            for link, frame in zip(closure.links, closure.frames, strict=True)
+        ]
+        speeds, turns, point = [], [], ends[1].translation
+        for link in closure.links:
             speed, turn = np.zeros((3, tree.size)), np.zeros((3, tree.size))
             for k in tree.ancestors(link) if link >= 0 else ():
                 axis = poses[k].rotation[:, 2]
                 if tree.joints[k].kind == "prismatic":
                     speed[:, k] = axis
                 else:
-                    speed[:, k] = np.cross(axis, end.translation - poses[k].translation)
+                    speed[:, k] = np.cross(axis, point - poses[k].translation)
                     turn[:, k] = axis
             speeds.append(speed)
             turns.append(turn)
-        values.extend(ends[0].translation - ends[1].translation)
-        rows.extend(speeds[0] - speeds[1])
+        seen = ends[0].rotation.T  # which turns with the first link: its end counts where p_2 is
+        values.extend(seen @ (ends[0].translation - point))
+        rows.extend(seen @ (speeds[0] - speeds[1]))
         for first, second in DIRECTIONS[closure.kind]:
             a, b = ends[0].rotation[:, first], ends[1].rotation[:, second]
             values.append(float(a @ b))
@@ -194,6 +197,8 @@ def _independent_equations(
         )
     _check_rank(tree, slopes, others)
     side = np.hstack([slope[:, others] for slope in slopes])
+    import scipy.linalg
+
     _, size, pivots = scipy.linalg.qr(side.T, mode="economic", pivoting=True)
     count = len(others)
     left = np.abs(np.diag(size))[count:]

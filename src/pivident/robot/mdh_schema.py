@@ -211,6 +211,20 @@ class JointEntry(Entry):
     friction: FrictionTerms | None = None
     nominal_friction: dict[str, float] = {}
     link: LinkEntry | None = None
+    passive: bool = False
+    body: bool = True
+    posture: float = 0.0
+
+    @model_validator(mode="after")
+    def _passive_joints_have_no_motor(self) -> JointEntry:
+        given = {"rotor_inertia", "torque_limit"} & self.model_fields_set
+        if self.passive and given:
+            raise ValueError(
+                f"a passive joint has no {', '.join(sorted(given))}; remove the key, or passive"
+            )
+        if not self.body and self.link is not None:
+            raise ValueError("body = false and a link contradict; remove one of them")
+        return self
 
     @model_validator(mode="after")
     def _fixed_joints_do_not_move(self) -> JointEntry:
@@ -221,6 +235,9 @@ class JointEntry(Entry):
             "rotor_inertia",
             "friction",
             "nominal_friction",
+            "passive",
+            "body",
+            "posture",
         }
         if self.kind == "fixed" and motion & self.model_fields_set:
             listed = ", ".join(sorted(motion & self.model_fields_set))
@@ -249,6 +266,31 @@ class CouplingEntry(Entry):
         return self
 
 
+class EndEntry(Entry):
+    """A frame of a moving link, or of the base."""
+
+    link: Annotated[str, Field(min_length=1)]
+    at: Vector3 = [0.0, 0.0, 0.0]
+    rpy: Vector3 = [0.0, 0.0, 0.0]
+
+
+class LoopEntry(Entry):
+    """Two frames that meet where a loop was cut."""
+
+    name: Annotated[str, Field(min_length=1)]
+    closes: Literal["point", "axis", "full"]
+    first: EndEntry
+    second: EndEntry
+
+
+class GearEntry(Entry):
+    """Joints that move in proportion, the sum of ratio times position is the offset."""
+
+    name: Annotated[str, Field(min_length=1)]
+    ratios: Annotated[dict[str, float], Field(min_length=2)]
+    offset: float = 0.0
+
+
 class TransmissionEntry(Entry):
     """Motor side to joint side, one number for each moving joint in order."""
 
@@ -274,6 +316,8 @@ class TableFile(Entry):
     friction: FrictionTerms | None = None
     joints: Annotated[list[JointEntry], Field(min_length=1, max_length=MAX_JOINTS)]
     couplings: list[CouplingEntry] = []
+    loops: list[LoopEntry] = []
+    gears: list[GearEntry] = []
     transmission: TransmissionEntry = TransmissionEntry()
 
 
@@ -329,7 +373,9 @@ def _place(loc: Sequence[int | str], content: dict[str, Any]) -> tuple[str, str]
         return "", ".".join(map(str, loc))
     table, row = str(loc[0]), int(loc[1])
     entry = content[table][row]
-    singular = {"joints": "joint", "couplings": "coupling"}.get(table, table)
+    singular = {"joints": "joint", "couplings": "coupling", "loops": "loop", "gears": "gear"}.get(
+        table, table
+    )
     name = entry.get("name") if isinstance(entry, dict) else None
     label = repr(name) if isinstance(name, str) else f"number {row + 1}"
     return f"{singular} {label}: ", ".".join(map(str, loc[2:]))

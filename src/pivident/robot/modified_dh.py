@@ -26,6 +26,21 @@ Further keys of a joint: ``parent`` (a name or "base"; default the row before), 
 joints), ``[transmission]`` with ``reduction`` or ``reduction_matrix``, ``drive_gain`` and
 ``position_offset``, and ``[[couplings]]`` with ``motor``, ``joint``, ``reduction``, ``ratio``,
 ``parameters`` and ``nominal``. Friction is SI whatever the units.
+
+A mechanism with closed loops is described as a tree with its loops cut. Joints without a motor are
+``passive = true``; a joint between the axes of a universal joint carries no body (``body =
+false``); ``posture`` is where a joint is when the loops are assembled, roughly. What was cut is
+closed again by
+
+    [[loops]]
+    name = "tip"
+    closes = "axis"                     # "point": origins meet; "axis": z axes too; "full": frames
+    first = {link = "forearm", at = [0.5, 0, 0]}        # a link or joint or "base"; rpy turns it
+    second = {link = "rod", at = [0.5, 0, 0]}
+
+and joints in proportion (gears, belts, ball screws) by ``[[gears]]`` with ``name``, ``ratios`` (as
+``{nut = 1, spindle = -1}``) and ``offset``: the sum of ratio times position is the offset, angles
+in the units of the file. Drives, couplings and logs are those of the joints that are not passive.
 """
 
 from __future__ import annotations
@@ -40,6 +55,7 @@ import numpy as np
 from pivident.errors import RobotDescriptionError
 from pivident.files import regular_file
 from pivident.robot.assembly import Member, merge_fixed
+from pivident.robot.closed_tables import BASE, closed_from_tables
 from pivident.robot.description import Coupling, Joint, Link, Robot
 from pivident.robot.drives import implied_coupling, with_drives
 from pivident.robot.frames import Pose, rotation_x, rotation_z
@@ -76,8 +92,8 @@ if TYPE_CHECKING:
         TableFile,
     )
 
-#: Name of the fixed base as a parent.
-BASE = "base"
+#: Law of passive joints that are given none.
+NO_FRICTION = FrictionLaw(())
 
 
 def read_modified_dh(path: str | Path) -> Robot:
@@ -140,8 +156,8 @@ def _robot(table: TableFile) -> Robot:
     default_law = friction_law(table.friction)
     members = [
         Member(
-            _joint(row, parent, angle, default_law),
-            Link(_link_name(row), _inertia(row.link)),
+            _joint(row, parent, angle, NO_FRICTION if row.passive else default_law),
+            Link(_link_name(row), _inertia(row.link), row.body),
             fixed=row.kind == "fixed",
         )
         for row, parent in zip(table.joints, parents, strict=True)
@@ -157,7 +173,10 @@ def _robot(table: TableFile) -> Robot:
         description=table.description,
     )
     moving = [row for row in table.joints if row.kind != "fixed"]
-    robot = _with_drives(undriven, table, moving, angle)
+    driven = [row for row in moving if not row.passive]
+    if len(driven) < len(moving) or table.loops or table.gears:
+        undriven = closed_from_tables(undriven, moving, table.loops, table.gears, angle.radians)
+    robot = _with_drives(undriven, table, driven, angle)
     nominal = _nominal_friction(robot, moving) | _nominal_couplings(robot, table.couplings)
     return replace(robot, friction_nominal=nominal)
 
@@ -322,7 +341,7 @@ _CONSTRUCTORS: dict[str, Callable[..., FrictionTerm | tuple[FrictionTerm, ...]]]
 def _nominal_friction(robot: Robot, rows: Sequence[JointEntry]) -> dict[str, float]:
     """Nominal values by parameter name: ``fv`` of the second joint of a chain is ``fv2``."""
     values = {}
-    for i, (row, joint) in enumerate(zip(rows, robot.joints, strict=True)):
+    for i, (row, joint) in enumerate(zip(rows, robot.tree.joints, strict=True)):
         stems = [term.stem for term in joint.friction.terms]
         for stem, value in row.nominal_friction.items():
             if stem not in stems:
@@ -337,7 +356,7 @@ def _nominal_friction(robot: Robot, rows: Sequence[JointEntry]) -> dict[str, flo
 def _nominal_couplings(robot: Robot, entries: Sequence[CouplingEntry]) -> dict[str, float]:
     """Nominal values of couplings by parameter name: ``fvm6`` for the sixth motor of a chain."""
     return {
-        f"{stem}{robot.label(find_joint(robot.joint_names, entry.motor))}": value
+        f"{stem}{robot.label(robot.places[find_joint(robot.joint_names, entry.motor)])}": value
         for entry in entries
         for stem, value in entry.nominal.items()
     }

@@ -1,0 +1,137 @@
+"""A mechanism with closed loops simulated by MuJoCo: truth that pivident has no part in.
+
+The tree becomes nested bodies, closures become equality constraints (``connect`` and ``weld``), as
+stiff as ten steps of 0.05 ms allow; friction is applied as torque. Gaps stay below 1e-7 m.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from pivident.dynamics.base_parameters import BaseParameters, base_parameters
+from pivident.dynamics.parameters import nominal_values
+from pivident.robot.description import Robot
+
+SUBSTEPS = 20
+
+_ARCTANGENT = 2.0 / np.pi
+
+_KINDS = {"revolute": mujoco.mjtJoint.mjJNT_HINGE, "prismatic": mujoco.mjtJoint.mjJNT_SLIDE}
+
+
+def _quaternion(rotation: np.ndarray) -> np.ndarray:
+    out = np.zeros(4)
+    mujoco.mju_mat2Quat(out, np.ascontiguousarray(rotation).ravel())
+    return out
+
+
+def mujoco_model(robot: Robot, step: float) -> mujoco.MjModel:
+    """The mechanism as a MuJoCo model; its joints are in the order of the tree."""
+    tree, constraints = robot.tree, robot.constraints
+    assert constraints is not None
+    spec = mujoco.MjSpec()
+    spec.option.timestep = step
+    spec.option.gravity = tree.gravity
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.iterations, spec.option.tolerance = 50, 1e-14
+    spec.compiler.balanceinertia = False
+    spec.compiler.boundmass = spec.compiler.boundinertia = 1e-9
+    bodies = []
+    for i, (joint, link) in enumerate(zip(tree.joints, tree.links, strict=True)):
+        parent = spec.worldbody if joint.parent < 0 else bodies[joint.parent]
+        body = parent.add_body(
+            name=joint.name, pos=joint.translation, quat=_quaternion(joint.rotation)
+        )
+        own = body.add_joint(name=joint.name, type=_KINDS[joint.kind], axis=[0.0, 0.0, 1.0])
+        own.armature = tree.rotor_inertia[i]
+        xx, xy, xz, yy, yz, zz, mx, my, mz, m = link.inertia
+        if m > 0.0:
+            c = np.array([mx, my, mz]) / m
+            about = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+            about = about - m * (c @ c * np.eye(3) - np.outer(c, c))
+            body.mass, body.ipos, body.explicitinertial = m, c, True
+            body.fullinertia = about[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+        bodies.append(body)
+    for closure in constraints.closures:
+        names = []
+        for k, (link, frame) in enumerate(zip(closure.links, closure.frames, strict=True)):
+            own = spec.worldbody if link < 0 else bodies[link]
+            name = f"{closure.name}:{k}"
+            own.add_site(name=name, pos=frame.translation, quat=_quaternion(frame.rotation))
+            names.append(name)
+        # of a planar loop the plane holds the axis: that the origins meet is enough
+        equality = spec.add_equality(
+            name=closure.name, objtype=mujoco.mjtObj.mjOBJ_SITE, name1=names[0], name2=names[1]
+        )
+        equality.type = mujoco.mjtEq.mjEQ_CONNECT
+        equality.solref = [-1.0 / (2.0 * step) ** 2, -1.0 / step]
+        equality.solimp = [0.9999, 0.9999, 0.001, 0.5, 2.0]
+    return spec.compile()
+
+
+@dataclass(frozen=True)
+class Made:
+    """What MuJoCo made: arrays (samples, joints) of the independent joints."""
+
+    q: np.ndarray
+    tau: np.ndarray
+    gap: float
+
+
+def mujoco_record(
+    robot: Robot,
+    q_ref: np.ndarray,
+    rate: float,
+    gains: tuple[np.ndarray, np.ndarray],
+    encoder: np.ndarray,
+    seed: int,
+) -> Made:
+    """A PD law with noisy encoders, u = kp e + kd (dq_ref - dq̂), held over each period."""
+    rng = np.random.default_rng(seed)
+    model = mujoco_model(robot, 1.0 / (rate * SUBSTEPS))
+    data = mujoco.MjData(model)
+    places = list(robot.places)
+    from pivident.dynamics.closed_motion import ClosedChains
+
+    data.qpos[:] = ClosedChains(robot).start(q_ref[0]).q
+    law = _friction(robot)
+    samples = len(q_ref)
+    noise = encoder * rng.normal(size=q_ref.shape)
+    q, tau = np.zeros_like(q_ref), np.zeros_like(q_ref)
+    kp, kd = gains
+    before = q_ref[0] + noise[0]
+    dq_ref = np.vstack([np.zeros(robot.size), np.diff(q_ref, axis=0)]) * rate
+    gap = 0.0
+    for k in range(samples):
+        heard = data.qpos[places] + noise[k]
+        speed = (heard - before) * rate if k else np.zeros(robot.size)
+        before = heard
+        u = kp * (q_ref[k] - heard) + kd * (dq_ref[k] - speed)
+        q[k], tau[k] = heard, u
+        for _ in range(SUBSTEPS):
+            data.qfrc_applied[:] = 0.0
+            data.qfrc_applied[places] = u - law(data.qvel[places])
+            mujoco.mj_step(model, data)
+        gap = max(gap, float(np.abs(data.efc_pos[: data.nefc]).max(initial=0.0)))
+    return Made(q, tau, gap)
+
+
+def _friction(robot: Robot):
+    """Friction of the driven joints from the description's values."""
+    fv, fc, off, gamma = (np.zeros(robot.size) for _ in range(4))
+    for j, i in enumerate(robot.places):
+        label = robot.label(i)
+        known = robot.friction_nominal
+        fv[j], fc[j] = known.get(f"fv{label}", 0.0), known.get(f"fc{label}", 0.0)
+        off[j] = known.get(f"off{label}", 0.0)
+        gamma[j] = robot.joints[j].friction.slopes[0] if robot.joints[j].friction.slopes else 1.0
+    return lambda v: fv * v + fc * _ARCTANGENT * np.arctan(gamma * v) + off
+
+
+def truth_of(robot: Robot) -> tuple[BaseParameters, np.ndarray]:
+    """Base parameters and their values in the description."""
+    base = base_parameters(robot)
+    return base, base.values(nominal_values(robot, base.standard))
