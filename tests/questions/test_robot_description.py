@@ -60,7 +60,7 @@ CASES = [
     file("the archive of the URDF is damaged", gzip.compress(URDF.encode())[:-30], "line 1", "gzip", name="arm.urdf.gz"),
     # links and joints
     file("all joints are fixed", URDF.replace('type="revolute"', 'type="fixed"'), "line 1", "no moving joint", "arm.urdf"),
-    arm("a joint mimics another one", "<axis xyz=\"0 0 1\"/>\n    " + LIMIT, '<mimic joint="shoulder"/>' + LIMIT, "line 1", "elbow", "mimics 'shoulder'", "freeze"),
+    arm("a joint mimics one that is not there", "<axis xyz=\"0 0 1\"/>\n    " + LIMIT, '<mimic joint="sholder"/>' + LIMIT, "line 1", "elbow", "mimics 'sholder'", "freeze"),
     arm("a joint floats", LOWER, LOWER.replace("revolute", "floating"), "line 1", "elbow", "'floating' is not supported", "freeze"),
     arm("a joint's type is misspelt", LOWER, LOWER.replace("revolute", "revolut"), "line 1", "elbow", "'revolut' does not exist", "'revolute'"),
     arm("two joints have the same name", LOWER, LOWER.replace("elbow", "shoulder"), "line 1", "shoulder", "used twice"),

@@ -201,30 +201,35 @@ def _turned_axis(end, axis, out):
 
 
 @inner
-def _slope(table, work, row, link, sign, point, turned):
-    """Add one end's part to a row of A: ``point`` · dp, or ``turned`` · ω."""
-    tree, place, jacobian = table.tree, work.place, work.jacobian
+def _place_slope(table, work, row, link, sign, axis, point):
+    """Add one end's part to a row of A: ± axis · v of a point of the link, (3,)."""
+    tree, place = table.tree, work.place
     i = link
     while i >= 0:
         zx, zy, zz = place[i, 2], place[i, 5], place[i, 8]
-        if point >= 0:
-            if tree.prismatic[i]:
-                part = zx if point == 0 else (zy if point == 1 else zz)
-            else:
-                x, y, z = (
-                    turned[0] - place[i, _P],
-                    turned[1] - place[i, _P + 1],
-                    turned[2] - place[i, _P + 2],
-                )
-                if point == 0:
-                    part = zy * z - zz * y
-                elif point == 1:
-                    part = zz * x - zx * z
-                else:
-                    part = zx * y - zy * x
-            jacobian[row, i] += sign * part
-        elif not tree.prismatic[i]:
-            jacobian[row, i] += sign * (zx * turned[0] + zy * turned[1] + zz * turned[2])
+        if tree.prismatic[i]:
+            part = axis[0] * zx + axis[1] * zy + axis[2] * zz
+        else:
+            x, y = point[0] - place[i, _P], point[1] - place[i, _P + 1]
+            z = point[2] - place[i, _P + 2]
+            part = (
+                axis[0] * (zy * z - zz * y)
+                + axis[1] * (zz * x - zx * z)
+                + axis[2] * (zx * y - zy * x)
+            )
+        work.jacobian[row, i] += sign * part
+        i = tree.parent[i]
+
+
+@inner
+def _turning_slope(table, work, row, link, sign, normal):
+    """Add one end's part to a row of A: ± normal · ω of the link."""
+    tree, place = table.tree, work.place
+    i = link
+    while i >= 0:
+        if not tree.prismatic[i]:
+            part = place[i, 2] * normal[0] + place[i, 5] * normal[1] + place[i, 8] * normal[2]
+            work.jacobian[row, i] += sign * part
         i = tree.parent[i]
 
 
@@ -257,11 +262,15 @@ def _equations(table, work):
             _place_end(link_2, table.frame[number, 1], work.place, second)
             at = number
         if kind == _PLACE:
-            a = table.equation[row, 2]
-            work.gap[0, row] = first[_P + a] - second[_P + a]
-            work.gap[1, row] = first[_A + a] - second[_A + a]
-            _slope(table, work, row, link_1, 1.0, a, first[_P : _P + 3])
-            _slope(table, work, row, link_2, -1.0, a, second[_P : _P + 3])
+            axis, gap, drift = axes[2], 0.0, 0.0
+            for c in range(3):
+                axis[c] = first[3 * c + table.equation[row, 2]]
+                gap += axis[c] * (first[_P + c] - second[_P + c])
+                drift += axis[c] * (first[_A + c] - second[_A + c])
+            work.gap[0, row], work.gap[1, row] = gap, drift
+            # the axis turns with the first link, so that its end counts where the second one is
+            _place_slope(table, work, row, link_1, 1.0, axis, second[_P : _P + 3])
+            _place_slope(table, work, row, link_2, -1.0, axis, second[_P : _P + 3])
             continue
         a, b, normal = axes[0], axes[1], axes[2]
         _turned_axis(first, table.equation[row, 2], a)
@@ -273,8 +282,8 @@ def _equations(table, work):
             normal[c] = 0.0
         _add_cross(a, 0, b, 0, normal, 0)
         work.gap[0, row], work.gap[1, row] = along, drift
-        _slope(table, work, row, link_1, 1.0, -1, normal)
-        _slope(table, work, row, link_2, -1.0, -1, normal)
+        _turning_slope(table, work, row, link_1, 1.0, normal)
+        _turning_slope(table, work, row, link_2, -1.0, normal)
 
 
 @inner

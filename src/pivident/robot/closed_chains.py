@@ -73,16 +73,13 @@ def closed_robot(
     start = assembled(tree, constraints, start)
     kept = _independent_equations(tree, replace(constraints, posture=start), others)
     constraints = replace(constraints, posture=start, kept=kept)
-    return Robot(
-        name=tree.name,
+    return replace(
+        tree,
         joints=tuple(tree.joints[i] for i in places),
         links=tuple(tree.links[i] for i in places),
-        gravity=tree.gravity,
         rotor_inertia=tree.rotor_inertia[list(places)],
         transmission=Transmission.direct(len(places)),
-        friction_nominal=tree.friction_nominal,
-        description=tree.description,
-        torque_side=tree.torque_side,
+        couplings=(),
         passive_joints=tuple(tree.joints[i] for i in others),
         passive_links=tuple(tree.links[i] for i in others),
         constraints=constraints,

@@ -52,7 +52,7 @@ def closed_from_tables(
             "there are [[loops]] or [[gears]], but no joint is passive; write passive = true at "
             "those without a motor"
         )
-    names = [entry.name for entry in (*loops, *gears)]
+    names = [loop.name for loop in loops] + [gear.name for gear in gears]
     if len(set(names)) != len(names):
         raise RobotDescriptionError(f"names of loops and gears: {', '.join(names)}; each once")
     units = [radians if joint.kind == "revolute" else 1.0 for joint in tree.joints]

@@ -18,6 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, ValidationEr
 from pydantic.functional_validators import AfterValidator, BeforeValidator
 
 from pivident.errors import RobotDescriptionError
+from pivident.robot.constraints import Closure, ClosureKind, Constraints, LinearConstraint
 from pivident.robot.description import (
     MAX_JOINTS,
     Coupling,
@@ -27,6 +28,7 @@ from pivident.robot.description import (
     TorqueSide,
     UrdfFile,
 )
+from pivident.robot.frames import Pose
 from pivident.robot.friction import FrictionLaw
 from pivident.robot.friction_term import FrictionColumn, FrictionTerm, Shape, ShapeUnit, Smoothing
 from pivident.robot.naming import errors_name, nearest
@@ -132,6 +134,43 @@ class LinkValues(Values):
 
     name: Name
     inertia: Inertia
+    is_body: bool = True
+
+
+class PoseValues(Values):
+    """A frame in another."""
+
+    rotation: Matrix3
+    translation: Vector3
+
+
+class ClosureValues(Values):
+    """Two frames that meet; links count in the tree from zero, -1 is the base."""
+
+    name: Name
+    links: Annotated[list[int], Field(min_length=2, max_length=2)]
+    frames: Annotated[list[PoseValues], Field(min_length=2, max_length=2)]
+    kind: ClosureKind
+
+
+class LinearValues(Values):
+    """Joints of the tree that move in proportion."""
+
+    name: Name
+    ratios: Annotated[list[Finite], Field(max_length=MAX_JOINTS)]
+    offset: Finite
+
+
+class ConstraintValues(Values):
+    """What closes the loops of a mechanism, and its passive joints and links."""
+
+    joints: Annotated[list[JointValues], Field(max_length=MAX_JOINTS)]
+    links: Annotated[list[LinkValues], Field(max_length=MAX_JOINTS)]
+    places: Annotated[list[int], Field(max_length=MAX_JOINTS)]
+    closures: Annotated[list[ClosureValues], Field(max_length=MAX_JOINTS)]
+    linear: Annotated[list[LinearValues], Field(max_length=MAX_JOINTS)]
+    posture: Annotated[list[Finite], Field(max_length=MAX_JOINTS)]
+    kept: Annotated[list[int], Field(max_length=6 * MAX_JOINTS)]
 
 
 class CouplingValues(Values):
@@ -176,6 +215,7 @@ class RobotValues(Values):
     transmission: TransmissionValues
     urdf: UrdfValues | None
     torque_side: TorqueSide = "motor"
+    constraints: ConstraintValues | None = None
 
 
 def robot_values(robot: Robot) -> dict[str, Any]:
@@ -185,7 +225,7 @@ def robot_values(robot: Robot) -> dict[str, Any]:
         "description": robot.description,
         "gravity": _plain(robot.gravity),
         "joints": [_joint_values(joint) for joint in robot.joints],
-        "links": [{"name": link.name, "inertia": _plain(link.inertia)} for link in robot.links],
+        "links": [_link_values(link) for link in robot.links],
         "rotor_inertia": _plain(robot.rotor_inertia),
         "friction_nominal": {k: float(v) for k, v in robot.friction_nominal.items()},
         "couplings": [
@@ -209,6 +249,7 @@ def robot_values(robot: Robot) -> dict[str, Any]:
         if robot.urdf is None
         else vars(robot.urdf) | {"frozen": {**robot.urdf.frozen}},
         "torque_side": robot.torque_side,
+        "constraints": _constraint_values(robot),
     }
     with errors_name(f"robot {robot.name!r}"):
         return checked(RobotValues, content).model_dump()
@@ -221,7 +262,7 @@ def robot_of_values(content: Any) -> Robot:
 
 def made_robot(values: RobotValues) -> Robot:
     """The robot of values that have been checked; refuses shapes that do not belong together."""
-    drives, n = values.transmission, len(values.joints)
+    drives, n, closed = values.transmission, len(values.joints), values.constraints
     if {len(drives.reduction), *map(len, drives.reduction), len(drives.gain_given)} != {n}:
         raise RobotDescriptionError(
             f"transmission: the reduction matrix must have shape {(n, n)} and gain_given {n} "
@@ -230,7 +271,7 @@ def made_robot(values: RobotValues) -> Robot:
     return Robot(
         name=values.name,
         joints=tuple(_joint(joint) for joint in values.joints),
-        links=tuple(Link(link.name, np.array(link.inertia)) for link in values.links),
+        links=tuple(_link(link) for link in values.links),
         gravity=np.array(values.gravity),
         rotor_inertia=np.array(values.rotor_inertia),
         transmission=Transmission(
@@ -244,7 +285,91 @@ def made_robot(values: RobotValues) -> Robot:
         description=values.description,
         urdf=None if values.urdf is None else UrdfFile(**vars(values.urdf)),
         torque_side=values.torque_side,
+        passive_joints=tuple(_joint(joint) for joint in closed.joints) if closed else (),
+        passive_links=tuple(_link(link) for link in closed.links) if closed else (),
+        constraints=_constraints(closed, n) if closed else None,
     )
+
+
+def _constraint_values(robot: Robot) -> dict[str, Any] | None:
+    """What closes the loops, None for a tree."""
+    constraints = robot.constraints
+    if constraints is None:
+        return None
+    return {
+        "joints": [_joint_values(joint) for joint in robot.passive_joints],
+        "links": [_link_values(link) for link in robot.passive_links],
+        "places": [int(place) for place in constraints.places],
+        "closures": [
+            {
+                "name": closure.name,
+                "links": [int(link) for link in closure.links],
+                "frames": [
+                    {"rotation": _plain(f.rotation), "translation": _plain(f.translation)}
+                    for f in closure.frames
+                ],
+                "kind": closure.kind,
+            }
+            for closure in constraints.closures
+        ],
+        "linear": [
+            {"name": one.name, "ratios": _plain(one.ratios), "offset": float(one.offset)}
+            for one in constraints.linear
+        ],
+        "posture": _plain(constraints.posture),
+        "kept": [int(k) for k in constraints.kept],
+    }
+
+
+def _constraints(values: ConstraintValues, joints: int) -> Constraints:
+    """Constraints of values that have been checked; refuses counts that do not belong together."""
+    count = joints + len(values.joints)
+    made = Constraints(
+        tuple(values.places),
+        tuple(
+            Closure(
+                closure.name,
+                (closure.links[0], closure.links[1]),
+                (_frame(closure.frames[0]), _frame(closure.frames[1])),
+                closure.kind,
+            )
+            for closure in values.closures
+        ),
+        tuple(
+            LinearConstraint(one.name, np.array(one.ratios), one.offset) for one in values.linear
+        ),
+        np.array(values.posture),
+        tuple(values.kept),
+    )
+    links = [link for closure in made.closures for link in closure.links]
+    fit = {
+        "links": len(values.links) == len(values.joints),
+        "places": len(set(made.places)) == joints and set(made.places) <= set(range(count)),
+        "closures": all(-1 <= link < count for link in links),
+        "linear": all(one.ratios.size == count for one in made.linear),
+        "posture": made.posture.size == count,
+        "kept": len(made.kept) == count - joints
+        and sorted(set(made.kept) & set(range(len(made.names)))) == list(made.kept),
+    }
+    for key, fits in fit.items():
+        if not fits:
+            raise RobotDescriptionError(
+                f"constraints.{key} does not fit {joints} joints and {count - joints} passive "
+                "ones; write the file again"
+            )
+    return made
+
+
+def _frame(values: PoseValues) -> Pose:
+    return Pose(np.array(values.rotation), np.array(values.translation))
+
+
+def _link(values: LinkValues) -> Link:
+    return Link(values.name, np.array(values.inertia), values.is_body)
+
+
+def _link_values(link: Link) -> dict[str, Any]:
+    return {"name": link.name, "inertia": _plain(link.inertia), "is_body": bool(link.is_body)}
 
 
 def checked(model: type[Root], content: Any) -> Root:

@@ -22,6 +22,8 @@ import numpy as np
 
 from pivident.errors import RobotDescriptionError, concerning
 from pivident.robot.assembly import Member, chosen_order, merge_fixed, tree_order
+from pivident.robot.closed_chains import closed_robot
+from pivident.robot.constraints import LinearConstraint
 from pivident.robot.description import STANDARD_GRAVITY, Joint, Link, Robot, UrdfFile
 from pivident.robot.frames import Pose, rotation_about, rotation_from_z_to
 from pivident.robot.friction import DEFAULT_FRICTION, FrictionLaw
@@ -45,7 +47,8 @@ def read_urdf(
 
     Position limits, rated speeds and torque limits come from ``<limit>`` (a velocity or effort of
     zero counts as unknown), nominal ``fv`` and ``fc`` from ``<dynamics>``. Drives are unknown to
-    a URDF; add them with `pivident.robot.with_drives`.
+    a URDF; add them with `pivident.robot.with_drives`. Joints that mimic others have no motor: they
+    move in proportion, and are no joints of the robot, but of its `Robot.tree`.
 
     Args:
         path: the file.
@@ -118,7 +121,25 @@ def parse_urdf(
             description=source,
             urdf=UrdfFile("", text_digest(content), positions),
         )
+        robot = _with_followers(robot, model)
         return replace(robot, friction_nominal=_nominal_friction(robot, model))
+
+
+def _with_followers(tree: Robot, model: UrdfModel) -> Robot:
+    """The robot without the joints that mimic others: they move in proportion, without motors."""
+    followers = {j.name: j for j in model.joints if j.mimics and j.name in tree.joint_names}
+    if not followers:
+        return tree
+    rules: list[LinearConstraint] = []
+    for i, name in enumerate(tree.joint_names):
+        if name in followers:
+            joint = followers[name]
+            ratios = np.zeros(tree.size)
+            ratios[i], ratios[tree.joint_names.index(str(joint.mimics))] = 1.0, -joint.multiplier
+            rules.append(LinearConstraint(name, ratios, joint.offset))
+    tree = tree.with_friction(dict.fromkeys(followers, FrictionLaw(())))
+    leaders = [name for name in tree.joint_names if name not in followers]
+    return closed_robot(tree, leaders, linear=rules)
 
 
 def link_places(content: bytes | str, robot: Robot) -> dict[str, tuple[int, Pose]]:
@@ -137,6 +158,7 @@ def link_places(content: bytes | str, robot: Robot) -> dict[str, tuple[int, Pose
     """
     model = parse_model(content)
     order, _ = _tree(model)
+    robot = robot.tree
     missing = set(robot.joint_names) - {joint.name for joint in model.joints}
     if missing:
         raise RobotDescriptionError(
@@ -191,19 +213,20 @@ def _frozen_positions(
             with concerning("frozen", joint.name):
                 _check_frozen(joint, positions[joint.name])
         elif joint.type != "fixed":
-            _check_kept(joint)
+            _check_kept(joint, [name for name in movable if name not in positions])
     return positions
 
 
-def _check_kept(joint: UrdfJoint) -> None:
-    """Refuse joints that are not one independent degree of freedom with room to move."""
+def _check_kept(joint: UrdfJoint, kept: Sequence[str]) -> None:
+    """Refuse joints that are not one degree of freedom with room to move, or that follow none."""
     where = f"joint {joint.name!r}"
     freeze = f"freeze it, {frozen_example(joint.name)}, or leave it out of `joints`"
     if joint.type not in MOVING:
         raise RobotDescriptionError(f"{where}: type {joint.type!r} is not supported; {freeze}")
-    if joint.mimics is not None:
+    if joint.mimics is not None and joint.mimics not in kept:
         raise RobotDescriptionError(
-            f"{where}: it mimics {joint.mimics!r}, and dependent joints are not supported; {freeze}"
+            f"{where}: it mimics {joint.mimics!r}, which does not move or is not in the file; "
+            f"{freeze}"
         )
     if joint.limits is not None and not joint.limits[0] < joint.limits[1]:
         raise RobotDescriptionError(
@@ -313,7 +336,7 @@ def _nominal_friction(robot: Robot, model: UrdfModel) -> dict[str, float]:
     written = {joint.name: {"fv": joint.damping, "fc": joint.friction} for joint in model.joints}
     return {
         f"{term.stem}{robot.label(i)}": written[joint.name][term.stem]
-        for i, joint in enumerate(robot.joints)
+        for i, joint in enumerate(robot.tree.joints)
         for term in joint.friction.terms
         if written[joint.name].get(term.stem)
     }

@@ -49,7 +49,9 @@ class UrdfJoint:
     effort: float | None  # highest torque or force [N m or N]
     damping: float  # viscous friction [N m s/rad or N s/m]
     friction: float  # Coulomb friction [N m or N]
-    mimics: str | None  # name of the joint that it follows
+    mimics: str | None  # name of the joint that it follows: q = multiplier · q of that + offset
+    multiplier: float = 1.0
+    offset: float = 0.0  # [rad or m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,6 +225,8 @@ def _joint(element: ElementTree.Element, name: str, link_names: list[str]) -> Ur
         damping=_non_negative(dynamics, "damping", f"{where}: dynamics"),
         friction=_non_negative(dynamics, "friction", f"{where}: dynamics"),
         mimics=None if mimic is None else _attribute(mimic, "joint", f"{where}: mimic"),
+        multiplier=_factor(mimic, "multiplier", 1.0, where),
+        offset=_factor(mimic, "offset", 0.0, where),
     )
 
 
@@ -320,6 +324,13 @@ def _non_negative(element: ElementTree.Element | None, key: str, where: str) -> 
             f"{where} {key} = {value:g} is negative; give its magnitude or remove it"
         )
     return value
+
+
+def _factor(element: ElementTree.Element | None, key: str, default: float, where: str) -> float:
+    """An optional number of any sign."""
+    if element is None:
+        return default
+    return _number(element.get(key, str(default)), f"{where}: mimic {key}")
 
 
 def _positive(element: ElementTree.Element, key: str, where: str) -> float:
