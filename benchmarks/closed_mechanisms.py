@@ -59,12 +59,14 @@ def gains_of(robot, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return inertia * w**2, inertia * 1.6 * w
 
 
-def run(name: str, duration: float, methods: list[str], seed: int) -> dict[str, tuple]:
+def run(
+    name: str, duration: float, methods: list[str], encoder: float, seed: int
+) -> dict[str, tuple]:
     """One record, each method: estimates, standard errors, converged, seconds."""
     robot = load_robot(name)
     q_ref = reference(robot, duration)
     gains = gains_of(robot, q_ref[0])
-    made = mujoco_record(robot, q_ref, RATE, gains, np.full(robot.size, ENCODER), seed)
+    made = mujoco_record(robot, q_ref, RATE, gains, np.full(robot.size, encoder), seed)
     rng = np.random.default_rng(seed + 10_000)
     spread = TORQUE * np.array([joint.torque_limit for joint in robot.joints])
     tau = made.tau + spread * rng.normal(size=made.tau.shape)
@@ -92,12 +94,13 @@ def main() -> None:
     parser.add_argument("--duration", type=float, default=20.0)
     parser.add_argument("--methods", default="ls,iv,piv")
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--encoder", type=float, default=ENCODER, help="standard deviation [rad]")
     chosen = parser.parse_args()
     methods = chosen.methods.split(",")
     for name in chosen.robots:
         base, truth = truth_of(load_robot(name))
         with ProcessPoolExecutor(chosen.workers) as pool:
-            one = partial(run, name, chosen.duration, methods)
+            one = partial(run, name, chosen.duration, methods, chosen.encoder)
             found = list(pool.map(one, range(chosen.runs)))
         print(
             f"\n{name}: {len(base)} base parameters, {chosen.runs} records of "

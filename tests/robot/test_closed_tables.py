@@ -85,7 +85,7 @@ def test_a_ball_screw_lifts_by_its_pitch():
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("at = [0.5, 0, 0]", "at = [1.5, 0, 0]", r"loop 'pin' does not close: 0\.\d+ m or rad"),
+        ("at = [0.5, 0, 0]", "at = [1.5, 0, 0]", r"'pin' does not close: its ends are 0\.\d+ m"),
         ('link = "rocker"', 'link = "rokcer"', r"loop 'pin': key 'second': .*'rokcer'; .*'rocker'"),
         ('link = "rocker"', 'link = "coupler"', "loop 'pin': both ends are in 'coupler'"),
         ('closes = "axis"', 'closes = "hinge"', "loop 'pin': key 'closes' = 'hinge'"),

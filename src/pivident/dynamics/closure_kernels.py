@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pivident.compiled import inlined, inner, kernel
-from pivident.dynamics.elimination import eliminate
+from pivident.dynamics.elimination import factor, solve
 from pivident.dynamics.kernels import Tree, link_poses, place_link, tree_of
 from pivident.robot.constraints import DIRECTIONS
 from pivident.robot.description import Robot
@@ -66,8 +66,9 @@ class ClosureWork(NamedTuple):
     axes: np.ndarray  # two of their axes with derivatives, and their normal, (3, 9)
     jacobian: np.ndarray  # A, (dependent, tree joints)
     gap: np.ndarray  # c, and dA/dt dq, (2, dependent)
-    square: np.ndarray  # A_d, (dependent, dependent)
-    right: np.ndarray  # (dependent, joints + 1)
+    square: np.ndarray  # L and U of A_d, (dependent, dependent)
+    order: np.ndarray  # its row exchanges, (dependent,)
+    right: np.ndarray  # (dependent, joints)
     step: np.ndarray  # (dependent, 1)
 
 
@@ -105,7 +106,8 @@ def closure_work(table: ClosureTable) -> ClosureWork:
         table.posture.copy(), np.zeros(n), np.zeros((n, m)), np.zeros(n), np.zeros((n, 12)),
         np.zeros((n, _PLACE_COLUMNS)), np.zeros((2, _PLACE_COLUMNS)), np.zeros((3, 9)),
         np.zeros((r, n)),
-        np.zeros((2, r)), np.zeros((r, r)), np.zeros((r, m + 1)), np.zeros((r, 1)),
+        np.zeros((2, r)), np.zeros((r, r)), np.zeros(r, dtype=np.int64), np.zeros((r, m)),
+        np.zeros((r, 1)),
     )  # fmt: skip
 
 
@@ -156,8 +158,8 @@ def _move_links(tree, dq, place):
 
 
 @inner
-def _place_end(link, frame, place, end):
-    """Place and motion of a frame that is fixed in a link."""
+def _place_end(link, frame, place, end, moving):
+    """Place and, where asked for, motion of a frame that is fixed in a link."""
     for c in range(_PLACE_COLUMNS):
         end[c] = 0.0
     if link < 0:
@@ -175,6 +177,8 @@ def _place_end(link, frame, place, end):
     y = own[3] * frame[9] + own[4] * frame[10] + own[5] * frame[11]
     z = own[6] * frame[9] + own[7] * frame[10] + own[8] * frame[11]
     end[_P], end[_P + 1], end[_P + 2] = own[_P] + x, own[_P + 1] + y, own[_P + 2] + z
+    if not moving:
+        return
     for c in range(_W, _PLACE_COLUMNS):
         end[c] = own[c]
     wx, wy, wz = own[_W], own[_W + 1], own[_W + 2]
@@ -234,32 +238,38 @@ def _turning_slope(table, work, row, link, sign, normal):
 
 
 @inner
-def _equations(table, work):
-    """Gap, slopes and drift of all equations at the present posture and speed."""
+def _equations(table, work, moving):
+    """Gap and slopes of all equations at the present posture; ``moving``: their drift instead."""
     tree, q, dq = table.tree, work.q, work.dq
     n, size = q.size, table.equation.shape[0]
-    link_poses(tree.prismatic, tree.rotation, tree.translation, q, work.pose)
-    for i in range(n):
-        place_link(tree.parent[i], work.pose, i, work.place)
-    _move_links(tree, dq, work.place)
+    if moving:
+        _move_links(tree, dq, work.place)
+    else:
+        link_poses(tree.prismatic, tree.rotation, tree.translation, q, work.pose)
+        for i in range(n):
+            place_link(tree.parent[i], work.pose, i, work.place)
     first, second = work.ends[0], work.ends[1]
     axes = work.axes
     at = -1
     for row in range(size):
         number, kind = table.equation[row, 0], table.equation[row, 1]
-        for i in range(n):
-            work.jacobian[row, i] = 0.0
+        if moving and kind == _LINEAR:
+            work.gap[1, row] = 0.0
+            continue
+        if not moving:
+            for i in range(n):
+                work.jacobian[row, i] = 0.0
         if kind == _LINEAR:
             total = -table.ratio[number, n]
             for i in range(n):
                 total += table.ratio[number, i] * q[i]
                 work.jacobian[row, i] = table.ratio[number, i]
-            work.gap[0, row], work.gap[1, row] = total, 0.0
+            work.gap[0, row] = total
             continue
         link_1, link_2 = table.link[number, 0], table.link[number, 1]
         if number != at:
-            _place_end(link_1, table.frame[number, 0], work.place, first)
-            _place_end(link_2, table.frame[number, 1], work.place, second)
+            _place_end(link_1, table.frame[number, 0], work.place, first, moving)
+            _place_end(link_2, table.frame[number, 1], work.place, second, moving)
             at = number
         if kind == _PLACE:
             axis, gap, drift = axes[2], 0.0, 0.0
@@ -267,7 +277,10 @@ def _equations(table, work):
                 axis[c] = first[3 * c + table.equation[row, 2]]
                 gap += axis[c] * (first[_P + c] - second[_P + c])
                 drift += axis[c] * (first[_A + c] - second[_A + c])
-            work.gap[0, row], work.gap[1, row] = gap, drift
+            if moving:
+                work.gap[1, row] = drift
+                continue
+            work.gap[0, row] = gap
             # the axis turns with the first link, so that its end counts where the second one is
             _place_slope(table, work, row, link_1, 1.0, axis, second[_P : _P + 3])
             _place_slope(table, work, row, link_2, -1.0, axis, second[_P : _P + 3])
@@ -280,8 +293,11 @@ def _equations(table, work):
             along += a[c] * b[c]
             drift += a[6 + c] * b[c] + 2.0 * a[3 + c] * b[3 + c] + a[c] * b[6 + c]
             normal[c] = 0.0
+        if moving:
+            work.gap[1, row] = drift
+            continue
+        work.gap[0, row] = along
         _add_cross(a, 0, b, 0, normal, 0)
-        work.gap[0, row], work.gap[1, row] = along, drift
         _turning_slope(table, work, row, link_1, 1.0, normal)
         _turning_slope(table, work, row, link_2, -1.0, normal)
 
@@ -295,33 +311,30 @@ def close_loops(table, work):
     m, r = table.places.size, table.others.size
     before = np.inf
     for attempt in range(MAX_STEPS):
-        _equations(table, work)
+        _equations(table, work, False)
         gap = 0.0
         for row in range(r):
             gap = max(gap, abs(work.gap[0, row]))
+            for k in range(r):
+                work.square[row, k] = work.jacobian[row, table.others[k]]
         if not gap < np.inf:
             return OPEN
+        if not factor(work.square, work.order):
+            return SINGULAR
         if gap <= GAP or (gap <= LAST_GAP and gap >= 0.5 * before):
             break
         if attempt == MAX_STEPS - 1:
             return OPEN
         before = gap
         for row in range(r):
-            for k in range(r):
-                work.square[row, k] = work.jacobian[row, table.others[k]]
             work.step[row, 0] = -work.gap[0, row]
-        if not eliminate(work.square, work.step):
-            return SINGULAR
+        solve(work.square, work.order, work.step)
         for k in range(r):
             work.q[table.others[k]] += work.step[k, 0]
     for row in range(r):
-        for k in range(r):
-            work.square[row, k] = work.jacobian[row, table.others[k]]
         for a in range(m):
             work.right[row, a] = -work.jacobian[row, table.places[a]]
-        work.right[row, m] = 0.0
-    if not eliminate(work.square, work.right):
-        return SINGULAR
+    solve(work.square, work.order, work.right)
     for a in range(m):
         for b in range(m):
             work.gain[table.places[a], b] = 1.0 if a == b else 0.0
@@ -336,14 +349,10 @@ def close_loops(table, work):
             work.gain[i, a] = share
             speed += share * work.dq[table.places[a]]
         work.dq[i] = speed
-    # γ is what the speeds, now of all joints, leave of the equations
-    _equations(table, work)
+    _equations(table, work, True)
     for row in range(r):
-        for k in range(r):
-            work.square[row, k] = work.jacobian[row, table.others[k]]
         work.step[row, 0] = -work.gap[1, row]
-    if not eliminate(work.square, work.step):
-        return SINGULAR
+    solve(work.square, work.order, work.step)
     for k in range(r):
         work.drift[table.others[k]] = work.step[k, 0]
     return CLOSED

@@ -1,4 +1,8 @@
-"""Linear equations of a few unknowns in compiled code: Gauss and Jordan, with row exchanges."""
+"""Linear equations of a few unknowns in compiled code, with row exchanges.
+
+``eliminate`` solves them at once (Gauss and Jordan); ``factor`` and ``solve`` (P A = L U) where
+several right sides follow each other.
+"""
 
 from __future__ import annotations
 
@@ -34,3 +38,54 @@ def eliminate(matrix, right):
                 for c in range(columns):
                     right[k, c] -= share * right[i, c]
     return True
+
+
+@summing
+def factor(matrix, order):
+    """L and U in place of a matrix; ``order`` receives the row exchanges, (n,). False: singular."""
+    n = order.size
+    for i in range(n):
+        best = i
+        for k in range(i + 1, n):
+            if abs(matrix[k, i]) > abs(matrix[best, i]):
+                best = k
+        order[i] = best
+        if not abs(matrix[best, i]) > 0.0:
+            return False
+        if best != i:
+            for c in range(n):
+                matrix[i, c], matrix[best, c] = matrix[best, c], matrix[i, c]
+        inverse = 1.0 / matrix[i, i]
+        for k in range(i + 1, n):
+            share = matrix[k, i] * inverse
+            matrix[k, i] = share
+            if share != 0.0:
+                for c in range(i + 1, n):
+                    matrix[k, c] -= share * matrix[i, c]
+    return True
+
+
+@summing
+def solve(matrix, order, right):
+    """Right ← A⁻¹ right, (n, columns), from what ``factor`` has made of A."""
+    n, columns = right.shape
+    for i in range(n):
+        best = order[i]
+        if best != i:
+            for c in range(columns):
+                right[i, c], right[best, c] = right[best, c], right[i, c]
+    for i in range(n):
+        for k in range(i + 1, n):
+            share = matrix[k, i]
+            if share != 0.0:
+                for c in range(columns):
+                    right[k, c] -= share * right[i, c]
+    for i in range(n - 1, -1, -1):
+        inverse = 1.0 / matrix[i, i]
+        for c in range(columns):
+            right[i, c] *= inverse
+        for k in range(i):
+            share = matrix[k, i]
+            if share != 0.0:
+                for c in range(columns):
+                    right[k, c] -= share * right[i, c]

@@ -149,14 +149,29 @@ def assembled(tree: Robot, constraints: Constraints, q: np.ndarray) -> np.ndarra
         if not np.linalg.norm(tried) < np.linalg.norm(value):
             break
         q, value, slope = q + share * step, tried, fresh
-    gap = np.abs(value)
-    if gap.max(initial=0.0) > CLOSED:
-        worst = int(np.argmax(gap))
+    if np.abs(value).max(initial=0.0) > CLOSED:
         raise RobotDescriptionError(
-            f"loop {constraints.names[worst]!r} does not close: {gap[worst]:.3g} m or rad are "
-            "left; check its frames, the lengths of the links and the posture to start from"
+            f"{_gap_text(constraints, value)}; check its frames, the lengths of the links and the "
+            "posture to start from"
         )
     return q
+
+
+def _gap_text(constraints: Constraints, value: np.ndarray) -> str:
+    """Which loop stays open most, and how far its ends are apart."""
+    gaps: list[tuple[float, str]] = []
+    first = 0
+    for closure in constraints.closures:
+        own = value[first : first + closure.equations]
+        apart, turned = np.linalg.norm(own[:3]), np.abs(own[3:]).max(initial=0.0)
+        text = f"its ends are {apart:.3g} m apart"
+        if apart <= CLOSED:
+            text = f"its axes are {np.degrees(np.arcsin(min(turned, 1.0))):.3g}° off"
+        gaps.append((float(max(apart, turned)), f"loop {closure.name!r} does not close: {text}"))
+        first += closure.equations
+    for one, left in zip(constraints.linear, value[first:], strict=True):
+        gaps.append((abs(left), f"{one.name!r} does not hold: {abs(left):.3g} rad or m are left"))
+    return max(gaps)[1]
 
 
 def _poses(tree: Robot, q: np.ndarray) -> list[Pose]:
@@ -178,9 +193,12 @@ def _independent_equations(
     """Equations that do not follow from the others, one for each dependent joint."""
     rng = np.random.default_rng(19730501)
     slopes = [equations(tree, constraints, constraints.posture)[1]]
-    for _ in range(POSTURES):
+    _check_rank(tree, slopes[0], others)
+    for k in range(2 * POSTURES):
+        # near the end of a loop's reach only small steps close it
+        spread = SPREAD if k < POSTURES else 0.01 * SPREAD
         q = constraints.posture.copy()
-        q[list(constraints.places)] += rng.uniform(-SPREAD, SPREAD, len(constraints.places))
+        q[list(constraints.places)] += rng.uniform(-spread, spread, len(constraints.places))
         try:
             q = assembled(tree, constraints, q)
         except RobotDescriptionError:
@@ -192,7 +210,6 @@ def _independent_equations(
             f"{', '.join(tree.joints[i].name for i in constraints.places)}; name fewer "
             "independent joints, or free a joint of the loop"
         )
-    _check_rank(tree, slopes, others)
     side = np.hstack([slope[:, others] for slope in slopes])
     import scipy.linalg
 
@@ -207,9 +224,9 @@ def _independent_equations(
     return tuple(sorted(int(k) for k in pivots[:count]))
 
 
-def _check_rank(tree: Robot, slopes: list[np.ndarray], others: list[int]) -> None:
+def _check_rank(tree: Robot, slope: np.ndarray, others: list[int]) -> None:
     """Refuse joints that no equation determines."""
-    own = slopes[-1][:, others]
+    own = slope[:, others]
     *_, directions = np.linalg.svd(own)
     sizes = np.linalg.svd(own, compute_uv=False)
     rank = int((sizes > RANK * sizes.max(initial=1.0)).sum())

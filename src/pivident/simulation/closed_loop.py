@@ -17,7 +17,7 @@ from pivident.compiled import read_only
 from pivident.dynamics.forward import Model
 from pivident.errors import (
     ExperimentError,
-    LoopNotClosed,
+    LoopOpened,
     MassMatrixNotPositiveDefinite,
     ShapeMismatch,
     SimulationDiverged,
@@ -249,7 +249,9 @@ def simulate_blocks(
             model, controller, begin, rate, delay, q_ref, dq_ref, inputs, noise, limits, steps,
             oracle, channels, failure,
         )  # fmt: skip
-        _check_outcome(what, joint, sample / rate, failure, limits, joint_names, q_ref[sample])
+        _check_outcome(
+            what, joint, sample / rate, failure, limits, joint_names, channels[0, sample]
+        )
         yield slice(0, samples), channels, _states(model, record, samples)
         return
     law = controller.law(rate, q_ref, dq_ref).protected()
@@ -263,7 +265,8 @@ def simulate_blocks(
             model, law, state, rate, delay, q_ref, inputs, noise, limits,
             steps, oracle, first, last, first, channels, failure, tangent, *on_path, loops,
         )  # fmt: skip
-        _check_outcome(what, joint, sample / rate, failure, limits, joint_names, q_ref[sample])
+        place = channels[0, max(sample - first, 0)]  # of no meaning where all went well
+        _check_outcome(what, joint, sample / rate, failure, limits, joint_names, place)
         length = last - first
         yield slice(first, last), channels[:, :length], _states(model, on_path[-1], length)
 
@@ -305,7 +308,7 @@ def _check_outcome(
     """Raise the error of a run that ended early, ``near`` a posture of the reference."""
     value = float(failure[0])
     if what == NOT_CLOSED:
-        raise LoopNotClosed(joint, near, joint_names, time=time)
+        raise LoopOpened(joint, near, joint_names, time)
     if what == INDEFINITE:
         raise MassMatrixNotPositiveDefinite(joint_names[joint], time, value)
     if what in (TOO_FAR, TOO_FAST):

@@ -55,7 +55,8 @@ from pivident.simulation.step_tangent import (
 )
 
 #: What may happen: nothing, M(q) is indefinite, a joint is too far off, a joint is too fast, a
-#: mechanism cannot be closed or is singular (its status stands in for the joint).
+#: mechanism cannot be closed or is singular (its status stands in for the joint, and the
+#: sample's positions are where it happened).
 DONE, INDEFINITE, TOO_FAR, TOO_FAST, NOT_CLOSED = 0, 1, 2, 3, 4
 
 # Rows of ``limits``: joint torque per controller output, largest output, largest distance from the
@@ -295,6 +296,8 @@ def run_loop(
                 oracle is not None, closed,
             )  # fmt: skip
             if joint < -1:
+                for j in range(n):
+                    channels[_Q, row, j] = vectors[Q, j]
                 return NOT_CLOSED, -1 - joint, k
             if joint >= 0:
                 failure[0] = matrices[FACTOR, joint, joint]
@@ -347,6 +350,8 @@ def run_loop(
                     step, oracle, closed,
                 )  # fmt: skip
                 if joint < -1:
+                    for j in range(n):
+                        channels[_Q, row, j] = vectors[Q, j]
                     return NOT_CLOSED, -1 - joint, k
                 if joint >= 0:
                     failure[0] = matrices[FACTOR, joint, joint]
