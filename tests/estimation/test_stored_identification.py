@@ -246,15 +246,11 @@ def test_groups_that_the_closed_form_lacks_are_searched_for(tmp_path, monkeypatc
     """As geometry at the edge of a tolerance would have it."""
     identification = synthetic_identification()
 
-    class OtherGroups:
-        def __init__(self, robot, geometry):
-            self.robot = robot
+    def with_other_groups(robot):
+        base = pv.base_parameters(robot)
+        return replace(base, kept=base.kept[1:], regrouping=base.regrouping[1:])
 
-        def numeric(self):
-            base = pv.base_parameters(self.robot)
-            return replace(base, kept=base.kept[1:], regrouping=base.regrouping[1:])
-
-    monkeypatch.setattr(reload, "closed_form_base_parameters", OtherGroups)
+    monkeypatch.setattr(reload, "quick_base_parameters", with_other_groups)
     loaded = saved(tmp_path, identification)
     assert to_json(loaded) == to_json(identification)
 

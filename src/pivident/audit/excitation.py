@@ -15,7 +15,7 @@ import numpy as np
 
 from pivident.audit.inverse_model import OVERSAMPLING, InverseModel
 from pivident.dynamics.parameters import Parameter, nominal_values
-from pivident.dynamics.robot_regressor import regressor_of
+from pivident.dynamics.robot_regressor import closing_states, moving_joints, regressor_of
 from pivident.text.finding import Finding, Quantity, Severity
 
 #: Singular values below this, relative to the largest one, count as zero.
@@ -140,6 +140,7 @@ def _full_motion(models: Sequence[InverseModel], theta: np.ndarray) -> tuple[np.
     q = rng.uniform(low, high, (samples, robot.size))
     dq = rng.uniform(-speed, speed, (samples, robot.size))
     ddq = rng.uniform(-speed, speed, (samples, robot.size)) / RISE
+    q, dq, ddq = closing_states(robot, q, dq, ddq)
     still = np.zeros_like(q)
     regressor = regressor_of(robot, models[0].base.parameters)
 
@@ -254,13 +255,10 @@ def _motion(
     model: InverseModel, parameter: Parameter, parts: np.ndarray, ranges: np.ndarray
 ) -> str:
     """The motion in which a parameter acts most, and the joints that have room for it."""
-    joints = sorted(model.robot.ancestors(parameter.joint))
-    if parameter.coupling is not None:
-        joints = [parameter.coupling.motor, parameter.coupling.joint]
-    elif not parameter.is_inertial:
-        joints = [parameter.joint]
+    joints = moving_joints(model.robot, parameter)
+    own = [j for j, place in enumerate(model.robot.places) if place == parameter.joint]
     quantity = int(np.argmax(parts))
-    lazy = [j for j in joints if ranges[j, quantity] < LITTLE] or [parameter.joint]
+    lazy = [j for j in joints if ranges[j, quantity] < LITTLE] or own or joints
     names = ", ".join(model.robot.joints[j].name for j in lazy)
     if parameter.friction is not None and parameter.friction.depends_on_position:
         return f"Move {names} slowly through more of its range."

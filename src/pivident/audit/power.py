@@ -110,7 +110,7 @@ def _friction_power(model: InverseModel, j: int, tau: np.ndarray) -> tuple[float
         k
         for k, index in enumerate(model.own[j])
         if (p := parameters[index]).friction is not None
-        and p.joint == j
+        and p.joint == model.robot.places[j]
         and p.friction.column is not FrictionColumn.OFFSET
         and not p.friction.depends_on_position
     ]

@@ -91,7 +91,7 @@ def check_scale(log: Log, model: InverseModel, signs_right: Container[int] = ())
     joints = model.robot.size
     factors, standard_errors, likeness = np.full((3, joints), np.nan)
     tau = model.tau()
-    described = any(np.any(link.inertia) for link in model.robot.links)
+    described = any(np.any(link.inertia) for link in model.robot.tree.links)
     for j in range(joints):
         if described and model.usable(j):
             factors[j], standard_errors[j], likeness[j] = _gain(model, j, tau[:, j])

@@ -28,7 +28,9 @@ MIN_ROWS = 500
 def check_gravity(log: Log, timing: Timing, entry: ControllerEntry) -> list[Remark]:
     """Joints whose torque needs gravity in the law that the file states without it."""
     given = [log.channels.get(c) for c in ("q", "q_ref", "tau")]
-    if log.robot is None or entry.feed_forward != "none" or not timing.rate or not timing.regular:
+    if log.robot is None or log.robot.constraints is not None:
+        return []
+    if entry.feed_forward != "none" or not timing.rate or not timing.regular:
         return []
     if any(x is None or x.shape[1] != log.robot.size for x in given):
         return []

@@ -36,12 +36,13 @@ def check_robot(robot: Robot, model: str) -> list[Remark]:
     """Everything about a description that no machine has, or that an identification would miss."""
     file = Path(model).name
     remarks = [*_gravity(robot)]
-    for joint, link in zip(robot.joints, robot.links, strict=True):
+    tree = robot.tree
+    for joint, link in zip(tree.joints, tree.links, strict=True):
         remarks += [*_limits(joint, file), *_distance(joint, file), *_body(joint, link, file)]
-    massless = [link.name for link in robot.links if not np.any(link.inertia)]
+    massless = [link.name for link in tree.links if link.is_body and not np.any(link.inertia)]
     if massless:
         text = f"No link in {file} has a mass."
-        if len(massless) < robot.size:
+        if len(massless) < sum(link.is_body for link in tree.links):
             text = f"These links have no mass in {file}: {', '.join(massless)}."
         step = (
             "Least squares does not need them. IV and PIV start from them: give rough values "

@@ -30,7 +30,8 @@ def check_stability(
     """
     base = base_parameters(robot)
     theta = base.values(nominal_values(robot, base.standard))
-    if not np.any(theta) or entry.kp is None or not all(np.any(k.inertia) for k in robot.links):
+    known = all(np.any(k.inertia) for k in robot.tree.links if k.is_body)
+    if not np.any(theta) or entry.kp is None or not known:
         return []
     n, h = robot.size, 1.0 / rate
     inverse = np.linalg.inv(mass_matrix(robot, base.parameters, theta, posture[None])[0])

@@ -112,7 +112,7 @@ def torque_side_evidence(log: Log, timing: Timing, model: InverseModel) -> Torqu
     estimates = _replicates(model)
     postures = model.q[np.linspace(0, len(model.q) - 1, POSTURES).astype(int)]
     rotor = np.full((len(estimates), robot.size), np.nan)
-    places = [(p.joint, k) for k, p in enumerate(parameters) if p.stem == "ia"]
+    places = [(robot.places.index(p.joint), k) for k, p in enumerate(parameters) if p.stem == "ia"]
     for theta, shares in zip(estimates, rotor, strict=True):
         inertia = mass_matrix(robot, parameters, theta, postures).mean(axis=0).diagonal()
         for joint, k in places:

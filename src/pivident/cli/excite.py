@@ -90,8 +90,9 @@ def excite(
     from pivident.cli.workflow import check_output
     from pivident.collision.room import clearances_of_room
     from pivident.excitation.design_files import RATE, check_rate, write_design
-    from pivident.excitation.design_motion import design_motion
+    from pivident.excitation.design_motion import DESIGNED_ELSEWHERE, design_motion
     from pivident.excitation.excite_table import limits_of, question_of, torque_noise_of
+    from pivident.robot.description import without_loops
 
     folder = out or _new_folder()
     check_output(folder)
@@ -102,6 +103,7 @@ def excite(
     with Progress() as progress:
         progress.say(f"reading {subject}")
         robot, table, known = _subject(subject, frozen_joints(frozen))
+        without_loops(robot, "the design of motions", DESIGNED_ELSEWHERE)
         if cell is not None:
             from pivident.excitation.excite_table import read_cell
 

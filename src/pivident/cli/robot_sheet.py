@@ -41,11 +41,12 @@ def _heading(robot: Robot) -> str:
 def _geometry(robot: Robot) -> str:
     """Each joint's frame in its parent's frame at zero position; the joint's axis is z."""
     rows = [("joint", "kind", "on", "x y z [m]", "roll pitch yaw [deg]", "range", "rated speed")]
-    for joint in robot.joints:
-        parent = "base" if joint.parent < 0 else robot.joints[joint.parent].name
+    for i, joint in enumerate(robot.tree.joints):
+        parent = "base" if joint.parent < 0 else robot.tree.joints[joint.parent].name
         place = " ".join(map(_number, joint.translation))
         turn = " ".join(_number(math.degrees(a)) for a in _roll_pitch_yaw(joint.rotation))
-        rows.append((joint.name, joint.kind, parent, place, turn, *_limits(joint)))
+        kind = joint.kind if i in robot.places else f"{joint.kind}, passive"
+        rows.append((joint.name, kind, parent, place, turn, *_limits(joint)))
     return "Geometry at q = 0 (z is the joint's axis)\n" + _table(rows)
 
 
@@ -75,7 +76,12 @@ def _drives(robot: Robot) -> str:
     for c in robot.couplings:
         motor, second = robot.joint_names[c.motor], robot.joint_names[c.joint]
         lines.append(f"  the motor of {motor} also turns with {second} (ratio {c.ratio:g})")
-    unknown = [link.name for link in robot.links if not link.inertia.any()]
+    lines += [
+        f"  {joint.name} is passive; its friction: {joint.friction}"
+        for joint in robot.passive_joints
+        if joint.friction.terms
+    ]
+    unknown = [k.name for k in robot.tree.links if k.is_body and not k.inertia.any()]
     if unknown:
         lines.append(f"  nominal inertia is zero (IV and PIV start from it): {', '.join(unknown)}")
     return "\n".join(lines)

@@ -54,8 +54,9 @@ def symbolic(
     """
     from pivident.cli.workflow import check_output
     from pivident.files import atomic_folder
+    from pivident.robot.description import without_loops
     from pivident.robot.gallery import load_robot
-    from pivident.symbolic.robot_models import LANGUAGES, MODELS, model_files
+    from pivident.symbolic.robot_models import LANGUAGES, MODELS, NUMBERS, model_files
 
     models = _chosen("--what", what, MODELS)
     languages = _chosen("--to", to, LANGUAGES)
@@ -66,6 +67,7 @@ def symbolic(
     if out is not None:
         check_output(out)
     machine = load_robot(robot)
+    without_loops(machine, "the writer of symbolic models", NUMBERS)
     programs = _programs(machine, models, parameters, values)
     if to and out is None:
         print(next(iter(model_files(machine, programs, languages).values())))

@@ -352,5 +352,6 @@ def _print_results(
     print(f"\nResults: {folder}")
     if report:
         print(f"Report:  {folder / 'report.html'}")
-    if next_motion := judged.next_motion(folder):
+    next_motion = judged.next_motion(folder)
+    if next_motion and found[0].robot.constraints is None:  # no motions with closed loops
         print(f"Next:    {next_motion}")

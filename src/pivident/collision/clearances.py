@@ -24,7 +24,7 @@ from pivident.collision.outlines import reach
 from pivident.collision.pairs import Pair, candidate_pairs, levers, random_postures, swept_ball
 from pivident.collision.poses import LinkPoses
 from pivident.errors import ExperimentError
-from pivident.robot.description import Robot
+from pivident.robot.description import Robot, without_loops
 
 #: Share of random postures from which on two bodies are near because they are built so.
 STRUCTURAL_SHARE = 0.95
@@ -92,7 +92,9 @@ class Clearances:
         Raises:
             ExperimentError: a name is used twice, a value is not finite, a tool's link does not
                 exist, or the robot has no gravity that says where the floor is.
+            RobotDescriptionError: a robot with closed loops.
         """
+        without_loops(robot, "the search for collisions")
         if floor is not None and not np.isfinite(floor):
             raise ExperimentError(f"floor = {floor} must be a height in metres").about("floor")
         if floor is not None:

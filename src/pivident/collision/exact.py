@@ -17,7 +17,7 @@ from pivident.collision.poses import LinkPoses
 from pivident.collision.urdf import LinkShape, link_shapes
 from pivident.errors import RobotDescriptionError
 from pivident.extras import require
-from pivident.robot.description import Robot
+from pivident.robot.description import Robot, without_loops
 
 
 def exact_distances(
@@ -40,9 +40,11 @@ def exact_distances(
         NaN where a link has no shape; shape (pairs, samples).
 
     Raises:
-        RobotDescriptionError: the robot has no URDF with shapes, or a mesh cannot be found.
+        RobotDescriptionError: the robot has closed loops, or no URDF with shapes, or a mesh cannot
+            be found.
         MissingExtra: coal is not installed.
     """
+    without_loops(robot, "the search for collisions")
     coal = require("coal", extra="collision", purpose="the distance between meshes")
     shapes = link_shapes(robot, without)
     if not shapes:

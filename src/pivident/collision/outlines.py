@@ -14,7 +14,7 @@ import numpy as np
 from pivident.collision.bodies import BASE, Body, Outline, numbered
 from pivident.collision.urdf import urdf_outline
 from pivident.errors import RobotDescriptionError
-from pivident.robot.description import INERTIAL, Robot
+from pivident.robot.description import INERTIAL, Robot, without_loops
 from pivident.robot.naming import repeated
 from pivident.text.lists import listed
 
@@ -59,6 +59,7 @@ def outline_of(robot: Robot, given: Iterable[Body] = ()) -> Outline:
             is used twice; names link, file and next step.
         MissingExtra: the URDF has meshes, and coal is not installed.
     """
+    without_loops(robot, "the search for collisions")
     given = tuple(given)
     for body in given:
         if not -1 <= body.link < robot.size:

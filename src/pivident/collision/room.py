@@ -14,7 +14,7 @@ from pivident.collision.clearances import Clearances
 from pivident.collision.obstacles import Obstacle, ToolBox
 from pivident.collision.outlines import outline_of
 from pivident.errors import ExperimentError, RobotDescriptionError, concerning
-from pivident.robot.description import Robot
+from pivident.robot.description import Robot, without_loops
 from pivident.robot.frames import rotation_from_rpy
 from pivident.robot.naming import nearest
 from pivident.text.lists import listed
@@ -38,6 +38,7 @@ def clearances_of_room(robot: Robot, room: RoomEntry) -> Clearances:
         RobotDescriptionError: a body names no link, or a mesh of the URDF cannot be found.
         MissingExtra: the URDF has meshes, and coal is not installed.
     """
+    without_loops(robot, "the search for collisions")
     outline = outline_of(robot, bodies_of_entries(robot, room.body))
     things = [f"obstacle {entry.name!r}" for entry in room.obstacle]
     things += [] if room.floor is None else ["the floor"]

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
-from pivident.dynamics.grouping.closed_form import closed_form_base_parameters
+from pivident.dynamics.grouping.closed_form import quick_base_parameters
 from pivident.dynamics.parameters import Parameter
 from pivident.robot.description import Robot
 
@@ -56,7 +56,7 @@ def base_of(robot: Robot, names: tuple[str, ...]) -> BaseParameters:
     They come from the closed form, which is quicker; geometry at the edge of a tolerance can make
     the numerical search differ from it, and then that is meant.
     """
-    base = closed_form_base_parameters(robot, "numbers").numeric()
+    base = quick_base_parameters(robot)
     return base if set(base.names).issuperset(names) else base_parameters(robot)
 
 
@@ -91,6 +91,28 @@ def key_of(parameter: Parameter) -> Key:
     return parameter.joint, parameter.stem, function
 
 
+def _difference_of_loops(a: Robot, b: Robot) -> str:
+    """How what closes the loops of two robots differs; empty where nothing does."""
+    if a.constraints is None or b.constraints is None:
+        return "" if a.constraints is b.constraints else "loops are closed in one only"
+    if len(a.constraints.closures) != len(b.constraints.closures):
+        return "other loops are closed"
+    for one, other in zip(a.constraints.closures, b.constraints.closures, strict=True):
+        frames = zip(one.frames, other.frames, strict=True)
+        apart = max(
+            float(np.abs(np.c_[f.rotation - g.rotation, f.translation - g.translation]).max())
+            for f, g in frames
+        )
+        if one.links != other.links or one.kind != other.kind or apart > SAME_FRAME:
+            return f"the loop {one.name} closes elsewhere"
+    linear = [
+        [(tuple(one.ratios), one.offset) for one in r.constraints.linear]
+        for r in (a, b)
+        if r.constraints
+    ]
+    return "" if linear[0] == linear[1] else "joints move in other proportions"
+
+
 def difference_of_geometry(a: Robot, b: Robot) -> str:
     """How the kinematics of two robots differ, in a few words; empty where nothing does.
 
@@ -98,6 +120,13 @@ def difference_of_geometry(a: Robot, b: Robot) -> str:
     """
     if a.size != b.size:
         return f"{a.size} and {b.size} joints"
+    if a.tree.size != b.tree.size:
+        return f"{a.tree.size} and {b.tree.size} joints, passive ones included"
+    if a.places != b.places:
+        return "other joints are passive"
+    if difference := _difference_of_loops(a, b):
+        return difference
+    a, b = a.tree, b.tree
     for one, other in zip(a.joints, b.joints, strict=True):
         if one.kind != other.kind:
             return f"joint {one.name} is {one.kind} in one and {other.kind} in the other"

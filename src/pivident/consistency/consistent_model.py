@@ -37,7 +37,7 @@ from pivident.errors import ExperimentError, NoConsistentModelNear
 from pivident.estimation.identification import Identification
 from pivident.estimation.solved_equations import TorqueSums
 from pivident.estimation.torque_sums import estimated_in_base, torque_sums
-from pivident.robot.description import Robot
+from pivident.robot.description import Robot, without_loops
 from pivident.robot.naming import nearest
 from pivident.text.numbers import format_significant
 from pivident.text.plain_table import plain_table
@@ -328,7 +328,9 @@ def make_consistent(
         ExperimentError: unknown prior, a margin that is not positive, a reference that does not
             fit.
         IdentificationError: a covariance that cannot serve as a metric.
+        RobotDescriptionError: a robot with closed loops.
     """
+    without_loops(identification.robot, "physical consistency", "use the estimate as it is")
     if prior not in PRIORS:
         raise ExperimentError(
             f"prior is {prior!r}; {nearest(str(prior), PRIORS)}; choose one of {', '.join(PRIORS)}"

@@ -23,7 +23,8 @@ THICKEST, THINNEST, SHORTEST = 1 / 10, 1 / 20, 0.2
 
 
 def geometric_bodies(robot: Robot) -> np.ndarray:
-    """Pseudo-inertia of every link as a body of density one, shape (joints, 4, 4)."""
+    """Pseudo-inertia of every link as a body of density one, shape (tree joints, 4, 4)."""
+    robot = robot.tree
     at = _along(robot)
     reach = max(float(at.max(initial=0.0)), SHORTEST)
     bodies = np.empty((robot.size, 4, 4))

@@ -65,16 +65,17 @@ def make_reference(
     the same joints, or standard parameters, may be ``given`` in place of the nominal ones.
     """
     values = _given_values(robot, standard, given)
+    robot = robot.tree
     notes: list[str] = []
     repaired = []
     places = [
         [k for k, p in enumerate(standard) if p.is_inertial and p.joint == i]
         for i in range(robot.size)
     ]
-    assumed = np.array([not values[place].any() for place in places])
+    assumed = np.array([len(place) > 0 and not values[place].any() for place in places])
     if assumed.any():
         bodies = geometric_bodies(robot)
-        masses = np.array([values[place[9]] for place in places])
+        masses = np.array([values[place[9]] if place else 0.0 for place in places])
         if (known := masses > 0.0).any():
             density = density_of_bodies(bodies[known], masses[known])
     roots, diameters = np.empty((robot.size, 4, 4)), np.empty(robot.size)
@@ -82,6 +83,9 @@ def make_reference(
     for i, link in enumerate(robot.links):
         # in the order of INERTIAL, which is that of the standard parameters
         place = places[i]
+        if not place:  # no body
+            roots[i], diameters[i] = np.eye(4), diameter
+            continue
         matrix = density * bodies[i] if assumed[i] else pseudo_inertia(values[place])
         real = _real_body(matrix)
         if not (assumed[i] or np.allclose(real, matrix, rtol=1e-9, atol=0.0)):

@@ -141,6 +141,7 @@ def identify_controller(
         ExperimentError: a recording has no reference.
         IdentificationError: a joint has no error to identify from, or its law pushes away from
             the reference.
+        RobotDescriptionError: gravity is looked for with a robot of closed loops.
     """
     recordings = tuple(recordings)
     for recording in recordings:

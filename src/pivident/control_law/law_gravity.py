@@ -35,7 +35,7 @@ from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor import Regressor
 from pivident.dynamics.robot_regressor import regressor_of
 from pivident.recording.recording import Recording
-from pivident.robot.description import Robot
+from pivident.robot.description import Robot, without_loops
 from pivident.simulation.gravity_compensation import MASS_STEMS, GravityModel
 
 #: Where a law evaluates its gravity model.
@@ -92,6 +92,13 @@ class JointGravity:
         return bool(np.any(np.abs(self.values) > MIN_RATIO * self.std))
 
 
+#: What there is for a robot with closed loops.
+KNOWN_LAW = (
+    "give the law and its gains, or identify it without gravity, identify_controller(recordings) "
+    "without robot"
+)
+
+
 @dataclass(frozen=True, eq=False)
 class GravityColumns:
     """What the gravity model of one joint's law can be made of."""
@@ -135,7 +142,12 @@ class GravityFit:
 
 
 def gravity_columns(robot: Robot) -> list[GravityColumns]:
-    """What gravity models of the laws of all joints can be made of."""
+    """What gravity models of the laws of all joints can be made of.
+
+    Raises:
+        RobotDescriptionError: a robot with closed loops.
+    """
+    without_loops(robot, "the search for gravity in a control law", KNOWN_LAW)
     heads = tuple(p for p in base_parameters(robot).parameters if p.stem in MASS_STEMS)
     regressor = regressor_of(robot, heads)
     postures = np.random.default_rng(19991231).uniform(-np.pi, np.pi, (POSTURES, robot.size))

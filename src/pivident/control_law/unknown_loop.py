@@ -43,6 +43,12 @@ CUTOFFS = (20.0, 30.0, 45.0, 60.0, 100.0, 150.0, 200.0)
 EXPLAINED = 0.9
 
 
+#: Said of the law of a robot with closed loops.
+WITHOUT_GRAVITY = (
+    "Whether the law compensates gravity was not looked for, since the robot has closed loops."
+)
+
+
 @dataclass(frozen=True)
 class Feedback:
     """Feedback of one joint, identified from the noise in the loop.
@@ -171,10 +177,10 @@ def reconstruct_loop(
     if not reconstruct:
         if controller is not None:
             return recordings, Loop(controller, drive_gain, limit)
-        found = identify_controller(recordings, gain, limit, robot=robot)
-        return found.signals, Loop(
-            found.law, drive_gain, limit, identified=found, notes=found.notes
-        )
+        loops = robot.constraints is not None
+        found = identify_controller(recordings, gain, limit, robot=None if loops else robot)
+        law_notes = (*found.notes, *((WITHOUT_GRAVITY,) if loops else ()))
+        return found.signals, Loop(found.law, drive_gain, limit, identified=found, notes=law_notes)
     notes: list[str] = []
     feedback: tuple[Feedback, ...] = ()
     signals = [r.q for r in recordings]

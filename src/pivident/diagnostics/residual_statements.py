@@ -143,7 +143,7 @@ def friction_law(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     ]
     if not own:
         return
-    joints = result.robot.joints
+    joints = result.robot.tree.joints
     laws = dict.fromkeys(str(joints[j].friction) for _, j in own)
     text = (
         f"The intervals of {listed([own_name for own_name, _ in own])} hold for the assumed "

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.dynamics.parameters import Parameter
-from pivident.dynamics.robot_regressor import regressor_of
+from pivident.dynamics.robot_regressor import closing_states, moving_joints, regressor_of
 from pivident.estimation.identification import Identification
 from pivident.robot.description import Robot
 
@@ -79,7 +79,8 @@ def column_parts(robot: Robot, parameters: tuple[Parameter, ...], limits: Limits
     q = rng.uniform(limits.low, limits.high, shape)
     dq = rng.uniform(-limits.speed, limits.speed, shape)
     ddq = rng.uniform(-limits.acceleration, limits.acceleration, shape)
-    still = np.zeros(shape)
+    q, dq, ddq = closing_states(robot, q, dq, ddq)
+    still = np.zeros(q.shape)
     regressor = regressor_of(robot, parameters)
     # friction with memory or load shows in steady motion, not at random states
     level, none = regressor.levels(dq.T), regressor.levels(still.T)
@@ -99,14 +100,11 @@ def motion_for(
 
     ``parts``: of its column, see :func:`column_parts`, shape (3,).
     """
-    joints = sorted(robot.ancestors(parameter.joint))
-    if parameter.coupling is not None:
-        joints = [parameter.coupling.motor, parameter.coupling.joint]
-    elif not parameter.is_inertial:
-        joints = [parameter.joint]
+    joints = moving_joints(robot, parameter)
+    own = [j for j, place in enumerate(robot.places) if place == parameter.joint]
     # an offset has a constant column: motion in both directions separates it from Coulomb friction
     quantity = 1 if parameter.stem == "off" else int(np.argmax(parts))
-    room = [j for j in joints if limits.used[j, quantity] < LITTLE] or [parameter.joint]
+    room = [j for j in joints if limits.used[j, quantity] < LITTLE] or own or joints
     if parameter.friction is not None and parameter.friction.depends_on_position:
         quantity = _OWN_POSITION
     return quantity, tuple(robot.joints[j].name for j in room)

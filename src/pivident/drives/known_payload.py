@@ -20,7 +20,7 @@ import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters
 from pivident.errors import ExperimentError
-from pivident.robot.description import INERTIAL
+from pivident.robot.description import INERTIAL, without_loops
 from pivident.robot.inertia import from_center_of_mass, tensor
 
 
@@ -67,7 +67,12 @@ class Payload:
         return names + ([] if self.center_of_mass is not None else list(INERTIAL[6:9]))
 
     def base_columns(self, base: BaseParameters) -> np.ndarray:
-        """B: change of the base parameters per inertial parameter of the link, (base, 10)."""
+        """B: change of the base parameters per inertial parameter of the link, (base, 10).
+
+        Raises:
+            RobotDescriptionError: a robot with closed loops.
+        """
+        without_loops(base.robot, "a payload", "give trusted gains or parameters instead")
         joint = range(base.robot.size)[self.link]
         columns = np.zeros((len(base), len(INERTIAL)))
         for k, p in enumerate(base.standard):

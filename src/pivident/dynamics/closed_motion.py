@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +20,9 @@ from pivident.dynamics.closure_kernels import (
 )
 from pivident.errors import LoopNotClosed
 from pivident.robot.description import Robot
+
+#: Change of an independent joint from one sample to the next that is no motion any more [rad or m].
+JUMP = 0.2
 
 
 class ClosedMotion(NamedTuple):
@@ -75,8 +80,8 @@ class ClosedChains:
         """Motion of all joints, ddq = N ddq_a + γ.
 
         Args:
-            q: independent positions [rad or m], time last, shape (joints, samples); each sample
-                is near the one before.
+            q: independent positions [rad or m], time last, shape (joints, samples). A sample far
+                from the one before is approached from the posture of the description.
             dq: their speeds [rad/s or m/s], likewise.
             ddq: their accelerations [rad/s² or m/s²], likewise.
 
@@ -87,13 +92,34 @@ class ClosedChains:
         joints, samples = len(self.table.posture), q.shape[1]
         whole = np.empty((3, joints, samples))
         gain = np.empty((joints, self.robot.size, samples))
-        if samples:
-            work = self.start(q[:, 0])
-            status, sample = follow(self.table, work, q, dq, ddq, *whole, gain)
+        far = np.flatnonzero(np.abs(np.diff(q)).max(axis=0, initial=0.0) > JUMP) + 1
+        ends = [0, *far.tolist(), samples] if samples else []
+        for first, stop in pairwise(ends):
+            part = np.s_[..., first:stop]
+            work = self.start(q[:, first])
+            given = (np.ascontiguousarray(x[part]) for x in (q, dq, ddq))
+            made = [x if len(ends) == 2 else np.ascontiguousarray(x[part]) for x in (*whole, gain)]
+            status, sample = follow(self.table, work, *given, *made)
             if status != CLOSED:
+                sample += first
                 raise LoopNotClosed(status, q[:, sample], self.robot.joint_names, sample)
+            if len(ends) > 2:
+                for all_of_it, own in zip((*whole, gain), made, strict=True):
+                    all_of_it[part] = own
         positions, speeds, accelerations = whole
         return ClosedMotion(positions, speeds, accelerations, gain)
+
+    def closing(self, q: np.ndarray) -> np.ndarray:
+        """Whether the loops close at each of some postures, shape (samples,).
+
+        ``q``: independent positions [rad or m], shape (samples, joints).
+        """
+        found = np.zeros(len(q), bool)
+        for k, own in enumerate(q):
+            with contextlib.suppress(LoopNotClosed):
+                self.start(own)
+                found[k] = True
+        return found
 
     def random_postures(self, rng: np.random.Generator, samples: int) -> np.ndarray:
         """Independent positions at which the loops close, shape (samples, joints) [rad or m].

@@ -22,7 +22,10 @@ from pivident.dynamics.rigid_body_slopes import (
     slope_scratch,
     torque_slopes,
 )
-from pivident.robot.description import Robot
+from pivident.robot.description import Robot, without_loops
+
+#: What there is for a robot with closed loops.
+DIFFERENCES = "take differences of the torques of pivident.dynamics.regressor_of"
 
 
 class InverseDynamicsDerivatives(NamedTuple):
@@ -73,8 +76,10 @@ def inverse_dynamics_derivatives(
         The three matrices at every sample.
 
     Raises:
+        RobotDescriptionError: a robot with closed loops.
         ValueError: shapes that do not fit.
     """
+    without_loops(robot, "the derivative of the inverse dynamics", DIFFERENCES)
     n = robot.size
     wanted = (len(q), n)
     if any(np.shape(x) != wanted for x in (q, dq, ddq)):

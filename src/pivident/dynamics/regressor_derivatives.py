@@ -27,7 +27,7 @@ from pivident.compiled import inlined as _inline
 from pivident.dynamics.column_slopes import ColumnSlope, column_slopes
 from pivident.dynamics.kernels import Tree, link_poses, tree_of
 from pivident.dynamics.regressor import Regressor
-from pivident.robot.description import INERTIAL
+from pivident.robot.description import INERTIAL, without_loops
 from pivident.threads import run_in_threads
 
 #: Samples of a thread's block.
@@ -59,7 +59,11 @@ class RegressorDerivatives:
 
         Args:
             regressor: the observation matrix.
+
+        Raises:
+            RobotDescriptionError: that of a robot with closed loops.
         """
+        without_loops(regressor.robot, "the derivative of an observation matrix")
         column = np.full((regressor.robot.size, len(INERTIAL)), -1, dtype=np.int64)
         for c, p in enumerate(regressor.parameters):
             if p.is_inertial:

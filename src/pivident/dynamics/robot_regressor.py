@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
-from pivident.dynamics.closed_regressor import ClosedRegressor
+import numpy as np
+
+from pivident.dynamics.closed_motion import ClosedChains
+from pivident.dynamics.closed_regressor import PROBES, ZERO, ClosedRegressor
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor import Regressor
+from pivident.errors import RobotDescriptionError
 from pivident.robot.description import Robot
 
 
@@ -26,3 +31,47 @@ def regressor_of(robot: Robot, parameters: Sequence[Parameter]) -> Regressor:
     if robot.constraints is None:
         return Regressor.build(robot, parameters)
     return ClosedRegressor.of(robot, parameters)
+
+
+def closing_states(robot: Robot, q: np.ndarray, *others: np.ndarray) -> tuple[np.ndarray, ...]:
+    """States drawn at random without those at which loops do not close; without loops all.
+
+    Args:
+        robot: the robot.
+        q: positions [rad or m], shape (samples, joints).
+        others: what belongs to them, samples first.
+
+    Raises:
+        RobotDescriptionError: the loops close at none of them.
+    """
+    if robot.constraints is None:
+        return (q, *others)
+    closes = ClosedChains(robot).closing(q)
+    if not closes.any():
+        raise RobotDescriptionError(
+            f"the loops of robot {robot.name!r} close at none of {len(q)} postures between the "
+            "limits of its joints; give position_limits within which they do"
+        )
+    return tuple(x[closes] for x in (q, *others))
+
+
+def moving_joints(robot: Robot, parameter: Parameter) -> tuple[int, ...]:
+    """Indices of the joints whose motion a parameter's torque comes from, ascending."""
+    tree, coupling = robot.tree, parameter.coupling
+    if coupling is not None:
+        joints = [coupling.motor, coupling.joint]
+    elif parameter.is_inertial:
+        joints = sorted(tree.ancestors(parameter.joint))
+    else:
+        joints = [parameter.joint]
+    if robot.constraints is None:
+        return tuple(joints)
+    return tuple(np.flatnonzero(_moved(robot)[joints].any(axis=0)).tolist())
+
+
+@lru_cache(maxsize=8)
+def _moved(robot: Robot) -> np.ndarray:
+    """Which independent joints move which joint of the tree, shape (tree joints, joints)."""
+    chains = ClosedChains(robot)
+    q = chains.random_postures(np.random.default_rng(20260501), PROBES)
+    return np.max([np.abs(chains.start(x).gain) for x in q], axis=0) > ZERO

@@ -70,8 +70,9 @@ def reversed_joints(
         clear = [p for p in negative if p.is_certain and p.parameter.joint in joints]
         return len(clear) >= 2 and len(clear) >= NEARLY_ALL * len(own)
 
-    everyone = tuple(range(robot.size))
-    return everyone if reversed_(everyone) else tuple(j for j in everyone if reversed_([j]))
+    if reversed_(range(robot.tree.size)):
+        return tuple(range(robot.size))
+    return tuple(j for j, place in enumerate(robot.places) if reversed_([place]))
 
 
 def sign_warnings(
@@ -99,10 +100,13 @@ def sign_warnings(
             "m, N, rad or m."
         )
         found.append(Finding("warning", "signs", "reversed", text, reversed_names, step))
+    if len(joints) == robot.size:
+        return found
+    told = {robot.places[j] for j in joints}
     return found + [
         _warning(p)
         for p in negative_parameters(parameters, names, theta, std)
-        if p.parameter.joint not in joints
+        if p.parameter.joint not in told
     ]
 
 

@@ -72,9 +72,10 @@ class LoopNotClosed(IdentificationError):
             if self.singular
             else "the mechanism cannot be assembled: its loops do not close"
         )
-        super().__init__(
+        IdentificationError.__init__(  # the base of `LoopOpened` comes between
+            self,
             f"{when}{where}: {what}; check units, signs and zero positions of the joints, lengths "
-            "of the links, and the posture from which the description assembles them"
+            "of the links, and the posture from which the description assembles them",
         )
 
 
@@ -104,6 +105,21 @@ class SimulationDiverged(IdentificationError):
             f"(bound {bound:.3g}); check the controller's gains, units and sign, "
             "the drive gain and the initial parameters"
         )
+
+
+class LoopOpened(LoopNotClosed, SimulationDiverged):
+    """A simulated motion went where the loops of the mechanism do not close.
+
+    Its attributes are those of both; the joint is the first independent one, since all are meant.
+    """
+
+    time: float
+
+    def __init__(self, status: int, q: Iterable[float], joints: Sequence[str], time: float) -> None:
+        LoopNotClosed.__init__(self, status, q, joints, time=time)
+        self.joint, self.time = joints[0] if joints else "", time
+        self.deviation = self.bound = float("nan")
+        self.speed = False
 
 
 class FilterDiverged(IdentificationError):

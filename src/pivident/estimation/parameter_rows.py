@@ -129,7 +129,7 @@ def parameter_units(identification: Identification) -> tuple[str, ...]:
     units = tuple(parameter.unit for parameter in identification.parameters)
     if not is_ratio(identification.torque_scale):
         return units
-    joints = identification.robot.joints
+    joints = identification.robot.tree.joints
     torques = (
         "N m" if joints[p.joint].kind == "revolute" else "N" for p in identification.parameters
     )

@@ -18,7 +18,7 @@ import numpy as np
 from pydantic import Field, ValidationError
 
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters, regrouped_name
-from pivident.dynamics.grouping.closed_form import closed_form_base_parameters
+from pivident.dynamics.grouping.closed_form import quick_base_parameters
 from pivident.errors import IdentificationFileError, PividentError
 from pivident.estimation.equation_noise import EquationNoise
 from pivident.estimation.equation_record import MotionRange
@@ -306,7 +306,7 @@ def _selection(robot: Robot, names: list[str]) -> tuple[BaseParameters, list[int
     robots of many joints. Geometry at the edge of a tolerance can make the two differ: where the
     file has other groups that this robot could have, they are searched for.
     """
-    base = closed_form_base_parameters(robot, "numbers").numeric()
+    base = quick_base_parameters(robot)
     heads = {text for p in base.standard for text in (p.name, regrouped_name(p))}
     if not set(base.names).issuperset(names) and heads.issuperset(names):
         base = base_parameters(robot)

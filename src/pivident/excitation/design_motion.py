@@ -25,7 +25,7 @@ from pivident.excitation.objective import Objective
 from pivident.excitation.questions import Question, robot_question
 from pivident.excitation.request import MIN_DURATION, DesignRequest, chosen_parameters
 from pivident.excitation.search import Search
-from pivident.robot.description import Robot
+from pivident.robot.description import Robot, without_loops
 from pivident.text.lists import listed
 
 #: Durations between which a goal is looked for: no nearer than this share.
@@ -33,6 +33,9 @@ DURATION_SHARE = 0.1
 
 #: Durations that are tried are multiples of this [s].
 DURATION_STEP = 0.1
+
+#: What there is for a robot with closed loops.
+DESIGNED_ELSEWHERE = "record a motion of your own, and look at it with pivident audit"
 
 Say = Callable[[str], None]
 
@@ -69,7 +72,9 @@ def design_motion(
     Raises:
         ExperimentError: unknown parameters or joints, limits that contradict, a start in collision,
             a duration too short for the limits.
+        RobotDescriptionError: a robot with closed loops.
     """
+    without_loops(robot, "the design of motions", DESIGNED_ELSEWHERE)
     say = progress or (lambda line: None)
     request = request or DesignRequest()
     limits = limits or joint_limits(robot)

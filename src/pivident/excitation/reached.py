@@ -208,7 +208,7 @@ def _errors(
         ReachedError(
             name,
             parameter.unit,
-            result.robot.joint_names[parameter.joint],
+            result.robot.tree.joint_names[parameter.joint],
             predicted[name] / math.sqrt(runs),
             float(reached),
         )

@@ -23,7 +23,7 @@ import numpy as np
 from pivident.errors import ExportError
 from pivident.export.model_programs import NAMES, header_lines, model_columns, model_programs
 from pivident.export.numpy_function import check_signals, program_differences, verify_functions
-from pivident.models.exported import ExportedText, Verification
+from pivident.models.exported import ExportedText, Verification, refuse_loops
 from pivident.models.runnable_model import RunnableModel
 from pivident.text.identifiers import c_comment, identifier, one_line
 
@@ -47,6 +47,7 @@ def to_c(model: RunnableModel, name: str = "robot_model") -> ExportedText:
     Returns:
         The source with its header, and what C cannot express.
     """
+    refuse_loops(model.robot, "C99")
     from pivident.symbolic.print_c import c_header, c_source
 
     name, programs, own = identifier(name), model_programs(model), model_columns(model)

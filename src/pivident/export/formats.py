@@ -14,7 +14,7 @@ from pivident.export.mjcf import to_mjcf
 from pivident.export.numpy_function import to_numpy, verify_numpy
 from pivident.export.sdf import to_sdf
 from pivident.export.urdf import to_urdf
-from pivident.models.exported import ExportedText, Verification
+from pivident.models.exported import ExportedText, Verification, refuse_loops
 from pivident.models.model_json import to_json, verify_json
 from pivident.models.runnable_model import RunnableModel
 from pivident.robot.naming import nearest
@@ -107,9 +107,12 @@ def export_model(
 
     Raises:
         ExportError: the format cannot say the model, or there is no such format.
+        RobotDescriptionError: a robot with closed loops, but in JSON.
     """
     if to not in FORMATS:
         raise ExportError(f"there is no format {to!r}; {nearest(str(to), get_args(Format))}")
+    if to != "json":
+        refuse_loops(model.robot, FORMATS[to].title)
     return FORMATS[to].write(model, FileOptions(name, original, frozen or {}))
 
 

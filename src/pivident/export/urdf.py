@@ -20,6 +20,7 @@ from pivident.export.urdf_elements import dynamics_line, inertial_lines
 from pivident.export.urdf_new import new_urdf, unknown_limits
 from pivident.export.xml_edit import Element, XmlText
 from pivident.export.xml_text import number, numbers
+from pivident.models.exported import refuse_loops
 from pivident.models.link_bodies import is_possible, link_inertias
 from pivident.models.runnable_model import RunnableModel
 from pivident.robot.description import Robot
@@ -55,6 +56,7 @@ def to_urdf(
         RobotDescriptionError: the original is no URDF, or lacks a joint; names the nearest.
         ExportError: the original is another robot, or a link has no positive mass.
     """
+    refuse_loops(model.robot, "URDF")
     side = joint_side(model, SUPPORTED)
     sentences = [*differences(model, "URDF", SUPPORTED, side.left_out), *_gravity(model.robot)]
     if frozen is None:

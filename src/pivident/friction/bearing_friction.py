@@ -91,10 +91,11 @@ def _tested(found: Identification, joint: int) -> BearingTest | None:
     """The test of one joint's dissipative terms; None where it has none."""
     from scipy.stats import f as f_distribution
 
+    place = found.robot.places[joint]
     own = [
         k
         for k, p in enumerate(found.parameters)
-        if p.joint == joint and p.friction is not None and p.friction.is_dissipative
+        if p.joint == place and p.friction is not None and p.friction.is_dissipative
     ]
     if not own:
         return None

@@ -49,6 +49,10 @@ class Reach:
     fastest: float  # largest speed [rad/s or m/s]
 
 
+#: Changes to friction that closed loops do not handle: of the load, and with a memory.
+LOAD_AND_MEMORY = ("load", "Dahl", "LuGre", "Maxwell slip")
+
+
 def default_changes(reach: Reach) -> dict[str, Change]:
     """The usual changes, with initial shape constants."""
     dry = (FrictionColumn.COULOMB,)

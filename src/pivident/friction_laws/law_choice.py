@@ -40,6 +40,7 @@ from pivident.friction_laws.filtered_rows import LastPass
 from pivident.friction_laws.held_out_cells import Cells
 from pivident.friction_laws.law_candidates import (
     FREE_STEEPNESS,
+    LOAD_AND_MEMORY,
     SHARP_SIGN,
     STEEPNESS,
     Change,
@@ -120,6 +121,8 @@ def choose_laws(
     for j in numbers:
         name = robot.joint_names[j]
         own = default_changes(_reach(kinematics, j)) if changes is None else dict(changes)
+        if changes is None and robot.constraints is not None:
+            own = {k: v for k, v in own.items() if k not in LOAD_AND_MEMORY}
         own |= (more or {}).get(name, {})
         judges.append(JointJudge(last, robot, j, cells, by_joint, found.theta, band))
         tests = max(len(own) * len(numbers), 1)
@@ -150,7 +153,7 @@ def with_laws(problem: Problem, laws: Mapping[str, FrictionLaw]) -> Problem:
     Chosen parameters and starting values of terms that are replaced are removed.
     """
     robot = problem.robot.with_friction(laws)
-    changed_joints = {find_joint(robot.joint_names, name) for name in laws}
+    changed_joints = {robot.places[find_joint(robot.joint_names, name)] for name in laws}
 
     def friction(of: Robot) -> list[str]:
         standard = standard_parameters(of)

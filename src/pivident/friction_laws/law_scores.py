@@ -93,14 +93,15 @@ class JointJudge:
         regressor = last.equations.regressor
         own = regressor.columns_of(joint)
         parameters = [regressor.parameters[k] for k in own]
-        stays = np.array([p.friction is None or p.joint != joint for p in parameters])
+        place = robot.places[joint]
+        stays = np.array([p.friction is None or p.joint != place for p in parameters])
         # friction of the joint leaves the unknowns, the law's terms are appended
         leaves = {int(k) for k in own[~stays]}
         #: Parameters that stay, as indices into those of the estimate.
         self.rest = np.array([k for k in range(len(regressor.parameters)) if k not in leaves])
-        place = {int(k): i for i, k in enumerate(self.rest)}
+        places = {int(k): i for i, k in enumerate(self.rest)}
         #: Those that act on the joint, as indices into ``rest``.
-        self.columns = np.array([place[int(k)] for k in own[stays]], int)
+        self.columns = np.array([places[int(k)] for k in own[stays]], int)
         keep = np.flatnonzero(stays)
         self.rows = last.rows_of(joint, keep)
         self.parts = [(r.phi, r.z, r.tau, r.used) for r in self.rows]
@@ -272,9 +273,9 @@ class JointJudge:
 
     def _regressor(self, term: FrictionTerm) -> tuple[Regressor, bool]:
         """Regressor of one term, with the rigid parameters where it depends on the load."""
-        name = self.robot.joint_names[self.joint]
+        name, place = self.robot.joint_names[self.joint], self.robot.places[self.joint]
         robot = self.robot.with_friction({name: FrictionLaw((term,))})
-        own = [p for p in standard_parameters(robot) if p.joint == self.joint and p.friction]
+        own = [p for p in standard_parameters(robot) if p.joint == place and p.friction]
         if not term.depends_on_load:
             return regressor_of(robot, own), False
         parameters = self.last.equations.regressor.parameters

@@ -31,6 +31,8 @@ def missing_causes(
     for name, parameter in zip(base.names, base.parameters, strict=True):
         if parameter.name not in known:
             yield _left_out(robot, name, parameter)
+    if robot.constraints is not None:
+        return  # it has no flange
     last = robot.size - 1
     stems = {p.stem: p for p in standard_parameters(robot) if p.joint == last}
     own = [stems[stem] for stem in LOAD]  # the mass first, whose amplitude is the size
@@ -41,7 +43,7 @@ def missing_causes(
 def _left_out(robot: Robot, name: str, parameter: Parameter) -> Cause:
     torques = _torques_of([parameter])
 
-    joint = robot.joint_names[parameter.joint]
+    joint = robot.tree.joint_names[parameter.joint]
     what = f"{name}, which is not estimated"
     return Cause("missing parameter", joint, what, parameter.unit, torques)
 

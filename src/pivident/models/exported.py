@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pivident.robot.description import Robot
+from pivident.dynamics.robot_regressor import closing_states
+from pivident.robot.description import Robot, without_loops
 
 #: Largest difference of a torque from the model's, relative to the largest torque of its joint,
 #: that counts as equal.
@@ -63,9 +64,12 @@ class Verification:
         )
 
 
-def random_states(
-    robot: Robot, count: int = STATES, seed: int = SEED
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def refuse_loops(robot: Robot, title: str) -> None:
+    """Refuse to write a robot with closed loops into a file of a format."""
+    without_loops(robot, f"a file of {title}", "export it as JSON, which read_model reads back")
+
+
+def random_states(robot: Robot, count: int = STATES, seed: int = SEED) -> tuple[np.ndarray, ...]:
     """Positions within limits, speeds up to rated, accelerations, each (count, joints)."""
     rng = np.random.default_rng(seed)
     wide = [(-USUAL_RANGE, USUAL_RANGE)] * robot.size
@@ -75,7 +79,7 @@ def random_states(
     q = rng.uniform(limits[:, 0], limits[:, 1], (count, robot.size))
     dq = rng.uniform(-speed, speed, (count, robot.size))
     ddq = rng.uniform(-USUAL_ACCELERATION, USUAL_ACCELERATION, (count, robot.size))
-    return q, dq, ddq
+    return closing_states(robot, q, dq, ddq)
 
 
 def compared(

@@ -28,7 +28,7 @@ from pivident.errors import IdentificationFileError, PividentError
 from pivident.models.exported import ExportedText, Verification, compared
 from pivident.models.possible_values import impossible_value
 from pivident.models.runnable_model import Origin, RunnableModel, runnable_model
-from pivident.robot.description import INERTIAL, Link, Robot
+from pivident.robot.description import INERTIAL, Robot
 from pivident.robot.inertia import from_center_of_mass, tensor
 from pivident.robot.robot_values import (
     Finite,
@@ -120,7 +120,7 @@ def to_json(model: RunnableModel) -> ExportedText:
 
 def model_values(model: RunnableModel) -> dict[str, Any]:
     """The model as plain values."""
-    intervals = model.intervals
+    intervals, tree = model.intervals, model.robot.tree
     return {
         "format": FORMAT,
         "schema": SCHEMA,
@@ -129,14 +129,14 @@ def model_values(model: RunnableModel) -> dict[str, Any]:
         "notes": list(model.notes),
         "units": UNITS,
         "conventions": list(CONVENTIONS),
-        "links": [_link_values(model, i) for i in range(model.robot.size)],
+        "links": [_link_values(model, i) for i in range(tree.size)],
         "parameters": [
             {
                 "name": p.name,
                 "value": float(value),
                 "interval": None if intervals is None else _ends(intervals[k]),
                 "unit": p.unit,
-                "joint": model.robot.joints[p.joint].name,
+                "joint": tree.joints[p.joint].name,
             }
             for k, (p, value) in enumerate(zip(model.parameters, model.values, strict=True))
         ],
@@ -147,14 +147,22 @@ def model_values(model: RunnableModel) -> dict[str, Any]:
 
 def robot_with_values(model: RunnableModel) -> Robot:
     """The robot with the model's values as nominal inertias, rotor inertias and friction."""
-    rotor, friction = np.zeros(model.robot.size), {}
+    robot, friction = model.robot, dict[str, float]()
+    rotor = np.zeros(robot.tree.size)
     for p, value in zip(model.parameters, model.values.tolist(), strict=True):
         if p.stem == "ia":
             rotor[p.joint] = value
         elif not p.is_inertial:
             friction[p.name] = value
-    links = tuple(Link(link.name, model.inertial(i)) for i, link in enumerate(model.robot.links))
-    return replace(model.robot, links=links, rotor_inertia=rotor, friction_nominal=friction)
+    links = [replace(k, inertia=model.inertial(i)) for i, k in enumerate(robot.tree.links)]
+    passive = [i for i in range(len(links)) if i not in robot.places]
+    return replace(
+        robot,
+        links=tuple(links[i] for i in robot.places),
+        passive_links=tuple(links[i] for i in passive),
+        rotor_inertia=rotor[list(robot.places)],
+        friction_nominal=friction,
+    )
 
 
 def read_model(path: str | PathLike[str]) -> RunnableModel:
@@ -236,8 +244,8 @@ def _damaged(file: str, problem: str) -> IdentificationFileError:
 def _link_values(model: RunnableModel, joint: int) -> dict[str, Any]:
     body = model.link(joint)
     return {
-        "name": model.robot.links[joint].name,
-        "joint": model.robot.joints[joint].name,
+        "name": model.robot.tree.links[joint].name,
+        "joint": model.robot.tree.joints[joint].name,
         "mass": body.mass,
         "center_of_mass": body.center_of_mass.tolist() if body.mass else None,
         "first_moments": model.inertial(joint)[6:9].tolist(),

@@ -20,8 +20,8 @@ def impossible_value(model: RunnableModel) -> str:
     Links need a positive definite pseudo-inertia matrix; friction levels and rotor inertias are not
     negative, nor are the matrices of those of coupled motors.
     """
-    for i, link in enumerate(model.robot.links):
-        if not is_possible(model.inertial(i)):
+    for i, link in enumerate(model.robot.tree.links):
+        if link.is_body and not is_possible(model.inertial(i)):
             return (
                 f"no body has the inertial parameters of the link {link.name!r} "
                 f"({model.inertial(i)[9]:.4g} kg)"
@@ -44,7 +44,7 @@ def _coupled(model: RunnableModel, own: str, coupled: str) -> Iterator[tuple[str
     """Names of joints whose motors are coupled, and the matrix of their shared parameters."""
     values = list(zip(model.parameters, model.values.tolist(), strict=True))
     diagonal = {p.joint: value for p, value in values if p.stem == own}
-    for joints in coupled_joints(model.robot):
+    for joints in coupled_joints(model.robot.tree):
         if not all(joint in diagonal for joint in joints):
             continue  # another friction law, whose levels are checked one by one
         matrix = np.diag([diagonal[joint] for joint in joints])
@@ -53,4 +53,4 @@ def _coupled(model: RunnableModel, own: str, coupled: str) -> Iterator[tuple[str
             if p.stem == coupled and c is not None and c.motor in joints:
                 a, b = joints.index(c.motor), joints.index(c.joint)
                 matrix[a, b] = matrix[b, a] = c.ratio * value
-        yield ", ".join(repr(model.robot.joints[joint].name) for joint in joints), matrix
+        yield ", ".join(repr(model.robot.tree.joints[joint].name) for joint in joints), matrix

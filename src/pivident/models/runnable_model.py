@@ -102,19 +102,19 @@ class RunnableModel:
         return self.regressor.torque(q, dq, ddq, self.values)
 
     def inertial(self, joint: int) -> np.ndarray:
-        """``xx xy xz yy yz zz mx my mz m`` of a link in its frame, shape (10,).
+        """``xx xy xz yy yz zz mx my mz m`` of a link in its frame, shape (10,); zeros of no body.
 
         Args:
-            joint: index of the link's joint.
+            joint: index of the link's joint in `Robot.tree`.
         """
         value = {(p.joint, p.stem): v for p, v in zip(self.parameters, self.values, strict=True)}
-        return np.array([value[joint, stem] for stem in INERTIAL])
+        return np.array([value.get((joint, stem), 0.0) for stem in INERTIAL])
 
     def link(self, joint: int) -> Body:
         """A link's mass, centre of mass, and inertia about it, in the link's frame.
 
         Args:
-            joint: index of the link's joint.
+            joint: index of the link's joint in `Robot.tree`.
         """
         return Body.of_parameters(self.inertial(joint))
 

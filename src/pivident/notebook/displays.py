@@ -154,10 +154,10 @@ def _rendered(name: str, **content: Any) -> str:
 
 
 def _masses(robot: Robot) -> list[str]:
-    """Nominal mass of each link, – where none is known."""
+    """Nominal mass of each link of the tree, – where none is known."""
     return [
         format_significant(float(link.inertia[9])) if link.inertia[9] else "–"
-        for link in robot.links
+        for link in robot.tree.links
     ]
 
 

@@ -57,7 +57,7 @@ from pivident.payload.restricted_solution import (
     with_known,
 )
 from pivident.recording.recording import Recording
-from pivident.robot.description import Robot
+from pivident.robot.description import Robot, without_loops
 from pivident.robot.frames import Pose
 from pivident.simulation.control_loop import Loop
 
@@ -107,7 +107,9 @@ def identify_payload(
             payload variant.
         NegativePayload: the mass is negative: the records are swapped.
         IdentificationError: the arm cannot be identified, or the loaded loop cannot be simulated.
+        RobotDescriptionError: a robot with closed loops.
     """
+    without_loops(empty.robot, "the identification of a payload")
     say = progress or (lambda line: None)
     chosen, known = _full_rate(method), known or KnownParts()
     if isinstance(empty, Problem):

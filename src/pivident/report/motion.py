@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from pivident.dynamics.closed_motion import ClosedChains
 from pivident.estimation.identification import FittedRecording, Identification
 from pivident.robot.description import Robot
 
@@ -40,7 +41,8 @@ def motion_values(robot: Robot, recordings: Sequence[FittedRecording]) -> dict[s
     ``recordings``: name, start and duration [s], and ``q``, a list for each joint at equal
     distances of time.
     """
-    most = max(2, MAX_POSITIONS // max(1, robot.size * len(recordings)))
+    tree = robot.tree
+    most = max(2, MAX_POSITIONS // max(1, tree.size * len(recordings)))
     size = np.linalg.norm(robot.gravity)
     up = -robot.gravity / size if size > 0.0 else np.array([0.0, 0.0, 1.0])
     return {
@@ -52,11 +54,11 @@ def motion_values(robot: Robot, recordings: Sequence[FittedRecording]) -> dict[s
                 "rotation": [round(float(x), 9) for x in joint.rotation.ravel()],
                 "translation": [round(float(x), 6) for x in joint.translation],
             }
-            for joint in robot.joints
+            for joint in tree.joints
         ],
-        "tip": [_tip(robot, index) for index in range(robot.size)],
+        "tip": [_tip(tree, index) for index in range(tree.size)],
         "up": [round(float(x), 6) for x in up],
-        "recordings": [_recording_values(recording, most) for recording in recordings],
+        "recordings": [_recording_values(robot, recording, most) for recording in recordings],
     }
 
 
@@ -76,20 +78,26 @@ def joint_ranges(
     )
 
 
-def _recording_values(recording: FittedRecording, most: int) -> dict[str, Any]:
-    """Positions at equal distances of time; gaps of a joint are bridged by straight lines."""
+def _recording_values(robot: Robot, recording: FittedRecording, most: int) -> dict[str, Any]:
+    """Positions at equal distances of time; gaps of a joint are bridged by straight lines.
+
+    Passive joints follow from those that are measured.
+    """
     t = recording.t - recording.t[0]
     instants = np.linspace(0.0, t[-1], int(np.clip(np.ceil(t[-1] * RATE) + 1, 2, most)))
     columns = []
     for q in np.asarray(recording.q_measured, dtype=float).T:
         seen = np.isfinite(q)
         values = np.interp(instants, t[seen], q[seen]) if seen.any() else np.zeros(instants.size)
-        columns.append([round(float(x), DIGITS) for x in values])
+        columns.append(values)
+    if robot.constraints is not None:
+        still = np.zeros((len(columns), instants.size))
+        columns = list(ClosedChains(robot).motion(np.array(columns), still, still).q)
     return {
         "name": recording.name,
         "start": float(recording.t[0]),
         "duration": float(t[-1]),
-        "q": columns,
+        "q": [[round(float(x), DIGITS) for x in values] for values in columns],
     }
 
 

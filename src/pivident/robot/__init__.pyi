@@ -1,5 +1,6 @@
 from .closed_chains import closed_robot as closed_robot
 from .constraints import Closure as Closure
+from .constraints import Constraints as Constraints
 from .constraints import LinearConstraint as LinearConstraint
 from .description import Coupling as Coupling
 from .description import Joint as Joint

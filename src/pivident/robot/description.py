@@ -337,9 +337,12 @@ class Robot:
             ) from None
 
     def friction_text(self) -> str:
-        """Friction law and γ of every joint; joints with the same law share one formula."""
+        """Friction law and γ of every joint; joints with the same law share one formula.
+
+        Passive joints without friction are passed over.
+        """
         sharing: dict[str, list[Joint]] = {}
-        for joint in self.joints:
+        for joint in (*self.joints, *(j for j in self.passive_joints if j.friction.terms)):
             sharing.setdefault(str(joint.friction), []).append(joint)
         parts = []
         for law, joints in sharing.items():
@@ -365,18 +368,21 @@ class Robot:
         """The same robot with one friction law on all joints, or with others on some.
 
         Args:
-            law: of all joints, or by the names of those that get another one.
+            law: of all joints but passive ones, or by the names of those that get another one.
 
         Raises:
             RobotDescriptionError: names an unknown joint.
         """
         if isinstance(law, FrictionLaw):
             return replace(self, joints=tuple(j.with_friction(law) for j in self.joints))
-        joints = list(self.joints)
+        joints, passive = list(self.joints), list(self.passive_joints)
         for name, own in law.items():
-            index = find_joint(self.joint_names, name)
-            joints[index] = joints[index].with_friction(own)
-        return replace(self, joints=tuple(joints))
+            group, names = joints, self.joint_names
+            if name in (beside := [joint.name for joint in passive]):
+                group, names = passive, tuple(beside)
+            index = find_joint(names, name)
+            group[index] = group[index].with_friction(own)
+        return replace(self, joints=tuple(joints), passive_joints=tuple(passive))
 
     def with_link_torques(self, friction: FrictionLaw = DEFAULT_FRICTION) -> Robot:
         """The same links, whose torques are those of sensors between gear and link.
@@ -410,6 +416,24 @@ class Robot:
     def with_gravity(self, gravity: np.ndarray) -> Robot:
         """The same robot mounted differently: gravity in the base frame [m/s²]."""
         return replace(self, gravity=np.asarray(gravity, dtype=float))
+
+
+def without_loops(robot: Robot, what: str, instead: str = "") -> None:
+    """Refuse a robot with closed loops where they are not handled yet.
+
+    Args:
+        robot: the robot.
+        what: what does not handle them, as the subject of a sentence.
+        instead: next step; empty: the methods that do handle them.
+
+    Raises:
+        RobotDescriptionError: the robot has closed loops.
+    """
+    if robot.constraints is not None:
+        step = instead or "identify with ls, iv, piv or didim, which do, and look at their results"
+        raise RobotDescriptionError(
+            f"robot {robot.name!r} has closed loops, which {what} does not handle yet; {step}"
+        )
 
 
 def check_robot(robot: Robot) -> None:

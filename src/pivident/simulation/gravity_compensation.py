@@ -22,7 +22,7 @@ from pivident.compiled import allocating, inner
 from pivident.dynamics.kernels import link_poses, place_link, tree_of
 from pivident.dynamics.parameters import Parameter, nominal_values, standard_parameters
 from pivident.errors import ExperimentError
-from pivident.robot.description import Robot
+from pivident.robot.description import Robot, without_loops
 from pivident.simulation.controllers import Controller, PythonController, SampledLaw
 
 #: Parameters that gravity acts on, in the order of the last axis of ``GravityModel.masses``.
@@ -134,6 +134,10 @@ def _along(parent, prismatic, rotation, translation, gravity, masses, q, out):
         )
 
 
+#: What there is for a robot with closed loops.
+AT_REFERENCE = 'use feed_forward = "gravity", which takes the reference, if the controller does'
+
+
 @dataclass(frozen=True, eq=False)
 class GravityModel:
     """What the laws of a robot's joints take for the weight of its links.
@@ -147,6 +151,9 @@ class GravityModel:
 
     robot: Robot
     masses: np.ndarray
+
+    def __post_init__(self) -> None:
+        without_loops(self.robot, "gravity at the measured position in the control law")
 
     @classmethod
     def of(
@@ -167,7 +174,11 @@ class GravityModel:
 
         Returns:
             The gravity model, in the unit of the controller's output.
+
+        Raises:
+            RobotDescriptionError: a robot with closed loops.
         """
+        without_loops(robot, "gravity at the measured position in the control law", AT_REFERENCE)
         n = robot.size
         masses = np.zeros((n, n, len(MASS_STEMS)))
         gain = np.broadcast_to(np.asarray(drive_gain, float), (n,))

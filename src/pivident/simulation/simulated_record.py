@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters, parameter_index
+from pivident.dynamics.closed_motion import ClosedChains
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import Parameter, nominal_values
 from pivident.errors import ExperimentError, ShapeMismatch
@@ -41,6 +42,10 @@ SPEED_SHARE, USUAL_SPEED = 0.8, 1.5
 
 #: Postures of a random motion: so many, and one for each of these seconds.
 POSTURES, MIN_MOVE = 12, 0.6
+
+#: Random postures of a closed mechanism are drawn nearer to that of its description so many times
+#: at most; looked at are so many points of each move.
+NEARER, BETWEEN = 20, 5
 
 #: Stream of random numbers that draws the postures, beside those of the noise.
 MOTION = 4
@@ -208,9 +213,32 @@ def _random_motion(robot: Robot, rate: float, duration: float, seed: int) -> Ref
     count = POSTURES + int(duration / MIN_MOVE)
     rng = np.random.default_rng((seed, MOTION))
     postures = (low + high) / 2.0 + reach * rng.uniform(-1.0, 1.0, (count, robot.size))
+    if robot.constraints is not None:
+        postures = _closing_postures(robot, postures)
     rated = robot.rated_speeds
     speeds = np.where(np.isnan(rated), USUAL_SPEED, SPEED_SHARE * rated)
     return point_to_point(postures, speeds, rate, samples)
+
+
+def _closing_postures(robot: Robot, postures: np.ndarray) -> np.ndarray:
+    """Postures nearer to that of the description, so that loops close at them and between them.
+
+    Where the limits of a joint are not known, the posture of the description is its middle.
+    """
+    assert robot.constraints is not None
+    rest, chains = robot.constraints.posture[list(robot.places)], ClosedChains(robot)
+    bounded = np.array([joint.position_limits is not None for joint in robot.joints])
+    way = np.where(bounded, postures - rest, postures)
+    between = np.linspace(0.0, 1.0, BETWEEN)[:, None, None]
+    for share in 0.8 ** np.arange(NEARER):
+        nearer = rest + share * way
+        moves = nearer[:-1] + between * np.diff(nearer, axis=0)
+        if chains.closing(moves.reshape(-1, robot.size)).all():
+            return nearer
+    raise ExperimentError(
+        f"the loops of robot {robot.name!r} close hardly anywhere near the posture of its "
+        "description; give a reference along which they do"
+    )
 
 
 def _with_derivatives(reference: np.ndarray, rate: float, joints: int) -> Reference:

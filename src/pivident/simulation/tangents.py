@@ -17,6 +17,7 @@ from pivident.dynamics.forward import Model
 from pivident.dynamics.friction_table import PATH_ROWS, slopes_width
 from pivident.dynamics.path_partials import partials_scratch
 from pivident.dynamics.rigid_body_slopes import slope_scratch
+from pivident.robot.description import without_loops
 from pivident.robot.friction import FrictionColumn
 from pivident.simulation.closed_loop import Trajectory, simulate, simulate_blocks
 from pivident.simulation.controllers import TAPS, PythonController, SampledLaw
@@ -99,7 +100,9 @@ def tangent_blocks(
         ExperimentError: the loop has no such parameter; says which there are.
         SimulationDiverged: the loop is unstable; names the joint and the time.
         MassMatrixNotPositiveDefinite: the values are those of no machine; names the joint.
+        RobotDescriptionError: a robot with closed loops.
     """
+    without_loops(loop.robot, "the tangents of a simulation")
     for direction in directions:
         loop.check(direction)
     model = loop.model
@@ -132,7 +135,9 @@ def stretch_tangents(
         ExperimentError: the loop has no such parameter; says which there are.
         SimulationDiverged: the loop is unstable; names the joint and the time in its stretch.
         MassMatrixNotPositiveDefinite: the values are those of no machine; names the joint.
+        RobotDescriptionError: a robot with closed loops.
     """
+    without_loops(loop.robot, "the tangents of a simulation")
     for direction in directions:
         loop.check(direction)
     model, made = loop.model, []

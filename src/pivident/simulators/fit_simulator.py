@@ -18,7 +18,7 @@ from pivident.estimation.auxiliary_model import loop_signals
 from pivident.estimation.output_error.simulation_fit import SimulationFit
 from pivident.estimation.output_error.stretch import Stretch
 from pivident.recording.recording import Recording
-from pivident.robot.description import Robot
+from pivident.robot.description import Robot, without_loops
 from pivident.simulation.closed_loop import LoopSignals
 from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import Controller
@@ -88,7 +88,9 @@ def fit_simulator(
             is no multiple of the recorded one.
         SimulationDiverged: the loop is unstable wherever the search starts; names the joint.
         RankDeficientRegressor: the record does not determine some quantities; names them.
+        RobotDescriptionError: a robot with closed loops.
     """
+    without_loops(robot, "the fit of a simulator")
     runs = [recordings] if isinstance(recordings, Recording) else list(recordings)
     check_quantities(free)
     say = progress or (lambda line: None)

@@ -13,7 +13,7 @@ from pivident.dynamics.grouping.expression_graph import symbol
 from pivident.dynamics.grouping.expressions import ZERO, Expression, constant
 from pivident.dynamics.parameters import Parameter, standard_parameters
 from pivident.errors import RobotDescriptionError
-from pivident.robot.description import INERTIAL, Robot
+from pivident.robot.description import INERTIAL, Robot, without_loops
 from pivident.symbolic.assignments import Input
 from pivident.symbolic.vectors import Tensor, Vector
 
@@ -81,6 +81,7 @@ def model_symbols(
     robot: Robot, columns: Columns = "base", values: np.ndarray | None = None
 ) -> ModelSymbols:
     """Symbols for the motion and the parameters of a robot; other parameters are zero."""
+    without_loops(robot, "the writer of symbolic models")
     if isinstance(columns, str):
         columns = base_parameters(robot) if columns == "base" else standard_parameters(robot)
     if isinstance(columns, BaseParameters):

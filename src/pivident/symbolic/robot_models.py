@@ -15,7 +15,7 @@ from pivident.dynamics.grouping.closed_form import (
 from pivident.dynamics.grouping.expression_graph import symbol
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.errors import RobotDescriptionError
-from pivident.robot.description import Robot
+from pivident.robot.description import Robot, without_loops
 from pivident.symbolic.assignments import Input, Output, output_array
 from pivident.symbolic.composite_bodies import gravity_vector, mass_matrix
 from pivident.symbolic.model_symbols import Columns
@@ -38,6 +38,9 @@ MODELS = {
     "base": "base parameters from standard ones",
 }
 
+#: What there is for a robot with closed loops.
+NUMBERS = "its observation matrix is computed with numbers, by pivident.dynamics.regressor_of"
+
 #: Languages, and the suffix of the robot's name in their files.
 LANGUAGES = {"python": ".py", "c": ".c", "latex": ".tex", "sympy": "_sympy.py"}
 
@@ -59,7 +62,11 @@ def symbolic_models(
 
     Returns:
         A program for each name. Parameter values are no part of ``regressor`` and ``base``.
+
+    Raises:
+        RobotDescriptionError: a robot with closed loops.
     """
+    without_loops(robot, "the writer of symbolic models", NUMBERS)
     if columns == "base":
         columns = base_parameters(robot)  # computed once for all of them
     makers: Mapping[str, Callable[[], Program]] = {

@@ -22,7 +22,7 @@ ESTIMATES = {
 
 def identification_parameters(result: Identification) -> Table:
     """One row for each estimated parameter."""
-    names = result.robot.joint_names
+    names = result.robot.tree.joint_names
     rows = [
         {
             "parameter": row.name,

@@ -42,16 +42,18 @@ def recording_signals(recording: Recording) -> Table:
 
 
 def robot_joints(robot: Robot) -> Table:
-    """One row for each joint."""
-    rows = []
-    for joint, link, rotor in zip(robot.joints, robot.links, robot.rotor_inertia, strict=True):
+    """One row for each joint; those that loops move along have no motor and no rotor."""
+    rows, tree = [], robot.tree
+    rotors = np.full(tree.size, math.nan)
+    rotors[list(robot.places)] = robot.rotor_inertia
+    for joint, link, rotor in zip(tree.joints, tree.links, rotors, strict=True):
         low, high = joint.position_limits or (math.nan, math.nan)
         rows.append(
             {
                 "joint": joint.name,
                 "kind": joint.kind,
                 "moves": link.name,
-                "hangs_on": "base" if joint.parent < 0 else robot.links[joint.parent].name,
+                "hangs_on": "base" if joint.parent < 0 else tree.links[joint.parent].name,
                 "position_low": float(low),
                 "position_high": float(high),
                 "position_unit": joint.position_unit,
@@ -74,7 +76,7 @@ def robot_parameters(robot: Robot) -> Table:
     rows = [
         {
             "parameter": name,
-            "joint": robot.joints[p.joint].name,
+            "joint": robot.tree.joints[p.joint].name,
             "kind": p.stem,
             "nominal": float(value),
             "unit": p.unit,
@@ -95,7 +97,7 @@ def problem_parameters(problem: Problem) -> Table:
     rows = [
         {
             "parameter": name,
-            "joint": problem.robot.joints[base[k].joint].name,
+            "joint": problem.robot.tree.joints[base[k].joint].name,
             "kind": base[k].stem,
             "initial": float(value),
             "unit": base[k].unit,

@@ -145,10 +145,10 @@ def _viscous_slopes(identification: Identification) -> np.ndarray:
     robot, parameters = identification.robot, identification.parameters
     n = robot.size
     slopes = np.zeros((n, len(parameters)))
-    still = np.zeros((n, n))
+    still, q = np.zeros((n, n)), np.tile(identification.recordings[0].q[0], (n, 1))
     for k, p in enumerate(parameters):
         if p.stem in _VISCOUS:
-            torque = regressor_of(robot, (p,)).torque(still, np.eye(n), still, np.ones(1))
+            torque = regressor_of(robot, (p,)).torque(q, np.eye(n), still, np.ones(1))
             slopes[:, k] = np.diag(torque)
     return slopes
 

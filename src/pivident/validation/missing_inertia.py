@@ -27,10 +27,11 @@ def missing_inertia(problem: Problem) -> list[str]:
 
 def _links(problem: Problem) -> list[str]:
     """Links without a nominal inertia."""
+    tree = problem.robot.tree
     empty = [
         f"{link.name!r} (joint {joint.name!r})"
-        for joint, link in zip(problem.robot.joints, problem.robot.links, strict=True)
-        if not link.inertia.any()
+        for joint, link in zip(tree.joints, tree.links, strict=True)
+        if link.is_body and not link.inertia.any()
     ]
     if not empty:
         return []
@@ -71,7 +72,8 @@ def _rotors(problem: Problem) -> list[str]:
 
 def _starts_elsewhere(problem: Problem, j: int) -> bool:
     """Whether an initial value stands for the rotor of a joint, alone or in a group."""
-    rotor = re.compile(rf"(?<!\w){re.escape(f'ia{problem.robot.label(j)}')}(?!\w)")
+    name = f"ia{problem.robot.label(problem.robot.places[j])}"
+    rotor = re.compile(rf"(?<!\w){re.escape(name)}(?!\w)")
     given = {name.lower().removesuffix("r") for name in problem.initial}
     return any(
         head.name.lower() in given and rotor.search(group)

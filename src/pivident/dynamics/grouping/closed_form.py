@@ -20,7 +20,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pivident.dynamics.base_parameters import BaseParameters, regrouped_name
+from pivident.dynamics.base_parameters import (
+    BaseParameters,
+    base_parameters,
+    regrouped_name,
+)
 from pivident.dynamics.grouping.expressions import Expression
 from pivident.dynamics.grouping.geometry import (
     GEOMETRY_TOLERANCE,
@@ -39,7 +43,7 @@ from pivident.dynamics.grouping.rows import Row
 from pivident.dynamics.grouping.rules import JointRules, LocalGroups
 from pivident.dynamics.parameters import Parameter, standard_parameters
 from pivident.errors import RobotDescriptionError
-from pivident.robot.description import INERTIAL, Robot
+from pivident.robot.description import INERTIAL, Robot, without_loops
 from pivident.robot.inertia import moved
 
 if TYPE_CHECKING:
@@ -133,7 +137,11 @@ def closed_form_base_parameters(
     their values. Elements of rotation matrices within ``tolerance`` of 0 or ±1, and positions
     within it of 0 [m], count as exact: a URDF whose right angles are written 1.5708 needs 1e-5 for
     its axes to count as perpendicular.
+
+    Raises:
+        RobotDescriptionError: a geometry or tolerance that there is not; a robot with closed loops.
     """
+    without_loops(robot, "the closed form of base parameters", "base_parameters finds them")
     if geometry not in ("names", "numbers"):
         raise RobotDescriptionError(f"geometry is 'names' or 'numbers', not {geometry!r}")
     if not 0.0 < tolerance < 0.1:
@@ -173,6 +181,16 @@ def closed_form_base_parameters(
         {standard[k].name: text for link in local for k, text in link.reasons.items()},
         {name: x for name, x in constants.items() if name in used},
     )
+
+
+def quick_base_parameters(robot: Robot) -> BaseParameters:
+    """Base parameters by the closed form, or by the search where closed loops leave no other way.
+
+    The form takes a tenth of the time of the search on robots of many joints.
+    """
+    if robot.constraints is not None:
+        return base_parameters(robot)
+    return closed_form_base_parameters(robot, "numbers").numeric()
 
 
 def _all_local_groups(

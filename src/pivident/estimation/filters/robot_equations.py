@@ -21,7 +21,7 @@ from pivident.dynamics.friction_kernels import friction_value_and_slope
 from pivident.dynamics.kernels import Tree, tree_of
 from pivident.dynamics.parameters import Parameter
 from pivident.errors import ExperimentError
-from pivident.robot.description import INERTIAL, Robot
+from pivident.robot.description import INERTIAL, Robot, without_loops
 from pivident.robot.friction import FrictionColumn
 from pivident.robot.friction_term import SignFunction
 
@@ -61,7 +61,9 @@ def robot_equations(
 
     Raises:
         ExperimentError: friction with a memory or of the load, which (q, dq, θ) does not hold.
+        RobotDescriptionError: a robot with closed loops.
     """
+    without_loops(robot, "a filter of the robot's state")
     inertial, index, value = [], [], []
     floor = np.full(len(parameters), -np.inf)
     for k, p in enumerate(parameters):

@@ -116,7 +116,7 @@ def _mean_temperatures(recordings: tuple[Recording, ...]) -> np.ndarray:
 
 def _parameters(found: Identification, temperatures: np.ndarray | None) -> list[Row]:
     """Names, values and standard errors."""
-    names = found.robot.joint_names
+    names, places = found.robot.tree.joint_names, found.robot.places
     rows: list[dict[str, Any]] = []
     for k, (name, p) in enumerate(zip(found.names, found.parameters, strict=True)):
         dissipates = p.friction is not None and p.friction.is_dissipative
@@ -129,7 +129,9 @@ def _parameters(found: Identification, temperatures: np.ndarray | None) -> list[
                 "std": float(found.std[k]),
                 "robust_std": float(found.robust_std[k]),
                 "friction": dissipates or p.stem in COUPLED_FRICTION,
-                "temperature": None if temperatures is None else float(temperatures[p.joint]),
+                "temperature": None
+                if temperatures is None or p.joint not in places
+                else float(temperatures[places.index(p.joint)]),
             }
         )
     return rows

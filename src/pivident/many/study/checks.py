@@ -8,6 +8,7 @@ from pivident.errors import ExperimentError
 from pivident.many.study.bench import Bench
 from pivident.many.study.motion import reach_of
 from pivident.many.study.scenario_tables import ScenarioTables
+from pivident.robot.description import without_loops
 
 #: Smallest number of samples of a record for all methods.
 MIN_RECORD = 200
@@ -18,6 +19,7 @@ MAX_RECORD = 1_000_000_000
 
 def check_scenario(scenario: ScenarioTables) -> None:
     """Refuse a scenario whose tables do not fit its robot."""
+    without_loops(scenario.robot, "a study of simulated records", "use pivident.simulate")
     bench = Bench(scenario)
     scenario.methods, bench.estimated, bench.noise, bench.loop  # noqa: B018 - making them checks
     bench.controller.check(scenario.robot.size)
