@@ -5,7 +5,8 @@
 Resumable: the folder holds a study for each condition. Runs are added evenly over all conditions
 until each has so many, or the minutes are over. Conditions of BIRDy's that differ in the decimation
 alone differ for methods that decimate alone; all others run on the first of the two only, and the
-table shows them there. ``--table FILE`` writes what is there and computes nothing.
+table shows them there. ``--table FILE`` writes what is there and computes nothing; rows of FILE of
+other conditions and methods stay, so that quick methods may have more runs than slow ones.
 """
 
 from __future__ import annotations
@@ -121,13 +122,29 @@ def main() -> None:
     for name, own in summaries.items():
         write_index(own, chosen.out / name)
     target = chosen.table or chosen.out / "league.csv"
+    made = [
+        row(summary, name, m)
+        for own in summaries.values()
+        for summary in own.values()
+        for name, m in summary.methods.items()
+    ]
+    write(target, made)
+    print(target)
+
+
+def write(target: Path, made: list[dict[str, object]]) -> None:
+    """Rows into a table: in place of its own of the same condition and method, or behind them."""
+    kept: dict[tuple[object, ...], dict[str, object]] = {}
+    if target.exists():
+        with target.open(newline="") as file:
+            for old in csv.DictReader(file):
+                kept[tuple(old[key] for key in COLUMNS[:3])] = dict(old)
+    for new in made:
+        kept[tuple(new[key] for key in COLUMNS[:3])] = new
     with target.open("w", newline="") as file:
         table = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         table.writeheader()
-        for own in summaries.values():
-            for summary in own.values():
-                table.writerows(row(summary, name, m) for name, m in summary.methods.items())
-    print(target)
+        table.writerows(kept.values())
 
 
 if __name__ == "__main__":
