@@ -18,6 +18,9 @@ TABLES = {
     "link": schema.LinkEntry,
     "transmission": schema.TransmissionEntry,
     "couplings": schema.CouplingEntry,
+    "loops": schema.LoopEntry,
+    "ends of a loop": schema.EndEntry,
+    "gears": schema.GearEntry,
     "friction terms": schema.FrictionEntry,
 }
 

@@ -62,6 +62,14 @@ def test_robots_without_loops_pass(robot):
         without_loops(robot, "anything", "wait")
 
 
+def test_joints_that_only_follow_others_may_stand_still():
+    fingers = pv.load_robot("scara")
+    with pytest.raises(
+        RobotDescriptionError, match=r"follow others \(.*stand still \(frozen\), or w"
+    ):
+        without_loops(fingers, "anything", "wait")
+
+
 @pytest.mark.parametrize("make", [symbolic_models, inverse_model, observation_matrix])
 def test_symbolic_models(robot, make):
     with pytest.raises(RobotDescriptionError, match=REFUSED):

@@ -429,11 +429,19 @@ def without_loops(robot: Robot, what: str, instead: str = "") -> None:
     Raises:
         RobotDescriptionError: the robot has closed loops.
     """
-    if robot.constraints is not None:
-        step = instead or "identify with ls, iv, piv or didim, which do, and look at their results"
-        raise RobotDescriptionError(
-            f"robot {robot.name!r} has closed loops, which {what} does not handle yet; {step}"
+    if robot.constraints is None:
+        return
+    step = instead or "identify with ls, iv, piv or didim, which do, and look at their results"
+    has = "closed loops"
+    if not robot.constraints.closures:
+        names = ", ".join(joint.name for joint in robot.passive_joints)
+        has, step = (
+            f"joints that follow others ({names})",
+            f"let them stand still (frozen), or {step}",
         )
+    raise RobotDescriptionError(
+        f"robot {robot.name!r} has {has}, which {what} does not handle yet; {step}"
+    )
 
 
 def check_robot(robot: Robot) -> None:
