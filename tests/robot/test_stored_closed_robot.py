@@ -51,3 +51,10 @@ def test_a_link_that_is_not_there_is_refused():
     content["constraints"]["closures"][0]["links"] = [1, 4]
     with pytest.raises(RobotDescriptionError, match=r"constraints\.closures does not fit"):
         robot_of_values(content)
+
+
+def test_a_frame_that_is_none_is_refused():
+    content = stored("five_bar")
+    content["constraints"]["closures"][0]["frames"][1]["rotation"][0][0] = 1.1
+    with pytest.raises(RobotDescriptionError, match="rotation of a frame is not orthonormal"):
+        robot_of_values(content)

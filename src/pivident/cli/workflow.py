@@ -352,6 +352,5 @@ def _print_results(
     print(f"\nResults: {folder}")
     if report:
         print(f"Report:  {folder / 'report.html'}")
-    next_motion = judged.next_motion(folder)
-    if next_motion and found[0].robot.constraints is None:  # no motions with closed loops
+    if next_motion := judged.next_motion(folder):
         print(f"Next:    {next_motion}")

@@ -68,6 +68,7 @@ class Verdict:
         scale: in what units all parameters are, a sentence; empty where torques are known in SI.
         held_out: torque errors on held-out motion by the methods' short names.
         open: parameters that another motion would determine.
+        designable: whether such a motion can be designed: not yet for closed loops.
     """
 
     method: str
@@ -76,6 +77,7 @@ class Verdict:
     scale: str = ""
     held_out: Mapping[str, HeldOutErrors] = field(default_factory=dict)
     open: tuple[str, ...] = ()
+    designable: bool = True
 
     @property
     def severity(self) -> Severity:
@@ -109,10 +111,10 @@ class Verdict:
             folder: of the results.
 
         Returns:
-            The command, quoted for a shell; empty where nothing is open.
+            The command, quoted for a shell; empty where nothing is open, or none designs it.
         """
         by_motion = any(s.topic == "motion" and s.severity != "note" for s in self.statements)
-        if not (self.open or by_motion):
+        if not self.designable or not (self.open or by_motion):
             return ""
         place = f"./{folder}" if str(folder).startswith("-") else str(folder)
         named = len(self.open) <= MAX_NAMED and not any("," in name for name in self.open)
@@ -176,6 +178,7 @@ def verdict(diagnostics: Diagnostics | Identification) -> Verdict:
         scale_headline(result.torque_scale),
         {key: HeldOutErrors.of(one) for key, one in judged.items() if not one.training_only},
         open_parameters(result),
+        result.robot.constraints is None,
     )
 
 

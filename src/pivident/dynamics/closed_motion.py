@@ -24,6 +24,9 @@ from pivident.robot.description import Robot
 #: Change of an independent joint from one sample to the next that is no motion any more [rad or m].
 JUMP = 0.2
 
+#: Postures at which an element of N has to be zero to count as one that always is, and its size.
+PROBES, ZERO = 64, 1e-11
+
 
 class ClosedMotion(NamedTuple):
     """Motion of all joints of the tree, time last; shapes (tree joints, samples)."""
@@ -120,6 +123,11 @@ class ClosedChains:
                 self.start(own)
                 found[k] = True
         return found
+
+    def moved(self) -> np.ndarray:
+        """Which independent joints move which joint of the tree, shape (tree joints, joints)."""
+        postures = self.random_postures(np.random.default_rng(20260501), PROBES)
+        return np.max([np.abs(self.start(q).gain) for q in postures], axis=0) > ZERO
 
     def random_postures(self, rng: np.random.Generator, samples: int) -> np.ndarray:
         """Independent positions at which the loops close, shape (samples, joints) [rad or m].

@@ -20,9 +20,6 @@ from pivident.dynamics.regressor import Regressor
 from pivident.errors import RobotDescriptionError
 from pivident.robot.description import Robot
 
-#: Postures at which an entry has to be zero to count as one that always is, and its size.
-PROBES, ZERO = 64, 1e-11
-
 
 @kernel
 def _project(term, gain, packed, out):
@@ -63,10 +60,7 @@ class ClosedRegressor(Regressor):
                 "handled in mechanisms with closed loops; choose viscous, Coulomb, Stribeck …"
             )
         chains = ClosedChains(robot)
-        rng = np.random.default_rng(20260501)
-        q = chains.random_postures(rng, PROBES)
-        gain = np.stack([chains.start(x).gain for x in q], axis=2)
-        moved = np.abs(gain).max(axis=2) > ZERO
+        moved = chains.moved()
         candidates = {
             (a, int(c))
             for i, c in zip(tree.row, tree.column, strict=True)
@@ -112,13 +106,7 @@ class ClosedRegressor(Regressor):
         """As `Regressor.packed`; samples follow one another."""
         self._check_motion(np.transpose(q), np.transpose(dq), np.transpose(ddq))
         entries = self._packed_tree(self.chains.motion(q, dq, ddq))
-        if place is None:
-            place = np.arange(self.entries)
-        shape = (int(place.max(initial=-1)) + 1, entries.shape[1])
-        if out is None:
-            out = np.empty(shape)
-        if len(out) < shape[0] or out.shape[1:] != shape[1:]:
-            raise ValueError(f"out has shape {out.shape}; {shape} or more rows are needed")
+        out, place = self._packed_out(out, place, entries.shape[1])
         out[place] = entries
         return out
 
@@ -132,11 +120,7 @@ class ClosedRegressor(Regressor):
     ) -> np.ndarray:
         """As `Regressor.matrix`; samples follow one another."""
         self._check_motion(q, dq, ddq)
-        shape = (q.shape[0], self.robot.size, len(self.parameters))
-        if out is None:
-            out = np.zeros(shape)
-        if out.shape != shape or not out.flags.c_contiguous:
-            raise ValueError(f"out has shape {out.shape}; {shape} in C order is needed")
+        out = self._dense_out(out, q.shape[0])
         out[:, self.row, self.column] = self._packed_tree(self.chains.motion(q.T, dq.T, ddq.T)).T
         return out
 

@@ -119,6 +119,22 @@ def _add_cross(x, xc, y, yc, out, oc):
     out[oc + 2] += x[xc] * y[yc + 1] - x[xc + 1] * y[yc]
 
 
+@inlined
+def _carry(source, x, y, z, target):
+    """Motion of what is fixed in a body at (x, y, z) from its origin, v + ω × r and so on."""
+    for c in range(_W, _PLACE_COLUMNS):
+        target[c] = source[c]
+    wx, wy, wz = source[_W], source[_W + 1], source[_W + 2]
+    ax, ay, az = source[_ALPHA], source[_ALPHA + 1], source[_ALPHA + 2]
+    cx, cy, cz = wy * z - wz * y, wz * x - wx * z, wx * y - wy * x
+    target[_V] += cx
+    target[_V + 1] += cy
+    target[_V + 2] += cz
+    target[_A] += ay * z - az * y + wy * cz - wz * cy
+    target[_A + 1] += az * x - ax * z + wz * cx - wx * cz
+    target[_A + 2] += ax * y - ay * x + wx * cy - wy * cx
+
+
 @inner
 def _move_links(tree, dq, place):
     """ω, v, α and a of all links, from their places and the speeds."""
@@ -130,22 +146,14 @@ def _move_links(tree, dq, place):
         zx, zy, zz = own[2], own[5], own[8]
         if parent >= 0:
             before = place[parent]
-            for c in range(_W, _PLACE_COLUMNS):
-                own[c] = before[c]
-            wx, wy, wz = before[_W], before[_W + 1], before[_W + 2]
-            ax, ay, az = before[_ALPHA], before[_ALPHA + 1], before[_ALPHA + 2]
-            x, y, z = (
+            _carry(
+                before,
                 own[_P] - before[_P],
                 own[_P + 1] - before[_P + 1],
                 own[_P + 2] - before[_P + 2],
+                own,
             )
-            cx, cy, cz = wy * z - wz * y, wz * x - wx * z, wx * y - wy * x
-            own[_V] += cx
-            own[_V + 1] += cy
-            own[_V + 2] += cz
-            own[_A] += ay * z - az * y + wy * cz - wz * cy
-            own[_A + 1] += az * x - ax * z + wz * cx - wx * cz
-            own[_A + 2] += ax * y - ay * x + wx * cy - wy * cx
+            wx, wy, wz = before[_W], before[_W + 1], before[_W + 2]
             px, py, pz = wy * zz - wz * zy, wz * zx - wx * zz, wx * zy - wy * zx
             first, factor = (_A, 2.0 * dq[i]) if tree.prismatic[i] else (_ALPHA, dq[i])
             own[first] += factor * px
@@ -179,17 +187,7 @@ def _place_end(link, frame, place, end, moving):
     end[_P], end[_P + 1], end[_P + 2] = own[_P] + x, own[_P + 1] + y, own[_P + 2] + z
     if not moving:
         return
-    for c in range(_W, _PLACE_COLUMNS):
-        end[c] = own[c]
-    wx, wy, wz = own[_W], own[_W + 1], own[_W + 2]
-    ax, ay, az = own[_ALPHA], own[_ALPHA + 1], own[_ALPHA + 2]
-    cx, cy, cz = wy * z - wz * y, wz * x - wx * z, wx * y - wy * x
-    end[_V] += cx
-    end[_V + 1] += cy
-    end[_V + 2] += cz
-    end[_A] += ay * z - az * y + wy * cz - wz * cy
-    end[_A + 1] += az * x - ax * z + wz * cx - wx * cz
-    end[_A + 2] += ax * y - ay * x + wx * cy - wy * cx
+    _carry(own, x, y, z, end)
 
 
 @inner

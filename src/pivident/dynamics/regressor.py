@@ -141,13 +141,7 @@ class Regressor:
         """
         q, dq, ddq = (np.ascontiguousarray(x, dtype=float) for x in (q, dq, ddq))
         self._check_motion(q.T, dq.T, ddq.T)
-        if place is None:
-            place = np.arange(self.entries)
-        shape = (int(place.max(initial=-1)) + 1, q.shape[1])
-        if out is None:
-            out = np.empty(shape)
-        if len(out) < shape[0] or out.shape[1:] != shape[1:]:
-            raise ValueError(f"out has shape {out.shape}; {shape} or more rows are needed")
+        out, place = self._packed_out(out, place, q.shape[1])
         own = self._inner_or_own(q, dq, ddq, inner)
         observe(self._plan, _tile(self._plan), PACKED, place, _UNWEIGHTED, q, dq, ddq, own, out)
         return out
@@ -177,14 +171,9 @@ class Regressor:
             ValueError: shapes that do not fit.
         """
         self._check_motion(q, dq, ddq)
-        samples = q.shape[0]
-        shape = (samples, self.robot.size, len(self.parameters))
-        if out is None:
-            out = np.zeros(shape)
-        if out.shape != shape or not out.flags.c_contiguous:
-            raise ValueError(f"out has shape {out.shape}; {shape} in C order is needed")
-        place = self.row * shape[2] + self.column
-        flat = out.reshape(samples, shape[1] * shape[2])
+        samples, out = q.shape[0], self._dense_out(out, q.shape[0])
+        place = self.row * out.shape[2] + self.column
+        flat = out.reshape(samples, out.shape[1] * out.shape[2])
         own = self._inner_or_own(q.T, dq.T, ddq.T, inner)
 
         def block(part: slice) -> None:
@@ -325,6 +314,28 @@ class Regressor:
         if inner.shape != shape:
             raise ValueError(f"inner has shape {inner.shape}; {shape} is needed")
         return np.ascontiguousarray(inner, dtype=float)
+
+    def _packed_out(
+        self, out: np.ndarray | None, place: np.ndarray | None, samples: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Where ``packed`` writes: array and row of each entry, as given or new."""
+        if place is None:
+            place = np.arange(self.entries)
+        shape = (int(place.max(initial=-1)) + 1, samples)
+        if out is None:
+            out = np.empty(shape)
+        if len(out) < shape[0] or out.shape[1:] != shape[1:]:
+            raise ValueError(f"out has shape {out.shape}; {shape} or more rows are needed")
+        return out, place
+
+    def _dense_out(self, out: np.ndarray | None, samples: int) -> np.ndarray:
+        """Where ``matrix`` writes, as given or new."""
+        shape = (samples, self.robot.size, len(self.parameters))
+        if out is None:
+            out = np.zeros(shape)
+        if out.shape != shape or not out.flags.c_contiguous:
+            raise ValueError(f"out has shape {out.shape}; {shape} in C order is needed")
+        return out
 
     def _check_motion(self, *signals: np.ndarray) -> None:
         """Refuse other shapes than (samples, joints): the compiled loops do not check them."""

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from pivident.dynamics.closed_motion import ClosedChains
-from pivident.dynamics.closed_regressor import PROBES, ZERO, ClosedRegressor
+from pivident.dynamics.closed_regressor import ClosedRegressor
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import RobotDescriptionError
@@ -72,6 +72,4 @@ def moving_joints(robot: Robot, parameter: Parameter) -> tuple[int, ...]:
 @lru_cache(maxsize=8)
 def _moved(robot: Robot) -> np.ndarray:
     """Which independent joints move which joint of the tree, shape (tree joints, joints)."""
-    chains = ClosedChains(robot)
-    q = chains.random_postures(np.random.default_rng(20260501), PROBES)
-    return np.max([np.abs(chains.start(x).gain) for x in q], axis=0) > ZERO
+    return ClosedChains(robot).moved()

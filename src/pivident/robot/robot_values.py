@@ -361,7 +361,12 @@ def _constraints(values: ConstraintValues, joints: int) -> Constraints:
 
 
 def _frame(values: PoseValues) -> Pose:
-    return Pose(np.array(values.rotation), np.array(values.translation))
+    rotation = np.array(values.rotation)
+    if not np.abs(rotation @ rotation.T - np.eye(3)).max() <= 1e-9:
+        raise RobotDescriptionError(
+            "constraints.closures: the rotation of a frame is not orthonormal; write the file again"
+        )
+    return Pose(rotation, np.array(values.translation))
 
 
 def _link(values: LinkValues) -> Link:

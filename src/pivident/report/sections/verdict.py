@@ -24,13 +24,10 @@ class VerdictSection(Section):
         data = self.data
         found, best = data.verdict, data.recommended
         recordings = {r.name: r for i in data.identifications for r in i.recordings}
-        designs = (
-            data.identifications[0].robot.constraints is None
-        )  # motions of closed loops are not designed
         against = [s for s in found.statements if s.severity in ("error", "warning")]
         return {
             "verdict": found,
-            "next_motion": found.next_motion(data.folder) if data.folder and designs else "",
+            "next_motion": found.next_motion(data.folder) if data.folder else "",
             "robots": list({i.robot.name: i.robot for i in data.identifications}.values()),
             "recordings": [
                 (name, len(r.t), float(r.t[-1] - r.t[0])) for name, r in recordings.items()
