@@ -1,4 +1,4 @@
-"""A mechanism with closed loops simulated by MuJoCo: truth that pivident has no part in.
+"""A mechanism with closed loops or a measured base in MuJoCo: truth pivident has no part in.
 
 The tree becomes nested bodies, closures become equality constraints (``connect`` and ``weld``), as
 stiff as ten Runge–Kutta steps in a millisecond allow; friction is applied as torque. (Semi-implicit
@@ -24,7 +24,7 @@ _ARCTANGENT = 2.0 / np.pi
 _KINDS = {"revolute": mujoco.mjtJoint.mjJNT_HINGE, "prismatic": mujoco.mjtJoint.mjJNT_SLIDE}
 
 
-def _quaternion(rotation: np.ndarray) -> np.ndarray:
+def quaternion(rotation: np.ndarray) -> np.ndarray:
     out = np.zeros(4)
     mujoco.mju_mat2Quat(out, np.ascontiguousarray(rotation).ravel())
     return out
@@ -32,8 +32,12 @@ def _quaternion(rotation: np.ndarray) -> np.ndarray:
 
 def mujoco_model(robot: Robot, step: float) -> mujoco.MjModel:
     """The mechanism as a MuJoCo model, whose joints come depth first."""
+    return mujoco_spec(robot, step).compile()
+
+
+def mujoco_spec(robot: Robot, step: float) -> mujoco.MjSpec:
+    """The same before it is compiled: bodies have the names of their joints, a base its own."""
     tree, constraints = robot.tree, robot.constraints
-    assert constraints is not None
     spec = mujoco.MjSpec()
     spec.option.timestep = step
     spec.option.gravity = tree.gravity
@@ -43,12 +47,20 @@ def mujoco_model(robot: Robot, step: float) -> mujoco.MjModel:
     spec.compiler.boundmass = spec.compiler.boundinertia = 1e-9
     bodies = []
     for i, (joint, link) in enumerate(zip(tree.joints, tree.links, strict=True)):
-        parent = spec.worldbody if joint.parent < 0 else bodies[joint.parent]
-        body = parent.add_body(
-            name=joint.name, pos=joint.translation, quat=_quaternion(joint.rotation)
-        )
-        own = body.add_joint(name=joint.name, type=_KINDS[joint.kind], axis=[0.0, 0.0, 1.0])
-        own.armature = tree.rotor_inertia[i]
+        if joint.motion != "driven":  # a measured base is one body with no joint, or a free one
+            if i < tree.base_joints - 1:
+                bodies.append(spec.worldbody)
+                continue
+            body = spec.worldbody.add_body(name=link.name)
+            if joint.motion == "measured":
+                body.add_freejoint()
+        else:
+            parent = spec.worldbody if joint.parent < 0 else bodies[joint.parent]
+            body = parent.add_body(
+                name=joint.name, pos=joint.translation, quat=quaternion(joint.rotation)
+            )
+            own = body.add_joint(name=joint.name, type=_KINDS[joint.kind], axis=[0.0, 0.0, 1.0])
+            own.armature = tree.rotor_inertia[i]
         xx, xy, xz, yy, yz, zz, mx, my, mz, m = link.inertia
         if m > 0.0:
             c = np.array([mx, my, mz]) / m
@@ -57,12 +69,12 @@ def mujoco_model(robot: Robot, step: float) -> mujoco.MjModel:
             body.mass, body.ipos, body.explicitinertial = m, c, True
             body.fullinertia = about[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
         bodies.append(body)
-    for closure in constraints.closures:
+    for closure in constraints.closures if constraints else ():
         names = []
         for k, (link, frame) in enumerate(zip(closure.links, closure.frames, strict=True)):
             own = spec.worldbody if link < 0 else bodies[link]
             name = f"{closure.name}:{k}"
-            own.add_site(name=name, pos=frame.translation, quat=_quaternion(frame.rotation))
+            own.add_site(name=name, pos=frame.translation, quat=quaternion(frame.rotation))
             names.append(name)
         # of a planar loop the plane holds the axis: that the origins meet is enough
         equality = spec.add_equality(
@@ -71,7 +83,7 @@ def mujoco_model(robot: Robot, step: float) -> mujoco.MjModel:
         equality.type = mujoco.mjtEq.mjEQ_CONNECT
         equality.solref = [-1.0 / (2.0 * step) ** 2, -1.0 / step]
         equality.solimp = [0.9999, 0.9999, 0.001, 0.5, 2.0]
-    return spec.compile()
+    return spec
 
 
 @dataclass(frozen=True)
@@ -98,7 +110,7 @@ def mujoco_record(
     order = [model.joint(joint.name).dofadr[0] for joint in robot.tree.joints]
     places = [order[i] for i in robot.places]
     data.qpos[order] = ClosedChains(robot).start(q_ref[0]).q
-    law = _friction(robot)
+    law = friction_of(robot)
     samples = len(q_ref)
     noise = encoder * rng.normal(size=q_ref.shape)
     q, tau = np.zeros_like(q_ref), np.zeros_like(q_ref)
@@ -120,7 +132,7 @@ def mujoco_record(
     return Made(q, tau, gap)
 
 
-def _friction(robot: Robot):
+def friction_of(robot: Robot):
     """Friction of the driven joints from the description's values."""
     fv, fc, off, gamma = (np.zeros(robot.size) for _ in range(4))
     for j, i in enumerate(robot.places):

@@ -44,8 +44,8 @@ MAX_LINES = 127_000
 #: loops whose law reads whole counts, noise of the equations, eight that the simulator's kernel
 #: carries tangents with, the fit of simulations with nineteen of its own, two for logs without
 #: torque, ten for regressions, thirteen for filters, four for algebraic signals and the lines of
-#: periodic motions, eight for mechanisms with closed loops.
-MAX_MODULES_OF_IDENTIFY = 174
+#: periodic motions, eight for mechanisms with closed loops, one for force sensors.
+MAX_MODULES_OF_IDENTIFY = 175
 
 #: Subpackages with a budget of their own.
 ROOMS = (

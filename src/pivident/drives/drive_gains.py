@@ -2,6 +2,7 @@
 
     two records, without and with a known payload      the gains
     a trusted gain, or a trusted parameter             the gains of everything connected to it
+    a force sensor under the base                      the gains: its rows are in N and N m
     one record alone                                   ratios of gains, and free scales
 
 The estimate is that of `pivident.drives.gain_equations`: commands are the regressand, not
@@ -128,8 +129,11 @@ def identify_drive_gains(
         recording.require_torque("drive gains are found")
     say = progress or (lambda line: None)
     refuse_load_friction(problem.regressor)
+    _check_wrenches(problem, loaded)
+    base = problem.robot.joint_names[: problem.robot.base_joints]
+    trusted_gains = dict.fromkeys(base, 1.0) | dict(trusted_gains or {})
     setting = gain_unknowns(
-        problem, payload, loaded, trusted_gains or {}, trusted_parameters or {}, friction_under_load
+        problem, payload, loaded, trusted_gains, trusted_parameters or {}, friction_under_load
     )
     say("drive gains: smoothing the records")
     wide = setting.wide
@@ -156,20 +160,43 @@ def identify_drive_gains(
                 f"The loop could not be simulated ({error}); the gains are those of least squares, "
                 "which noise in the loop may bias."
             )
+    own = slice(len(base), None)  # joints with drives
     spread = _covariance(setting, equations, ell, x)
+    groups = gain_groups(spread, known_within)
     return DriveGains(
-        joints=problem.robot.joint_names,
-        kappa=equations.signs * np.exp(ell),
-        log_covariance=spread,
-        groups=tuple(gain_groups(spread, known_within)),
+        joints=problem.robot.joint_names[own],
+        kappa=(equations.signs * np.exp(ell))[own],
+        log_covariance=spread[own, own],
+        groups=tuple(_of_drives(groups, len(base))),
         known_within=known_within,
-        literature=_literature(equations, ell),
-        residual=_residuals(equations, ell, x),
-        own_residual=_own_residuals(equations),
+        literature={
+            name: (kappa[own], std[own])
+            for name, (kappa, std) in _literature(equations, ell).items()
+        },
+        residual=_residuals(equations, ell, x)[own],
+        own_residual=_own_residuals(equations)[own],
         method=method,
         rounds=rounds,
         warnings=tuple(warnings),
     )
+
+
+def _check_wrenches(problem: Problem, loaded: Sequence[Recording]) -> None:
+    """Refuse wrenches that would be scaled with the commands of the drives."""
+    for recording in (*problem.recordings, *loaded):
+        if any(wrench.sensor.link != "base" for wrench in recording.wrenches):
+            recording.without_wrenches("the search for drive gains with a sensor at a link")
+
+
+def _of_drives(groups: Sequence[GainGroup], base: int) -> list[GainGroup]:
+    """Groups without the rows of a measured base, whose gains nobody asks for."""
+    found = []
+    for group in groups:
+        motors = tuple(m - base for m in group.motors if m >= base)
+        if motors:
+            reference = max(group.reference - base, motors[0])
+            found.append(GainGroup(motors, group.anchored, reference))
+    return found
 
 
 def _check_rows(sums: Sequence[Sequence[JointSums]]) -> None:
@@ -281,7 +308,7 @@ def _simulated(
     assert wide.loop is not None
     loop = replace(
         wide.loop,
-        drive_gain=np.asarray(wide.loop.drive_gain) * np.abs(kappa),
+        drive_gain=np.asarray(wide.loop.drive_gain) * np.abs(kappa[wide.robot.base_joints :]),
         limit=wide.loop.limit,
     )
     made: dict[int, DriveRecord] = {}

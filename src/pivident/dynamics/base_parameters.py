@@ -161,6 +161,9 @@ def _probe(robot: Robot, standard: tuple[Parameter, ...]) -> np.ndarray:
     if robot.constraints is not None:
         return _closed_probe(robot, standard, samples, rng)
     q, dq, ddq = rng.uniform(-np.pi, np.pi, (3, samples, robot.size))
+    if robot.base_motion == "held":
+        for x in (q, dq, ddq):
+            x[:, : robot.base_joints] = 0.0
     phi = Regressor.build(robot, standard).matrix(q, dq, ddq)
     for k, p in enumerate(standard):
         if p.friction is not None and p.friction.is_independent:

@@ -9,7 +9,7 @@ identify the joint there.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -64,18 +64,18 @@ class Parameter:
 def standard_parameters(robot: Robot) -> tuple[Parameter, ...]:
     """All parameters of the linear model, in the order of the module's docstring.
 
-    Those of a closed mechanism count joints and links in its tree. Its passive joints have no rotor
-    inertia, and links that are no bodies no inertia.
+    Those of a closed mechanism count joints and links in its tree. Its passive joints, and those of
+    a measured base, have no rotor inertia, and links that are no bodies no inertia.
     """
     parameters = []
-    driven, robot = robot.places, robot.tree
+    places, robot = robot.places, robot.tree
     for i, joint in enumerate(robot.joints):
         label = robot.label(i)
         for stem in INERTIAL if robot.links[i].is_body else ():
             unit = "kg" if stem == "m" else "kg m" if stem.startswith("m") else "kg m²"
             parameters.append(Parameter(f"{stem}{label}", stem, i, unit))
         rotor_unit = "kg m²" if joint.kind == "revolute" else "kg"
-        if robot.torque_side == "motor" and i in driven:
+        if robot.torque_side == "motor" and joint.motion == "driven" and i in places:
             parameters.append(Parameter(f"ia{label}", "ia", i, rotor_unit))
         for term in joint.friction.terms:
             unit = friction_unit(term, joint.kind)
@@ -83,6 +83,30 @@ def standard_parameters(robot: Robot) -> tuple[Parameter, ...]:
     for coupling in robot.couplings:
         parameters.extend(_coupling_parameters(robot, coupling))
     return tuple(parameters)
+
+
+def on_fixed_base(
+    robot: Robot, parameters: tuple[Parameter, ...]
+) -> tuple[np.ndarray, tuple[Parameter, ...]]:
+    """Those of some parameters that a robot has without its measured base.
+
+    Args:
+        robot: the robot with its base.
+        parameters: parameters of it.
+
+    Returns:
+        Their indices, and the parameters as `Robot.on_fixed_base` counts its joints.
+    """
+    first = robot.base_joints
+    if not first:
+        return np.arange(len(parameters)), parameters
+    pairs = dict(zip(robot.couplings, robot.on_fixed_base.couplings, strict=True))
+    chosen = [k for k, p in enumerate(parameters) if p.joint >= first]
+    moved = (
+        replace(p, joint=p.joint - first, coupling=pairs[p.coupling] if p.coupling else None)
+        for p in (parameters[k] for k in chosen)
+    )
+    return np.array(chosen, dtype=np.int64), tuple(moved)
 
 
 def friction_unit(term: FrictionTerm, kind: JointKind) -> str:

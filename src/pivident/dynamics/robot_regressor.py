@@ -34,7 +34,7 @@ def regressor_of(robot: Robot, parameters: Sequence[Parameter]) -> Regressor:
 
 
 def closing_states(robot: Robot, q: np.ndarray, *others: np.ndarray) -> tuple[np.ndarray, ...]:
-    """States drawn at random without those at which loops do not close; without loops all.
+    """States drawn at random without those at which loops do not close; a held base stands still.
 
     Args:
         robot: the robot.
@@ -44,6 +44,9 @@ def closing_states(robot: Robot, q: np.ndarray, *others: np.ndarray) -> tuple[np
     Raises:
         RobotDescriptionError: the loops close at none of them.
     """
+    if robot.base_motion == "held":
+        moves = np.arange(robot.size) >= robot.base_joints
+        return tuple(x * moves for x in (q, *others))
     if robot.constraints is None:
         return (q, *others)
     closes = ClosedChains(robot).closing(q)

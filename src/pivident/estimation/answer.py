@@ -253,7 +253,10 @@ def _joint_fits(
     f50 = np.mean([r.kinematics.f50 for r in records], axis=0)
     encoder_std = np.mean([r.kinematics.encoder_std for r in records], axis=0)
     units = torque_units(problem)
-    noise_units = position_units(problem) if prefilters.inverts_controller else units
+    noise_units = list(units)  # behind an inverse controller that of positions
+    if prefilters.inverts_controller:
+        driven = slice(problem.robot.base_joints, None)
+        noise_units[driven] = position_units(problem)[driven]
     return tuple(
         JointFit(
             name=joint.name,

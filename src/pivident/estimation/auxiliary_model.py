@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pivident.dynamics.forward import Model, make_model
+from pivident.dynamics.parameters import on_fixed_base
 from pivident.errors import ExperimentError, MassMatrixNotPositiveDefinite, SimulationDiverged
 from pivident.estimation.problem import Problem
 from pivident.motion.kinematics import Kinematics
@@ -31,6 +32,12 @@ from pivident.simulation.feed_forward import with_measured_gravity
 from pivident.simulation.loop_kernel import TORQUE
 from pivident.text import display
 from pivident.threads import run_in_threads
+
+#: Why a floating base is not simulated.
+NOT_SIMULATED = (
+    "robot {name!r} has a floating base, which the simulated loop does not handle; leave out "
+    'instruments = "loop", other instruments are made from the record'
+)
 
 #: How often a step may be halved before the loop is declared impossible to simulate.
 HALVINGS = 6
@@ -63,22 +70,28 @@ class AuxiliaryModel:
                 "IV and PIV need the control loop for their instruments: give the controller and "
                 "its gains ([controller] in an experiment file), or use a least-squares method"
             )
+        if problem.robot.base_motion == "measured":
+            raise ExperimentError(NOT_SIMULATED.format(name=problem.robot.name))
         self.problem = problem
         self.differences = differences
         self.torque = torque
         self.simulated = False  # whether any parameters could be simulated
         self.loop = loop = problem.loop
+        self.base = problem.robot.base_joints  # which stand still and are not simulated
+        self.robot = problem.robot.on_fixed_base
+        self.chosen, self.parameters = on_fixed_base(problem.robot, problem.regressor.parameters)
+        self.recordings = [recording.behind(self.base) for recording in problem.recordings]
         self.controller = with_measured_gravity(
-            loop.controller, problem.robot, loop.drive_gain, loop.feed_forward
+            loop.controller, self.robot, loop.drive_gain, loop.feed_forward
         )
         self.signals = []
-        for k, recording in enumerate(problem.recordings):
+        for k, recording in enumerate(self.recordings):
             if kinematics is None:
                 smoothed = smooth_channels(recording.q, recording.rate)
                 motion = smoothed.q, smoothed.dq
             else:
-                motion = kinematics[k].q.T, kinematics[k].dq.T
-            self.signals.append(loop_signals(problem.robot, self.loop, recording, *motion))
+                motion = kinematics[k].q[self.base :].T, kinematics[k].dq[self.base :].T
+            self.signals.append(loop_signals(self.robot, self.loop, recording, *motion))
 
     def simulate(self, theta: np.ndarray, samples: int | None = None) -> list[SimulatedMotion]:
         """Simulate every recording.
@@ -91,12 +104,11 @@ class AuxiliaryModel:
             SimulationDiverged: the loop leaves its reference.
             MassMatrixNotPositiveDefinite: M(q) is indefinite on the way.
         """
-        problem = self.problem
-        model = make_model(problem.robot, problem.regressor.parameters, theta, clip=True)
+        model = make_model(self.robot, self.parameters, theta[self.chosen], clip=True)
         motions: list[SimulatedMotion | None] = [None] * len(self.signals)
 
         def run(k: int) -> None:
-            whole = problem.recordings[k].samples
+            whole = self.recordings[k].samples
             motions[k] = self._motion(k, model, whole if samples is None else min(samples, whole))
 
         run_in_threads(run, range(len(self.signals)))
@@ -104,8 +116,8 @@ class AuxiliaryModel:
 
     def _motion(self, k: int, model: Model, samples: int) -> SimulatedMotion:
         """The motion of one recording; the channels of the simulation are never held whole."""
-        recording, (signals, start) = self.problem.recordings[k], self.signals[k]
-        controller, names = self.controller, self.problem.robot.joint_names
+        recording, (signals, start) = self.recordings[k], self.signals[k]
+        controller, names = self.controller, self.robot.joint_names
         ratio = signals.rate / recording.rate
         step = round(ratio)
         if step < 1 or abs(ratio - step) > 1e-9:
@@ -135,7 +147,9 @@ class AuxiliaryModel:
         return self._as_motion(kept, recording.rate)
 
     def _as_motion(self, kept: np.ndarray, rate: float) -> SimulatedMotion:
-        """The kept channels as a motion."""
+        """The kept channels as a motion, with a base that stands still."""
+        if self.base:
+            kept = np.pad(kept, ((0, 0), (self.base, 0), (0, 0)))
         tau = kept[-1] if self.torque else None
         return SimulatedMotion(kept[0], rate, None if self.differences else kept[1:3], tau)
 
@@ -179,6 +193,13 @@ class AuxiliaryModel:
         raise AssertionError("unreachable")
 
 
+def mean_until_next(x: np.ndarray, early: float) -> np.ndarray:
+    """Mean of a signal between each sample and the next, some samples early, shape like ``x``."""
+    count = np.arange(len(x), dtype=float)
+    middle = np.minimum(count + 0.5 + early, len(x) - 1.0)
+    return np.stack([np.interp(middle, count, own) for own in x.T], axis=1)
+
+
 def loop_signals(
     robot: Robot, loop: Loop, recording: Recording, q: np.ndarray, dq: np.ndarray
 ) -> tuple[LoopSignals, tuple[np.ndarray, np.ndarray]]:
@@ -198,6 +219,9 @@ def loop_signals(
         q_ref, dq_ref = recording.q_ref, recording.dq_ref
     inputs = known_inputs(robot, loop, recording, q_ref, dq_ref)
     gain = np.broadcast_to(np.asarray(loop.drive_gain, float), (n,)).copy()
+    if recording.wrench_torque is not None:  # it acts beside the command, whose mean it joins
+        pushed = mean_until_next(recording.wrench_torque, recording.drive_delay * recording.rate)
+        inputs = pushed / gain + (0.0 if inputs is None else inputs)
     tracking = np.abs(recording.q - q_ref).max(axis=0)
     reach = np.ptp(q_ref, axis=0)
     speed = np.abs(dq).max(axis=0)

@@ -9,7 +9,7 @@ equations that were solved.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -32,6 +32,7 @@ from pivident.instruments.given_motion import (
     GivenMotions,
     InstrumentsUsed,
     Kind,
+    not_there,
 )
 from pivident.instruments.interleaved_halves import interleaved_instruments
 from pivident.instruments.reference_response import response_instruments
@@ -49,6 +50,13 @@ MAKERS: dict[Kind, Callable[[Sequence[Kinematics]], GivenMotions]] = {
     "sensor": sensor_instruments,
     "virtual": virtual_instruments,
     "halves": interleaved_instruments,
+}
+
+
+#: Instruments that a floating base rules out, and why.
+UNLED: Mapping[Kind, str] = {
+    "response": "a floating base has no reference that it follows",
+    "virtual": "a floating base has no motors that a law could command",
 }
 
 
@@ -85,22 +93,32 @@ def choose(
         ExperimentError: the simulated loop is asked for and there is none.
     """
     wanted = method.instruments
+    floating = problem.robot.base_motion == "measured"
+    if wanted == "auto" and problem.loop is not None and floating:
+        return without_loop(kinematics, "A floating base is not simulated.", UNLED)
     if wanted == "loop" or (wanted == "auto" and problem.loop is not None):
         given = kinematics if differences else None
         auxiliary = AuxiliaryModel(problem, differences, given, torque=False)
         return Chosen(auxiliary, InstrumentsUsed("loop"), kinematics)
     if wanted == "auto":
-        return without_loop(kinematics, problem.without_loop)
+        return without_loop(kinematics, problem.without_loop, UNLED if floating else {})
+    if floating and wanted in UNLED:
+        not_there(wanted, UNLED[wanted])
     return _chosen(MAKERS[wanted](kinematics), kinematics)
 
 
-def without_loop(kinematics: list[Kinematics], reason: str) -> Chosen:
+def without_loop(
+    kinematics: list[Kinematics], reason: str, excluded: Mapping[Kind, str] | None = None
+) -> Chosen:
     """The best instruments besides those of the simulated loop.
 
-    ``reason``: why there is no simulated loop, a sentence, or empty.
+    ``reason``: why there is no simulated loop, a sentence, or empty; ``excluded``: kinds that are
+    not looked for, and why.
     """
-    made, missing = [], {}
+    made, missing = [], dict(excluded or {})
     for kind, make in MAKERS.items():
+        if kind in missing:
+            continue
         try:
             made.append(make(kinematics))
         except IdentificationError as error:

@@ -82,14 +82,18 @@ def estimate_kinematics(recording: Recording, signals: SignalRecipe) -> Kinemati
         f50, encoder_std = np.atleast_1d(smoothed.f50), np.atleast_1d(smoothed.noise_std)
     q, dq, ddq = (np.ascontiguousarray(x.T) for x in motion)
     tau = working_array(q.shape)
-    at_instants = signals.align and not isinstance(signals, Bandpass)
+    # Wrenches are values at instants: torques that are half a period late would contradict them.
+    align = signals.align or recording.wrench_torque is not None
+    at_instants = align and not isinstance(signals, Bandpass)
     lost = [(0, 0)] * recording.joints
 
     def work(j: int) -> None:
-        torque = _aligned(recording, j, signals.align)
+        torque = _aligned(recording, j, align)
         lost[j] = torque.lost_start, torque.lost_end
         averaged = at_instants and torque.is_average
         tau[j] = torque_at_instants(torque.tau) if averaged else torque.tau
+        if recording.wrench_torque is not None:
+            tau[j] += recording.wrench_torque[:, j]
         if at_instants and walks:
             dq[j], ddq[j] = derivatives_at_instants(dq[j], ddq[j])
         if halves:

@@ -135,9 +135,12 @@ class Whitening:
                     'give it ([controller] in an experiment file), or set prefilter = "direct"'
                 )
             rate = kinematics[0].recording.rate
-            numerator, denominator = inverse_controller(problem.loop.controller, rate, n)
-            gain = np.broadcast_to(np.asarray(problem.loop.drive_gain, float), (n,))
-            numerator = numerator / gain[:, None]
+            base = problem.robot.base_joints  # behind whose rows there is no law
+            law = inverse_controller(problem.loop.controller, rate, n - base)
+            gain = np.broadcast_to(np.asarray(problem.loop.drive_gain, float), (n - base,))
+            direct = np.tile(np.eye(1, law[0].shape[1]), (base, 1))
+            numerator = np.vstack([direct, law[0] / gain[:, None]])
+            denominator = np.vstack([direct, law[1]])
         made = cls(problem, method, numerator, denominator, inverts)
         made._refuse_slow_filters(kinematics)
         return made

@@ -92,7 +92,7 @@ class Problem:
             if recording.q_ref is not None:
                 check_within_reach("q_ref", recording.q_ref, self.robot)
         if self.loop is not None:
-            self.loop.controller.check(self.robot.size)
+            self.loop.controller.check(self.robot.size - self.robot.base_joints)
         self._complete_torques()
         if isinstance(self.mask, (int, float)) and not 0 <= self.mask < 1:
             raise ExperimentError(f"mask is a share of the rated speed, 0 to 1, not {self.mask}")

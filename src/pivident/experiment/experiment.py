@@ -83,7 +83,12 @@ class Experiment:
             RobotDescriptionError: the description cannot be used.
         """
         with errors_name(self.path, "[robot]"):
-            return robot_of(self.content.robot, self.path.parent, self.content.torque_side)
+            return robot_of(
+                self.content.robot,
+                self.path.parent,
+                self.content.torque_side,
+                self.content.wrench,
+            )
 
     @property
     def has_open_friction(self) -> bool:

@@ -143,21 +143,32 @@ def loop_of(
     entry: ControllerEntry, robot: Robot, recordings: Sequence[Recording]
 ) -> tuple[tuple[Recording, ...], Loop]:
     """The control loop, or a virtual one, and the recordings with measured or rebuilt reference."""
-    n = robot.size
+    n = robot.size - robot.base_joints
     law: Controller | None = None
     if entry.type == "virtual_pd":
         posture = np.mean([recording.q.mean(axis=0) for recording in recordings], axis=0)
+        posture, fixed = posture[robot.base_joints :], robot.on_fixed_base
         given = {k: v for k in ("bandwidth", "damping") if (v := getattr(entry, k)) is not None}
-        law = virtual_pd(robot, posture, **given)
+        law = virtual_pd(fixed, posture, **given)
     elif entry.type != "identify":
         law = control_law(entry, n)
     gain = _gains("drive_gain", entry.gain, n)
     limit = np.full(n, np.inf) if entry.limit is None else _gains("limit", entry.limit, n)
-    count = size_of_count("counts", entry.counts, robot)
+    count = size_of_count("counts", entry.counts, robot.on_fixed_base)
     if law is None or entry.source == "reconstruct":
         made, loop = reconstruct_loop(
-            robot, recordings, law, entry.source == "reconstruct", gain, limit
+            robot.on_fixed_base,
+            [recording.behind(robot.base_joints) for recording in recordings],
+            law,
+            entry.source == "reconstruct",
+            gain,
+            limit,
         )
+        if robot.base_joints:
+            made = tuple(
+                recording.with_reference_of(own)
+                for recording, own in zip(recordings, made, strict=True)
+            )
         return made, replace(
             loop,
             feed_forward=entry.feed_forward,

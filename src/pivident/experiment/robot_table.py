@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,25 +10,48 @@ from typing import Any
 import numpy as np
 
 from pivident.errors import ExperimentError, RobotDescriptionError, concerning
-from pivident.experiment.schema import CouplingEntry, RobotEntry
+from pivident.experiment.schema import CouplingEntry, RobotEntry, WrenchEntry
 from pivident.robot.description import Coupling, Robot, TorqueSide
 from pivident.robot.drives import implied_coupling, with_drives
+from pivident.robot.frames import Pose, rotation_from_rpy
 from pivident.robot.friction import FrictionLaw
 from pivident.robot.gallery import load_robot
+from pivident.robot.measured_base import with_floating_base, with_wrench_sensors
 from pivident.robot.mjcf import read_mjcf
 from pivident.robot.modified_dh import friction_law
 from pivident.robot.naming import MJCF_FILES, ROBOT_FILES, find_joint
 from pivident.robot.urdf import read_urdf
+from pivident.robot.wrench_sensor import WrenchSensor
 
 #: Keys of friction laws that somebody chose.
 FRICTION_KEYS = ("friction", "joint_friction", "extra_friction")
 
 
-def robot_of(entry: RobotEntry, folder: Path, torque_side: TorqueSide = "motor") -> Robot:
+def robot_of(
+    entry: RobotEntry,
+    folder: Path,
+    torque_side: TorqueSide = "motor",
+    wrenches: Sequence[WrenchEntry] = (),
+) -> Robot:
     """The described robot with everything that the experiment file adds to it.
 
     Where torques are measured behind the gears, its laws of friction are those of the file alone.
     """
+    robot = _on_fixed_base(entry, folder, torque_side)
+    if entry.floating_base:
+        with concerning("floating_base"):
+            robot = with_floating_base(robot)
+    return with_wrench_sensors(robot, [_sensor(own) for own in wrenches]) if wrenches else robot
+
+
+def _sensor(entry: WrenchEntry) -> WrenchSensor:
+    """A force sensor."""
+    frame = Pose(rotation_from_rpy(*entry.rpy), np.array(entry.at))
+    return WrenchSensor(entry.name, entry.link, frame, entry.acts)
+
+
+def _on_fixed_base(entry: RobotEntry, folder: Path, torque_side: TorqueSide) -> Robot:
+    """The robot and its drives."""
     with concerning("model"):
         robot = _described(entry, folder)
     if torque_side == "link":

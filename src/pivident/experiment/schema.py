@@ -29,6 +29,7 @@ from pivident.recording.recording import Saturation, TorqueTiming
 from pivident.robot.description import TorqueSide
 from pivident.robot.mdh_schema import Entry, FrictionTerms, Gravity, JointReference
 from pivident.robot.naming import MJCF_FILES, URDF_FILES
+from pivident.robot.wrench_sensor import Acts
 from pivident.simulation.controllers import FeedForward
 
 #: Keys that every real loop may have.
@@ -75,6 +76,7 @@ class RobotEntry(Entry):
     drive_gain: PerJoint | None = None
     position_offset: PerJoint | None = None
     couplings: list[CouplingEntry] | None = None
+    floating_base: bool = False
 
     @model_validator(mode="after")
     def _consistent(self) -> RobotEntry:
@@ -103,12 +105,24 @@ class UnitsEntry(Entry):
     dq: Any = None
     t: Any = None
     inputs: dict[str, Any] = Field(default_factory=dict)
+    wrench: dict[str, Any] = Field(default_factory=dict)
+    base: dict[str, Any] = Field(default_factory=dict)
 
 
 class ColumnsEntry(UnitsEntry):
     """Where the channels are in the files; see `pivident.logs.channel_places`."""
 
     q: Any
+
+
+class WrenchEntry(Entry):
+    """A sensor of force and moment; its six columns are under ``wrench`` of each recording."""
+
+    name: Annotated[str, Field(min_length=1)]
+    link: Annotated[str, Field(min_length=1)]
+    at: Annotated[list[float], Field(min_length=3, max_length=3)] = Field([0.0, 0.0, 0.0])
+    rpy: Annotated[list[float], Field(min_length=3, max_length=3)] = Field([0.0, 0.0, 0.0])
+    acts: Acts = "on_robot"
 
 
 class RecordingEntry(Entry):
@@ -317,6 +331,7 @@ class ExperimentFile(Entry):
     consistency: ConsistencyEntry | None = None  # consistency
     payload: LoadEntry | None = None  # payload
     excite: ExciteEntry | None = None  # excite
+    wrench: list[WrenchEntry] = Field(default_factory=list)  # force sensors
 
     @property
     def torque_side(self) -> TorqueSide:

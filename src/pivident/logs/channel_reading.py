@@ -12,6 +12,7 @@ import numpy as np
 from pivident.errors import BadCell, PividentError, RecordingError, concerning
 from pivident.logs.bags.bag_channels import bag_channel
 from pivident.logs.bags.read_bag import is_bag, open_bag
+from pivident.logs.body_channels import columns_of
 from pivident.logs.channel_places import ChannelPlace, array_of, assemble, locate
 from pivident.logs.clocks.clock_alignment import ClockedChannel
 from pivident.logs.file_columns import lenient_table
@@ -83,7 +84,9 @@ def read_channels(
                 values[channel.name] = _assembled(channel, table, 1)[:, 0]
                 continue
             try:
-                values[channel.name] = _assembled(channel, table, joints, samples_axis, joint_names)
+                names = columns_of(channel.name) or joint_names
+                size = len(names) if columns_of(channel.name) else joints
+                values[channel.name] = _assembled(channel, table, size, samples_axis, names)
             except RecordingError as error:
                 if channel.per_joint:
                     raise
@@ -99,9 +102,10 @@ def read_channels(
             ).about("columns", "t")
         clocked[own] = ClockedChannel(own, clock, stamps, values[own])
     for name, channel_of in clocked.items():
-        if joints is not None and channel_of.values.shape[1] != joints:
+        size = len(columns_of(name)) or joints
+        if size is not None and channel_of.values.shape[1] != size:
             raise RecordingError(
-                f"{name} has {channel_of.values.shape[1]} column(s) for {joints} joint(s); name "
+                f"{name} has {channel_of.values.shape[1]} column(s) for {size} joint(s); name "
                 "one for each joint of the robot"
             ).about(*channels[name].keys)
         values[name] = channel_of.values

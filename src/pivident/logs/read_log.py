@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from pivident.errors import concerning
+from pivident.logs.body_channels import TABLES, body_channels
 from pivident.logs.channel_places import locate
 from pivident.logs.channel_reading import read_channels, stamp_channels
 from pivident.logs.log import Description, Log
@@ -62,7 +63,8 @@ def read_log(
         RecordingError: columns or units without a meaning.
     """
     paths = file_paths(files)
-    specs = {key: spec for key, spec in columns.items() if key not in ("inputs", "t")}
+    specs = {key: spec for key, spec in columns.items() if key not in ("inputs", "t", *TABLES)}
+    specs |= body_channels(columns)
     specs |= {f"inputs.{key}": spec for key, spec in columns.get("inputs", {}).items()}
     places = {}
     for key, spec in specs.items():
@@ -71,8 +73,11 @@ def read_log(
     with concerning("columns", "t"):
         places |= stamp_channels(columns.get("t"), places, paths)
     if robot is not None:
-        joint_names = joint_names or robot.joint_names
-        transmission = transmission or robot.transmission
+        own = robot.on_fixed_base  # the joints of a measured base are in no log
+        joint_names = joint_names or own.joint_names
+        transmission = transmission or own.transmission
+        # what is asked of a fixed base does not hold for one that floats
+        robot = None if robot.base_motion == "measured" else own
     elif transmission is not None:
         joint_names = joint_names or numbered_joints(len(transmission.drive_gain))
     joints = None if joint_names is None else len(joint_names)

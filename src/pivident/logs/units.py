@@ -42,6 +42,8 @@ UNITS_OF = {
     "tau": TORQUE | COMMAND,
     "t": TIME,
     "inputs": TORQUE | COMMAND,
+    "wrench": TORQUE,
+    "base": POSITION,
 }
 
 

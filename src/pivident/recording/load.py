@@ -15,6 +15,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from pivident.errors import RecordingError, concerning
+from pivident.logs.body_channels import TABLES, body_channels, columns_of
 from pivident.logs.channel_places import ColumnSpec
 from pivident.logs.joint_side import factors_of, gains_of, on_joint_side, sides_of
 from pivident.logs.log import Description, Log
@@ -23,8 +24,10 @@ from pivident.logs.torque_scale import torque_scales
 from pivident.logs.units import UnitSpec, check_kind
 from pivident.recording import checks
 from pivident.recording.clock import Clock, beside_torque, on_one_clock
+from pivident.recording.measured_wrenches import with_wrenches
 from pivident.recording.recording import CHANNELS, Recording
 from pivident.robot.description import Robot
+from pivident.robot.measured_base import rotations_from_quaternions, rotations_from_rpy
 from pivident.robot.naming import nearest
 from pivident.robot.transmission import Transmission
 from pivident.scratch import working_array
@@ -72,7 +75,9 @@ def load_recording(
             were logged, in the notation of
             `pivident.logs.channel_places`; known inputs by name under ``inputs``. ``t`` is one
             column for all channels, or a table with one for each channel that has a clock of its
-            own; channels from a bag have the stamps of their messages without it.
+            own; channels from a bag have the stamps of their messages without it. Under ``wrench``
+            six columns of each force sensor of the robot by its name, under ``base`` the pose of a
+            floating base, see `pivident.logs.body_channels`.
         units: unit of each channel in the notation of `pivident.logs.units`, one for all
             joints or a list with one per joint; SI where it is not given. Under ``inputs``: unit
             or factor of each input.
@@ -122,7 +127,29 @@ def load_recording(
         }  # fmt: skip
         options["reading"] = plain(reading | {k: options[k] for k in OF_LOGGER if k in options})
     logged, log = log.logged, replace(log, logged={})  # raw samples go as they are converted
-    return _recording(log, logged, part, options)
+    body = {key: logged[key] for key in logged if columns_of(key)}
+    recording = _recording(log, logged, part, options)
+    if robot is None or not (body or robot.sensors or robot.base_joints):
+        return recording
+    return _with_body(recording, robot, {key: logged[key] for key in body})
+
+
+def _with_body(recording: Recording, robot: Robot, body: Mapping[str, np.ndarray]) -> Recording:
+    """The recording with what belongs to bodies: wrenches, and the pose of a base."""
+    wrenches = {
+        key.removeprefix("wrench."): own for key, own in body.items() if key.startswith("wrench.")
+    }
+    position, pose = body.get("base.position"), None
+    turned = [key for key in ("base.quaternion", "base.rpy") if key in body]
+    if position is not None or turned:
+        if position is None or len(turned) != 1:
+            raise RecordingError(
+                "the pose of the base is position and either quaternion or rpy; map "
+                'base = {position = ["x", "y", "z"], quaternion = ["qx", "qy", "qz", "qw"]}'
+            ).about("columns", "base")
+        made = rotations_from_quaternions if turned == ["base.quaternion"] else rotations_from_rpy
+        pose = position, made(body[turned[0]])
+    return with_wrenches(recording, robot, wrenches, pose)
 
 
 def recording_from(
@@ -160,16 +187,18 @@ def _recording(
     _check_sizes(len(joint_names), robot, said.transmission)
     with concerning("side"):
         sides = _checked_sides(said, logged)
-    others = ("inputs", "t") if clocked else ("inputs",)
+    others = ("inputs", *TABLES, "t") if clocked else ("inputs", *TABLES)
     units = {key: unit for key, unit in said.units.items() if key not in others}
     units |= {f"inputs.{key}": unit for key, unit in said.units.get("inputs", {}).items()}
+    units |= body_channels(said.units)
     for channel, unit in units.items():
         _to_si(logged, channel, unit, sides, robot, said.transmission)
     for channel, values in logged.items():
         if channel != "t":
             own = clocked[channel].t if channel in clocked else logged["q"]
-            checks.check_shape(channel, values, (len(own), len(joint_names)))
-            checks.check_finite(channel, values, joint_names)
+            names = columns_of(channel) or joint_names
+            checks.check_shape(channel, values, (len(own), len(names)))
+            checks.check_finite(channel, values, names)
     # Limits are judged on the log itself: couplings and interpolation would blur them.
     if "tau" in logged and options.get("saturation", "refuse") == "refuse":
         moving = beside_torque(logged, clocked)
@@ -190,7 +219,7 @@ def _recording(
     if "tau" not in logged:
         content |= {"tau": np.zeros_like(logged["q"]), "torque_source": "none"}
     content["inputs"] = {
-        key.removeprefix("inputs."): logged[key] for key in logged if key not in CHANNELS
+        key.removeprefix("inputs."): logged[key] for key in logged if key.startswith("inputs.")
     }
     content["torque_scale"] = torque_scales(said.units.get("tau"), joint_names)
     content |= {"start_time": found.start, "notes": found.notes, "slowed": found.slowed}
@@ -208,16 +237,18 @@ def _check_arguments(columns: Any, units: Any, robot: Any, options: Mapping[str,
             raise RecordingError(
                 f"{name} is {given!r}; give a table by channel, such as {tables[name]}"
             )
-    unknown = [key for key in columns if key not in (*CHANNELS, "t", "inputs")]
+    known_tables = (*CHANNELS, "t", "inputs", *TABLES)
+    unknown = [key for key in columns if key not in known_tables]
     if unknown:
         raise RecordingError(
-            f"columns are given for {unknown[0]!r}; channels are {', '.join(CHANNELS)}, t, inputs"
+            f"columns are given for {unknown[0]!r}; channels are {', '.join(known_tables)}"
         )
     if "q" not in columns:
         raise RecordingError("no columns are given for q; name those that hold it")
     if robot is not None and not isinstance(robot, Robot):
         raise RecordingError(f"robot is {robot!r}; give a Robot, such as load_robot({robot!r})")
     made_here = {*CHANNELS, "inputs", "sources", "slowed", "reading", "torque_source"}
+    made_here |= {"wrenches", "wrench_torque"}
     known = {field.name for field in fields(Recording)} - made_here
     for name in options:
         if name not in known:

@@ -21,6 +21,7 @@ from pivident.recording import checks
 from pivident.robot.description import TorqueSide
 from pivident.robot.naming import nearest
 from pivident.robot.transmission import Transmission
+from pivident.robot.wrench_sensor import WrenchSensor
 from pivident.scratch import working_array
 from pivident.text import display
 from pivident.text.printable import is_printable
@@ -55,6 +56,19 @@ SOURCE_SENTENCES = {
 
 #: What to do with a torque that is cut off at a limit.
 Saturation = Literal["refuse", "allow"]
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredWrench:
+    """What one force sensor measured.
+
+    Attributes:
+        sensor: where it sits.
+        values: force and moment in its frame, shape (samples, 6) [N, N m].
+    """
+
+    sensor: WrenchSensor
+    values: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +114,10 @@ class Recording:
             what the control law commands at the recorded positions, see
             `pivident.motion.law_torque`; ``none``: it does not, and ``tau`` is zero until a
             `Problem` with the known law computes it.
+        wrenches: what force sensors measured, see `pivident.recording.with_wrenches`.
+        wrench_torque: torque at the joints that they stand for, Σ Jᵀ f at the instants of the
+            samples, shape (samples, joints) [N m or N], or None. It is no part of ``tau``, which is
+            that of the motors; the equations of motion have the sum of both.
 
     Raises:
         ShapeMismatch: a channel is not (samples, joints).
@@ -136,6 +154,8 @@ class Recording:
     reading: dict[str, Any] = field(default_factory=dict, kw_only=True, repr=False)
     torque_side: TorqueSide = field(default="motor", kw_only=True)
     torque_source: TorqueSource = field(default="measured", kw_only=True)
+    wrenches: tuple[MeasuredWrench, ...] = field(default=(), kw_only=True)
+    wrench_torque: np.ndarray | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         settle = object.__setattr__
@@ -145,6 +165,8 @@ class Recording:
         for channel in CHANNELS:
             if getattr(self, channel) is not None:
                 settle(self, channel, _settled(channel, getattr(self, channel)))
+        if self.wrench_torque is not None:
+            settle(self, "wrench_torque", _settled("wrench_torque", self.wrench_torque))
         settle(self, "inputs", {key: _settled(key, value) for key, value in self.inputs.items()})
         self._check()
 
@@ -159,6 +181,8 @@ class Recording:
                 f"recording {self.name!r}: joint names {self.joint_names} are missing or repeated"
             )
         channels = {"tau": self.tau} | self.channels()
+        if self.wrench_torque is not None:
+            channels["wrench_torque"] = self.wrench_torque
         for channel, values in channels.items():
             checks.check_shape(channel, values, (*self.q.shape[:1], self.joints))
         timestamps.check_length(self.samples)
@@ -247,6 +271,53 @@ class Recording:
                 "column of tau"
             ).about("columns", "tau")
 
+    def without_wrenches(self, what: str) -> None:
+        """Refuse measured wrenches where they are not handled yet.
+
+        Args:
+            what: what does not handle them, as the subject of a sentence.
+
+        Raises:
+            RecordingError: there are some.
+        """
+        if self.wrenches:
+            names = ", ".join(repr(wrench.sensor.name) for wrench in self.wrenches)
+            raise RecordingError(
+                f"recording {self.name!r} has measured wrenches ({names}), which {what} does not "
+                "handle yet; identify with ls, iv or piv, which do"
+            )
+
+    def behind(self, joints: int) -> Recording:
+        """The recording without the first joints, those of a measured base.
+
+        Args:
+            joints: how many are left out.
+        """
+        cut: dict[str, Any] = {
+            channel: None if (values := getattr(self, channel)) is None else values[:, joints:]
+            for channel in CHANNELS
+        }
+        return replace(
+            self,
+            **cut,
+            joint_names=self.joint_names[joints:],
+            inputs={key: values[:, joints:] for key, values in self.inputs.items()},
+            wrench_torque=None if self.wrench_torque is None else self.wrench_torque[:, joints:],
+        )
+
+    def with_reference_of(self, driven: Recording) -> Recording:
+        """The recording with the reference of its last joints, those that have motors.
+
+        Args:
+            driven: the same run of these joints alone, see `behind`.
+        """
+        base = self.q[:, : self.joints - driven.joints]
+        speed = None
+        if driven.dq_ref is not None:
+            speed = np.hstack([np.zeros_like(base), driven.dq_ref])
+        position = None if driven.q_ref is None else np.hstack([base, driven.q_ref])
+        return replace(self, q_ref=position, dq_ref=speed)
+
     @property
     def samples(self) -> int:
         """Number of samples."""
@@ -323,6 +394,8 @@ class Recording:
             self,
             **cut,
             inputs={key: values[start:stop] for key, values in self.inputs.items()},
+            wrenches=tuple(replace(w, values=w.values[start:stop]) for w in self.wrenches),
+            wrench_torque=None if self.wrench_torque is None else self.wrench_torque[start:stop],
             start_time=self.start_time + start / self.rate,
             allow_constant=True,
             saturation="allow",

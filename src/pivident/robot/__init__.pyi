@@ -23,6 +23,9 @@ from .friction import stribeck as stribeck
 from .friction import viscous as viscous
 from .friction_term import FrictionTerm as FrictionTerm
 from .gallery import gallery_names as gallery_names
+from .measured_base import with_floating_base as with_floating_base
+from .measured_base import with_held_base as with_held_base
+from .measured_base import with_wrench_sensors as with_wrench_sensors
 from .mjcf import PositionGains as PositionGains
 from .mjcf import position_gains as position_gains
 from .mjcf import read_mjcf as read_mjcf
@@ -31,3 +34,4 @@ from .modified_dh import read_modified_dh as read_modified_dh
 from .transmission import Transmission as Transmission
 from .urdf import parse_urdf as parse_urdf
 from .urdf import read_urdf as read_urdf
+from .wrench_sensor import WrenchSensor as WrenchSensor

@@ -28,10 +28,15 @@ from pivident.robot.friction import DEFAULT_FRICTION, FrictionLaw
 from pivident.robot.friction_term import SLOPE_AT_RATED_SPEED
 from pivident.robot.naming import find_joint, nearest
 from pivident.robot.transmission import Transmission
+from pivident.robot.wrench_sensor import WrenchSensor
 from pivident.text import display
 from pivident.text.printable import is_printable
 
 JointKind = Literal["revolute", "prismatic"]
+
+#: How a joint comes to move: by a motor; not at all, and its torque is that of a force sensor; or
+#: by what the outside does to it, and its motion is measured.
+JointMotion = Literal["driven", "held", "measured"]
 
 #: Whose torques those of the joints are: of the motors, or of sensors behind the gears.
 TorqueSide = Literal["motor", "link"]
@@ -59,6 +64,9 @@ class Joint:
         rated_speed: rated (highest) speed [rad/s or m/s], or None where it is not known.
         torque_limit: highest torque or force [N m or N], or None.
         friction: friction law of the joint side.
+        motion: ``driven``: by a motor; ``held``: it stands still at zero, and what holds it is
+            measured; ``measured``: it moves without a motor, and how is measured. See
+            `pivident.robot.with_held_base` and `pivident.robot.with_floating_base`.
     """
 
     name: str
@@ -70,6 +78,7 @@ class Joint:
     rated_speed: float | None = None
     torque_limit: float | None = None
     friction: FrictionLaw = DEFAULT_FRICTION
+    motion: JointMotion = "driven"
 
     @property
     def position_unit(self) -> str:
@@ -173,6 +182,7 @@ class Robot:
             the `tree` of all joints; empty for a tree.
         passive_links: what they carry.
         constraints: what closes the loops, see `pivident.robot.closed_robot`; None: a tree.
+        sensors: force sensors, see `pivident.robot.with_wrench_sensors`.
     """
 
     name: str
@@ -189,6 +199,7 @@ class Robot:
     passive_joints: tuple[Joint, ...] = ()
     passive_links: tuple[Link, ...] = ()
     constraints: Constraints | None = None
+    sensors: tuple[WrenchSensor, ...] = ()
 
     def __post_init__(self) -> None:
         check_robot(self)
@@ -311,10 +322,45 @@ class Robot:
     def label(self, index: int) -> str:
         """The joint of an index in a parameter's name: ``3`` on a chain, ``[elbow]`` on a tree.
 
-        The joints of a closed mechanism are counted in its tree.
+        The joints of a closed mechanism are counted in its tree. Those of a measured base are not
+        counted, and share the name of its link.
         """
         tree = self.tree
-        return str(index + 1) if tree.is_chain else f"[{tree.joints[index].name}]"
+        if tree.joints[index].motion != "driven":
+            return f"[{tree.links[tree.base_joints - 1].name}]"
+        return (
+            str(index + 1 - tree.base_joints) if tree.is_chain else f"[{tree.joints[index].name}]"
+        )
+
+    @cached_property
+    def base_joints(self) -> int:
+        """How many joints its measured base has: 6, which come first, or 0 without one."""
+        return sum(joint.motion != "driven" for joint in self.joints)
+
+    @property
+    def base_motion(self) -> JointMotion:
+        """``held`` or ``measured`` where the base is, otherwise ``driven``."""
+        return self.joints[0].motion
+
+    @cached_property
+    def on_fixed_base(self) -> Robot:
+        """The same robot without the joints and the link of a measured base."""
+        first = self.base_joints
+        if not first:
+            return self
+        return replace(
+            self,
+            joints=tuple(
+                replace(joint, parent=max(joint.parent - first, -1))
+                for joint in self.joints[first:]
+            ),
+            links=self.links[first:],
+            rotor_inertia=self.rotor_inertia[first:],
+            transmission=self.transmission.behind(first),
+            couplings=tuple(
+                replace(c, motor=c.motor - first, joint=c.joint - first) for c in self.couplings
+            ),
+        )
 
     def link_index(self, name: str) -> int:
         """Index of a link by its own name, or that or the number of the joint that moves it.
@@ -429,6 +475,11 @@ def without_loops(robot: Robot, what: str, instead: str = "") -> None:
     Raises:
         RobotDescriptionError: the robot has closed loops.
     """
+    if robot.base_joints:
+        step = instead or "identify with ls, iv or piv, which do, and look at their results"
+        raise RobotDescriptionError(
+            f"robot {robot.name!r} has a measured base, which {what} does not handle yet; {step}"
+        )
     if robot.constraints is None:
         return
     step = instead or "identify with ls, iv, piv or didim, which do, and look at their results"
@@ -497,6 +548,11 @@ def check_robot(robot: Robot) -> None:
             )
         if not np.isfinite(robot.links[i].inertia).all():
             raise RobotDescriptionError(f"link {robot.links[i].name!r}: inertia is not finite")
+    base = [joint.motion for joint in robot.joints[: robot.base_joints]]
+    if base and (len(base) != 6 or len(set(base)) != 1 or base[0] == "driven"):
+        raise RobotDescriptionError(
+            f"robot {robot.name!r}: joints without motors are the six of its base, which come first"
+        )
     for c in robot.couplings:
         if not (0 <= c.motor < robot.size and 0 <= c.joint < robot.size) or c.motor == c.joint:
             raise RobotDescriptionError(

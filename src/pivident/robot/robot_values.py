@@ -23,6 +23,7 @@ from pivident.robot.description import (
     MAX_JOINTS,
     Coupling,
     Joint,
+    JointMotion,
     Link,
     Robot,
     TorqueSide,
@@ -33,6 +34,7 @@ from pivident.robot.friction import FrictionLaw
 from pivident.robot.friction_term import FrictionColumn, FrictionTerm, Shape, ShapeUnit, Smoothing
 from pivident.robot.naming import errors_name, nearest
 from pivident.robot.transmission import Transmission
+from pivident.robot.wrench_sensor import Acts, WrenchSensor
 
 #: Maximum number of characters of a name.
 MAX_NAME = 1000
@@ -127,6 +129,7 @@ class JointValues(Values):
     rated_speed: Bound | None
     torque_limit: Bound | None
     friction: list[TermValues]
+    motion: JointMotion = "driven"
 
 
 class LinkValues(Values):
@@ -173,6 +176,15 @@ class ConstraintValues(Values):
     kept: Annotated[list[int], Field(max_length=6 * MAX_JOINTS)]
 
 
+class SensorValues(Values):
+    """A force sensor."""
+
+    name: Name
+    link: Name
+    frame: PoseValues
+    acts: Acts
+
+
 class CouplingValues(Values):
     """A coupled motor; joints count from zero."""
 
@@ -216,6 +228,7 @@ class RobotValues(Values):
     urdf: UrdfValues | None
     torque_side: TorqueSide = "motor"
     constraints: ConstraintValues | None = None
+    sensors: Annotated[list[SensorValues], Field(max_length=MAX_JOINTS)] = []
 
 
 def robot_values(robot: Robot) -> dict[str, Any]:
@@ -250,6 +263,10 @@ def robot_values(robot: Robot) -> dict[str, Any]:
         else vars(robot.urdf) | {"frozen": {**robot.urdf.frozen}},
         "torque_side": robot.torque_side,
         "constraints": _constraint_values(robot),
+        "sensors": [
+            {"name": s.name, "link": s.link, "frame": _frame_values(s.frame), "acts": s.acts}
+            for s in robot.sensors
+        ],
     }
     with errors_name(f"robot {robot.name!r}"):
         return checked(RobotValues, content).model_dump()
@@ -288,6 +305,9 @@ def made_robot(values: RobotValues) -> Robot:
         passive_joints=tuple(_joint(joint) for joint in closed.joints) if closed else (),
         passive_links=tuple(_link(link) for link in closed.links) if closed else (),
         constraints=_constraints(closed, n) if closed else None,
+        sensors=tuple(
+            WrenchSensor(own.name, own.link, _frame(own.frame), own.acts) for own in values.sensors
+        ),
     )
 
 
@@ -304,10 +324,7 @@ def _constraint_values(robot: Robot) -> dict[str, Any] | None:
             {
                 "name": closure.name,
                 "links": [int(link) for link in closure.links],
-                "frames": [
-                    {"rotation": _plain(f.rotation), "translation": _plain(f.translation)}
-                    for f in closure.frames
-                ],
+                "frames": [_frame_values(frame) for frame in closure.frames],
                 "kind": closure.kind,
             }
             for closure in constraints.closures
@@ -364,9 +381,13 @@ def _frame(values: PoseValues) -> Pose:
     rotation = np.array(values.rotation)
     if not np.abs(rotation @ rotation.T - np.eye(3)).max() <= 1e-9:
         raise RobotDescriptionError(
-            "constraints.closures: the rotation of a frame is not orthonormal; write the file again"
+            "the rotation of a frame is not orthonormal; write the file again"
         )
     return Pose(rotation, np.array(values.translation))
+
+
+def _frame_values(frame: Pose) -> dict[str, Any]:
+    return {"rotation": _plain(frame.rotation), "translation": _plain(frame.translation)}
 
 
 def _link(values: LinkValues) -> Link:
@@ -412,6 +433,7 @@ def _joint_values(joint: Joint) -> dict[str, Any]:
         "position_limits": None if limits is None else [float(limit) for limit in limits],
         "rated_speed": None if joint.rated_speed is None else float(joint.rated_speed),
         "torque_limit": None if joint.torque_limit is None else float(joint.torque_limit),
+        "motion": joint.motion,
         "friction": [
             {
                 "stem": term.stem,
@@ -445,6 +467,7 @@ def _joint(values: JointValues) -> Joint:
         rated_speed=values.rated_speed,
         torque_limit=values.torque_limit,
         friction=law,
+        motion=values.motion,
     )
 
 

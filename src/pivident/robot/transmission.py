@@ -81,6 +81,17 @@ class Transmission:
             self.reduction[n, n], self.drive_gain[n], self.position_offset[n], self.gain_given[n]
         )
 
+    def behind(self, joints: int) -> Transmission:
+        """That of the joints behind the first ones, which share no motor with them.
+
+        Args:
+            joints: how many are left out, counted from the base.
+        """
+        n = slice(joints, None)
+        return Transmission(
+            self.reduction[n, n], self.drive_gain[n], self.position_offset[n], self.gain_given[n]
+        )
+
     def joint_positions(self, motor_positions: np.ndarray) -> np.ndarray:
         """Joint positions q = N⁻¹ q_motor + offset, shape (samples, joints) [rad or m].
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pivident.estimation.auxiliary_model import AuxiliaryModel
+from pivident.estimation.auxiliary_model import AuxiliaryModel, mean_until_next
 from pivident.estimation.identification import Identification
 from pivident.estimation.problem import Problem, position_units, torque_units
 from pivident.motion.motion import SimulatedMotion
@@ -72,16 +72,21 @@ class Replay:
         motion = self.simulate(found, max(ends) + ahead)
         assert motion.tau is not None
         measured = slice(0, motion.tau.shape[1])
-        position = motion.q.T - self.recording.q[measured]
-        torque = as_logged(motion.tau.T, self.recording, delay) - self.recording.tau[measured]
+        base = self.problem.robot.base_joints  # which stand still and have no motors
+        recording, tau = self.recording.behind(base), motion.tau[base:].T
+        if recording.wrench_torque is not None:
+            early = delay * recording.rate
+            tau = tau - mean_until_next(recording.wrench_torque, early)[measured]
+        position = motion.q[base:].T - recording.q[measured]
+        torque = as_logged(tau, recording, delay) - recording.tau[measured]
         return [
             ReplayError(
-                joint_names=self.recording.joint_names,
-                position_units=tuple(position_units(self.problem)),
-                torque_units=tuple(torque_units(self.problem)),
+                joint_names=recording.joint_names,
+                position_units=tuple(position_units(self.problem))[base:],
+                torque_units=tuple(torque_units(self.problem))[base:],
                 position=np.sqrt(np.mean(position[span] ** 2, axis=0)),
                 torque=np.sqrt(np.mean(torque[span] ** 2, axis=0)),
-                torque_size=np.sqrt(np.mean(self.recording.tau[span] ** 2, axis=0)),
+                torque_size=np.sqrt(np.mean(recording.tau[span] ** 2, axis=0)),
                 samples=len(position[span]),
             )
             for span in spans

@@ -1,0 +1,144 @@
+"""Measured wrenches, and the base that they hold or that floats, in a recording.
+
+A log holds the channels of the joints that have motors. Force sensors add the torques Jᵀ f to the
+equations of motion; under a held base, and on a floating one, the six joints of the base come
+before those of the log.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from pivident.errors import RecordingError
+from pivident.recording import checks
+from pivident.recording.recording import CHANNELS, MeasuredWrench, Recording
+from pivident.robot.description import Robot
+from pivident.robot.measured_base import base_positions
+from pivident.robot.wrench_sensor import BASE, COMPONENTS
+from pivident.robot.wrench_torques import wrench_torques
+
+
+def with_wrenches(
+    recording: Recording,
+    robot: Robot,
+    values: Mapping[str, np.ndarray] | None = None,
+    pose: tuple[np.ndarray, np.ndarray] | None = None,
+) -> Recording:
+    """A recording of the joints with motors, and what was measured besides.
+
+    Args:
+        recording: one column for each joint that has a motor.
+        robot: the robot with its sensors, see `pivident.robot.with_wrench_sensors` and
+            `pivident.robot.with_floating_base`.
+        values: force and moment of each sensor in its frame, by its name, shape (samples, 6)
+            [N, N m].
+        pose: of a floating base: its origin in the world, shape (samples, 3) [m], and its axes,
+            shape (samples, 3, 3).
+
+    Returns:
+        The recording with one column for each joint of the robot.
+
+    Raises:
+        RecordingError: a sensor without values, values without a sensor, a base that is measured
+            and was not; values that are not finite or constant.
+        RobotDescriptionError: a sensor on a link that the robot does not have.
+    """
+    values = dict(values or {})
+    _check_names(recording, robot, values, pose)
+    recording = _with_base(recording, robot, pose)
+    measured, torque = [], np.zeros(recording.q.shape)
+    for sensor in robot.sensors:
+        own = np.asarray(values[sensor.name], dtype=float)
+        channel = f"wrench.{sensor.name}"
+        checks.check_shape(channel, own, (recording.samples, len(COMPONENTS)))
+        checks.check_finite(channel, own, COMPONENTS)
+        if not np.ptp(own, axis=0).any():
+            raise RecordingError(
+                f"recording {recording.name!r}: the wrench of sensor {sensor.name!r} is the same "
+                "at every sample; map its columns under columns.wrench"
+            )
+        measured.append(MeasuredWrench(sensor, own))
+        torque += wrench_torques(robot, sensor, recording.q, own)
+    return replace(recording, wrenches=tuple(measured), wrench_torque=torque if measured else None)
+
+
+def _check_names(
+    recording: Recording,
+    robot: Robot,
+    values: Mapping[str, np.ndarray],
+    pose: object,
+) -> None:
+    """Refuse measurements without a sensor, and the other way round."""
+    names = [sensor.name for sensor in robot.sensors]
+    where = f"recording {recording.name!r}"
+    for name in names:
+        if name not in values:
+            raise RecordingError(
+                f"{where} has no columns for the wrench sensor {name!r}; map six, "
+                f'wrench = {{{name} = ["fx", "fy", "fz", "mx", "my", "mz"]}}'
+            ).about("columns")
+    for name in values:
+        if name not in names:
+            raise RecordingError(
+                f"{where} has columns for a wrench {name!r}, and no sensor of that name is "
+                "described; add [[wrench]] with its name, link and frame"
+            ).about("columns", "wrench", name)
+    if robot.base_motion == "measured" and pose is None:
+        raise RecordingError(
+            f"robot {robot.name!r} has a floating base, and {where} does not hold its pose; map "
+            'base = {position = ["x", "y", "z"], quaternion = ["qx", "qy", "qz", "qw"]}'
+        ).about("columns")
+    if robot.base_motion == "held" and not any(s.link == BASE for s in robot.sensors):
+        raise RecordingError(
+            f"the base of robot {robot.name!r} is held by a force sensor that is not described; "
+            'add it by [[wrench]] with link = "base", and map its columns'
+        )
+    if robot.base_motion != "measured" and pose is not None:
+        raise RecordingError(
+            f"{where} holds the pose of a base, but that of robot {robot.name!r} does not move; "
+            "write floating_base = true under [robot], or remove the columns"
+        ).about("columns", "base")
+
+
+def _with_base(
+    recording: Recording, robot: Robot, pose: tuple[np.ndarray, np.ndarray] | None
+) -> Recording:
+    """The recording with the joints of the base in front: at rest, or at their measured pose."""
+    count = robot.base_joints
+    if not count:
+        return recording
+    if recording.q_link is not None:
+        raise RecordingError(
+            f"recording {recording.name!r} has encoders behind the gears (q_link), which a "
+            "measured base does not allow; leave out their columns"
+        ).about("columns", "q_link")
+    still = np.zeros((recording.samples, count))
+    base = still
+    if pose is not None:
+        for name, part in zip(("base.position", "its rotation"), pose, strict=True):
+            if len(part) != recording.samples or not np.isfinite(part).all():
+                raise RecordingError(
+                    f"recording {recording.name!r}: {name} needs a finite number at each of "
+                    f"{recording.samples} samples"
+                )
+        base = base_positions(*pose)
+    before = {"q": base, "tau": still, "q_ref": base}
+    channels: dict[str, Any] = {
+        channel: np.hstack([before.get(channel, still), own])
+        for channel in CHANNELS
+        if (own := getattr(recording, channel)) is not None
+    }
+    if robot.base_motion == "measured":  # nothing commands its speed, and no sensor measures it
+        channels |= {c: None for c in ("dq", "dq_ref", "ddq_ref") if c in channels}
+    return replace(
+        recording,
+        joint_names=robot.joint_names,
+        **channels,
+        inputs={key: np.hstack([still, own]) for key, own in recording.inputs.items()},
+        allow_constant=True,
+        saturation="allow",
+    )
