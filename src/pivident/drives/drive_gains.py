@@ -31,6 +31,8 @@ from pivident.estimation.methods import RandomWalk
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
+from pivident.robot.description import without_wrenches
+from pivident.robot.wrench_sensor import BASE
 
 #: Rounds of simulation; gains that change by less than this many standard errors have converged.
 MAX_ROUNDS, CONVERGED = 8, 0.05
@@ -129,7 +131,8 @@ def identify_drive_gains(
         recording.require_torque("drive gains are found")
     say = progress or (lambda line: None)
     refuse_load_friction(problem.regressor)
-    _check_wrenches(problem, loaded)
+    if any(sensor.link != BASE for sensor in problem.robot.sensors):
+        without_wrenches(problem.robot, "the search for drive gains with a sensor at a link")
     base = problem.robot.joint_names[: problem.robot.base_joints]
     trusted_gains = dict.fromkeys(base, 1.0) | dict(trusted_gains or {})
     setting = gain_unknowns(
@@ -179,13 +182,6 @@ def identify_drive_gains(
         rounds=rounds,
         warnings=tuple(warnings),
     )
-
-
-def _check_wrenches(problem: Problem, loaded: Sequence[Recording]) -> None:
-    """Refuse wrenches that would be scaled with the commands of the drives."""
-    for recording in (*problem.recordings, *loaded):
-        if any(wrench.sensor.link != "base" for wrench in recording.wrenches):
-            recording.without_wrenches("the search for drive gains with a sensor at a link")
 
 
 def _of_drives(groups: Sequence[GainGroup], base: int) -> list[GainGroup]:

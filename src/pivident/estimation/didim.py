@@ -44,6 +44,7 @@ from pivident.estimation.problem import Problem
 from pivident.instruments.given_motion import InstrumentsUsed
 from pivident.motion.kinematics import Kinematics
 from pivident.motion.motion import SimulatedMotion, with_inner
+from pivident.robot.description import without_wrenches
 from pivident.text.finding import Finding
 
 #: Iterations behind the inverse controller alone: as long as θ is wrong the residual shows it, and
@@ -78,7 +79,9 @@ def identify_didim(problem: Problem, method: PrefilteredIV, say: Say) -> Identif
 
 
 def check_loop(problem: Problem, method: PrefilteredIV) -> None:
-    """Refuse a virtual loop, whose motion is not the machine's."""
+    """Refuse a virtual loop, whose motion is not the machine's, and a base without motion."""
+    if problem.robot.base_joints:
+        without_wrenches(problem.robot, f"the method {method.label}")
     if problem.loop is not None and problem.loop.reference == "smoothed":
         raise ExperimentError(
             f"{method.label} takes the motion from the simulated loop, which with reference = "

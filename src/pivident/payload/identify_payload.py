@@ -57,7 +57,7 @@ from pivident.payload.restricted_solution import (
     with_known,
 )
 from pivident.recording.recording import Recording
-from pivident.robot.description import Robot, without_loops
+from pivident.robot.description import Robot, without_loops, without_wrenches
 from pivident.robot.frames import Pose
 from pivident.simulation.control_loop import Loop
 
@@ -109,6 +109,7 @@ def identify_payload(
         IdentificationError: the arm cannot be identified, or the loaded loop cannot be simulated.
         RobotDescriptionError: a robot with closed loops.
     """
+    without_wrenches(empty.robot, "the identification of a payload")
     without_loops(empty.robot, "the identification of a payload")
     say = progress or (lambda line: None)
     chosen, known = _full_rate(method), known or KnownParts()

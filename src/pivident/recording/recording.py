@@ -271,22 +271,6 @@ class Recording:
                 "column of tau"
             ).about("columns", "tau")
 
-    def without_wrenches(self, what: str) -> None:
-        """Refuse measured wrenches where they are not handled yet.
-
-        Args:
-            what: what does not handle them, as the subject of a sentence.
-
-        Raises:
-            RecordingError: there are some.
-        """
-        if self.wrenches:
-            names = ", ".join(repr(wrench.sensor.name) for wrench in self.wrenches)
-            raise RecordingError(
-                f"recording {self.name!r} has measured wrenches ({names}), which {what} does not "
-                "handle yet; identify with ls, iv or piv, which do"
-            )
-
     def behind(self, joints: int) -> Recording:
         """The recording without the first joints, those of a measured base.
 

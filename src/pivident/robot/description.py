@@ -495,6 +495,24 @@ def without_loops(robot: Robot, what: str, instead: str = "") -> None:
     )
 
 
+def without_wrenches(robot: Robot, what: str) -> None:
+    """Refuse a robot whose recordings hold wrenches where they are not handled yet.
+
+    Args:
+        robot: the robot.
+        what: what does not handle them, as the subject of a sentence.
+
+    Raises:
+        RobotDescriptionError: the robot has force sensors, or a measured base.
+    """
+    if robot.sensors or robot.base_joints:
+        names = ", ".join(repr(sensor.name) for sensor in robot.sensors) or "its base"
+        raise RobotDescriptionError(
+            f"robot {robot.name!r} has measured wrenches ({names}), which {what} does not handle "
+            "yet; identify with ls, iv or piv, which do"
+        )
+
+
 def check_robot(robot: Robot) -> None:
     """Refuse a description that is not a tree with proper frames."""
     if robot.constraints is not None:

@@ -18,7 +18,7 @@ from pivident.estimation.auxiliary_model import loop_signals
 from pivident.estimation.output_error.simulation_fit import SimulationFit
 from pivident.estimation.output_error.stretch import Stretch
 from pivident.recording.recording import Recording
-from pivident.robot.description import Robot, without_loops
+from pivident.robot.description import Robot, without_loops, without_wrenches
 from pivident.simulation.closed_loop import LoopSignals
 from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import Controller
@@ -90,6 +90,7 @@ def fit_simulator(
         RankDeficientRegressor: the record does not determine some quantities; names them.
         RobotDescriptionError: a robot with closed loops.
     """
+    without_wrenches(robot, "the fit of a simulator")
     without_loops(robot, "the fit of a simulator")
     runs = [recordings] if isinstance(recordings, Recording) else list(recordings)
     check_quantities(free)

@@ -29,6 +29,7 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.iteration import Estimate, Run, Say, solved_otherwise
 from pivident.estimation.least_squares import least_squares_start
 from pivident.estimation.problem import Problem
+from pivident.robot.description import without_wrenches
 from pivident.text.finding import Finding, Quantity
 
 #: Mean squares of innovations between which noises are as large as assumed …
@@ -62,6 +63,7 @@ class Prepared(NamedTuple):
 
 def prepared(problem: Problem, method: StateFilter, say: Say) -> Prepared:
     """Least squares, noises and the samples that are gone through."""
+    without_wrenches(problem.robot, f"the method {method.label}")
     robot_equations(problem.robot, problem.regressor.parameters)  # refused before minutes of work
     kinematics, estimate = least_squares_start(problem, method, say)
     encoder = encoder_noise(problem, method)

@@ -46,6 +46,7 @@ from pivident.instruments.given_motion import InstrumentsUsed, agreement
 from pivident.motion.kinematics import Kinematics, residual_of
 from pivident.motion.motion import SimulatedMotion, packed_stretch, with_inner
 from pivident.recording.recording import Recording
+from pivident.robot.description import without_wrenches
 from pivident.signals.random_walk import half_power_frequencies
 from pivident.text.finding import Finding, Quantity
 
@@ -83,6 +84,7 @@ class Periods:
 
 def identify_frequency(problem: Problem, method: FrequencyDomain, say: Say) -> Identification:
     """Iterate the estimate and the variances of its lines."""
+    without_wrenches(problem.robot, f"the method {method.label}")
     say(f"{method.label}: finding whole periods")
     method = replace(method, signals=_settled(method, problem.recordings))
     made = [_periods(problem, recording, method) for recording in problem.recordings]
