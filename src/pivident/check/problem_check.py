@@ -100,7 +100,7 @@ class ProblemCheck:
                 recordings = tuple(fitted)
                 if recordings or law.type != "virtual_pd":
                     _, loop = loop_of(law, robot, recordings)
-                    loop.controller.check(robot.size)
+                    loop.controller.check(robot.size - robot.base_joints)
             except PividentError as error:
                 self.remarks.append(of_error(error, "file", ("controller",)))
                 loop = None

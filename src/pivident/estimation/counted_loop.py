@@ -66,7 +66,8 @@ GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 
 def reads_counts(problem: Problem) -> bool:
     """Whether the control law is known to read whole counts of some joint."""
-    return problem.loop is not None and bool(problem.loop.counts(problem.robot.size).any())
+    joints = problem.robot.size - problem.robot.base_joints
+    return problem.loop is not None and bool(problem.loop.counts(joints).any())
 
 
 def identify_counted(problem: Problem, method: PrefilteredIV, say: Say) -> Identification:

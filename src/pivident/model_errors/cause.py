@@ -35,6 +35,7 @@ class Cause:
         correct: the problem with the cause corrected; None: it cannot be corrected by its size.
         largest: size up to which the torque is about proportional to it; a larger one is no
             finding, but something else that looks alike.
+        least: size below which it is something else that looks alike, too.
         is_positive: whether a size below zero makes no sense, as of a compliance.
         by_first: whether the first column's amplitude is the size, since the others come with it
             in other units; else that of several columns is their length.
@@ -52,6 +53,7 @@ class Cause:
     count: int = 1
     correct: Correction | None = None
     largest: float = np.inf
+    least: float = 0.0
     is_positive: bool = False
     by_first: bool = False
     is_smooth: bool = False
@@ -59,7 +61,7 @@ class Cause:
 
     def allows(self, size: np.ndarray) -> bool:
         """Whether a size, shape (columns,), makes sense."""
-        return float(np.linalg.norm(size)) < self.largest and not (
+        return self.least <= float(np.linalg.norm(size)) < self.largest and not (
             self.is_positive and float(size[0]) < 0.0
         )
 

@@ -35,6 +35,7 @@ from pivident.threads import linear_algebra_in_one_thread
 #: Kinds of causes that a size corrects.
 CORRECTED = (
     "delay", "geometry", "gear ratio", "torque gain", "zero position", "position scale", "encoder",
+    "wrench frame", "wrench gain",
 )  # fmt: skip
 
 #: What to do about the others.

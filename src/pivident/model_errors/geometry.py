@@ -43,6 +43,8 @@ def geometry_causes(robot: Robot) -> Iterator[Cause]:
     """Lengths and angles between the joints, and the direction of gravity."""
     # lengths and angles of closed loops are no free numbers
     for j, joint in enumerate(robot.joints if robot.constraints is None else ()):
+        if joint.motion != "driven":
+            continue  # a measured base is where it was measured
         base = "the base" if joint.parent < 0 else robot.joints[joint.parent].name
         way = f"from {base} to {joint.name}"
         for k, axis in enumerate(AXES):

@@ -39,6 +39,8 @@ TURNS = (1, 2)
 def motion_causes(robot: Robot) -> Iterator[Cause]:
     """Zero position, scale and errors of each encoder, spring and play behind each motor."""
     for j, joint in enumerate(robot.joints):
+        if joint.motion != "driven":
+            continue
         turns = joint.kind == "revolute"
         zero, unit = (DEGREE, "°") if turns else (MILLI, "mm")
         yield _shifted(joint.name, j, zero, unit)

@@ -25,6 +25,7 @@ from pivident.model_errors.motion_errors import motion_causes
 from pivident.model_errors.score_tests import LEVEL, MOST_CAUSES, Score, ScoreTests
 from pivident.model_errors.torque_errors import torque_causes
 from pivident.model_errors.unchecked_causes import UncheckedCause, unchecked_causes
+from pivident.model_errors.wrench_errors import wrench_causes
 from pivident.motion.kinematics import Kinematics
 from pivident.text.numbers import plus_minus
 from pivident.threads import linear_algebra_in_one_thread
@@ -126,6 +127,7 @@ def all_causes(problem: Problem, found: Identification, reach: Reach) -> list[Ca
         *motion_causes(robot),
         *missing_causes(robot, found.parameters, names),
         *friction_causes(robot, reach),
+        *wrench_causes(problem),
     ]
 
 

@@ -30,6 +30,8 @@ def torque_causes(robot: Robot) -> Iterator[Cause]:
     """Delay of all torques and of each, gain and ripple of each, ratio of each gear."""
     yield _delay(robot, None)
     for j, joint in enumerate(robot.joints):
+        if joint.motion != "driven":
+            continue
         if robot.size > 1:
             yield _delay(robot, j)
         yield _gain(joint.name, j)

@@ -54,23 +54,12 @@ def wrench_torques(
     Raises:
         RobotDescriptionError: the robot has no such link.
     """
-    parts = wrench_columns(robot, sensor, q, wrench)
-    return sensor.sign * parts
-
-
-def wrench_columns(
-    robot: Robot, sensor: WrenchSensor, q: np.ndarray, wrench: np.ndarray
-) -> np.ndarray:
-    """Jᵀ f of a wrench that acts on the link in the axes of the sensor, whatever its sign.
-
-    Arguments and errors are those of `wrench_torques`.
-    """
     link = sensor_link(robot, sensor)
     torques = np.zeros((len(q), robot.size))
     for first in range(0, len(q), BLOCK):
         span = slice(first, first + BLOCK)
         torques[span] = _torques(robot, sensor, link, q[span], wrench[span])
-    return torques
+    return sensor.sign * torques
 
 
 def _torques(
@@ -102,6 +91,22 @@ def _torques(
             effect = moment + np.cross(point - origin, force)
         torques[:, i] = np.einsum("si,si->s", axis, effect)
     return torques
+
+
+def link_rotations(robot: Robot, link: int, q: np.ndarray) -> np.ndarray:
+    """Axes of a link in the world, shape (samples, 3, 3).
+
+    Args:
+        robot: a tree.
+        link: index of the link.
+        q: positions of all joints, shape (samples, joints) [rad or m].
+    """
+    rotation = np.broadcast_to(np.eye(3), (len(q), 3, 3))
+    for i in robot.ancestors(link)[::-1]:
+        rotation = rotation @ robot.joints[i].rotation
+        if robot.joints[i].kind == "revolute":
+            rotation = rotation @ _turns(q[:, i])
+    return rotation
 
 
 def _turns(angle: np.ndarray) -> np.ndarray:

@@ -126,6 +126,8 @@ def identified_loop(identification: Identification) -> IdentifiedLoop | None:
         return None
     recording = equations.records[0].kinematics.recording
     rate, delay, n = recording.control_rate, recording.drive_delay, identification.robot.size
+    if identification.robot.base_joints:
+        return IdentifiedLoop((), rate, delay, "Loops on a measured base are not drawn.")
     try:
         feedbacks = joint_feedbacks(loop.controller, rate, n)
     except ExperimentError as error:

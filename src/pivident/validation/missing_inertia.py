@@ -88,6 +88,8 @@ def _wanted(problem: Problem, joints: list[int]) -> list[str]:
     """
     loop, recording, robot = problem.loop, problem.recordings[0], problem.robot
     assert loop is not None, "a simulation has one"
+    if robot.base_joints:
+        return []  # whose mass matrix is not that of the arm alone
     try:
         feedbacks = joint_feedbacks(loop.controller, recording.control_rate, robot.size)
         mass = mass_matrix(

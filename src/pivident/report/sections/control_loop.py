@@ -54,15 +54,16 @@ class ControlLoopSection(Section):
     def _entry(self, loop: Loop, methods: Sequence[int]) -> dict[str, Any]:
         """Tables and figures of one loop, with the signals of the last method that used it."""
         user = self.data.identifications[methods[-1]]
-        units = [joint.position_unit for joint in user.robot.joints]
-        gains = np.broadcast_to(np.asarray(loop.drive_gain, float), (user.robot.size,))
+        robot, driven = user.robot.on_fixed_base, user.joints[user.robot.base_joints :]
+        units = [joint.position_unit for joint in robot.joints]
+        gains = np.broadcast_to(np.asarray(loop.drive_gain, float), (robot.size,))
         laws = loop.identified.joints if loop.identified is not None else ()
         return {
             "method": methods[-1],
             "methods": [(self.data.labels[k], k) for k in methods],
             "recordings": loop.identified.recordings if loop.identified is not None else (),
             "drives": [
-                (gain, joint.torque_unit) for gain, joint in zip(gains, user.joints, strict=True)
+                (gain, joint.torque_unit) for gain, joint in zip(gains, driven, strict=True)
             ],
             "compensates": any(law.gravity is not None for law in laws),
             "laws": [

@@ -41,7 +41,9 @@ class ReplayError:
     @property
     def total(self) -> float:
         """Torque error over all joints [%]."""
-        return total_error(self.torque, self.torque_size, self.torque_units)
+        driven = self.torque_size > 0.0  # without the joints of a measured base
+        units = [unit for unit, own in zip(self.torque_units, driven, strict=True) if own]
+        return total_error(self.torque[driven], self.torque_size[driven], units)
 
 
 class Replay:
@@ -72,18 +74,18 @@ class Replay:
         motion = self.simulate(found, max(ends) + ahead)
         assert motion.tau is not None
         measured = slice(0, motion.tau.shape[1])
-        base = self.problem.robot.base_joints  # which stand still and have no motors
-        recording, tau = self.recording.behind(base), motion.tau[base:].T
+        recording, tau = self.recording, motion.tau.T
         if recording.wrench_torque is not None:
             early = delay * recording.rate
             tau = tau - mean_until_next(recording.wrench_torque, early)[measured]
-        position = motion.q[base:].T - recording.q[measured]
+        position = motion.q.T - recording.q[measured]
         torque = as_logged(tau, recording, delay) - recording.tau[measured]
+        torque[:, : self.problem.robot.base_joints] = 0.0  # they have no motors
         return [
             ReplayError(
                 joint_names=recording.joint_names,
-                position_units=tuple(position_units(self.problem))[base:],
-                torque_units=tuple(torque_units(self.problem))[base:],
+                position_units=tuple(position_units(self.problem)),
+                torque_units=tuple(torque_units(self.problem)),
                 position=np.sqrt(np.mean(position[span] ** 2, axis=0)),
                 torque=np.sqrt(np.mean(torque[span] ** 2, axis=0)),
                 torque_size=np.sqrt(np.mean(recording.tau[span] ** 2, axis=0)),
