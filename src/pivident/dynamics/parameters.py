@@ -68,14 +68,14 @@ def standard_parameters(robot: Robot) -> tuple[Parameter, ...]:
     a measured base, have no rotor inertia, and links that are no bodies no inertia.
     """
     parameters = []
-    places, robot = robot.places, robot.tree
+    driven, robot = robot.with_motors, robot.tree
     for i, joint in enumerate(robot.joints):
         label = robot.label(i)
         for stem in INERTIAL if robot.links[i].is_body else ():
             unit = "kg" if stem == "m" else "kg m" if stem.startswith("m") else "kg m²"
             parameters.append(Parameter(f"{stem}{label}", stem, i, unit))
         rotor_unit = "kg m²" if joint.kind == "revolute" else "kg"
-        if robot.torque_side == "motor" and joint.motion == "driven" and i in places:
+        if robot.torque_side == "motor" and i in driven:
             parameters.append(Parameter(f"ia{label}", "ia", i, rotor_unit))
         for term in joint.friction.terms:
             unit = friction_unit(term, joint.kind)

@@ -43,6 +43,7 @@ from pivident.experiment.robot_table import FRICTION_KEYS, robot_of
 from pivident.experiment.schema import ExperimentFile
 from pivident.experiment.toml_file import errors_name, toml_content
 from pivident.motion.law_torque import with_law_torque
+from pivident.motion.planted_feet import on_planted_feet
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot, without_loops
 from pivident.robot.naming import nearest
@@ -88,6 +89,7 @@ class Experiment:
                 self.path.parent,
                 self.content.torque_side,
                 self.content.wrench,
+                self.content.contact,
             )
 
     @property
@@ -173,6 +175,10 @@ class Experiment:
                     raise
                 reason = f"There is no simulated loop: {error.sentence}"
                 say(reason)
+        if robot.contacts:
+            say("closing the legs over the ground")
+            with errors_name(self.path, "[[contact]]"):
+                robot, recordings = on_planted_feet(robot, recordings)
         say("finding the base parameters")
         with errors_name(self.path, ""):
             return replace(problem_of(given, robot, recordings, loop), without_loop=reason)

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from pivident.errors import ExperimentError, RobotDescriptionError, concerning
-from pivident.experiment.schema import CouplingEntry, RobotEntry, WrenchEntry
+from pivident.experiment.schema import ContactEntry, CouplingEntry, RobotEntry, WrenchEntry
+from pivident.robot.contact import Contact
 from pivident.robot.description import Coupling, Robot, TorqueSide
 from pivident.robot.drives import implied_coupling, with_drives
 from pivident.robot.frames import Pose, rotation_from_rpy
@@ -32,6 +33,7 @@ def robot_of(
     folder: Path,
     torque_side: TorqueSide = "motor",
     wrenches: Sequence[WrenchEntry] = (),
+    contacts: Sequence[ContactEntry] = (),
 ) -> Robot:
     """The described robot with everything that the experiment file adds to it.
 
@@ -41,6 +43,11 @@ def robot_of(
     if entry.floating_base:
         with concerning("floating_base"):
             robot = with_floating_base(robot)
+    for contact in contacts:
+        with concerning("contact"):
+            robot.link_index(contact.link)
+    standing = tuple(Contact(own.link, np.array(own.at)) for own in contacts)
+    robot = replace(robot, contacts=standing) if standing else robot
     return with_wrench_sensors(robot, [_sensor(own) for own in wrenches]) if wrenches else robot
 
 

@@ -125,6 +125,13 @@ class WrenchEntry(Entry):
     acts: Acts = "on_robot"
 
 
+class ContactEntry(Entry):
+    """A point of a link that stands still, of a robot on a floating base."""
+
+    link: Annotated[str, Field(min_length=1)]
+    at: Annotated[list[float], Field(min_length=3, max_length=3)] = Field([0.0, 0.0, 0.0])
+
+
 class RecordingEntry(Entry):
     """One run: files with columns and units, or a public record by name."""
 
@@ -332,11 +339,26 @@ class ExperimentFile(Entry):
     payload: LoadEntry | None = None  # payload
     excite: ExciteEntry | None = None  # excite
     wrench: list[WrenchEntry] = Field(default_factory=list)  # force sensors
+    contact: list[ContactEntry] = Field(default_factory=list)  # feet that stand
 
     @property
     def torque_side(self) -> TorqueSide:
         """What the logged torques are: of the motors, or of sensors behind the gears."""
         return self.recording[0].torque_side or "motor"
+
+    @model_validator(mode="after")
+    def _contacts_of_a_floating_base(self) -> ExperimentFile:
+        if self.contact and not self.robot.floating_base:
+            raise ExperimentError(
+                "[[contact]] describes feet of a robot whose base floats; write floating_base = "
+                "true under [robot]"
+            ).about("contact")
+        if self.contact and self.validation.recording:
+            raise ExperimentError(
+                "a robot on feet that stand is judged on held-out blocks of its own stance, not on "
+                "[[validation.recording]]; remove one of both"
+            ).about("contact")
+        return self
 
     @model_validator(mode="after")
     def _one_kind_of_torque(self) -> ExperimentFile:

@@ -23,7 +23,7 @@ from pivident.recording.recording import MeasuredWrench, Recording
 from pivident.robot.description import Robot
 from pivident.robot.frames import Pose, rotation_about
 from pivident.robot.wrench_sensor import WrenchSensor
-from pivident.robot.wrench_torques import link_rotations, sensor_link, wrench_torques
+from pivident.robot.wrench_torques import link_places, sensor_link, wrench_torques
 
 #: Largest sizes that are believed, by unit.
 LARGEST = {"mm": 500.0, "°": 45.0, "%": 50.0}
@@ -102,7 +102,7 @@ def _conventions(problem: Problem, k: int, sensor: WrenchSensor) -> Iterator[Cau
         return  # the axes of its link are those of the world
 
     def in_world(f: np.ndarray, q: np.ndarray) -> np.ndarray:
-        axes = link_rotations(problem.robot, link, q) @ sensor.frame.rotation
+        axes = link_places(problem.robot, link, q)[0] @ sensor.frame.rotation
         return np.hstack([np.einsum("sji,sj->si", axes, part) for part in (f[:, :3], f[:, 3:])])
 
     what = "the wrench was logged in the axes of the world"

@@ -92,10 +92,11 @@ def _check_names(
             f"robot {robot.name!r} has a floating base, and {where} does not hold its pose; map "
             'base = {position = ["x", "y", "z"], quaternion = ["qx", "qy", "qz", "qw"]}'
         ).about("columns")
-    if robot.base_motion == "measured" and not names:
+    if robot.base_motion == "measured" and not names and not robot.contacts:
         raise RecordingError(
-            f"robot {robot.name!r} has a floating base, and no measured wrench holds it; describe "
-            "the sensors of its cable or feet by [[wrench]], and map their columns"
+            f"robot {robot.name!r} has a floating base, and nothing holds it: describe the sensors "
+            "of its cable or feet by [[wrench]] and map their columns, or its feet that stand by "
+            "[[contact]]"
         )
     if robot.base_motion == "held" and not any(s.link == BASE for s in robot.sensors):
         raise RecordingError(

@@ -43,6 +43,7 @@ def closed_robot(
     closures: Sequence[Closure] = (),
     linear: Sequence[LinearConstraint] = (),
     posture: np.ndarray | None = None,
+    driven: Sequence[str] = (),
 ) -> Robot:
     """The robot of a tree whose loops are closed: its joints are the independent ones.
 
@@ -54,6 +55,7 @@ def closed_robot(
         closures: frames that meet where the loops were cut.
         linear: joints that move in proportion.
         posture: positions near which the loops close, shape (tree joints,); None: zeros.
+        driven: further joints that have motors, whose torques are measured.
 
     Returns:
         The robot; its links are those of the independent joints, `Robot.tree` has all.
@@ -68,7 +70,8 @@ def closed_robot(
             f"independent joints are {', '.join(independent) or 'missing'}; name each once"
         )
     start = np.zeros(tree.size) if posture is None else np.asarray(posture, dtype=float)
-    constraints = Constraints(places, tuple(closures), tuple(linear), start)
+    motors = tuple(find_joint(tree.joint_names, name) for name in driven)
+    constraints = Constraints(places, tuple(closures), tuple(linear), start, driven=motors)
     others = [i for i in range(tree.size) if i not in places]
     start = assembled(tree, constraints, start)
     kept = _independent_equations(tree, replace(constraints, posture=start), others)

@@ -78,6 +78,7 @@ class Constraints:
         linear: joints that move in proportion.
         posture: positions of all joints of the tree in which the loops are closed, shape
             (tree joints,): from there the assembly of any other posture is followed.
+        driven: further joints of the tree that have motors, whose torques are measured.
         kept: equations that do not follow from the others, ascending; all are counted, closures
             first.
     """
@@ -87,6 +88,7 @@ class Constraints:
     linear: tuple[LinearConstraint, ...] = ()
     posture: np.ndarray = field(default_factory=lambda: np.zeros(0))
     kept: tuple[int, ...] = ()
+    driven: tuple[int, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:

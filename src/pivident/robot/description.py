@@ -24,6 +24,7 @@ import numpy as np
 
 from pivident.errors import RobotDescriptionError
 from pivident.robot.constraints import Constraints
+from pivident.robot.contact import Contact
 from pivident.robot.friction import DEFAULT_FRICTION, FrictionLaw
 from pivident.robot.friction_term import SLOPE_AT_RATED_SPEED
 from pivident.robot.naming import find_joint, nearest
@@ -183,6 +184,7 @@ class Robot:
         passive_links: what they carry.
         constraints: what closes the loops, see `pivident.robot.closed_robot`; None: a tree.
         sensors: force sensors, see `pivident.robot.with_wrench_sensors`.
+        contacts: feet that stand, of a robot on a floating base.
     """
 
     name: str
@@ -200,6 +202,7 @@ class Robot:
     passive_links: tuple[Link, ...] = ()
     constraints: Constraints | None = None
     sensors: tuple[WrenchSensor, ...] = ()
+    contacts: tuple[Contact, ...] = ()
 
     def __post_init__(self) -> None:
         check_robot(self)
@@ -301,6 +304,12 @@ class Robot:
         if self.constraints is None:
             return tuple(range(self.size))
         return self.constraints.places
+
+    @property
+    def with_motors(self) -> tuple[int, ...]:
+        """Indices of the joints in the `tree` that have motors."""
+        own = (i for i in self.places if self.tree.joints[i].motion == "driven")
+        return (*own, *(self.constraints.driven if self.constraints else ()))
 
     @property
     def joint_names(self) -> tuple[str, ...]:

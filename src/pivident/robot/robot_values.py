@@ -19,6 +19,7 @@ from pydantic.functional_validators import AfterValidator, BeforeValidator
 
 from pivident.errors import RobotDescriptionError
 from pivident.robot.constraints import Closure, ClosureKind, Constraints, LinearConstraint
+from pivident.robot.contact import Contact
 from pivident.robot.description import (
     MAX_JOINTS,
     Coupling,
@@ -174,6 +175,7 @@ class ConstraintValues(Values):
     linear: Annotated[list[LinearValues], Field(max_length=MAX_JOINTS)]
     posture: Annotated[list[Finite], Field(max_length=MAX_JOINTS)]
     kept: Annotated[list[int], Field(max_length=6 * MAX_JOINTS)]
+    driven: Annotated[list[int], Field(max_length=MAX_JOINTS)] = []
 
 
 class SensorValues(Values):
@@ -183,6 +185,13 @@ class SensorValues(Values):
     link: Name
     frame: PoseValues
     acts: Acts
+
+
+class ContactValues(Values):
+    """A foot that stands."""
+
+    link: Name
+    point: Vector3
 
 
 class CouplingValues(Values):
@@ -229,6 +238,7 @@ class RobotValues(Values):
     torque_side: TorqueSide = "motor"
     constraints: ConstraintValues | None = None
     sensors: Annotated[list[SensorValues], Field(max_length=MAX_JOINTS)] = []
+    contacts: Annotated[list[ContactValues], Field(max_length=MAX_JOINTS)] = []
 
 
 def robot_values(robot: Robot) -> dict[str, Any]:
@@ -267,6 +277,7 @@ def robot_values(robot: Robot) -> dict[str, Any]:
             {"name": s.name, "link": s.link, "frame": _frame_values(s.frame), "acts": s.acts}
             for s in robot.sensors
         ],
+        "contacts": [{"link": c.link, "point": _plain(c.point)} for c in robot.contacts],
     }
     with errors_name(f"robot {robot.name!r}"):
         return checked(RobotValues, content).model_dump()
@@ -308,6 +319,7 @@ def made_robot(values: RobotValues) -> Robot:
         sensors=tuple(
             WrenchSensor(own.name, own.link, _frame(own.frame), own.acts) for own in values.sensors
         ),
+        contacts=tuple(Contact(own.link, np.array(own.point)) for own in values.contacts),
     )
 
 
@@ -335,6 +347,7 @@ def _constraint_values(robot: Robot) -> dict[str, Any] | None:
         ],
         "posture": _plain(constraints.posture),
         "kept": [int(k) for k in constraints.kept],
+        "driven": [int(i) for i in constraints.driven],
     }
 
 
@@ -357,6 +370,7 @@ def _constraints(values: ConstraintValues, joints: int) -> Constraints:
         ),
         np.array(values.posture),
         tuple(values.kept),
+        tuple(values.driven),
     )
     links = [link for closure in made.closures for link in closure.links]
     fit = {
@@ -365,6 +379,7 @@ def _constraints(values: ConstraintValues, joints: int) -> Constraints:
         "closures": all(-1 <= link < count for link in links),
         "linear": all(one.ratios.size == count for one in made.linear),
         "posture": made.posture.size == count,
+        "driven": set(made.driven) <= set(range(count)) - set(made.places),
         "kept": len(made.kept) == count - joints
         and sorted(set(made.kept) & set(range(len(made.names)))) == list(made.kept),
     }

@@ -70,14 +70,8 @@ def _torques(
     rotation, origin = np.broadcast_to(np.eye(3), (len(q), 3, 3)), np.zeros((len(q), 3))
     axes, origins = [], []
     for i in chain:
-        joint, position = robot.joints[i], q[:, i]
-        origin = origin + rotation @ joint.translation
-        rotation = rotation @ joint.rotation
+        rotation, origin = _behind(robot, i, q[:, i], rotation, origin)
         axes.append(rotation[:, :, 2])
-        if joint.kind == "prismatic":
-            origin = origin + position[:, None] * rotation[:, :, 2]
-        else:
-            rotation = rotation @ _turns(position)
         origins.append(origin)
     point = origin + rotation @ sensor.frame.translation
     rotation = rotation @ sensor.frame.rotation
@@ -93,20 +87,30 @@ def _torques(
     return torques
 
 
-def link_rotations(robot: Robot, link: int, q: np.ndarray) -> np.ndarray:
-    """Axes of a link in the world, shape (samples, 3, 3).
+def link_places(robot: Robot, link: int, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Axes of a link in the world, shape (samples, 3, 3), and its origin, shape (samples, 3) [m].
 
     Args:
         robot: a tree.
         link: index of the link.
         q: positions of all joints, shape (samples, joints) [rad or m].
     """
-    rotation = np.broadcast_to(np.eye(3), (len(q), 3, 3))
+    rotation, origin = np.broadcast_to(np.eye(3), (len(q), 3, 3)), np.zeros((len(q), 3))
     for i in robot.ancestors(link)[::-1]:
-        rotation = rotation @ robot.joints[i].rotation
-        if robot.joints[i].kind == "revolute":
-            rotation = rotation @ _turns(q[:, i])
-    return rotation
+        rotation, origin = _behind(robot, i, q[:, i], rotation, origin)
+    return rotation, origin
+
+
+def _behind(
+    robot: Robot, i: int, position: np.ndarray, rotation: np.ndarray, origin: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Axes and origin of link i from those of its parent."""
+    joint = robot.joints[i]
+    origin = origin + rotation @ joint.translation
+    rotation = rotation @ joint.rotation
+    if joint.kind == "prismatic":
+        return rotation, origin + position[:, None] * rotation[:, :, 2]
+    return rotation @ _turns(position), origin
 
 
 def _turns(angle: np.ndarray) -> np.ndarray:
