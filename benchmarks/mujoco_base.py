@@ -95,10 +95,8 @@ def mujoco_base_record(
     driven = robot.on_fixed_base
     spec = mujoco_spec(robot, 1.0 / (rate * SUBSTEPS))
     held = _add_sites(spec, robot, pushes)
-    for (
-        name
-    ) in driven.joint_names:  # viscous friction that is late by half a step feels like inertia
-        spec.joint(name).damping[0] = driven.friction_nominal.get(_viscous(driven, name), 0.0)
+    for name in driven.joint_names:  # friction that is late by half a step feels like inertia
+        spec.joint(name).damping[0] = driven.friction_nominal.get(viscous_name(driven, name), 0.0)
     model = spec.compile()
     data = mujoco.MjData(model)
     names = driven.joint_names
@@ -109,7 +107,7 @@ def mujoco_base_record(
     if free:
         data.qpos[2] = height
     data.qpos[at] = q_ref[0]
-    law = friction_of(_without_viscous(driven))
+    law = friction_of(without_viscous(driven))
     samples, n = q_ref.shape
     noise = std.encoder * rng.normal(size=q_ref.shape)
     q, tau = np.zeros_like(q_ref), np.zeros_like(q_ref)
@@ -172,12 +170,12 @@ def mujoco_base_record(
     return with_wrenches(recording, robot, wrench, measured)
 
 
-def _viscous(robot: Robot, joint: str) -> str:
+def viscous_name(robot: Robot, joint: str) -> str:
     """Name of its viscous friction."""
     return f"fv{robot.label(robot.joint_names.index(joint))}"
 
 
-def _without_viscous(robot: Robot) -> Robot:
+def without_viscous(robot: Robot) -> Robot:
     """The robot with what MuJoCo does not have: dry friction and offsets."""
     left = {k: v for k, v in robot.friction_nominal.items() if not k.startswith("fv")}
     return replace(robot, friction_nominal=left)

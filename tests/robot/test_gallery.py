@@ -17,13 +17,13 @@ SIX_AXES = ["staubli_tx40", "mitsubishi_rv2sq"]
 def test_the_gallery_has_these_robots():
     assert gallery_names() == (
         "delta", "emps", "five_bar", "mitsubishi_rv2sq", "orthoglide", "parallelogram_palletizer",
-        "planar_2r", "scara", "staubli_tx40",
+        "planar_2r", "quadruped", "scara", "staubli_tx40",
     )  # fmt: skip
 
 
 @pytest.mark.parametrize("name", gallery_names())
 def test_every_robot_of_the_gallery_knows_its_bounds_and_its_friction(name):
-    robot = load_robot(name)
+    robot = load_robot(name).on_fixed_base
     assert np.isfinite(robot.rated_speeds).all()
     names = {parameter.name for parameter in standard_parameters(robot)}
     assert robot.friction_nominal.keys() <= names

@@ -20,7 +20,8 @@ def gallery_text() -> str:
     robots = [(name, load_robot(name)) for name in gallery_names()]
     width = max(len(name) for name, _ in robots)
     lines = [
-        f"{name:<{width}}  {robot.size} joint(s): {robot.description}" for name, robot in robots
+        f"{name:<{width}}  {robot.on_fixed_base.size} joint(s): {robot.description}"
+        for name, robot in robots
     ]
     return "\n".join([*lines, "", "pivident robots NAME shows geometry and base parameters"])
 
@@ -46,6 +47,8 @@ def _geometry(robot: Robot) -> str:
         place = " ".join(map(_number, joint.translation))
         turn = " ".join(_number(math.degrees(a)) for a in _roll_pitch_yaw(joint.rotation))
         kind = joint.kind if i in robot.places else f"{joint.kind}, passive"
+        if joint.motion != "driven":
+            kind = f"{joint.kind}, {joint.motion}"
         rows.append((joint.name, kind, parent, place, turn, *_limits(joint)))
     return "Geometry at q = 0 (z is the joint's axis)\n" + _table(rows)
 
@@ -62,6 +65,7 @@ def _limits(joint: Joint) -> tuple[str, str]:
 
 def _drives(robot: Robot) -> str:
     """Reduction, drive gain, friction law and couplings."""
+    robot = robot.on_fixed_base
     transmission = robot.transmission
     rows = [("joint", "reduction", "drive gain", "γ of the friction", "friction law")]
     for j, joint in enumerate(robot.joints):

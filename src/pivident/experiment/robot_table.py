@@ -39,13 +39,21 @@ def robot_of(
 
     Where torques are measured behind the gears, its laws of friction are those of the file alone.
     """
-    robot = _on_fixed_base(entry, folder, torque_side)
-    if entry.floating_base:
+    with concerning("model"):
+        described = _described(entry, folder)
+    robot = _with_additions(described.on_fixed_base, entry, torque_side)
+    if entry.floating_base or described.base_joints:
+        link = described.links[described.base_joints - 1] if described.base_joints else None
         with concerning("floating_base"):
-            robot = with_floating_base(robot)
+            robot = with_floating_base(robot, link)
     for contact in contacts:
         with concerning("contact"):
             robot.link_index(contact.link)
+    if contacts and not robot.base_joints:
+        raise ExperimentError(
+            "[[contact]] describes feet of a robot whose base floats; write floating_base = true "
+            "under [robot]"
+        ).about("contact")
     standing = tuple(Contact(own.link, np.array(own.at)) for own in contacts)
     robot = replace(robot, contacts=standing) if standing else robot
     return with_wrench_sensors(robot, [_sensor(own) for own in wrenches]) if wrenches else robot
@@ -57,10 +65,8 @@ def _sensor(entry: WrenchEntry) -> WrenchSensor:
     return WrenchSensor(entry.name, entry.link, frame, entry.acts)
 
 
-def _on_fixed_base(entry: RobotEntry, folder: Path, torque_side: TorqueSide) -> Robot:
-    """The robot and its drives."""
-    with concerning("model"):
-        robot = _described(entry, folder)
+def _with_additions(robot: Robot, entry: RobotEntry, torque_side: TorqueSide) -> Robot:
+    """A robot with the drives, friction and gravity of the experiment file."""
     if torque_side == "link":
         robot = robot.with_link_torques()
     if entry.gravity is not None:

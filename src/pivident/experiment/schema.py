@@ -347,12 +347,7 @@ class ExperimentFile(Entry):
         return self.recording[0].torque_side or "motor"
 
     @model_validator(mode="after")
-    def _contacts_of_a_floating_base(self) -> ExperimentFile:
-        if self.contact and not self.robot.floating_base:
-            raise ExperimentError(
-                "[[contact]] describes feet of a robot whose base floats; write floating_base = "
-                "true under [robot]"
-            ).about("contact")
+    def _one_stance(self) -> ExperimentFile:
         if self.contact and self.validation.recording:
             raise ExperimentError(
                 "a robot on feet that stand is judged on held-out blocks of its own stance, not on "

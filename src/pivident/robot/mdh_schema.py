@@ -318,6 +318,7 @@ class TableFile(Entry):
     couplings: list[CouplingEntry] = []
     loops: list[LoopEntry] = []
     gears: list[GearEntry] = []
+    floating_base: LinkEntry | None = None
     transmission: TransmissionEntry = TransmissionEntry()
 
 

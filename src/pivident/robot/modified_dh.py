@@ -41,6 +41,8 @@ closed again by
 and joints in proportion (gears, belts, ball screws) by ``[[gears]]`` with ``name``, ``ratios`` (as
 ``{nut = 1, spindle = -1}``) and ``offset``: the sum of ratio times position is the offset, angles
 in the units of the file. Drives, couplings and logs are those of the joints that are not passive.
+
+A base that floats is a body, ``[floating_base]`` with the keys of a link; logs hold its pose.
 """
 
 from __future__ import annotations
@@ -79,6 +81,7 @@ from pivident.robot.friction import (
     viscous,
 )
 from pivident.robot.inertia import from_center_of_mass, tensor
+from pivident.robot.measured_base import with_floating_base
 from pivident.robot.naming import errors_name, find_joint, nearest, repeated
 from pivident.robot.transmission import Transmission
 from pivident.text.toml import MAX_FILE, parse_toml
@@ -178,7 +181,11 @@ def _robot(table: TableFile) -> Robot:
         undriven = closed_from_tables(undriven, moving, table.loops, table.gears, angle.radians)
     robot = _with_drives(undriven, table, driven, angle)
     nominal = _nominal_friction(robot, moving) | _nominal_couplings(robot, table.couplings)
-    return replace(robot, friction_nominal=nominal)
+    robot = replace(robot, friction_nominal=nominal)
+    base = table.floating_base
+    if base is None:
+        return robot
+    return with_floating_base(robot, Link(base.name or BASE, _inertia(base)))
 
 
 def _with_drives(
