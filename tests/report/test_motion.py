@@ -2,11 +2,14 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from pivident.report.motion import MAX_POSITIONS, joint_ranges, motion_values
+from pivident.robot.gallery import load_robot
+from tests.robot.kinematics import link_poses
 from tests.synthetic_identification import synthetic_identification
 
 
@@ -69,3 +72,27 @@ def test_ranges_are_the_motion_in_words(identification):
     assert first.low == recording.q_measured[:, 0].min()
     assert first.high == recording.q_measured[:, 0].max()
     assert first.speed == np.abs(recording.dq[:, 0]).max()
+
+
+def test_loops_are_drawn_closed():
+    robot = load_robot("delta")
+    q = np.tile(robot.constraints.posture[list(robot.places)], (50, 1))
+    t = np.linspace(0.0, 1.0, 50)
+    values = motion_values(robot, [SimpleNamespace(name="still", t=t, q_measured=q)])
+    assert values["rows"] == list(robot.places) and len(values["ends"]) == 6
+    poses = link_poses(robot.tree, robot.constraints.posture)
+    ends = [(poses[link] @ [*point, 1.0])[:3] for link, *point in values["ends"]]
+    for first, second in zip(ends[::2], ends[1::2], strict=True):
+        np.testing.assert_allclose(first, second, atol=1e-5)
+    assert not any(values["tip"][link] for link, *_ in values["ends"])
+
+
+def test_axes_of_a_measured_base_are_not_drawn():
+    robot = load_robot("quadruped")
+    still = SimpleNamespace(
+        name="still", t=np.linspace(0.0, 1.0, 20), q_measured=np.zeros((20, 18))
+    )
+    values = motion_values(robot, [still])
+    assert [joint["axis"] for joint in values["joints"]] == [False] * 6 + [True] * 12
+    # legs hang on the trunk, whose last joint is none
+    assert [joint["way"] for joint in values["joints"]][6:9] == [True, True, True]

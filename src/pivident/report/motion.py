@@ -36,12 +36,14 @@ class JointRange:
 def motion_values(robot: Robot, recordings: Sequence[FittedRecording]) -> dict[str, Any]:
     """Robot and positions as plain values, for the script that draws them.
 
-    ``joints``: name, kind, parent, rotation by rows and translation of each; ``tip``: point of each
-    link that is drawn where nothing hangs on it [m]; ``up``: direction against gravity;
+    ``joints``: name, kind, parent, rotation by rows and translation of each, whether its axis and
+    whether the way to it are drawn; ``rows``: those of the table of positions; ``tip``: point of
+    each link that is drawn where nothing hangs on it [m]; ``ends``: link (-1: the base) and point
+    of each end of a loop, to which a bar is drawn; ``up``: direction against gravity;
     ``recordings``: name, start and duration [s], and ``q``, a list for each joint at equal
     distances of time.
     """
-    tree = robot.tree
+    tree, real = robot.tree, _real(robot.tree)
     most = max(2, MAX_POSITIONS // max(1, tree.size * len(recordings)))
     size = np.linalg.norm(robot.gravity)
     up = -robot.gravity / size if size > 0.0 else np.array([0.0, 0.0, 1.0])
@@ -53,10 +55,18 @@ def motion_values(robot: Robot, recordings: Sequence[FittedRecording]) -> dict[s
                 "parent": joint.parent,
                 "rotation": [round(float(x), 9) for x in joint.rotation.ravel()],
                 "translation": [round(float(x), 6) for x in joint.translation],
+                "axis": real[index],
+                "way": real[index] and (joint.parent < tree.base_joints or real[joint.parent]),
             }
-            for joint in tree.joints
+            for index, joint in enumerate(tree.joints)
         ],
-        "tip": [_tip(tree, index) for index in range(tree.size)],
+        "rows": list(robot.places),
+        "tip": [_tip(robot, index) for index in range(tree.size)],
+        "ends": [
+            [link, *(round(float(x), 6) for x in frame.translation)]
+            for closure in (robot.constraints.closures if robot.constraints else ())
+            for link, frame in zip(closure.links, closure.frames, strict=True)
+        ],
         "up": [round(float(x), 6) for x in up],
         "recordings": [_recording_values(robot, recording, most) for recording in recordings],
     }
@@ -101,9 +111,27 @@ def _recording_values(robot: Robot, recording: FittedRecording, most: int) -> di
     }
 
 
-def _tip(robot: Robot, index: int) -> list[float] | None:
-    """Where a last link is drawn to: its centre of mass, else a little along its joint's axis."""
+def _real(tree: Robot) -> list[bool]:
+    """Joints that are built: not those of a measured base, and no slides that carry no body.
+
+    Such slides say where a platform is that does not turn.
+    """
+    return [
+        joint.motion == "driven" and (link.is_body or joint.kind == "revolute")
+        for joint, link in zip(tree.joints, tree.links, strict=True)
+    ]
+
+
+def _tip(machine: Robot, index: int) -> list[float] | None:
+    """Where a last link is drawn to: its centre of mass, else a little along its joint's axis.
+
+    One that closes a loop ends there.
+    """
+    robot, constraints = machine.tree, machine.constraints
+    closures = constraints.closures if constraints else ()
     if any(joint.parent == index for joint in robot.joints):
+        return None
+    if any(index in closure.links for closure in closures):
         return None
     reach = sum(float(np.linalg.norm(joint.translation)) for joint in robot.joints) or 1.0
     inertia = robot.links[index].inertia

@@ -52,25 +52,35 @@ const arm = (() => {
 
   /** Faces of the whole arm in a posture, in the base frame. */
   function faces(motion, q, reach, colours) {
-    const { joints, tip } = motion;
+    const { joints, tip, ends } = motion;
     const frames = poses(joints, q);
     const found = [];
     joints.forEach((joint, i) => {
       const { R, p } = frames[i];
       const before = joint.parent < 0 ? [0, 0, 0] : frames[joint.parent].p;
-      found.push(...bar(before, p, 0.02 * reach, joint.parent < 0 ? colours.base : colours.joint(joint.parent)));
-      const half = scaled(column(R, 2), 0.055 * reach);
-      const sides = joint.kind === "revolute" ? 18 : 4;
-      found.push(...bar(less(p, half), add(p, half), 0.038 * reach, colours.joint(i), sides));
+      const way = joint.parent < 0 ? colours.base : colours.joint(joint.parent);
+      if (joint.way) found.push(...bar(before, p, 0.02 * reach, way));
+      if (joint.axis) {
+        const half = scaled(column(R, 2), 0.055 * reach);
+        const sides = joint.kind === "revolute" ? 18 : 4;
+        found.push(...bar(less(p, half), add(p, half), 0.038 * reach, colours.joint(i), sides));
+      }
       if (tip[i]) found.push(...bar(p, add(p, rotated(R, tip[i])), 0.016 * reach, colours.joint(i)));
     });
+    for (const [link, ...point] of ends) {
+      const { R, p } = link < 0 ? { R: null, p: [0, 0, 0] } : frames[link];
+      const end = R ? add(p, rotated(R, point)) : point;
+      found.push(...bar(p, end, 0.018 * reach, link < 0 ? colours.base : colours.joint(link)));
+    }
     return found;
   }
 
-  /** Tips of the last links. */
+  /** Tips of the last links; of a mechanism that has none, the ends of its loops. */
   const tips = (motion, q) => {
     const frames = poses(motion.joints, q);
-    return motion.tip.flatMap((tip, i) => (tip ? [add(frames[i].p, rotated(frames[i].R, tip))] : []));
+    const last = motion.tip.flatMap((tip, i) => (tip ? [add(frames[i].p, rotated(frames[i].R, tip))] : []));
+    const closed = motion.ends.flatMap(([link, ...point]) => (link < 0 ? [] : [add(frames[link].p, rotated(frames[link].R, point))]));
+    return last.length ? last : closed;
   };
 
   /** What a camera sees that turns about a target. */

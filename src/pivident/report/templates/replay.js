@@ -118,8 +118,8 @@
     output.textContent = text;
     slider.setAttribute("aria-valuetext", text);
     canvas.dataset.instant = instant;
-    motion.joints.forEach((joint, i) => {
-      const [, value, degrees] = rows[i].cells;
+    motion.rows.forEach((i, row) => {
+      const joint = motion.joints[i], [, value, degrees] = rows[row].cells;
       value.textContent = `${q[i].toFixed(3)} ${joint.kind === "revolute" ? "rad" : "m"}`;
       degrees.textContent = joint.kind === "revolute" ? `${((q[i] * 180) / Math.PI).toFixed(1)}°` : "";
     });
@@ -214,7 +214,7 @@
 
   function colour() {
     document.querySelectorAll(".replay .swatch").forEach((swatch) => {
-      swatch.style.background = `var(--m${swatch.dataset.joint % {{ method_colours | length }}})`;
+      swatch.style.background = `var(--m${motion.rows[swatch.dataset.joint] % {{ method_colours | length }}})`;
     });
     ask();
   }
