@@ -14,7 +14,8 @@ from pivident.experiment.robot_table import robot_of
 from pivident.experiment.schema import RobotEntry
 from pivident.init.robot_file import robot_file
 from pivident.robot.gallery import load_robot
-from pivident.robot.mjcf import position_gains, read_mjcf
+from pivident.robot.mjcf import read_mjcf
+from pivident.robot.mjcf_gains import position_gains
 
 #: Signs without smoothing would add MuJoCo's dry friction; only the linear part is compared.
 STATES = 5

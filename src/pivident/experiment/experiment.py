@@ -44,12 +44,9 @@ from pivident.experiment.schema import ExperimentFile
 from pivident.experiment.toml_file import errors_name, toml_content
 from pivident.motion.law_torque import with_law_torque
 from pivident.recording.recording import Recording
-from pivident.robot.description import Robot, without_loops
+from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
 from pivident.simulation.control_loop import Loop
-
-#: What there is for a robot with closed loops.
-WITHOUT_CONSISTENCY = "leave out pc- before the methods and the table [consistency]"
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,15 +198,10 @@ class Experiment:
 
         Args:
             names: methods with or without ``pc-``; default: those of the file.
-
-        Raises:
-            RobotDescriptionError: a robot with closed loops.
         """
         chosen = names or self._method_names()
         found = made_consistent(chosen)
         found = found if found or self.content.consistency is None else tuple(chosen)
-        if found:
-            without_loops(self.robot, "physical consistency", WITHOUT_CONSISTENCY)
         return found
 
     def consistency(self) -> ConsistencyOptions:

@@ -85,6 +85,10 @@ FORMATS: dict[Format, FormatEntry] = {
 }
 
 
+#: Formats that closed loops can be written in; URDF has joints that follow one other joint.
+WITH_LOOPS: tuple[Format, ...] = ("json", "mjcf", "urdf")
+
+
 def export_model(
     model: RunnableModel,
     to: Format,
@@ -107,11 +111,11 @@ def export_model(
 
     Raises:
         ExportError: the format cannot say the model, or there is no such format.
-        RobotDescriptionError: a robot with closed loops, but in JSON.
+        RobotDescriptionError: a robot with closed loops in a format that has none.
     """
     if to not in FORMATS:
         raise ExportError(f"there is no format {to!r}; {nearest(str(to), get_args(Format))}")
-    if to != "json":
+    if to not in WITH_LOOPS:
         refuse_loops(model.robot, FORMATS[to].title)
     return FORMATS[to].write(model, FileOptions(name, original, frozen or {}))
 

@@ -23,9 +23,9 @@ from .friction import stribeck as stribeck
 from .friction import viscous as viscous
 from .friction_term import FrictionTerm as FrictionTerm
 from .gallery import gallery_names as gallery_names
-from .mjcf import PositionGains as PositionGains
-from .mjcf import position_gains as position_gains
 from .mjcf import read_mjcf as read_mjcf
+from .mjcf_gains import PositionGains as PositionGains
+from .mjcf_gains import position_gains as position_gains
 from .modified_dh import parse_modified_dh as parse_modified_dh
 from .modified_dh import read_modified_dh as read_modified_dh
 from .transmission import Transmission as Transmission
