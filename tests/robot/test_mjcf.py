@@ -174,10 +174,6 @@ def test_a_floating_base_is_refused_and_can_be_held(tmp_path):
     [
         ({"root": '<joint name="s" type="ball"/>'}, "joint 's': a ball joint.*freeze it"),
         (
-            {"more": '<equality><joint name="e" joint1="a" joint2="b"/></equality>'},
-            "equality constraints .e: joint.*remove <equality>",
-        ),
-        (
             {"more": '<tendon><fixed name="t"><joint joint="a" coef="1"/></fixed></tendon>'},
             "tendons .t.*remove <tendon>",
         ),

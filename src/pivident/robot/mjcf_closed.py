@@ -71,8 +71,8 @@ def closed_mjcf(
         return _with_rotors(_with_own_friction(robot), tree.rotor_inertia)
     assert failure is not None
     raise RobotDescriptionError(
-        f"{failure} (joints without motors are {', '.join(passive) or 'missing'}; passive under "
-        "[robot] names others, and a <key> of the file gives another posture to start from)"
+        f"{failure}. Joints without motors are {', '.join(passive) or 'missing'}; passive = […] "
+        "under [robot] names others, a <key> of the file another posture to start from"
     ) from failure
 
 
@@ -105,7 +105,7 @@ def _dependent(
         sizes = np.linalg.svd(slope, compute_uv=False)
         largest = max(largest, int((sizes > RANK * sizes.max(initial=1.0)).sum()))
     if not largest and failure is not None:
-        raise failure
+        raise RobotDescriptionError(f"{failure}: add a <key> in which it is closed") from failure
     return largest
 
 
