@@ -253,12 +253,15 @@ def test_a_hinge_of_the_base_held_by_a_weld_is_no_loop(tmp_path):
     assert robot.constraints is None and robot.joint_names == ("a", "b")
 
 
-SITES = """<mujoco><compiler angle="radian"/><worldbody><body name="A"><joint name="a" axis="0 1 0"/>
+SITES = """<mujoco><compiler angle="radian"/><worldbody>
+<body name="A"><joint name="a" axis="0 1 0"/>
 <inertial pos=".1 0 0" mass="1" diaginertia=".1 .1 .1"/>
 <body name="B" pos=".3 0 0"><joint name="b" axis="0 1 0"/>
-<inertial pos=".1 0 0" mass="1" diaginertia=".1 .1 .1"/><site name="tip" pos=".5 0 0"/></body></body>
+<inertial pos=".1 0 0" mass="1" diaginertia=".1 .1 .1"/>
+<site name="tip" pos=".5 0 0"/></body></body>
 <body name="C" pos=".5 0 0"><joint name="c" axis="0 1 0"/>
-<inertial pos=".1 0 0" mass="1" diaginertia=".1 .1 .1"/><site name="hook" pos=".4 0 0"/></body>
+<inertial pos=".1 0 0" mass="1" diaginertia=".1 .1 .1"/>
+<site name="hook" pos=".4 0 0"/></body>
 </worldbody><equality><connect name="pin" site1="tip" site2="hook"/></equality>
 <actuator><motor joint="a"/></actuator>{key}</mujoco>"""
 

@@ -107,22 +107,20 @@ def _proportion(robot: Robot, one: LinearConstraint) -> tuple[list[str], str]:
     tree, posture = robot.tree, robot.constraints.posture
     coupled = np.flatnonzero(one.ratios)
     names = [quoted(tree.joints[i].name) for i in coupled]
-    rest = float(one.offset - one.ratios @ posture)
+    follower = max(range(len(coupled)), key=lambda k: (coupled[k] not in robot.places, k))
+    ratios = one.ratios[coupled] / one.ratios[coupled[follower]]
+    rest = float((one.offset - one.ratios @ posture) / one.ratios[coupled[follower]])
+    own = quoted(one.name)
     if len(coupled) > 2:
-        tendon = [f"<fixed name={quoted(one.name)}>"]
+        tendon = [f"<fixed name={own}>"]
         tendon += [
-            f'  <joint joint={name} coef="{number(one.ratios[i])}"/>'
-            for name, i in zip(names, coupled, strict=True)
+            f'  <joint joint={name} coef="{number(ratio)}"/>'
+            for name, ratio in zip(names, ratios.tolist(), strict=True)
         ]
-        own = quoted(one.name)
         line = f'<tendon name={own} tendon1={own} polycoef="{number(rest)} 0 0 0 0"/>'
         return [*tendon, "</fixed>"], line
-    follower = max(range(len(coupled)), key=lambda k: (coupled[k] not in robot.places, k))
-    ratio = float(one.ratios[coupled[follower]])
-    coefficients = f'polycoef="{number(rest / ratio)} 0 0 0 0"'
-    leader = ""
+    leader, slope = "", 0.0
     if len(coupled) == 2:
-        slope = -float(one.ratios[coupled[1 - follower]]) / ratio
-        leader = f" joint2={names[1 - follower]}"
-        coefficients = f'polycoef="{number(rest / ratio)} {number(slope)} 0 0 0"'
-    return [], f"<joint name={quoted(one.name)} joint1={names[follower]}{leader} {coefficients}/>"
+        leader, slope = f" joint2={names[1 - follower]}", -float(ratios[1 - follower])
+    coefficients = f'polycoef="{number(rest)} {number(slope)} 0 0 0"'
+    return [], f"<joint name={own} joint1={names[follower]}{leader} {coefficients}/>"
