@@ -132,7 +132,9 @@ def test_what_mimic_cannot_say_is_refused_with_the_next_step():
     scara, bar = with_values(load_robot("scara")), with_values(load_robot("five_bar"))
     with pytest.raises(ExportError, match=r"'lift' follows 'screw_nut' and 'spline_nut'.*as MJCF"):
         to_urdf(scara)
-    with pytest.raises(RobotDescriptionError, match="closed loops.*URDF.*export it as MJCF, or as"):
+    with pytest.raises(
+        RobotDescriptionError, match=r"closed loops.*URDF.*export it as MJCF, or as"
+    ):
         to_urdf(bar)
 
 

@@ -12,6 +12,7 @@ from pivident.dynamics.robot_regressor import regressor_of
 from pivident.errors import RobotDescriptionError
 from pivident.experiment.robot_table import robot_of
 from pivident.experiment.schema import RobotEntry
+from pivident.init.robot_file import robot_file
 from pivident.robot.mjcf import read_mjcf
 from tests.robot.test_mjcf import arm, unit, without_dry_friction, written
 
@@ -212,6 +213,13 @@ def test_an_experiment_file_names_passive_joints(tmp_path):
     assert robot.joint_names == ("b1", "a1")
     with pytest.raises(ValueError, match=r"passive is for MJCF robots, not for 'five_bar'"):
         RobotEntry(model="five_bar", passive=["left"])
+
+
+def test_pivident_init_looks_for_the_joints_with_motors(tmp_path):
+    machine = robot_file(str(five_bar(tmp_path)), [tmp_path / "log.csv"])
+    assert machine.joint_names == ("a1", "b1", "wrist") and machine.fixed == ("a2", "b2")
+    robot = machine.robot(["a1", "b1"], {"wrist": 0.2})
+    assert robot.joint_names == ("a1", "b1") and len(robot.passive_joints) == 2
 
 
 def test_joints_of_the_log_take_those_of_their_loop_along(tmp_path):

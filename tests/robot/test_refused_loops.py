@@ -80,7 +80,7 @@ def test_the_closed_form_of_base_parameters(robot):
         closed_form_base_parameters(robot)
 
 
-@pytest.mark.parametrize("to", ["urdf", "sdf", "c", "numpy", "latex"])
+@pytest.mark.parametrize("to", ["urdf", "sdf", "c", "numpy"])
 def test_files_of_other_programs(robot, to):
     with pytest.raises(RobotDescriptionError, match=REFUSED + ".*MJCF, or as JSON"):
         export_model(runnable_model(robot), to)

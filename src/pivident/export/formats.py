@@ -86,7 +86,7 @@ FORMATS: dict[Format, FormatEntry] = {
 
 
 #: Formats that closed loops can be written in; URDF has joints that follow one other joint.
-WITH_LOOPS: tuple[Format, ...] = ("json", "mjcf", "urdf")
+WITH_LOOPS: tuple[Format, ...] = ("json", "mjcf", "urdf", "latex")
 
 
 def export_model(

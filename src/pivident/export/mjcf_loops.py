@@ -61,8 +61,8 @@ def loop_elements(robot: Robot) -> LoopElements:
                 sites.setdefault(link, []).append(_site(both[-1], frame))
             one, two = (quoted(site) for site in both)
             equalities.append(f"<{element} name={quoted(name)} site1={one} site2={two}/>")
-    for one in constraints.linear:
-        own_tendons, line = _proportion(robot, one)
+    for proportion in constraints.linear:
+        own_tendons, line = _proportion(robot, proportion)
         tendons += own_tendons
         equalities.append(line)
     return LoopElements(sites, tendons, equalities)
@@ -96,8 +96,8 @@ def _pairs(robot: Robot, closure: Closure, turns: bool) -> list[tuple[str, str, 
 
 
 def _site(name: str, frame: Pose) -> str:
-    turn = "" if (frame.rotation == np.eye(3)).all() else quaternion(frame.rotation)
-    turned = f' quat="{numbers(turn)}"' if len(turn) else ""
+    turn = "" if (frame.rotation == np.eye(3)).all() else numbers(quaternion(frame.rotation))
+    turned = f' quat="{turn}"' if turn else ""
     return f'<site name={quoted(name)} pos="{numbers(frame.translation)}"{turned}/>'
 
 

@@ -21,6 +21,7 @@ import numpy as np
 
 from pivident.errors import RobotDescriptionError, concerning
 from pivident.robot.assembly import Member, carriers, chosen_order, merge_fixed
+from pivident.robot.constraints import Closure, LinearConstraint
 from pivident.robot.description import Joint, Link, Robot
 from pivident.robot.frames import Pose, rotation_from_z_to, rotation_z
 from pivident.robot.friction import DEFAULT_FRICTION, FrictionLaw, offset, spring
@@ -85,18 +86,14 @@ def read_mjcf(
         moving = [k for k, name in enumerate(names) if name not in held]
         refuse_unknown_physics(model, moving)
         members, ends = _members(model, names, held, friction)
+        loops, linear = _constraints(equalities, members, ends, names, held)
         tree, links = merge_fixed(members)
-        still = {names.index(name): at for name, at in held.items()}
-        carried = carriers(members)
-        places = {body: _carried(carried, member, pose) for body, (member, pose) in ends.items()}
-        loops = closures(equalities.meetings, places, still)
-        order = {k: i for i, k in enumerate(moving)}
-        linear = linear_constraints(equalities.proportions, names, order, still)
         if not loops and not linear:
             _refuse_passive(passive)
             # what is stored has parameters of frames between the joints of a body
             links = tuple(replace(link, is_body=True) for link in links)
-            wanted = joints or [names[k] for k in moving]
+            wanted = list(joints or ())
+            wanted += [names[k] for k in moving if names[k] not in wanted]
             _check_parents_first(tree, wanted)
             tree, links = chosen_order(tree, links, wanted)
         robot = Robot(
@@ -116,12 +113,24 @@ def read_mjcf(
         return closed_mjcf(robot, model, names, (loops, linear, equalities), joints, passive)
 
 
-def _carried(carried: Sequence[tuple[int, Pose]], member: int, pose: Pose) -> tuple[int, Pose]:
-    """Moving link of a frame in a member, -1 for the base, and the frame in that link."""
-    if member < 0:
-        return -1, pose
-    link, mounting = carried[member]
-    return link, mounting @ pose
+def _constraints(
+    equalities: Equalities,
+    members: Sequence[Member],
+    ends: Mapping[int, tuple[int, Pose]],
+    names: Sequence[str],
+    held: Mapping[str, float],
+) -> tuple[list[Closure], list[LinearConstraint]]:
+    """What closes the loops of the joints that move, see `_members` for ``ends``."""
+    carried = carriers(members)
+    places = {
+        body: (carried[m][0], carried[m][1] @ pose) if m >= 0 else (-1, pose)
+        for body, (m, pose) in ends.items()
+    }
+    still = {names.index(name): at for name, at in held.items()}
+    moving = [k for k in range(len(names)) if k not in still]
+    order = {k: i for i, k in enumerate(moving)}
+    linear = linear_constraints(equalities.proportions, names, order, still)
+    return closures(equalities.meetings, places, still), linear
 
 
 def _refuse_passive(passive: Sequence[str] | None) -> None:
@@ -133,7 +142,9 @@ def _refuse_passive(passive: Sequence[str] | None) -> None:
 
 
 def movable_joints(path: str | Path) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names of the joints of an MJCF file that can be kept, and of those that cannot.
+    """Names of the joints of an MJCF file that have or may have motors, and of the others.
+
+    Of loops the joints with motors, see `read_mjcf`.
 
     Args:
         path: the file.
@@ -150,7 +161,10 @@ def movable_joints(path: str | Path) -> tuple[tuple[str, ...], tuple[str, ...]]:
             raise RobotDescriptionError(
                 "no hinge or slide joint of it can move; is it the right file?"
             )
+        equalities = read_equalities(model)
     kept = tuple(name for name, yes in zip(names, usable, strict=True) if yes)
+    if equalities.meetings or equalities.proportions:
+        kept = read_mjcf(path, joints=kept).joint_names
     return kept, tuple(name for name in names if name not in kept)
 
 

@@ -160,15 +160,15 @@ def _with_rotors(robot: Robot, rotor: np.ndarray) -> Robot:
     loaded = [i for i in others if rotor[i]]
     if not loaded:
         return robot
-    ratios = proportions(robot)
+    found = proportions(robot)
     for i in loaded:
-        moved_by = [] if ratios is None else np.flatnonzero(ratios[0][i])
-        if len(moved_by) > 1 or ratios is None:
+        moved_by = [] if found is None else np.flatnonzero(found[0][i]).tolist()
+        if found is None or len(moved_by) > 1:
             raise RobotDescriptionError(
                 f"joint {robot.tree.joints[i].name!r} has armature = {rotor[i]:g} but no motor, "
                 "and a loop moves it; rotor inertias are in the model of joints with motors only: "
                 "remove its armature, or add it to the inertia of its body"
             )
         for a in moved_by:
-            own[a] += ratios[0][i, a] ** 2 * rotor[i]
+            own[a] += found[0][i, a] ** 2 * rotor[i]
     return replace(robot, rotor_inertia=own)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from pivident.errors import RobotDescriptionError
-from pivident.robot.constraints import Closure, LinearConstraint
+from pivident.robot.constraints import Closure, ClosureKind, LinearConstraint
 from pivident.robot.frames import Pose
 from pivident.robot.mjcf_model import mujoco_library, rotation_of_quaternion
 from pivident.robot.naming import frozen_example
@@ -31,7 +31,7 @@ class Meeting:
     """Two frames in bodies that meet."""
 
     name: str
-    kind: str  # ``point`` or ``full``
+    kind: ClosureKind
     bodies: tuple[int, int]
     frames: tuple[Pose, Pose]
     joints: frozenset[int]  # that lie on the loop
@@ -62,7 +62,8 @@ class Equalities:
     def moved_along(self, kept: Sequence[int], frozen: Sequence[int]) -> tuple[int, ...]:
         """Joints that constraints move with those that are kept, and that are not frozen."""
         found = set(kept)
-        groups = [one.joints - set(frozen) for one in (*self.meetings, *self.proportions)]
+        whole = [one.joints for one in self.meetings] + [one.joints for one in self.proportions]
+        groups = [joints - set(frozen) for joints in whole]
         while any(group & found and not group <= found for group in groups):
             found |= {k for group in groups if group & found for k in group}
         return tuple(sorted(found - set(kept)))
@@ -186,8 +187,7 @@ def closures(
         (first, before), (second, after) = (ends[body] for body in one.bodies)
         frames = before @ one.frames[0], after @ one.frames[1]
         if first != second:
-            kind = "point" if one.kind == "point" else "full"
-            made.append(Closure(one.name, (first, second), frames, kind))
+            made.append(Closure(one.name, (first, second), frames, one.kind))
             continue
         apart = float(np.linalg.norm(frames[0].translation - frames[1].translation))
         turned = float(np.abs(frames[0].rotation - frames[1].rotation).max())
