@@ -376,6 +376,18 @@ def test_what_is_no_proportion_is_refused(tmp_path, given, says):
         read_mjcf(geared(tmp_path, **given))
 
 
+def test_a_tendon_of_joints_that_stand_still_does_nothing(tmp_path):
+    """As the fingers of many arms: a tendon with a motor, and an equality."""
+    more = '<actuator><general tendon="sum"/><motor joint="a"/></actuator>'
+    equality = '<joint joint1="b" joint2="c"/>'
+    joints = SUM.replace('<joint joint="a" coef="1"/>', "")
+    path = geared(tmp_path, equality=equality, tendon=joints, more=more)
+    robot = read_mjcf(path, joints=["a"])
+    assert robot.joint_names == ("a",) and robot.constraints is None
+    with pytest.raises(RobotDescriptionError, match=r"tendons \(sum\)"):
+        read_mjcf(path)
+
+
 def test_a_rotor_that_a_loop_moves_is_refused(tmp_path):
     with pytest.raises(RobotDescriptionError, match=r"'b2' has armature = 0\.3 but no motor"):
         read_mjcf(five_bar(tmp_path, passive=' armature=".3"'))

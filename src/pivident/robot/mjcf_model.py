@@ -6,7 +6,7 @@ model. This module needs the extra ``mujoco``.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Set
 from pathlib import Path
 from typing import Any
 
@@ -122,11 +122,6 @@ def moves_a_joint(model: Any, actuator: int) -> bool:
 def _only_couples(model: Any, k: int) -> bool:
     """Whether a tendon is a sum of joint positions that an equality holds, and nothing more."""
     mujoco = mujoco_library()
-    first, count = int(model.tendon_adr[k]), int(model.tendon_num[k])
-    is_sum = all(
-        int(kind) == int(mujoco.mjtWrap.mjWRAP_JOINT)
-        for kind in model.wrap_type[first : first + count]
-    )
     acts = any(
         np.any(getattr(model, f"tendon_{what}", np.zeros(model.ntendon))[k])
         for what in ("stiffness", "damping", "frictionloss", "armature", "limited", "actfrclimited")
@@ -142,10 +137,25 @@ def _only_couples(model: Any, k: int) -> bool:
         and k in (int(model.eq_obj1id[e]), int(model.eq_obj2id[e]))
         for e in range(model.neq)
     )
-    return is_sum and held and not acts and not moved
+    return tendon_joints(model, k) is not None and held and not acts and not moved
 
 
-def refuse_unknown_physics(model: Any, moving: Iterable[int]) -> None:
+def _is_still(model: Any, k: int, moving: Set[int]) -> bool:
+    """Whether a tendon is a sum of joint positions of which none moves."""
+    joints = tendon_joints(model, k)
+    return joints is not None and not joints & moving
+
+
+def tendon_joints(model: Any, k: int) -> frozenset[int] | None:
+    """Indices of the joints that a fixed tendon adds up; None: of a tendon in space."""
+    first, count = int(model.tendon_adr[k]), int(model.tendon_num[k])
+    of_joint = int(mujoco_library().mjtWrap.mjWRAP_JOINT)
+    if any(int(kind) != of_joint for kind in model.wrap_type[first : first + count]):
+        return None
+    return frozenset(int(joint) for joint in model.wrap_objid[first : first + count])
+
+
+def refuse_unknown_physics(model: Any, moving: Collection[int]) -> None:
     """Refuse what acts on moving joints and is not in the model of rigid links.
 
     Args:
@@ -158,7 +168,7 @@ def refuse_unknown_physics(model: Any, moving: Iterable[int]) -> None:
     names = [
         model.tendon(k).name or f"number {k + 1}"
         for k in range(model.ntendon)
-        if not _only_couples(model, k)
+        if not _is_still(model, k, set(moving)) and not _only_couples(model, k)
     ]
     if names:
         raise RobotDescriptionError(
