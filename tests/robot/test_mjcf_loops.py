@@ -291,7 +291,8 @@ GEARED = """<mujoco><compiler angle="radian"/><worldbody>
 <inertial pos=".1 0 0" mass="1" diaginertia=".1 .1 .1"/>
 <body name="B" pos=".3 0 0"><joint name="b" axis="0 1 0" ref="-.2" armature=".01"/>
 <inertial pos=".1 0 0" mass="1" diaginertia=".1 .1 .1"/>
-<body name="C" pos=".3 0 0"><joint name="c" type="slide" axis="1 0 0" ref=".1"/>
+<site name="o"/>
+<body name="C" pos=".3 0 0"><joint name="c" type="slide" axis="1 0 0" ref=".1"/><site name="p"/>
 <inertial pos=".1 0 .1" mass="1" diaginertia=".1 .1 .1"/></body></body></body>
 </worldbody>{tendon}<equality>{equality}</equality>{more}</mujoco>"""
 
@@ -362,6 +363,14 @@ def test_frozen_followers_and_leaders(tmp_path):
             r"equality 'belt': a polynomial of a degree above one \(polycoef = 0\.1 -0\.5 0\.2",
         ),
         ({"tendon": SUM}, r"tendons \(sum\)"),
+        (
+            {
+                "tendon": '<tendon><spatial name="rope"><site site="o"/><site site="p"/></spatial>'
+                "</tendon>",
+                "equality": '<tendon tendon1="rope"/>',
+            },
+            r"tendon 'rope' is no sum of joint positions",
+        ),
         (
             {
                 "tendon": SUM.replace('"sum"', '"sum" damping="1"'),

@@ -19,7 +19,7 @@ import numpy as np
 from pivident.errors import RobotDescriptionError
 from pivident.robot.constraints import Closure, ClosureKind, LinearConstraint
 from pivident.robot.frames import Pose
-from pivident.robot.mjcf_model import mujoco_library, rotation_of_quaternion
+from pivident.robot.mjcf_model import mujoco_library, rotation_of_quaternion, tendon_joints
 from pivident.robot.naming import frozen_example
 
 #: Largest gap of two frames of the same link that counts as closed [m, or element of a rotation].
@@ -161,6 +161,12 @@ def _joint_terms(model: Any, joint: int) -> tuple[dict[int, float], float]:
 
 def _tendon_terms(model: Any, tendon: int) -> tuple[dict[int, float], float]:
     """Coefficients of a fixed tendon's joints, and its length in the drawn pose."""
+    if tendon_joints(model, tendon) is None:
+        name = model.tendon(tendon).name or f"number {tendon + 1}"
+        raise RobotDescriptionError(
+            f"tendon {name!r} is no sum of joint positions, and its length is not in the model; "
+            "remove its equality"
+        )
     first, count = int(model.tendon_adr[tendon]), int(model.tendon_num[tendon])
     ratios: dict[int, float] = {}
     for w in range(first, first + count):

@@ -91,6 +91,19 @@ def _refused(error: ValueError) -> RobotDescriptionError:
     return RobotDescriptionError(f"MuJoCo refuses it: {said}")
 
 
+#: What makes a tendon act on its joints, arrays of a compiled model.
+_OF_TENDONS = (
+    "stiffness",
+    "stiffnesspoly",
+    "damping",
+    "dampingpoly",
+    "frictionloss",
+    "armature",
+    "limited",
+    "actfrclimited",
+)
+
+
 def joint_names(model: Any) -> tuple[str, ...]:
     """Names of the joints of a compiled model; one without a name has that of its body."""
     names = []
@@ -123,8 +136,7 @@ def _only_couples(model: Any, k: int) -> bool:
     """Whether a tendon is a sum of joint positions that an equality holds, and nothing more."""
     mujoco = mujoco_library()
     acts = any(
-        np.any(getattr(model, f"tendon_{what}", np.zeros(model.ntendon))[k])
-        for what in ("stiffness", "damping", "frictionloss", "armature", "limited", "actfrclimited")
+        np.any(getattr(model, f"tendon_{what}", np.zeros(model.ntendon))[k]) for what in _OF_TENDONS
     )
     moved = any(
         int(model.actuator_trntype[u]) == int(mujoco.mjtTrn.mjTRN_TENDON)
