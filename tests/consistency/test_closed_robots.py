@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import pivident as pv
+from pivident.cli import main
 from pivident.consistency.consistent_estimate import consistent_estimate
 from pivident.consistency.consistent_files import consistent_csv
 from pivident.consistency.consistent_model import make_consistent
@@ -18,6 +19,7 @@ from pivident.errors import RobotDescriptionError
 from pivident.export.load_back import verify_with_mujoco
 from pivident.export.mjcf import to_mjcf
 from pivident.models.runnable_model import runnable_model
+from pivident.robot.mjcf import read_mjcf
 from pivident.simulation import virtual_pd
 from pivident.tables.models import consistent_parameters
 
@@ -105,3 +107,13 @@ def test_a_free_estimate_is_written_on_standard_parameters(five_bar):
     free, _ = five_bar
     model = runnable_model(free)
     np.testing.assert_allclose(model.base_values, free.theta, rtol=0, atol=1e-10)
+
+
+def test_a_result_on_disk_is_written_for_mujoco_and_not_as_a_tree(five_bar, tmp_path, capsys):
+    five_bar[0].save(tmp_path / "result")
+    command = ["export", str(tmp_path / "result"), "--out", str(tmp_path / "bar.xml"), "--to"]
+    assert main([*command, "mjcf"]) == 0
+    assert "Loaded back: torques of 196 random states by MuJoCo" in capsys.readouterr().out
+    assert read_mjcf(tmp_path / "bar.xml").joint_names == ("left", "right")
+    assert main([*command, "urdf"]) == 1
+    assert "export it as MJCF, or as JSON" in capsys.readouterr().err
