@@ -5,12 +5,12 @@ import pytest
 
 from pivident.consistency.ellipsoid import (
     half_axes,
-    link_frames,
     moment_about_axis,
     outline,
     principal_axes,
 )
 from pivident.consistency.pseudo_inertia import link_body
+from pivident.robot.assembly import link_frames
 from pivident.robot.frames import Pose, rotation_about
 from pivident.robot.gallery import load_robot
 

@@ -78,8 +78,8 @@ def with_values(robot: Robot, seed: int = 1, mass: float = 1.0) -> RunnableModel
     rng = np.random.default_rng(seed)
     model = runnable_model(robot)
     values = np.zeros(len(model.parameters))
-    bodies = [random_body(rng, mass) for _ in robot.links]
-    at = dict.fromkeys(range(robot.size), 0)
+    bodies = [random_body(rng, mass) for _ in robot.tree.links]
+    at = dict.fromkeys(range(robot.tree.size), 0)
     for k, p in enumerate(model.parameters):
         if p.is_inertial:
             values[k] = bodies[p.joint][at[p.joint]]

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from pivident.consistency.consistent_model import make_consistent
+from pivident.export.formats import export_model
 from pivident.export.latex import latex_group, latex_number, latex_unit, to_latex
 from pivident.models.runnable_model import Origin, runnable_model
+from pivident.robot.gallery import load_robot
 from pivident.text.identifiers import one_line
 from tests.robot.random_robots import random_robot
 from tests.synthetic_identification import synthetic_identification
@@ -39,6 +41,14 @@ def test_every_base_parameter_has_estimate_spread_and_consistent_value():
 def number(cell: str) -> float:
     mantissa, _, power = cell.strip("$").partition(r" \cdot 10^{")
     return float(mantissa) * 10.0 ** int(power.strip("}") or 0)
+
+
+def test_standard_parameters_of_a_mechanism_stand_beside_their_links():
+    model = runnable_model(load_robot("five_bar"))
+    rows = cells(export_model(model, "latex").text, 1)
+    assert len(rows) == len(model.parameters)
+    links = [row[0].replace("\\", "") for row in rows if row[0]]
+    assert links == ["left_crank", "left_rod", "right_crank", "right_rod"]
 
 
 def test_parameters_that_were_left_out_are_not_in_the_table():

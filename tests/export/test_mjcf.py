@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from pivident.errors import ExportError
 from pivident.export.joint_side import joint_side
 from pivident.export.load_back import verify_with_mujoco
-from pivident.export.mjcf import SUPPORTED, quaternion, to_mjcf
+from pivident.export.mjcf import SUPPORTED, to_mjcf
+from pivident.export.mjcf_bodies import quaternion
 from pivident.models.runnable_model import runnable_model
 from pivident.robot.description import Coupling
 from pivident.robot.frames import rotation_from_rpy

@@ -60,3 +60,11 @@ def test_a_follower_of_a_joint_that_stands_still_is_named():
         parse_urdf(arm(FOLLOWS), frozen={"j1": 0.0})
     with pytest.raises(RobotDescriptionError, match=r"mimic multiplier = 'x' is not a number"):
         parse_urdf(arm(FOLLOWS.replace("-0.5", "x")))
+
+
+def test_a_follower_that_is_not_listed_moves_along_with_its_leader():
+    robot = parse_urdf(arm(FOLLOWS), joints=["j1", "j0"])
+    assert robot.joint_names == ("j1", "j0") and robot.tree.joint_names == ("j0", "j1", "j2")
+    assert parse_urdf(arm(FOLLOWS), joints=["j0"]).constraints is None
+    still = parse_urdf(arm(FOLLOWS), joints=["j0", "j1"], frozen={"j2": 0.1})
+    assert still.constraints is None and still.urdf.frozen == {"j2": 0.1}

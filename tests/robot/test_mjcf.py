@@ -14,7 +14,8 @@ from pivident.experiment.robot_table import robot_of
 from pivident.experiment.schema import RobotEntry
 from pivident.init.robot_file import robot_file
 from pivident.robot.gallery import load_robot
-from pivident.robot.mjcf import position_gains, read_mjcf
+from pivident.robot.mjcf import read_mjcf
+from pivident.robot.mjcf_gains import position_gains
 
 #: Signs without smoothing would add MuJoCo's dry friction; only the linear part is compared.
 STATES = 5
@@ -172,10 +173,6 @@ def test_a_floating_base_is_refused_and_can_be_held(tmp_path):
     ("given", "says"),
     [
         ({"root": '<joint name="s" type="ball"/>'}, "joint 's': a ball joint.*freeze it"),
-        (
-            {"more": '<equality><joint name="e" joint1="a" joint2="b"/></equality>'},
-            "equality constraints .e: joint.*remove <equality>",
-        ),
         (
             {"more": '<tendon><fixed name="t"><joint joint="a" coef="1"/></fixed></tendon>'},
             "tendons .t.*remove <tendon>",

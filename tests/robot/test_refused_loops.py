@@ -6,7 +6,6 @@ import pytest
 import pivident as pv
 from pivident.cli.app import main
 from pivident.collision import Clearances, clearances_of_room, exact_distances, outline_of
-from pivident.consistency.consistent_model import make_consistent
 from pivident.control_law.law_gravity import gravity_columns
 from pivident.drives.known_payload import Payload
 from pivident.dynamics.base_parameters import base_parameters
@@ -81,15 +80,15 @@ def test_the_closed_form_of_base_parameters(robot):
         closed_form_base_parameters(robot)
 
 
-@pytest.mark.parametrize("to", ["urdf", "mjcf", "sdf", "c", "numpy", "latex"])
+@pytest.mark.parametrize("to", ["urdf", "sdf", "c", "numpy"])
 def test_files_of_other_programs(robot, to):
-    with pytest.raises(RobotDescriptionError, match=REFUSED + ".*JSON"):
+    with pytest.raises(RobotDescriptionError, match=REFUSED + ".*MJCF, or as JSON"):
         export_model(runnable_model(robot), to)
 
 
 @pytest.mark.parametrize("write", [to_c, to_urdf])
 def test_files_that_are_written_by_themselves(robot, write):
-    with pytest.raises(RobotDescriptionError, match=REFUSED + ".*JSON"):
+    with pytest.raises(RobotDescriptionError, match=REFUSED + ".*MJCF, or as JSON"):
         write(runnable_model(robot))
 
 
@@ -115,11 +114,6 @@ def test_designed_motions(robot):
 def test_simulators(robot, problem):
     with pytest.raises(RobotDescriptionError, match=REFUSED):
         fit_simulator(robot, problem.loop, problem.recordings)
-
-
-def test_physical_consistency(result):
-    with pytest.raises(RobotDescriptionError, match=REFUSED):
-        make_consistent(result)
 
 
 def test_payloads(robot, problem, result):

@@ -79,11 +79,12 @@ def consistent_json(estimate: ConsistentEstimate, identification: Path) -> str:
 def consistent_csv(estimate: ConsistentEstimate) -> str:
     """All standard parameters with their intervals."""
     model, intervals = estimate.model, estimate.standard
+    tree = model.robot.tree
     rows = []
     for p, value, low, high in zip(
         model.parameters, model.values, intervals.low, intervals.high, strict=True
     ):
-        joint, link = model.robot.joints[p.joint].name, model.robot.links[p.joint].name
+        joint, link = tree.joints[p.joint].name, tree.links[p.joint].name
         rows.append([p.name, float(value), _number(low), _number(high), p.unit, joint, link])
     return csv_table(CSV_COLUMNS, rows)
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from pivident.consistency.consistent_tables import link_table
-from pivident.consistency.constraints import Bounds, Constraint, make_constraints
+from pivident.consistency.constraints import Bounds, Constraint, make_constraints, place_of_link
 from pivident.consistency.geometric_bodies import density_of_estimate
 from pivident.consistency.metric import make_metric
 from pivident.consistency.nearest_consistent import (
@@ -29,7 +29,7 @@ from pivident.consistency.plausible_masses import plausible_masses
 from pivident.consistency.priors import PRIORS
 from pivident.consistency.profile_intervals import ProfileIntervals, profile_intervals
 from pivident.consistency.pseudo_inertia import LinkBody, link_body
-from pivident.consistency.reference import make_reference
+from pivident.consistency.reference import body_links, make_reference
 from pivident.consistency.significance import NOTABLE_COST, cost_notes, is_far, probability
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
 from pivident.dynamics.parameters import Parameter
@@ -37,7 +37,7 @@ from pivident.errors import ExperimentError, NoConsistentModelNear
 from pivident.estimation.identification import Identification
 from pivident.estimation.solved_equations import TorqueSums
 from pivident.estimation.torque_sums import estimated_in_base, torque_sums
-from pivident.robot.description import Robot, without_loops
+from pivident.robot.description import Robot, without_base
 from pivident.robot.naming import nearest
 from pivident.text.numbers import format_significant
 from pivident.text.plain_table import plain_table
@@ -118,10 +118,11 @@ class ConsistentModel:
 
     @property
     def links(self) -> tuple[LinkBody, ...]:
-        """All links as bodies."""
+        """All links that are bodies."""
+        names = [self.robot.tree.links[i].name for i in body_links(self.robot)]
         return tuple(
-            link_body(link.name, self.values[place])
-            for link, place in zip(self.robot.links, self._space.links, strict=True)
+            link_body(name, self.values[place])
+            for name, place in zip(names, self._space.links, strict=True)
         )
 
     def link(self, name: str) -> LinkBody:
@@ -130,7 +131,7 @@ class ConsistentModel:
         Raises:
             RobotDescriptionError: names the nearest link.
         """
-        return self.links[self.robot.link_index(name)]
+        return self.links[place_of_link(self.robot, name)]
 
     def value(self, name: str) -> float:
         """A standard parameter by its name.
@@ -324,13 +325,12 @@ def make_consistent(
         NoConsistentModelNear: the step is improbable and costs much torque; the error has the model
             as an attribute.
         ContradictoryBounds: no parameters satisfy the bounds.
-        RobotDescriptionError: bounds of a link that does not exist.
+        RobotDescriptionError: bounds of a link that does not exist; a measured base.
         ExperimentError: unknown prior, a margin that is not positive, a reference that does not
             fit.
         IdentificationError: a covariance that cannot serve as a metric.
-        RobotDescriptionError: a robot with closed loops.
     """
-    without_loops(identification.robot, "physical consistency", "use the estimate as it is")
+    without_base(identification.robot, "physical consistency", "use the estimate as it is")
     if prior not in PRIORS:
         raise ExperimentError(
             f"prior is {prior!r}; {nearest(str(prior), PRIORS)}; choose one of {', '.join(PRIORS)}"

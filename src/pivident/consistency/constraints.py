@@ -21,10 +21,11 @@ import numpy as np
 
 from pivident.consistency.cone_program import Cone
 from pivident.consistency.pseudo_inertia import BASIS, least_body, triangle
-from pivident.consistency.reference import Reference
+from pivident.consistency.reference import Reference, body_links, link_places
 from pivident.dynamics.parameters import Parameter
-from pivident.errors import ExperimentError
-from pivident.robot.description import INERTIAL, Robot
+from pivident.errors import ExperimentError, RobotDescriptionError
+from pivident.robot.description import Robot
+from pivident.robot.naming import nearest
 
 #: Lowest and highest value; None: no bound on that side.
 Interval = tuple[float | None, float | None]
@@ -66,13 +67,20 @@ class Constraint:
 REAL_BODY, LEAST_MASS = "a real body", "mass at its limit: that of the smallest body"
 
 
-def link_places(robot: Robot, standard: Sequence[Parameter]) -> np.ndarray:
-    """Indices of each link's ten inertial parameters, shape (joints, 10)."""
-    places = np.empty((robot.size, 10), dtype=np.int64)
-    for k, p in enumerate(standard):
-        if p.is_inertial:
-            places[p.joint, INERTIAL.index(p.stem)] = k
-    return places
+def place_of_link(robot: Robot, name: str) -> int:
+    """Row of `link_places` of a link by its name or that of its joint.
+
+    Raises:
+        RobotDescriptionError: there is no such link, or it is no body; names the nearest ones.
+    """
+    tree, bodies = robot.tree, body_links(robot)
+    index = tree.link_index(name)
+    if index not in bodies:
+        raise RobotDescriptionError(
+            f"link {tree.links[index].name!r} is a frame without a body; "
+            f"{nearest(name, [tree.links[i].name for i in bodies])}"
+        )
+    return bodies.index(index)
 
 
 def make_constraints(
@@ -94,12 +102,13 @@ def _real_bodies(
 ) -> list[Constraint]:
     """P̃ - Ẽ ≥ 0 of each link, on the scale of its reference, and m ≥ m_b; see `least_body`."""
     made = []
+    links = [robot.tree.links[i].name for i in body_links(robot)]
     for i, place in enumerate(link_places(robot, standard)):
         matrix = np.zeros((10, len(standard)))
         matrix[:, place] = triangle(reference.scaled(i, BASIS)).T
         least, lightest = least_body(float(reference.diameters[i]))
         offset = -triangle(reference.scaled(i, least))
-        name = robot.links[i].name
+        name = links[i]
         made.append(Constraint(name, REAL_BODY, "semidefinite", 4, matrix, offset))
         made.append(_at_least(name, LEAST_MASS, place[9:], lightest, reference))
     return made
@@ -115,7 +124,7 @@ def _positive_forms(
         ("fv", "fvm", "viscous friction of coupled motors dissipative"),
     ):
         diagonal = {p.joint: k for k, p in enumerate(standard) if p.stem == own}
-        for joints in coupled_joints(robot):
+        for joints in coupled_joints(robot.tree):
             if not all(j in diagonal for j in joints):
                 continue  # another friction law: its terms are constrained one by one
             place = {joint: i for i, joint in enumerate(joints)}
@@ -134,7 +143,7 @@ def _positive_forms(
             scale = 1.0 / np.sqrt([reference.scales[diagonal[j]] for j in joints])
             form = form * np.outer(scale, scale)
             rows = triangle(form)
-            subject = " and ".join(robot.joints[j].name for j in joints)
+            subject = " and ".join(robot.tree.joints[j].name for j in joints)
             made.append(
                 Constraint(subject, kind, "semidefinite", size, rows.T, np.zeros(rows.shape[1]))
             )
@@ -158,7 +167,7 @@ def _dissipative(
     made = []
     for k, p in enumerate(standard):
         if p.is_dissipative:
-            name, kind = robot.joints[p.joint].name, f"{p.name} not negative"
+            name, kind = robot.tree.joints[p.joint].name, f"{p.name} not negative"
             made.append(_at_least(name, kind, np.array([k]), 0.0, reference))
     return made
 
@@ -180,12 +189,12 @@ def _declared(
     places = link_places(robot, standard)
     made = []
     for name, interval in bounds.mass.items():
-        mass = places[robot.link_index(name), 9:]
+        mass = places[place_of_link(robot, name), 9:]
         made += mass_interval(name, "mass", interval, mass, reference)
     if bounds.total_mass is not None:
         made += mass_interval("all links", "total mass", bounds.total_mass, places[:, 9], reference)
     for name, box in bounds.center_of_mass.items():
-        place = places[robot.link_index(name)]
+        place = places[place_of_link(robot, name)]
         if len(box) != 3:
             raise ExperimentError(
                 f"center_of_mass of link {name!r} needs three intervals, for x, y, z; it has "
@@ -194,7 +203,7 @@ def _declared(
         for axis, interval in enumerate(box):
             made += _box(name, axis, interval, place, len(standard), reference)
     for name, (center, axes) in bounds.ellipsoid.items():
-        place = places[robot.link_index(name)]
+        place = places[place_of_link(robot, name)]
         c, a = np.asarray(center, float), np.asarray(axes, float)
         if c.shape != (3,) or a.shape != (3,) or not (np.isfinite(c).all() and (a > 0).all()):
             raise ExperimentError(

@@ -9,8 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from pivident.consistency.pseudo_inertia import LinkBody
-from pivident.robot.description import Robot
-from pivident.robot.frames import Pose, rotation_z
+from pivident.robot.frames import Pose
 
 #: Points of an outline.
 POINTS = 73
@@ -56,16 +55,3 @@ def moment_about_axis(point: np.ndarray, direction: np.ndarray) -> np.ndarray:
     first = -2.0 * (p - (v @ p) * v)
     second = [x * x, 2 * x * y, 2 * x * z, y * y, 2 * y * z, z * z]
     return np.array([*second, *first, p @ p - (v @ p) ** 2])
-
-
-def link_frames(robot: Robot, q: np.ndarray) -> tuple[Pose, ...]:
-    """Pose of every link's frame in the base frame."""
-    frames: list[Pose] = []
-    for joint, position in zip(robot.joints, np.asarray(q, dtype=float), strict=True):
-        own = Pose(joint.rotation, joint.translation)
-        if joint.kind == "revolute":
-            own = own @ Pose(rotation_z(position), np.zeros(3))
-        else:
-            own = own @ Pose(np.eye(3), np.array([0.0, 0.0, position]))
-        frames.append(own if joint.parent < 0 else frames[joint.parent] @ own)
-    return tuple(frames)

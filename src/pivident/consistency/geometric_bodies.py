@@ -1,9 +1,10 @@
 """Uniform bodies from a robot's geometry alone, for links without nominal inertia.
 
-A solid cylinder from the link's frame to its farthest child's, half a thickness longer at either
-end where the joints are. Arms taper: the thickness is a share of the reach, from the base to the
-last link. The density is that of the links that are described; without any, that with which the
-bodies carry the first moments of the estimate; without these, a usual one.
+A solid cylinder from the link's frame to its farthest child's, or to where it closes a loop, half a
+thickness longer at either end where the joints are. Arms taper: the thickness is a share of the
+reach, from the base to the last link. The density is that of the links that are described; without
+any, that with which the bodies carry the first moments of the estimate; without these, a usual
+one.
 """
 
 from __future__ import annotations
@@ -24,12 +25,16 @@ THICKEST, THINNEST, SHORTEST = 1 / 10, 1 / 20, 0.2
 
 def geometric_bodies(robot: Robot) -> np.ndarray:
     """Pseudo-inertia of every link as a body of density one, shape (tree joints, 4, 4)."""
+    closures = robot.constraints.closures if robot.constraints else ()
     robot = robot.tree
     at = _along(robot)
     reach = max(float(at.max(initial=0.0)), SHORTEST)
     bodies = np.empty((robot.size, 4, 4))
     for i in range(robot.size):
         ends = [j.translation for j in robot.joints if j.parent == i]
+        for closure in closures:
+            pairs = zip(closure.links, closure.frames, strict=True)
+            ends += [frame.translation for link, frame in pairs if link == i]
         end = max(ends, key=lambda e: float(np.linalg.norm(e)), default=np.zeros(3))
         share = THICKEST + (THINNEST - THICKEST) * float(at[i]) / reach
         bodies[i] = _cylinder(np.asarray(end, dtype=float), share * reach)

@@ -59,7 +59,7 @@ class LinkRow:
 def link_rows(model: ConsistentModel, confidence: float = 0.95) -> tuple[LinkRow, ...]:
     """All links with their intervals."""
     space, constraints, values = model._space, model._constraints, model.values
-    reach = REACH + sum(float(np.linalg.norm(j.translation)) for j in model.robot.joints)
+    reach = REACH + sum(float(np.linalg.norm(j.translation)) for j in model.robot.tree.joints)
     bodies = model.links
     axes = [principal_axes(body) for body in bodies]
     directions = np.zeros((len(bodies), 4, values.size))

@@ -32,11 +32,11 @@ from pivident.consistency.cone_program import (
     solve_cone_program,
     violation,
 )
-from pivident.consistency.constraints import REAL_BODY, Constraint, link_places
+from pivident.consistency.constraints import REAL_BODY, Constraint
 from pivident.consistency.metric import Metric
 from pivident.consistency.priors import prior_terms
 from pivident.consistency.pseudo_inertia import from_triangle
-from pivident.consistency.reference import Reference
+from pivident.consistency.reference import Reference, link_places
 from pivident.consistency.significance import HALF_INTERVAL
 from pivident.errors import ContradictoryBounds, IdentificationError
 from pivident.robot.description import Robot
@@ -101,7 +101,7 @@ class StandardSpace:
     )  # at the estimate, undetermined parameters at the reference, shape (standard,)
     slope: np.ndarray  # shape (standard, base + undetermined)
     distances: int  # number of unknowns x
-    links: np.ndarray  # indices of each link's inertial parameters, shape (joints, 10)
+    links: np.ndarray  # indices of each body's inertial parameters, shape (bodies, 10)
     # rotor inertias and friction that torques do not determine: the prior pulls them too
     pulled: np.ndarray
     moves: np.ndarray  # (θ - θ_free)/σ of the estimated parameters over x, (parameters, base)

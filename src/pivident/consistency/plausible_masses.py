@@ -11,8 +11,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pivident.consistency.constraints import Bounds, Constraint, link_places, mass_interval
-from pivident.consistency.reference import Reference
+from pivident.consistency.constraints import Bounds, Constraint, mass_interval, place_of_link
+from pivident.consistency.reference import Reference, body_links, link_places
 from pivident.dynamics.parameters import Parameter
 from pivident.robot.description import Robot
 
@@ -32,12 +32,13 @@ def plausible_masses(
     """Bounds of every mass and of their total, where the user declares none."""
     declared = bounds or Bounds()
     places = link_places(robot, standard)
-    own = {robot.link_index(name) for name in declared.mass}
+    own = {place_of_link(robot, name) for name in declared.mass}
     made: list[Constraint] = []
+    names = [robot.tree.links[i].name for i in body_links(robot)]
     for i, place in enumerate(places):
         if i not in own:
             factor = MAX_ASSUMED_FACTOR if reference.assumed[i] else MAX_FACTOR
-            made += _within(robot.links[i].name, "mass", place[9:], factor, reference)
+            made += _within(names[i], "mass", place[9:], factor, reference)
     if declared.total_mass is None and not own:
         factor = MAX_ASSUMED_TOTAL_FACTOR if reference.assumed.any() else MAX_TOTAL_FACTOR
         made += _within("all links", "total mass", places[:, 9], factor, reference)

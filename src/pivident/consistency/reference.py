@@ -20,7 +20,7 @@ from pivident.consistency.pseudo_inertia import STEEL, inertial_parameters, pseu
 from pivident.dynamics.forward import mass_matrix
 from pivident.dynamics.parameters import Parameter, nominal_values
 from pivident.errors import ExperimentError
-from pivident.robot.description import Robot
+from pivident.robot.description import INERTIAL, Robot
 from pivident.text.numbers import format_significant
 
 #: Smallest second moment of a reference link about its centre of mass over its largest one.
@@ -39,16 +39,31 @@ class Reference:
 
     values: np.ndarray  # standard parameters, shape (standard,)
     scales: np.ndarray  # size of a large change of each, shape (standard,)
-    roots: np.ndarray  # P₀^-½ of each link, shape (joints, 4, 4): from a link to its scale
-    # of the steel ball that bounds each link from below [m], shape (joints,): smaller for a light
+    roots: np.ndarray  # P₀^-½ of each body, shape (bodies, 4, 4): from a link to its scale
+    # of the steel ball that bounds each link from below [m], shape (bodies,): smaller for a light
     # or thin link
     diameters: np.ndarray
-    assumed: np.ndarray  # which links have no nominal inertia, shape (joints,)
+    assumed: np.ndarray  # which links have no nominal inertia, shape (bodies,)
     notes: tuple[str, ...]  # where it comes from, sentences
 
     def scaled(self, link: int, matrix: np.ndarray) -> np.ndarray:
-        """P₀^-½ P P₀^-½ of a link, for one matrix or many, shape (..., 4, 4)."""
+        """P₀^-½ P P₀^-½ of a body, for one matrix or many, shape (..., 4, 4)."""
         return self.roots[link] @ matrix @ self.roots[link]
+
+
+def body_links(robot: Robot) -> tuple[int, ...]:
+    """Indices in the tree of the links that are bodies."""
+    return tuple(i for i, link in enumerate(robot.tree.links) if link.is_body)
+
+
+def link_places(robot: Robot, standard: Sequence[Parameter]) -> np.ndarray:
+    """Indices of the ten inertial parameters of each link that is a body, shape (bodies, 10)."""
+    row = {i: k for k, i in enumerate(body_links(robot))}
+    places = np.empty((len(row), len(INERTIAL)), dtype=np.int64)
+    for k, p in enumerate(standard):
+        if p.is_inertial:
+            places[row[p.joint], INERTIAL.index(p.stem)] = k
+    return places
 
 
 def make_reference(
@@ -65,27 +80,20 @@ def make_reference(
     the same joints, or standard parameters, may be ``given`` in place of the nominal ones.
     """
     values = _given_values(robot, standard, given)
-    robot = robot.tree
+    closed, robot = robot, robot.tree
     notes: list[str] = []
     repaired = []
-    places = [
-        [k for k, p in enumerate(standard) if p.is_inertial and p.joint == i]
-        for i in range(robot.size)
-    ]
-    assumed = np.array([len(place) > 0 and not values[place].any() for place in places])
+    links = [robot.links[i] for i in body_links(robot)]
+    places = link_places(robot, standard)
+    assumed = ~values[places].any(axis=1)
     if assumed.any():
-        bodies = geometric_bodies(robot)
-        masses = np.array([values[place[9]] if place else 0.0 for place in places])
+        bodies = geometric_bodies(closed)[list(body_links(robot))]
+        masses = values[places[:, 9]]
         if (known := masses > 0.0).any():
             density = density_of_bodies(bodies[known], masses[known])
-    roots, diameters = np.empty((robot.size, 4, 4)), np.empty(robot.size)
+    roots, diameters = np.empty((len(links), 4, 4)), np.empty(len(links))
     scales = np.ones(len(standard))
-    for i, link in enumerate(robot.links):
-        # in the order of INERTIAL, which is that of the standard parameters
-        place = places[i]
-        if not place:  # no body
-            roots[i], diameters[i] = np.eye(4), diameter
-            continue
+    for i, (link, place) in enumerate(zip(links, places, strict=True)):
         matrix = density * bodies[i] if assumed[i] else pseudo_inertia(values[place])
         real = _real_body(matrix)
         if not (assumed[i] or np.allclose(real, matrix, rtol=1e-9, atol=0.0)):
@@ -95,7 +103,7 @@ def make_reference(
         roots[i] = _inverse_root(real)
         diameters[i] = _ball_within(real, diameter)
     if assumed.any():
-        named = ", ".join(link.name for link, own in zip(robot.links, assumed, strict=True) if own)
+        named = ", ".join(link.name for link, own in zip(links, assumed, strict=True) if own)
         notes.append(
             f"No nominal inertia of {named}: undetermined parameters are close to those of solid "
             f"cylinders along the link, {format_significant(density)} kg/m³; give CAD values "
@@ -133,10 +141,11 @@ def _given_values(
     if given is None:
         return nominal_values(robot, tuple(standard))
     if isinstance(given, Robot):
-        if given.joint_names != robot.joint_names:
+        ours, theirs = robot.tree.joint_names, given.tree.joint_names
+        if ours != theirs:
             raise ExperimentError(
-                f"the reference has the joints {', '.join(given.joint_names)}, the robot "
-                f"{', '.join(robot.joint_names)}; give a description of the same arm"
+                f"the reference has the joints {', '.join(theirs)}, the robot "
+                f"{', '.join(ours)}; give a description of the same arm"
             )
         values = nominal_values(given, tuple(standard))
         # a URDF has no rotors: if the reference has none, the robot's own are kept

@@ -44,11 +44,12 @@ def bounds_of(entry: ConsistencyEntry, robot: Robot) -> Bounds | None:
     """What the table knows of masses and centres of mass; None if nothing."""
     if entry.total_mass is None and not entry.bounds:
         return None
-    links = [link.name for link in robot.links]
+    tree = robot.tree
+    links = [link.name for link in tree.links]
     named: dict[str, str] = {}
     for name in entry.bounds:
         try:
-            link = links[robot.link_index(name)]
+            link = links[tree.link_index(name)]
         except RobotDescriptionError as error:
             raise ExperimentError(f"bounds: {error}").about("bounds", name) from error
         if link in named:
@@ -77,16 +78,21 @@ def bounds_of(entry: ConsistencyEntry, robot: Robot) -> Bounds | None:
 def reference_of(name: str, robot: Robot, folder: Path) -> Robot:
     """The robot whose bodies are the nominal ones."""
     if name.endswith((*URDF_FILES, *MJCF_FILES)):
-        read = read_mjcf if name.endswith(MJCF_FILES) else read_urdf
-        reference = read(folder / name, joints=robot.joint_names)
+        names = robot.tree.joint_names
+        if name.endswith(MJCF_FILES):
+            passive = [joint.name for joint in robot.passive_joints]
+            reference = read_mjcf(folder / name, joints=names, passive=passive or None)
+        else:
+            reference = read_urdf(folder / name, joints=names)
     else:
         reference = load_robot(folder / name if name.endswith(".toml") else name)
-    if reference.joint_names != robot.joint_names:
+    ours, theirs = robot.tree.joint_names, reference.tree.joint_names
+    if ours != theirs:
         raise ExperimentError(
-            f"reference {name!r} has the joints {', '.join(reference.joint_names)}, the robot "
-            f"{', '.join(robot.joint_names)}; give a description of the same arm"
+            f"reference {name!r} has the joints {', '.join(theirs)}, the robot "
+            f"{', '.join(ours)}; give a description of the same arm"
         )
-    for own, other in zip(robot.joints, reference.joints, strict=True):
+    for own, other in zip(robot.tree.joints, reference.tree.joints, strict=True):
         same = own.kind == other.kind and own.parent == other.parent
         apart = max(
             float(np.abs(own.rotation - other.rotation).max()),

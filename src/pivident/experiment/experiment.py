@@ -45,11 +45,11 @@ from pivident.experiment.toml_file import errors_name, toml_content
 from pivident.motion.law_torque import with_law_torque
 from pivident.motion.planted_feet import on_planted_feet
 from pivident.recording.recording import Recording
-from pivident.robot.description import Robot, without_loops
+from pivident.robot.description import Robot, without_base
 from pivident.robot.naming import nearest
 from pivident.simulation.control_loop import Loop
 
-#: What there is for a robot with closed loops.
+#: What there is for a robot on a measured base.
 WITHOUT_CONSISTENCY = "leave out pc- before the methods and the table [consistency]"
 
 
@@ -214,13 +214,13 @@ class Experiment:
             names: methods with or without ``pc-``; default: those of the file.
 
         Raises:
-            RobotDescriptionError: a robot with closed loops.
+            RobotDescriptionError: a robot on a measured base.
         """
         chosen = names or self._method_names()
         found = made_consistent(chosen)
         found = found if found or self.content.consistency is None else tuple(chosen)
         if found:
-            without_loops(self.robot, "physical consistency", WITHOUT_CONSISTENCY)
+            without_base(self.robot, "physical consistency", WITHOUT_CONSISTENCY)
         return found
 
     def consistency(self) -> ConsistencyOptions:

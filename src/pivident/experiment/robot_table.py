@@ -98,8 +98,9 @@ def _described(entry: RobotEntry, folder: Path) -> Robot:
     path = folder / entry.model
     if path.suffix == ".toml":
         return load_robot(path)
-    read = read_mjcf if entry.model.endswith(MJCF_FILES) else read_urdf
-    return read(path, joints=entry.joints, frozen=entry.frozen)
+    if entry.model.endswith(MJCF_FILES):
+        return read_mjcf(path, joints=entry.joints, frozen=entry.frozen, passive=entry.passive)
+    return read_urdf(path, joints=entry.joints, frozen=entry.frozen)
 
 
 def _with_joint_friction(robot: Robot, entry: RobotEntry) -> Robot:

@@ -66,6 +66,7 @@ class RobotEntry(Entry):
     model: Annotated[str, Field(min_length=1)]
     joints: Names | None = None
     frozen: dict[str, float] = Field(default_factory=dict)
+    passive: Names | None = None
     gravity: Gravity | None = None
     friction: FrictionTerms | None = None
     joint_friction: dict[str, FrictionTerms] = Field(default_factory=dict)
@@ -90,6 +91,12 @@ class RobotEntry(Entry):
                     raise ExperimentError(
                         f"{key} is for URDF and MJCF robots, not for {self.model!r}; remove it"
                     ).about(key)
+        if self.passive is not None and not self.model.endswith(MJCF_FILES):
+            raise ExperimentError(
+                f"passive is for MJCF robots, not for {self.model!r}; a robot file says "
+                "passive = true at the joint, and in a URDF joints that mimic others are passive; "
+                "remove it"
+            ).about("passive")
         return self
 
 

@@ -44,7 +44,7 @@ def differences(
     left_out: Mapping[str, float],
 ) -> tuple[str, ...]:
     """Sentences on everything that the file represents differently or leaves out."""
-    robot = model.robot
+    robot = model.robot.tree
     found: dict[str, list[str]] = {}
     for p in model.parameters:
         part = left_out.get(p.name, 0.0)

@@ -17,6 +17,7 @@ from pivident.export.urdf import to_urdf
 from pivident.models.exported import ExportedText, Verification, refuse_loops
 from pivident.models.model_json import to_json, verify_json
 from pivident.models.runnable_model import RunnableModel
+from pivident.robot.description import without_base
 from pivident.robot.naming import nearest
 
 Format = Literal["urdf", "mjcf", "sdf", "c", "numpy", "json", "latex"]
@@ -85,6 +86,10 @@ FORMATS: dict[Format, FormatEntry] = {
 }
 
 
+#: Formats that closed loops can be written in; URDF has joints that follow one other joint.
+WITH_LOOPS: tuple[Format, ...] = ("json", "mjcf", "urdf", "latex")
+
+
 def export_model(
     model: RunnableModel,
     to: Format,
@@ -107,11 +112,14 @@ def export_model(
 
     Raises:
         ExportError: the format cannot say the model, or there is no such format.
-        RobotDescriptionError: a robot with closed loops, but in JSON.
+        RobotDescriptionError: a robot with closed loops in a format that has none, or on a
+            measured base.
     """
     if to not in FORMATS:
         raise ExportError(f"there is no format {to!r}; {nearest(str(to), get_args(Format))}")
     if to != "json":
+        without_base(model.robot, f"a file of {FORMATS[to].title}", "export it as JSON")
+    if to not in WITH_LOOPS:
         refuse_loops(model.robot, FORMATS[to].title)
     return FORMATS[to].write(model, FileOptions(name, original, frozen or {}))
 

@@ -41,7 +41,7 @@ _FORWARDS = {
 
 @dataclass(frozen=True, eq=False)
 class JointSide:
-    """Joint properties as a format represents them; arrays (joints,)."""
+    """Joint properties as a format represents them; arrays (tree joints,)."""
 
     damping: np.ndarray  # [N m s/rad or N s/m]
     dry_friction: np.ndarray  # level [N m or N]
@@ -66,15 +66,18 @@ class _Share:
 def joint_side(model: RunnableModel, supported: frozenset[JointProperty]) -> JointSide:
     """Divide the joints' parameters into what a format supports and what it leaves out.
 
-    Negative friction and rotor inertias, which a free estimate may have, are left out.
+    Negative friction and rotor inertias, which a free estimate may have, are left out, and constant
+    torques of passive joints, which are the bias of no motor.
     """
-    place = {kind: np.zeros(model.robot.size) for kind in ("damping", "dry friction", "offset")}
-    place |= {kind: np.zeros(model.robot.size) for kind in ("spring", "rotor inertia")}
+    count, driven = model.robot.tree.size, model.robot.places
+    place = {kind: np.zeros(count) for kind in ("damping", "dry friction", "offset")}
+    place |= {kind: np.zeros(count) for kind in ("spring", "rotor inertia")}
     dry_parts: dict[str, float] = {}
     left_out: dict[str, float] = {}
     for share in _shares(model):
         signed = share.kind in ("offset", "spring")
-        if share.kind in supported and (signed or share.size >= 0.0):
+        motor = share.kind != "offset" or share.joint in driven
+        if share.kind in supported and motor and (signed or share.size >= 0.0):
             place[share.kind][share.joint] += share.size
             if share.kind == "dry friction":
                 dry_parts |= share.parts

@@ -95,7 +95,7 @@ def _standard_table(model: RunnableModel) -> list[str]:
         head.append(r"95\,\% interval")
     rows, before = [], ""
     for k, (p, value) in enumerate(zip(model.parameters, model.values, strict=True)):
-        link = model.robot.links[p.joint].name
+        link = model.robot.tree.links[p.joint].name
         shown = latex_text(one_line(link)) if link != before else ""
         value = 0.0 if abs(value) < NOTHING else value
         row = [shown, f"${_name(p.name)}$", latex_number(format_significant(value, DIGITS))]

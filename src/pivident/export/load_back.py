@@ -11,6 +11,7 @@ the model's. So every number in the file enters the comparison.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -20,11 +21,14 @@ import numpy as np
 from pivident.dynamics.parameters import Parameter
 from pivident.errors import ExportError
 from pivident.export import mjcf, urdf
+from pivident.export.engine_loops import GAP, independent_torque, mujoco_slopes, whole_motion
 from pivident.export.joint_side import JointSide, joint_side
 from pivident.export.robot_file import RobotFile
 from pivident.export.shafts import Shaft
 from pivident.models.exported import SAME, Verification, compared
 from pivident.models.runnable_model import RunnableModel
+from pivident.robot.description import Robot
+from pivident.robot.proportions import proportions
 
 #: Relative difference of torques due to rounding to seven digits.
 SEVEN_DIGITS = 1e-5
@@ -55,48 +59,66 @@ def verify_with_pinocchio(
     if file.format != "urdf":
         raise ExportError(f"Pinocchio loads a URDF here, not {file.format!r}")
     side = joint_side(model, _SUPPORTED[file.format])
-    names = model.robot.joint_names
+    robot, names = model.robot, model.robot.tree.joint_names
     try:
-        loaded = _pinocchio_model(pin, file, names, frozen or {})
+        loaded = _pinocchio_model(pin, file, robot, frozen or {})
     except ValueError as error:
         reason = " ".join(str(error).split())
         return Verification("Pinocchio", skipped=f"Pinocchio refuses the file: {reason}")
     loaded.gravity.linear = np.asarray(model.robot.gravity, dtype=float)
     data = loaded.createData()
-    at = [loaded.joints[loaded.getJointId(name)].idx_v for name in names]
-    newer = hasattr(loaded, "upperDryFrictionLimit")
-    levels = np.array(loaded.upperDryFrictionLimit if newer else loaded.friction)
+    at = [loaded.joints[loaded.getJointId(name)].idx_v for name in robot.joint_names]
+    damping, levels = _pinocchio_dissipation(pin, file, names)
+    found = proportions(robot)
+    assert found is not None  # or there were no URDF
+    follow = found[0]
 
     def engine(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
         out = np.empty_like(q)
         for k in range(len(q)):
             configuration = _pinocchio_positions(
-                pin, loaded, dict(zip(names, q[k].tolist(), strict=True))
+                pin, loaded, dict(zip(robot.joint_names, q[k].tolist(), strict=True))
             )
             v, a = np.zeros(loaded.nv), np.zeros(loaded.nv)
             v[at], a[at] = dq[k], ddq[k]
-            out[k] = (pin.rnea(loaded, data, configuration, v, a) + loaded.damping * v)[at]
+            rigid = pin.rnea(loaded, data, configuration, v, a)[at]
+            out[k] = rigid + follow.T @ (damping * (follow @ dq[k]))
         return out
 
-    dry = _DryLevels(levels[at], np.zeros(0))
+    dry = _DryLevels(levels, np.zeros(0))
     return _compared(f"Pinocchio {pin.__version__}", model, side, dry, engine)
 
 
-def _pinocchio_model(
-    pin: Any, file: RobotFile, names: Sequence[str], frozen: Mapping[str, float]
-) -> Any:
-    """The robot in Pinocchio, joints that were not identified locked.
+def _pinocchio_model(pin: Any, file: RobotFile, robot: Robot, frozen: Mapping[str, float]) -> Any:
+    """The robot in Pinocchio, joints that were not identified locked, followers moved along.
 
     A link may have the name of a joint. Pinocchio searches both among its frames, so those of the
     links are renamed to names that no joint has.
     """
-    whole = pin.buildModelFromXML(file.text)
+    names = robot.tree.joint_names
+    if robot.constraints is None:
+        whole = pin.buildModelFromXML(file.text)
+    else:
+        whole = pin.buildModelFromXML(file.text, mimic=True)
     longest = max(map(len, whole.names))
     for k, frame in enumerate(whole.frames):
         if frame.type != pin.FrameType.JOINT:
             frame.name = f"{k}_".ljust(longest + 1, "_")
     locked = [i for i in range(1, whole.njoints) if whole.names[i] not in names]
+    if robot.constraints is not None and not locked:
+        return whole
     return pin.buildReducedModel(whole, locked, _pinocchio_positions(pin, whole, frozen))
+
+
+def _pinocchio_dissipation(
+    pin: Any, file: RobotFile, names: Sequence[str]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Damping and levels of dry friction that Pinocchio has read of all joints, followers too."""
+    every = pin.buildModelFromXML(file.text)
+    at = [every.joints[every.getJointId(name)].idx_v for name in names]
+    newer = hasattr(every, "upperDryFrictionLimit")
+    levels = np.array(every.upperDryFrictionLimit if newer else every.friction)
+    return np.array(every.damping)[at], levels[at]
 
 
 def _pinocchio_positions(pin: Any, loaded: Any, positions: Mapping[str, float]) -> np.ndarray:
@@ -134,9 +156,13 @@ def verify_with_mujoco(
         return Verification("MuJoCo", skipped=str(error))
     if file.format == "urdf":
         loaded.opt.gravity[:] = model.robot.gravity
-    loaded.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    loaded.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    closed, loaded.opt.disableflags = (
+        copy.copy(loaded),
+        loaded.opt.disableflags | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT,
+    )
     data = mujoco.MjData(loaded)
-    joints = [loaded.joint(name) for name in model.robot.joint_names]
+    joints = [loaded.joint(name) for name in model.robot.tree.joint_names]
     at_q = [int(joint.qposadr[0]) for joint in joints]
     at_v = [int(joint.dofadr[0]) for joint in joints]
     for name, position in (frozen or {}).items():
@@ -148,11 +174,17 @@ def verify_with_mujoco(
         bias[loaded.jnt_dofadr[joint]] += loaded.actuator_biasprm[k, 0]
 
     def engine(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
+        whole = whole_motion(model.robot, q, dq, ddq)
         out = np.empty_like(q)
         for k in range(len(q)):
-            data.qpos[at_q], data.qvel[at_v], data.qacc[at_v] = q[k], dq[k], ddq[k]
+            data.qpos[at_q], data.qvel[at_v], data.qacc[at_v] = (x[k] for x in whole)
             mujoco.mj_inverse(loaded, data)
-            out[k] = (data.qfrc_inverse - bias)[at_v]
+            own = (data.qfrc_inverse - bias)[at_v]
+            if model.robot.constraints is not None:
+                gap, slope = mujoco_slopes(mujoco, closed, data, at_v)
+                own = independent_torque(model.robot, own, slope)
+                own[np.abs(gap).max(initial=0.0) > GAP] = np.nan
+            out[k] = own
         return out
 
     dry = _DryLevels(loaded.dof_frictionloss[at_v], np.asarray(loaded.tendon_frictionloss))
@@ -187,8 +219,11 @@ def _compared(
 ) -> Verification:
     """The completed torques of the engine compared with the model's."""
     rest = _values(model, side.left_out)
-    friction = _values(model, side.dry_parts)
     ratio, unasked = _levels(dry.joints, side.dry_friction)
+    on_joint = np.array([ratio[p.joint] for p in model.parameters])
+    friction = on_joint * _values(model, side.dry_parts)
+    passive = [i for i in range(len(unasked)) if i not in model.robot.places]
+    unasked = unasked[list(model.robot.places)] + unasked[passive].sum()
     turning = [shaft for shaft in side.shafts if shaft.dry_friction]
     read = dry.shafts[: len(side.shafts)]
     written = np.array([shaft.dry_friction for shaft in side.shafts])
@@ -201,7 +236,7 @@ def _compared(
         def part(theta: np.ndarray) -> np.ndarray:
             return model.regressor.torque(q, dq, ddq, theta, load)
 
-        by_hand = part(rest) + unasked + ratio * part(friction)
+        by_hand = part(rest) + unasked + part(friction)
         for shaft in turning:
             own = _values(model, {p.name: v for p, v in _dry_on(model, shaft)})
             by_hand += share[side.shafts.index(shaft)] * part(own)

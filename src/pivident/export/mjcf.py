@@ -1,4 +1,4 @@
-"""Model → MJCF, the format of MuJoCo: bodies, joints, coupled shafts and motors.
+"""Model → MJCF, the format of MuJoCo: bodies, joints, coupled shafts, closed loops and motors.
 
 Link frames are the model's, with the joint's axis as z. A motor's control is the joint torque tau
 of the model; a constant torque of the joint is a bias of its motor. Shapes are for display only.
@@ -6,18 +6,18 @@ of the model; a constant torque of the joint is a bias of its motor. Shapes are 
 
 from __future__ import annotations
 
-import numpy as np
-
 from pivident.errors import ExportError
 from pivident.export.differences import differences
 from pivident.export.joint_side import JointProperty, JointSide, joint_side
+from pivident.export.mjcf_bodies import ALMOST_NOTHING, body_lines, drawn_bodies, geom
+from pivident.export.mjcf_loops import LOOP_IMPEDANCE, LOOP_REFERENCE, LoopElements, loop_elements
 from pivident.export.robot_file import RobotFile
 from pivident.export.shafts import Shaft
-from pivident.export.sketch import Stick, sticks
+from pivident.export.sketch import sticks
 from pivident.export.xml_text import comment, distinct, number, numbers, quoted, unlike
-from pivident.models.link_bodies import is_possible, written_body
+from pivident.models.link_bodies import is_possible
 from pivident.models.runnable_model import RunnableModel
-from pivident.robot.description import Joint
+from pivident.robot.description import Joint, Robot, without_base
 
 #: Joint properties of MJCF: all but friction of other forms.
 SUPPORTED: frozenset[JointProperty] = frozenset(
@@ -34,15 +34,16 @@ FRICTION_REFERENCE = (4e-3, 1.0)
 
 def to_mjcf(model: RunnableModel) -> RobotFile:
     """Write a model as MJCF; MuJoCo refuses links that are not possible bodies."""
-    robot = model.robot
-    for i, link in enumerate(robot.links):
-        if not is_possible(model.inertial(i)):
+    robot, tree = model.robot, model.robot.tree
+    without_base(robot, "a file of MJCF", "export it as JSON")
+    for i, link in enumerate(tree.links):
+        if link.is_body and not is_possible(model.inertial(i)):
             raise ExportError(
                 f"no body can have the inertial parameters of link {link.name!r}, and MuJoCo "
                 "refuses it; export the physically consistent parameters"
             )
-    side = joint_side(model, SUPPORTED)
-    names = distinct([link.name for link in robot.links], robot.joint_names, ("world",))
+    side, loops, bodies = joint_side(model, SUPPORTED), loop_elements(robot), drawn_bodies(robot)
+    names = distinct([link.name for link in tree.links], tree.joint_names, ("world",))
     out = [
         '<?xml version="1.0" encoding="utf-8"?>',
         f"<mujoco model={quoted(robot.name)}>",
@@ -53,22 +54,39 @@ def to_mjcf(model: RunnableModel) -> RobotFile:
         "  <default>",
         f'    <joint solreffriction="{numbers(FRICTION_REFERENCE)}"/>',
         f'    <tendon solreffriction="{numbers(FRICTION_REFERENCE)}"/>',
+        *_loop_default(loops),
         '    <geom contype="0" conaffinity="0" group="2" rgba="0.6 0.65 0.7 1"/>',
         "  </default>",
         "  <worldbody>",
         '    <light pos="0 0 3" dir="0 0 -1"/>',
         f"    <body name={quoted(unlike('base', names))}>",
-        *(f"      {_geom(stick)}" for stick in sticks(model)[-1]),
+        *(f"      {geom(stick)}" for stick in sticks(model)[-1]),
+        *(f"      {site}" for site in loops.sites.get(-1, [])),
+        *(f"      {line}" for line in body_lines(model, side, names, bodies, loops.sites)),
+        "    </body>",
+        "  </worldbody>",
+        *_tendons(tree, side, loops),
+        *_equalities(loops),
+        "  <actuator>",
+        *(
+            f"    {_motor(joint, side.offset[i])}"
+            for i, joint in zip(robot.places, robot.joints, strict=True)
+        ),
+        "  </actuator>",
+        "</mujoco>",
+        "",
     ]
-    for i, joint in enumerate(robot.joints):
-        if joint.parent < 0:
-            out += [f"      {line}" for line in _body(model, side, names, i)]
-    out += ["    </body>", "  </worldbody>"]
-    out += _tendons(model, side)
-    out += ["  <actuator>"]
-    out += [f"    {_motor(j, side.offset[i])}" for i, j in enumerate(robot.joints)]
-    out += ["  </actuator>", "</mujoco>", ""]
-    sentences = differences(model, "MJCF", SUPPORTED, side.left_out)
+    sentences = (*differences(model, "MJCF", SUPPORTED, side.left_out), *_of_mujoco(model, side))
+    if loops.equalities:
+        drawn = [body.link for group in bodies.values() for body in group]
+        frames = [names[i] for i in drawn if not tree.links[i].is_body]
+        sentences += _of_loops(frames)
+    return RobotFile("\n".join(out).encode(), sentences, format="mjcf", left_out=side.left_out)
+
+
+def _of_mujoco(model: RunnableModel, side: JointSide) -> tuple[str, ...]:
+    """How MuJoCo's dry friction and motors differ from the model's."""
+    sentences: tuple[str, ...] = ()
     if side.dry_friction.any():
         sentences += (
             "MuJoCo's dry friction is a soft constraint, so a joint that sticks creeps slightly; "
@@ -76,7 +94,7 @@ def to_mjcf(model: RunnableModel) -> RobotFile:
         )
     biased = [
         f"{joint.name} {off:.4g} {'N m' if joint.kind == 'revolute' else 'N'}"
-        for joint, off in zip(robot.joints, side.offset.tolist(), strict=True)
+        for joint, off in zip(model.robot.tree.joints, side.offset.tolist(), strict=True)
         if off
     ]
     if biased:
@@ -84,53 +102,45 @@ def to_mjcf(model: RunnableModel) -> RobotFile:
             "the constant torque of a joint is the bias of its motor, so the control is the "
             f"model's torque; without motors it is missing: {', '.join(biased)}",
         )
-    return RobotFile("\n".join(out).encode(), sentences, format="mjcf", left_out=side.left_out)
+    return sentences
 
 
-def _body(model: RunnableModel, side: JointSide, names: tuple[str, ...], i: int) -> list[str]:
-    """The body of a link, with the bodies that it carries inside."""
-    robot, joint = model.robot, model.robot.joints[i]
-    body = written_body(names[i], model.inertial(i))
-    # MuJoCo diagonalises a fullinertia itself, before its version 4 to seven digits only
-    moments, axes = body.principal
-    pose = f'pos="{numbers(joint.translation)}" quat="{numbers(quaternion(joint.rotation))}"'
-    lines = [
-        f"<body name={quoted(names[i])} {pose}>",
-        f'  <inertial pos="{numbers(body.center_of_mass)}" mass="{number(body.mass)}" '
-        f'diaginertia="{numbers(moments)}" quat="{numbers(quaternion(axes))}"/>',
-        f"  {_joint(joint, side, i)}",
-        *(f"  {_geom(stick)}" for stick in sticks(model)[i]),
-    ]
-    for k, other in enumerate(robot.joints):
-        if other.parent == i:
-            lines += [f"  {line}" for line in _body(model, side, names, k)]
-    return [*lines, "</body>"]
+def _of_loops(frames: list[str]) -> tuple[str, ...]:
+    """How MuJoCo's loops differ from the model's."""
+    sentences: tuple[str, ...] = (
+        "MuJoCo closes loops by soft constraints, which give way under load; their time constant "
+        f"is {1e3 * LOOP_REFERENCE[0]:g} ms (solref), and the file starts where they are closed",
+    )
+    if frames:
+        sentences += (
+            f"MuJoCo has no frame without a body; {ALMOST_NOTHING:g} kg are written for "
+            f"{', '.join(map(repr, frames))}",
+        )
+    return sentences
 
 
-def _joint(joint: Joint, side: JointSide, i: int) -> str:
-    kind = "hinge" if joint.kind == "revolute" else "slide"
-    limits = ""
-    if joint.position_limits is not None:
-        limits = f' range="{numbers(joint.position_limits)}"'
-    values = {
-        "armature": side.armature[i],
-        "damping": side.damping[i],
-        "frictionloss": side.dry_friction[i],
-        "stiffness": side.stiffness[i],
-    }
-    written = "".join(f' {key}="{number(value)}"' for key, value in values.items() if value)
-    return f'<joint name={quoted(joint.name)} type="{kind}" axis="0 0 1"{limits}{written}/>'
-
-
-def _tendons(model: RunnableModel, side: JointSide) -> list[str]:
-    """Shafts that turn with two joints, as fixed tendons."""
-    if not side.shafts:
+def _loop_default(loops: LoopElements) -> list[str]:
+    if not loops.equalities:
         return []
-    names = model.robot.joint_names
+    return [
+        f'    <equality solref="{numbers(LOOP_REFERENCE)}" solimp="{numbers(LOOP_IMPEDANCE)}"/>'
+    ]
+
+
+def _equalities(loops: LoopElements) -> list[str]:
+    if not loops.equalities:
+        return []
+    return ["  <equality>", *(f"    {line}" for line in loops.equalities), "  </equality>"]
+
+
+def _tendons(tree: Robot, side: JointSide, loops: LoopElements) -> list[str]:
+    """Shafts that turn with two joints, and proportions of many, as fixed tendons."""
+    if not side.shafts and not loops.tendons:
+        return []
     lines = ["  <tendon>"]
     for k, shaft in enumerate(side.shafts):
-        lines += [f"    {line}" for line in _shaft(shaft, names, k)]
-    return [*lines, "  </tendon>"]
+        lines += [f"    {line}" for line in _shaft(shaft, tree.joint_names, k)]
+    return [*lines, *(f"    {line}" for line in loops.tendons), "  </tendon>"]
 
 
 def _shaft(shaft: Shaft, names: tuple[str, ...], k: int) -> list[str]:
@@ -158,25 +168,3 @@ def _motor(joint: Joint, offset: float) -> str:
         return f"<motor name={name} joint={name}{limits}/>"
     bias = f'biastype="affine" biasprm="{number(-offset)} 0 0"'
     return f"<general name={name} joint={name}{limits} {bias}/>"
-
-
-def _geom(stick: Stick) -> str:
-    ends = numbers((*stick.start, *stick.end))
-    return f'<geom type="capsule" fromto="{ends}" size="{number(stick.radius)}"/>'
-
-
-def quaternion(rotation: np.ndarray) -> np.ndarray:
-    """Unit quaternion w x y z of a rotation, the largest element first (Shepperd 1978)."""
-    r, trace = rotation, np.trace(rotation)
-    # 4 q qᵀ, of which the row with the largest diagonal element has the most digits
-    outer = np.array(
-        [
-            [1.0 + trace, r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]],
-            [0.0, 1.0 + 2.0 * r[0, 0] - trace, r[0, 1] + r[1, 0], r[0, 2] + r[2, 0]],
-            [0.0, 0.0, 1.0 + 2.0 * r[1, 1] - trace, r[1, 2] + r[2, 1]],
-            [0.0, 0.0, 0.0, 1.0 + 2.0 * r[2, 2] - trace],
-        ]
-    )
-    outer += np.triu(outer, 1).T
-    row = outer[int(np.argmax(np.diag(outer)))]
-    return row / np.linalg.norm(row)

@@ -43,7 +43,7 @@ def divide_couplings(
 ) -> tuple[tuple[Shaft, ...], dict[str, float]]:
     """Shafts of a model, and the coupling parameters that are left out.
 
-    What the shafts represent is subtracted in place from rotor inertias and damping (joints,).
+    What the shafts represent is subtracted in place from rotor inertias and damping (tree joints,).
     """
     shafts: dict[tuple[int, int, float], Shaft] = {}
     left_out: dict[str, float] = {}
@@ -56,7 +56,7 @@ def divide_couplings(
         else:
             own = armature if p.stem == "iam" else damping
             split = _rank_one(value, c.ratio, own[c.motor], own[c.joint])
-            if p.stem == "iam" and not _on_one_chain(model.robot, c):
+            if p.stem == "iam" and not _on_one_chain(model.robot.tree, c):
                 split = None
         if split is None or not supported:
             left_out[p.name] = value

@@ -36,15 +36,19 @@ class Stick:
 def sticks(model: RunnableModel) -> dict[int, tuple[Stick, ...]]:
     """Sticks of every link by its index, -1 for the base.
 
-    A link reaches to the joints that it carries; the last ones to their centre of mass.
+    A link reaches to the joints that it carries and to where it closes loops; the last ones to
+    their centre of mass.
     """
-    robot = model.robot
+    robot, constraints = model.robot.tree, model.robot.constraints
     reach = sum(float(np.linalg.norm(joint.translation)) for joint in robot.joints)
     radius = SLENDERNESS * max(reach, MIN_REACH)
     inertia = link_inertias(model)
     found: dict[int, tuple[Stick, ...]] = {}
     for i in range(-1, robot.size):
         ends = [joint.translation for joint in robot.joints if joint.parent == i]
+        for closure in constraints.closures if constraints else ():
+            pairs = zip(closure.links, closure.frames, strict=True)
+            ends += [frame.translation for link, frame in pairs if link == i]
         if i >= 0 and not ends and inertia[i, 9] > 0.0:
             ends = [inertia[i, 6:9] / inertia[i, 9]]
         own = [Stick(np.zeros(3), end, radius) for end in ends if np.linalg.norm(end) > radius]

@@ -17,13 +17,13 @@ from pivident.export.differences import differences
 from pivident.export.joint_side import JointProperty, JointSide, joint_side
 from pivident.export.robot_file import RobotFile, plain_content
 from pivident.export.urdf_elements import dynamics_line, inertial_lines
+from pivident.export.urdf_mimic import mimics
 from pivident.export.urdf_new import new_urdf, unknown_limits
 from pivident.export.xml_edit import Element, XmlText
 from pivident.export.xml_text import number, numbers
-from pivident.models.exported import refuse_loops
 from pivident.models.link_bodies import is_possible, link_inertias
 from pivident.models.runnable_model import RunnableModel
-from pivident.robot.description import Robot
+from pivident.robot.description import Robot, without_base
 from pivident.robot.urdf import DOWN, parse_urdf
 from pivident.robot.urdf_xml import parse_model
 
@@ -56,7 +56,8 @@ def to_urdf(
         RobotDescriptionError: the original is no URDF, or lacks a joint; names the nearest.
         ExportError: the original is another robot, or a link has no positive mass.
     """
-    refuse_loops(model.robot, "URDF")
+    without_base(model.robot, "a file of URDF", "export it as JSON")
+    mimics(model.robot)  # or it cannot be a URDF
     side = joint_side(model, SUPPORTED)
     sentences = [*differences(model, "URDF", SUPPORTED, side.left_out), *_gravity(model.robot)]
     if frozen is None:
@@ -73,7 +74,7 @@ def _changed(
     model: RunnableModel, side: JointSide, original: bytes, frozen: Mapping[str, float]
 ) -> tuple[bytes, tuple[str, ...]]:
     """The original with new inertials and dynamics, and the decisions made."""
-    kept = model.robot.joint_names
+    kept = model.robot.tree.joint_names
     nominal = parse_urdf(original, joints=kept, frozen=frozen, source="the original URDF")
     _check_same_robot(model.robot, nominal)
     file, text = parse_model(original), XmlText(original)
@@ -88,7 +89,7 @@ def _changed(
     sentences = list(division.sentences)
     if any(
         not np.allclose(ours.inertia, theirs.inertia, rtol=1e-6, atol=1e-9)
-        for ours, theirs in zip(model.robot.links, nominal.links, strict=True)
+        for ours, theirs in zip(model.robot.tree.links, nominal.tree.links, strict=True)
         if ours.inertia.any()
     ):
         sentences.append(
@@ -109,8 +110,13 @@ def _changed(
 
 
 def _check_same_robot(ours: Robot, theirs: Robot) -> None:
-    """Refuse a file whose identified joints differ in kind, parent or frame."""
-    for own, other in zip(ours.joints, theirs.joints, strict=True):
+    """Refuse a file whose identified joints differ in kind, parent, frame or leader."""
+    if not _same_followers(ours, theirs):
+        raise ExportError(
+            "the original URDF is another robot: its joints mimic others than in the model; take "
+            "the file that was identified"
+        )
+    for own, other in zip(ours.tree.joints, theirs.tree.joints, strict=True):
         if own.kind != other.kind or own.parent != other.parent:
             what = f"is {other.kind} there and {own.kind} in the model"
             if own.parent != other.parent:
@@ -124,6 +130,21 @@ def _check_same_robot(ours: Robot, theirs: Robot) -> None:
                 f"{shift:.3g} m away and turned by some {turn:.3g} rad from the model's; take the "
                 "file that was identified, or give the positions of frozen joints"
             )
+
+
+def _same_followers(ours: Robot, theirs: Robot) -> bool:
+    """Whether the same joints follow the same ones in the same way."""
+    one, other = mimics(ours), mimics(theirs)
+    return one.keys() == other.keys() and all(
+        one[i].leader == other[i].leader
+        and np.allclose(
+            (one[i].multiplier, one[i].offset),
+            (other[i].multiplier, other[i].offset),
+            rtol=SAME_FRAME,
+            atol=SAME_FRAME,
+        )
+        for i in one
+    )
 
 
 def _set_inertial(text: XmlText, link: Element, name: str, inertia: np.ndarray) -> None:
@@ -157,8 +178,8 @@ def _impossible(model: RunnableModel) -> tuple[str, ...]:
     """A warning about links that no body can be, which some readers refuse."""
     names = [
         repr(link.name)
-        for link, inertia in zip(model.robot.links, link_inertias(model), strict=True)
-        if not is_possible(inertia)
+        for link, inertia in zip(model.robot.tree.links, link_inertias(model), strict=True)
+        if link.is_body and not is_possible(inertia)
     ]
     if not names:
         return ()

@@ -1,10 +1,14 @@
-"""A new URDF of a robot without one: frames, limits, inertials, cylinders for display."""
+"""A new URDF of a robot without one: frames, limits, inertials, followers, cylinders to look at."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
 
 from pivident.export.joint_side import JointSide
 from pivident.export.sketch import Stick, sticks
 from pivident.export.urdf_elements import dynamics_line, inertial_lines
+from pivident.export.urdf_mimic import Mimic, mimics
 from pivident.export.xml_text import comment, distinct, number, numbers, quoted, rpy, unlike
 from pivident.models.link_bodies import link_inertias
 from pivident.models.runnable_model import RunnableModel
@@ -13,13 +17,13 @@ from pivident.robot.description import Joint, Robot
 #: Value of unknown speed and torque limits; zero would stop the joint in simulators.
 UNKNOWN = 1e6
 
-#: Range in the file of a prismatic joint of unknown range [m].
+#: Range in the file of a prismatic joint of unknown range, and of one that others follow [m, rad].
 UNKNOWN_RANGE = (-100.0, 100.0)
 
 
 def new_urdf(model: RunnableModel, side: JointSide) -> str:
     """The text of a URDF."""
-    robot = model.robot
+    robot, following = model.robot.tree, mimics(model.robot)
     names = distinct([link.name for link in robot.links], robot.joint_names)
     base = unlike("base", names)
     shapes = sticks(model)
@@ -36,9 +40,12 @@ def new_urdf(model: RunnableModel, side: JointSide) -> str:
         out += [f"    {line}" for line in inertial_lines(name, inertia)]
         out += [f"    {line}" for stick in shapes[i] for line in _visual(stick)]
         out += ["  </link>"]
-    for i, joint in enumerate(robot.joints):
+    for i, joint in enumerate(_with_ranges(robot, following)):
         parent = base if joint.parent < 0 else names[joint.parent]
-        out += _joint(joint, parent, names[i], side.damping[i], side.dry_friction[i])
+        lines = _joint(joint, parent, names[i], side.damping[i], side.dry_friction[i])
+        if i in following:
+            lines.insert(-1, f"    {following[i].element(robot)}")
+        out += lines
     return "\n".join([*out, "</robot>", ""])
 
 
@@ -49,17 +56,30 @@ def unknown_limits(robot: Robot) -> tuple[str, ...]:
         "torque": [j.name for j in robot.joints if j.torque_limit is None],
         "range": [j.name for j in robot.joints if j.position_limits is None],
     }
+    turn = "" if robot.constraints is None else " or rad"
+    slides = "a slide" if robot.constraints is None else "a slide, or one that others follow,"
     return tuple(
         f"no {key} limit is known of {', '.join(map(repr, names))}, and "
         + (
-            f"they turn without limit (a slide goes from {UNKNOWN_RANGE[0]:g} to "
-            f"{UNKNOWN_RANGE[1]:g} m)"
+            f"they turn without limit ({slides} goes from {UNKNOWN_RANGE[0]:g} to "
+            f"{UNKNOWN_RANGE[1]:g} m{turn})"
             if key == "range"
             else f"{UNKNOWN:g} is written"
         )
         for key, names in what.items()
         if names
     )
+
+
+def _with_ranges(robot: Robot, following: Mapping[int, Mimic]) -> list[Joint]:
+    """Joints with the range of their leader; readers let none follow that turns without limit."""
+    joints = list(robot.joints)
+    for i in {one.leader for one in following.values()}:
+        joints[i] = replace(joints[i], position_limits=joints[i].position_limits or UNKNOWN_RANGE)
+    for i, one in following.items():
+        own = joints[i].position_limits or one.limits(joints[one.leader], UNKNOWN_RANGE)
+        joints[i] = replace(joints[i], position_limits=own)
+    return joints
 
 
 def joint_type(joint: Joint) -> str:

@@ -23,7 +23,7 @@ class RobotFile:
     name: str  # path or name in the gallery
     is_tree: bool  # a URDF or MJCF: joints can be chosen and frozen
     joint_names: tuple[str, ...]  # joints that can be identified, parents first
-    fixed: tuple[str, ...] = ()  # joints that move but cannot be identified (they mimic, float …)
+    fixed: tuple[str, ...] = ()  # joints that move but have no column (they mimic, float, follow …)
     found: bool = False  # whether nobody named it
 
     def robot(

@@ -66,7 +66,8 @@ class Verification:
 
 def refuse_loops(robot: Robot, title: str) -> None:
     """Refuse to write a robot with closed loops into a file of a format."""
-    without_loops(robot, f"a file of {title}", "export it as JSON, which read_model reads back")
+    step = "export it as MJCF, or as JSON, which read_model reads back"
+    without_loops(robot, f"a file of {title}", step)
 
 
 def random_states(robot: Robot, count: int = STATES, seed: int = SEED) -> tuple[np.ndarray, ...]:

@@ -11,8 +11,8 @@ from pivident.robot.inertia import Body
 
 
 def link_inertias(model: RunnableModel) -> np.ndarray:
-    """Ten inertial parameters of every link, shape (links, 10)."""
-    return np.array([model.inertial(i) for i in range(model.robot.size)])
+    """Ten inertial parameters of every link of the tree, shape (links, 10); zeros of no body."""
+    return np.array([model.inertial(i) for i in range(model.robot.tree.size)])
 
 
 def written_body(name: str, inertia: np.ndarray) -> Body:

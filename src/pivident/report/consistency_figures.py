@@ -7,11 +7,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pivident.consistency.ellipsoid import link_frames, outline
+from pivident.consistency.ellipsoid import outline
 from pivident.consistency.pseudo_inertia import link_body
 from pivident.consistency.significance import HALF_INTERVAL
 from pivident.report.plot_parts import Plot
 from pivident.report.plotly_figures import MEASURED, Figure, colour, empty_plot
+from pivident.robot.assembly import link_frames
 from pivident.robot.description import Robot
 from pivident.robot.frames import Pose
 
@@ -22,10 +23,10 @@ VIEWS = (("Side view", (0, 2)), ("Top view", (0, 1)))
 def bodies_figure(
     robot: Robot, inertial: Sequence[np.ndarray], q: np.ndarray, view: tuple[str, tuple[int, int]]
 ) -> Figure:
-    """The arm's joints as a line, and the mass of each link as an ellipsoid.
+    """The joints as a line, and the mass of each link as an ellipsoid.
 
-    Links with a nominal mass have that body dotted; ``inertial`` holds ten parameters of each link,
-    ``q`` is the posture [rad or m], ``view`` one of ``VIEWS``.
+    Links with a nominal mass have that body dotted; ``inertial`` holds ten parameters of each link
+    that is a body, ``q`` is the posture of all joints [rad or m], ``view`` one of ``VIEWS``.
     """
     title, plane = view
     frames = link_frames(robot, q)
@@ -33,11 +34,12 @@ def bodies_figure(
     plot.x_axis(f"{'xyz'[plane[0]]} [m]")
     plot.y_axis(scaleanchor="x", scaleratio=1)
     plot.update(showlegend=True, legend={"orientation": "h", "y": -0.16, "yanchor": "top"})
-    for joint, frame in zip(robot.joints, frames, strict=True):
+    for joint, frame in zip(robot.tree.joints, frames, strict=True):
         start = np.zeros(3) if joint.parent < 0 else frames[joint.parent].translation
         ends = np.stack([start, frame.translation])[:, list(plane)]
         _line(plot, ends, MEASURED, width=3, mode="lines+markers")
-    for k, (link, own) in enumerate(zip(robot.links, inertial, strict=True)):
+    bodies = [(k, link) for k, link in enumerate(robot.tree.links) if link.is_body]
+    for (k, link), own in zip(bodies, inertial, strict=True):
         name = html.escape(link.name, quote=False)
         if link.inertia[9] > 0.0:
             _body(plot, link.inertia, frames[k], plane, f"{name}, nominal", MEASURED, dash="dot")
@@ -46,7 +48,7 @@ def bodies_figure(
         plot,
         height=460,
         title=title,
-        label=f"{title} of the arm with the ellipsoids of {len(robot.links)} links",
+        label=f"{title} of the arm with the ellipsoids of {len(bodies)} links",
         note="grey: joints; coloured: consistent bodies; dotted: nominal bodies, where known",
     )
 

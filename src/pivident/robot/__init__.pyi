@@ -26,9 +26,9 @@ from .gallery import gallery_names as gallery_names
 from .measured_base import with_floating_base as with_floating_base
 from .measured_base import with_held_base as with_held_base
 from .measured_base import with_wrench_sensors as with_wrench_sensors
-from .mjcf import PositionGains as PositionGains
-from .mjcf import position_gains as position_gains
 from .mjcf import read_mjcf as read_mjcf
+from .mjcf_gains import PositionGains as PositionGains
+from .mjcf_gains import position_gains as position_gains
 from .modified_dh import parse_modified_dh as parse_modified_dh
 from .modified_dh import read_modified_dh as read_modified_dh
 from .transmission import Transmission as Transmission

@@ -9,8 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from pivident.robot.description import Joint, Link
-from pivident.robot.frames import Pose
+import numpy as np
+
+from pivident.robot.description import Joint, Link, Robot
+from pivident.robot.frames import Pose, rotation_z
 from pivident.robot.inertia import moved
 
 
@@ -23,31 +25,39 @@ class Member:
     fixed: bool = False  # whether the joint does not move; ``joint.kind`` is then ignored
 
 
+def carriers(members: Sequence[Member]) -> list[tuple[int, Pose]]:
+    """Moving joint that carries each member (-1: the base), and the member's frame in its link."""
+    found: list[tuple[int, Pose]] = []
+    count = 0
+    for member in members:
+        joint = member.joint
+        if not member.fixed:
+            found.append((count, Pose.identity()))
+            count += 1
+            continue
+        carrier, mounting = found[joint.parent] if joint.parent >= 0 else (-1, Pose.identity())
+        found.append((carrier, mounting @ Pose(joint.rotation, joint.translation)))
+    return found
+
+
 def merge_fixed(members: Sequence[Member]) -> tuple[tuple[Joint, ...], tuple[Link, ...]]:
     """Moving joints (parents counted among them) and their links, fixed members merged in."""
     joints: list[Joint] = []
     links: list[Link] = []
-    carriers: list[int] = []  # moving joint that carries each member, -1 for the base
-    poses: list[Pose] = []  # pose of each member's frame in its carrier's
-    for member in members:
-        joint = member.joint
-        carrier, mounting = -1, Pose.identity()
-        if joint.parent >= 0:
-            carrier, mounting = carriers[joint.parent], poses[joint.parent]
-        pose = mounting @ Pose(joint.rotation, joint.translation)
+    carried = carriers(members)
+    for member, (carrier, pose) in zip(members, carried, strict=True):
         if not member.fixed:
+            joint = member.joint
+            parent, mounting = carried[joint.parent] if joint.parent >= 0 else (-1, Pose.identity())
+            pose = mounting @ Pose(joint.rotation, joint.translation)
             joints.append(
-                replace(joint, parent=carrier, rotation=pose.rotation, translation=pose.translation)
+                replace(joint, parent=parent, rotation=pose.rotation, translation=pose.translation)
             )
             links.append(member.link)
-            carriers.append(len(joints) - 1)
-            poses.append(Pose.identity())
-            continue
-        carriers.append(carrier)
-        poses.append(pose)
-        if carrier >= 0:
+        elif carrier >= 0 and member.link.inertia.any():
             body = moved(member.link.inertia, pose.rotation, pose.translation)
-            links[carrier] = replace(links[carrier], inertia=links[carrier].inertia + body)
+            inertia = links[carrier].inertia + body
+            links[carrier] = replace(links[carrier], inertia=inertia, is_body=True)
     return tuple(joints), tuple(links)
 
 
@@ -76,3 +86,16 @@ def tree_order(parents: Sequence[int]) -> list[int]:
         order.append(i)
         stack.extend(reversed(children.get(i, [])))
     return order
+
+
+def link_frames(robot: Robot, q: np.ndarray) -> tuple[Pose, ...]:
+    """Pose of every link's frame in the base frame; ``q``: of all joints of the tree [rad or m]."""
+    frames: list[Pose] = []
+    for joint, position in zip(robot.tree.joints, np.asarray(q, dtype=float), strict=True):
+        own = Pose(joint.rotation, joint.translation)
+        if joint.kind == "revolute":
+            own = own @ Pose(rotation_z(position), np.zeros(3))
+        else:
+            own = own @ Pose(np.eye(3), np.array([0.0, 0.0, position]))
+        frames.append(own if joint.parent < 0 else frames[joint.parent] @ own)
+    return tuple(frames)

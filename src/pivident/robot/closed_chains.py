@@ -19,9 +19,9 @@ from dataclasses import replace
 import numpy as np
 
 from pivident.errors import RobotDescriptionError
+from pivident.robot.assembly import link_frames
 from pivident.robot.constraints import DIRECTIONS, Closure, Constraints, LinearConstraint
 from pivident.robot.description import Robot
-from pivident.robot.frames import Pose, rotation_z
 from pivident.robot.naming import find_joint
 from pivident.robot.transmission import Transmission
 
@@ -91,7 +91,7 @@ def closed_robot(
 
 def equations(tree: Robot, constraints: Constraints, q: np.ndarray) -> tuple[np.ndarray, ...]:
     """All equations c(q), shape (equations,), and A = ∂c/∂q, shape (equations, tree joints)."""
-    poses = _poses(tree, q)
+    poses = link_frames(tree, q)
     values: list[float] = []
     rows: list[np.ndarray] = []
     for closure in constraints.closures:
@@ -175,19 +175,6 @@ def _gap_text(constraints: Constraints, value: np.ndarray) -> str:
     for one, left in zip(constraints.linear, value[first:], strict=True):
         gaps.append((abs(left), f"{one.name!r} does not hold: {abs(left):.3g} rad or m are left"))
     return max(gaps)[1]
-
-
-def _poses(tree: Robot, q: np.ndarray) -> list[Pose]:
-    """Place of each link in the base."""
-    places: list[Pose] = []
-    for joint, position in zip(tree.joints, q, strict=True):
-        parent = places[joint.parent] if joint.parent >= 0 else Pose.identity()
-        mounted = parent @ Pose(joint.rotation, joint.translation)
-        if joint.kind == "prismatic":
-            places.append(mounted @ Pose(np.eye(3), np.array([0.0, 0.0, position])))
-        else:
-            places.append(mounted @ Pose(rotation_z(position), np.zeros(3)))
-    return places
 
 
 def _independent_equations(

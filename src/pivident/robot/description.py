@@ -484,11 +484,7 @@ def without_loops(robot: Robot, what: str, instead: str = "") -> None:
     Raises:
         RobotDescriptionError: the robot has closed loops.
     """
-    if robot.base_joints:
-        step = instead or "identify with ls, iv or piv, which do, and look at their results"
-        raise RobotDescriptionError(
-            f"robot {robot.name!r} has a measured base, which {what} does not handle yet; {step}"
-        )
+    without_base(robot, what, instead)
     if robot.constraints is None:
         return
     step = instead or "identify with ls, iv, piv or didim, which do, and look at their results"
@@ -502,6 +498,24 @@ def without_loops(robot: Robot, what: str, instead: str = "") -> None:
     raise RobotDescriptionError(
         f"robot {robot.name!r} has {has}, which {what} does not handle yet; {step}"
     )
+
+
+def without_base(robot: Robot, what: str, instead: str = "") -> None:
+    """Refuse a robot on a measured base where it is not handled yet.
+
+    Args:
+        robot: the robot.
+        what: what does not handle it, as the subject of a sentence.
+        instead: next step; empty: the methods that do handle it.
+
+    Raises:
+        RobotDescriptionError: the base of the robot is held by a sensor, or floats.
+    """
+    if robot.base_joints:
+        step = instead or "identify with ls, iv or piv, which do, and look at their results"
+        raise RobotDescriptionError(
+            f"robot {robot.name!r} has a measured base, which {what} does not handle yet; {step}"
+        )
 
 
 def without_wrenches(robot: Robot, what: str) -> None:

@@ -1,4 +1,4 @@
-"""MJCF, the format of MuJoCo → robot: trees of hinge and slide joints on a fixed base.
+"""MJCF, the format of MuJoCo → robot: hinge and slide joints on a fixed base, loops closed.
 
 MuJoCo's poses are those of the bodies, and the joints of a body act one after the other, each
 about its own anchor a and axis. With ^pT_b the pose of a body at qpos = 0 of its joints, A the
@@ -13,27 +13,34 @@ where Z turns about or slides along z and ref is the joint's position in the dra
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
 from pivident.errors import RobotDescriptionError, concerning
-from pivident.robot.assembly import Member, chosen_order, merge_fixed
+from pivident.robot.assembly import Member, carriers, chosen_order, merge_fixed
+from pivident.robot.constraints import Closure, LinearConstraint
 from pivident.robot.description import Joint, Link, Robot
 from pivident.robot.frames import Pose, rotation_from_z_to, rotation_z
 from pivident.robot.friction import DEFAULT_FRICTION, FrictionLaw, offset, spring
 from pivident.robot.inertia import from_center_of_mass, moved
+from pivident.robot.mjcf_closed import closed_mjcf
+from pivident.robot.mjcf_loops import Equalities, closures, linear_constraints, read_equalities
 from pivident.robot.mjcf_model import (
     compiled,
     joint_names,
     mujoco_library,
     read_spec,
     refuse_unknown_physics,
+    rotation_of_quaternion,
 )
 from pivident.robot.naming import errors_name, frozen_example, nearest, repeated
 from pivident.robot.transmission import Transmission
+
+#: Mass below which a body is only a frame that MuJoCo needs a body for [kg].
+MASSLESS = 1e-9
 
 
 def read_mjcf(
@@ -43,24 +50,29 @@ def read_mjcf(
     frozen: Mapping[str, float] | None = None,
     gravity: Sequence[float] | None = None,
     friction: FrictionLaw = DEFAULT_FRICTION,
+    passive: Sequence[str] | None = None,
 ) -> Robot:
     """Read a robot with a fixed base from an MJCF file; needs the extra ``mujoco``.
 
     Bodies, ranges, gravity, armature (nominal rotor inertia), damping and frictionloss (nominal
     ``fv`` and ``fc``) are taken over. A joint with stiffness gets a spring. Contacts are left out.
+    Equality constraints between bodies, sites, joints and fixed tendons close loops, see
+    `pivident.robot.mjcf_loops`; passive joints have the friction that the file has values for.
 
     Args:
         path: the file.
         joints: names of the joints to keep, in the order of the log's columns; default all, in the
-            order of the file. The others are frozen.
+            order of the file. The others are frozen, but those that an equality moves along with
+            one that is kept.
         frozen: position at which a joint is frozen [rad or m], by name; joints that are not kept
             and not named here are frozen at zero. A free joint is frozen at 0 where the file
             places it, which holds the base.
         gravity: acceleration of gravity in the world frame [m/s²], shape (3,); default: the file's.
         friction: friction law of all joints.
+        passive: names of joints in loops that have no motor; default: those without an actuator.
 
     Returns:
-        The robot.
+        The robot; where equality constraints are active, of the joints with motors.
 
     Raises:
         MissingExtra: MuJoCo is not installed.
@@ -69,13 +81,21 @@ def read_mjcf(
     with errors_name(str(path)):
         model = compiled(read_spec(path))
         names = joint_names(model)
-        held = _frozen_positions(model, names, joints, frozen or {})
+        equalities = read_equalities(model)
+        held = _frozen_positions(model, names, joints, frozen or {}, equalities)
         moving = [k for k, name in enumerate(names) if name not in held]
         refuse_unknown_physics(model, moving)
-        tree, links = merge_fixed(_members(model, names, held, friction))
-        order = joints or [names[k] for k in moving]
-        _check_parents_first(tree, order)
-        tree, links = chosen_order(tree, links, order)
+        members, ends = _members(model, names, held, friction)
+        loops, linear = _constraints(equalities, members, ends, names, held)
+        tree, links = merge_fixed(members)
+        if not loops and not linear:
+            _refuse_passive(passive)
+            # what is stored has parameters of frames between the joints of a body
+            links = tuple(replace(link, is_body=True) for link in links)
+            wanted = list(joints or ())
+            wanted += [names[k] for k in moving if names[k] not in wanted]
+            _check_parents_first(tree, wanted)
+            tree, links = chosen_order(tree, links, wanted)
         robot = Robot(
             name=str(model.names[: model.names.index(b"\0")].decode()) or "mjcf",
             joints=tree,
@@ -87,11 +107,44 @@ def read_mjcf(
             transmission=Transmission.direct(len(tree)),
             description=str(path),
         )
-        return replace(robot, friction_nominal=_nominal_friction(robot, model, names))
+        robot = replace(robot, friction_nominal=_nominal_friction(robot, model, names))
+        if not loops and not linear:
+            return robot
+        return closed_mjcf(robot, model, names, (loops, linear, equalities), joints, passive)
+
+
+def _constraints(
+    equalities: Equalities,
+    members: Sequence[Member],
+    ends: Mapping[int, tuple[int, Pose]],
+    names: Sequence[str],
+    held: Mapping[str, float],
+) -> tuple[list[Closure], list[LinearConstraint]]:
+    """What closes the loops of the joints that move, see `_members` for ``ends``."""
+    carried = carriers(members)
+    places = {
+        body: (carried[m][0], carried[m][1] @ pose) if m >= 0 else (-1, pose)
+        for body, (m, pose) in ends.items()
+    }
+    still = {names.index(name): at for name, at in held.items()}
+    moving = [k for k in range(len(names)) if k not in still]
+    order = {k: i for i, k in enumerate(moving)}
+    linear = linear_constraints(equalities.proportions, names, order, still)
+    return closures(equalities.meetings, places, still), linear
+
+
+def _refuse_passive(passive: Sequence[str] | None) -> None:
+    if passive:
+        raise RobotDescriptionError(
+            f"passive: {', '.join(passive)} move by themselves, since no equality of the file "
+            "couples moving joints; remove the key"
+        ).about("passive")
 
 
 def movable_joints(path: str | Path) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names of the joints of an MJCF file that can be kept, and of those that cannot.
+    """Names of the joints of an MJCF file that have or may have motors, and of the others.
+
+    Of loops the joints with motors, see `read_mjcf`.
 
     Args:
         path: the file.
@@ -108,62 +161,11 @@ def movable_joints(path: str | Path) -> tuple[tuple[str, ...], tuple[str, ...]]:
             raise RobotDescriptionError(
                 "no hinge or slide joint of it can move; is it the right file?"
             )
+        equalities = read_equalities(model)
     kept = tuple(name for name, yes in zip(names, usable, strict=True) if yes)
+    if equalities.meetings or equalities.proportions:
+        kept = read_mjcf(path, joints=kept).joint_names
     return kept, tuple(name for name in names if name not in kept)
-
-
-@dataclass(frozen=True)
-class PositionGains:
-    """What the position and velocity actuators of an MJCF file say of one joint.
-
-    Attributes:
-        kp: position gain [N m/rad or N/m].
-        kv: speed gain [N m s/rad or N s/m].
-        delay: time that the control is late [s].
-    """
-
-    kp: float
-    kv: float
-    delay: float
-
-
-def position_gains(path: str | Path) -> dict[str, PositionGains]:
-    """Gains of the joints that position and velocity actuators move, by the joint's name.
-
-    An actuator with gain g, biases b and gear r on a joint is the law r (g u + b_1 r q + b_2 r dq)
-    with kp = -b_1 r² and kv = -b_2 r²; those of one joint are added up.
-
-    Args:
-        path: the file.
-
-    Returns:
-        The gains; joints without such an actuator are left out.
-
-    Raises:
-        MissingExtra: MuJoCo is not installed.
-        RobotDescriptionError: the file cannot be read.
-    """
-    mujoco = mujoco_library()
-    with errors_name(str(path)):
-        model = compiled(read_spec(path))
-        names = joint_names(model)
-    found: dict[str, PositionGains] = {}
-    of_joints = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
-    affine = int(mujoco.mjtBias.mjBIAS_AFFINE)
-    delays = getattr(model, "actuator_delay", np.zeros(model.nu))
-    for k in range(model.nu):
-        if int(model.actuator_trntype[k]) not in of_joints or model.actuator_biastype[k] != affine:
-            continue
-        name = names[int(model.actuator_trnid[k, 0])]
-        square = float(model.actuator_gear[k, 0]) ** 2
-        bias = np.asarray(model.actuator_biasprm[k], dtype=float)
-        before = found.get(name, PositionGains(0.0, 0.0, 0.0))
-        found[name] = PositionGains(
-            before.kp - square * float(bias[1]),
-            before.kv - square * float(bias[2]),
-            max(before.delay, float(delays[k])),
-        )
-    return {name: gains for name, gains in found.items() if gains.kp or gains.kv}
 
 
 def _dof(model: Any, names: Sequence[str], joint: str) -> int:
@@ -176,7 +178,11 @@ def _kind(model: Any, k: int) -> str:
 
 
 def _frozen_positions(
-    model: Any, names: Sequence[str], kept: Sequence[str] | None, frozen: Mapping[str, float]
+    model: Any,
+    names: Sequence[str],
+    kept: Sequence[str] | None,
+    frozen: Mapping[str, float],
+    equalities: Equalities,
 ) -> dict[str, float]:
     """Position of every joint that could move and does not."""
     for key, given in (("joints", kept or ()), ("frozen", frozen)):
@@ -191,10 +197,15 @@ def _frozen_positions(
             f"joints: {', '.join(both or repeated(list(kept or ())))} cannot be kept "
             f"{'and frozen' if both else 'twice'}; name each joint once"
         ).about("joints")
+    along: set[str] = set()
+    if kept is not None:
+        still = [names.index(name) for name in frozen]
+        moved = equalities.moved_along([names.index(name) for name in kept], still)
+        along = {names[k] for k in moved if _kind(model, k) in ("hinge", "slide")}
     positions = {
         name: float(frozen.get(name, 0.0))
         for name in names
-        if name in frozen or (kept is not None and name not in kept)
+        if name in frozen or (kept is not None and name not in kept and name not in along)
     }
     for k, name in enumerate(names):
         kind, freeze = _kind(model, k), f"freeze it, {frozen_example(name)}"
@@ -221,15 +232,19 @@ def _frozen_positions(
 
 def _members(
     model: Any, names: Sequence[str], held: Mapping[str, float], friction: FrictionLaw
-) -> list[Member]:
-    """All joints, and bodies without any as fixed ones, with z along the axes."""
+) -> tuple[list[Member], dict[int, tuple[int, Pose]]]:
+    """All joints, and bodies without any as fixed ones, with z along the axes.
+
+    Then by body the member that carries it, -1 for the base, and the body's frame in that member's.
+    """
     members: list[Member] = []
     last = {0: (-1, Pose.identity())}  # member that carries a body, and the body's frame in its own
     for b in range(1, model.nbody):
         parent, pose = last[int(model.body_parentid[b])]
-        pose = pose @ Pose(_rotation(model.body_quat[b]), np.array(model.body_pos[b]))
+        pose = pose @ Pose(rotation_of_quaternion(model.body_quat[b]), np.array(model.body_pos[b]))
         first, count = int(model.body_jntadr[b]), int(model.body_jntnum[b])
         body, name = _inertia(model, b), model.body(b).name or f"body_{b}"
+        has_mass = bool(model.body_mass[b] > MASSLESS)
         if not count:
             members.append(_fixed(f"{name} (fixed)", parent, pose, Link(name, body)))
             last[b] = len(members) - 1, Pose.identity()
@@ -239,7 +254,7 @@ def _members(
             end = k == first + count - 1
             back = Pose(frame.rotation.T, -frame.rotation.T @ frame.translation)
             inertia = moved(body, back.rotation, back.translation) if end else np.zeros(10)
-            link = Link(name if end else f"{name} before {names[k + 1]}", inertia)
+            link = Link(name if end else f"{name} before {names[k + 1]}", inertia, end and has_mass)
             placed = pose @ frame @ _moved_by(model, k, held.get(names[k]))
             if names[k] in held:
                 members.append(_fixed(names[k], parent, placed, link))
@@ -248,7 +263,7 @@ def _members(
                 members.append(Member(joint, link))
             parent, pose = len(members) - 1, back
         last[b] = parent, pose
-    return members
+    return members, last
 
 
 def _frame(model: Any, k: int) -> Pose:
@@ -306,21 +321,9 @@ def _with_spring(friction: FrictionLaw) -> FrictionLaw:
 
 def _inertia(model: Any, b: int) -> np.ndarray:
     """Ten inertial parameters of a body in its own frame."""
-    axes = _rotation(model.body_iquat[b])
+    axes = rotation_of_quaternion(model.body_iquat[b])
     at_center = axes @ np.diag(model.body_inertia[b]) @ axes.T
     return from_center_of_mass(float(model.body_mass[b]), np.array(model.body_ipos[b]), at_center)
-
-
-def _rotation(quaternion: np.ndarray) -> np.ndarray:
-    """Rotation of a quaternion w x y z of any length but zero."""
-    w, x, y, z = np.asarray(quaternion, dtype=float) / np.linalg.norm(quaternion)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
 
 
 def _check_parents_first(tree: Sequence[Joint], order: Sequence[str]) -> None:

@@ -6,7 +6,7 @@ model. This module needs the extra ``mujoco``.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Set
 from pathlib import Path
 from typing import Any
 
@@ -74,9 +74,34 @@ def compiled(spec: Any) -> Any:
         raise _refused(error) from error
 
 
+def rotation_of_quaternion(quaternion: np.ndarray) -> np.ndarray:
+    """Rotation of a quaternion w x y z of any length but zero."""
+    w, x, y, z = np.asarray(quaternion, dtype=float) / np.linalg.norm(quaternion)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
 def _refused(error: ValueError) -> RobotDescriptionError:
     said = " ".join(str(error).split()).removesuffix(".")
     return RobotDescriptionError(f"MuJoCo refuses it: {said}")
+
+
+#: What makes a tendon act on its joints, arrays of a compiled model.
+_OF_TENDONS = (
+    "stiffness",
+    "stiffnesspoly",
+    "damping",
+    "dampingpoly",
+    "frictionloss",
+    "armature",
+    "limited",
+    "actfrclimited",
+)
 
 
 def joint_names(model: Any) -> tuple[str, ...]:
@@ -93,8 +118,57 @@ def joint_names(model: Any) -> tuple[str, ...]:
     return tuple(names)
 
 
-def refuse_unknown_physics(model: Any, moving: Iterable[int]) -> None:
-    """Refuse what acts on moving joints and is not in the model of a tree of rigid links.
+def actuated_joints(model: Any) -> frozenset[int]:
+    """Indices of the joints that an actuator moves."""
+    return frozenset(
+        int(model.actuator_trnid[k, 0]) for k in range(model.nu) if moves_a_joint(model, k)
+    )
+
+
+def moves_a_joint(model: Any, actuator: int) -> bool:
+    """Whether an actuator acts on one joint."""
+    types = mujoco_library().mjtTrn
+    own = int(model.actuator_trntype[actuator])
+    return own in (int(types.mjTRN_JOINT), int(types.mjTRN_JOINTINPARENT))
+
+
+def _only_couples(model: Any, k: int) -> bool:
+    """Whether a tendon is a sum of joint positions that an equality holds, and nothing more."""
+    mujoco = mujoco_library()
+    acts = any(
+        np.any(getattr(model, f"tendon_{what}", np.zeros(model.ntendon))[k]) for what in _OF_TENDONS
+    )
+    moved = any(
+        int(model.actuator_trntype[u]) == int(mujoco.mjtTrn.mjTRN_TENDON)
+        and int(model.actuator_trnid[u, 0]) == k
+        for u in range(model.nu)
+    )
+    held = any(
+        int(model.eq_type[e]) == int(mujoco.mjtEq.mjEQ_TENDON)
+        and model.eq_active0[e]
+        and k in (int(model.eq_obj1id[e]), int(model.eq_obj2id[e]))
+        for e in range(model.neq)
+    )
+    return tendon_joints(model, k) is not None and held and not acts and not moved
+
+
+def _is_still(model: Any, k: int, moving: Set[int]) -> bool:
+    """Whether a tendon is a sum of joint positions of which none moves."""
+    joints = tendon_joints(model, k)
+    return joints is not None and not joints & moving
+
+
+def tendon_joints(model: Any, k: int) -> frozenset[int] | None:
+    """Indices of the joints that a fixed tendon adds up; None: of a tendon in space."""
+    first, count = int(model.tendon_adr[k]), int(model.tendon_num[k])
+    of_joint = int(mujoco_library().mjtWrap.mjWRAP_JOINT)
+    if any(int(kind) != of_joint for kind in model.wrap_type[first : first + count]):
+        return None
+    return frozenset(int(joint) for joint in model.wrap_objid[first : first + count])
+
+
+def refuse_unknown_physics(model: Any, moving: Collection[int]) -> None:
+    """Refuse what acts on moving joints and is not in the model of rigid links.
 
     Args:
         model: the compiled model.
@@ -103,17 +177,12 @@ def refuse_unknown_physics(model: Any, moving: Iterable[int]) -> None:
     Raises:
         RobotDescriptionError: names the element and the next step.
     """
-    mujoco = mujoco_library()
-    if model.neq:
-        kinds = {mujoco.mjtEq(int(k)).name.removeprefix("mjEQ_").lower() for k in model.eq_type}
-        names = [model.equality(k).name or f"number {k + 1}" for k in range(model.neq)]
-        raise RobotDescriptionError(
-            f"has equality constraints ({', '.join(names)}: {', '.join(sorted(kinds))}), and a "
-            "closed loop or a coupled joint is no tree; remove <equality>, and freeze the joints "
-            "that it moves"
-        )
-    if model.ntendon:
-        names = [model.tendon(k).name or f"number {k + 1}" for k in range(model.ntendon)]
+    names = [
+        model.tendon(k).name or f"number {k + 1}"
+        for k in range(model.ntendon)
+        if not _is_still(model, k, set(moving)) and not _only_couples(model, k)
+    ]
+    if names:
         raise RobotDescriptionError(
             f"has tendons ({', '.join(names)}), whose forces are not in the model; remove <tendon> "
             "with its actuators, and declare coupled motors by couplings under [robot]"

@@ -53,7 +53,8 @@ def read_urdf(
     Args:
         path: the file.
         joints: names of the joints to keep, in the order of the log's columns; default all, depth
-            first in the order of the file. The others are frozen.
+            first in the order of the file. The others are frozen, but those that mimic one that is
+            kept.
         frozen: position at which a joint is frozen [rad or m], by name; joints that are not kept
             and not named here are frozen at zero.
         gravity: acceleration of gravity in the root link's frame [m/s²], shape (3,).
@@ -108,8 +109,9 @@ def parse_urdf(
         model = parse_model(content)
         positions = _frozen_positions(model, joints, frozen or {})
         moving, links = merge_fixed(_members(model, positions, friction))
-        if joints is not None:
-            moving, links = chosen_order(moving, links, joints)
+        order = list(joints or ())
+        if len(order) == len(moving):
+            moving, links = chosen_order(moving, links, order)
             _check_parents_first(moving)
         robot = Robot(
             name=model.name,
@@ -121,12 +123,15 @@ def parse_urdf(
             description=source,
             urdf=UrdfFile("", text_digest(content), positions),
         )
-        robot = _with_followers(robot, model)
+        robot = _with_followers(robot, model, order)
         return replace(robot, friction_nominal=_nominal_friction(robot, model))
 
 
-def _with_followers(tree: Robot, model: UrdfModel) -> Robot:
-    """The robot without the joints that mimic others: they move in proportion, without motors."""
+def _with_followers(tree: Robot, model: UrdfModel, order: Sequence[str]) -> Robot:
+    """The robot without the joints that mimic others: they move in proportion, without motors.
+
+    Its joints are in the given order, else in that of the tree.
+    """
     followers = {j.name: j for j in model.joints if j.mimics and j.name in tree.joint_names}
     if not followers:
         return tree
@@ -138,7 +143,8 @@ def _with_followers(tree: Robot, model: UrdfModel) -> Robot:
             ratios[i], ratios[tree.joint_names.index(str(joint.mimics))] = 1.0, -joint.multiplier
             rules.append(LinearConstraint(name, ratios, joint.offset))
     tree = tree.with_friction(dict.fromkeys(followers, FrictionLaw(())))
-    leaders = [name for name in tree.joint_names if name not in followers]
+    names = [name for name in order if name in tree.joint_names] or tree.joint_names
+    leaders = [name for name in names if name not in followers]
     return closed_robot(tree, leaders, linear=rules)
 
 
@@ -203,10 +209,11 @@ def _frozen_positions(
                 f"joints: {', '.join(both or repeated(list(kept)))} cannot be kept "
                 f"{'and frozen' if both else 'twice'}; name each joint once"
             ).about("joints")
+    moving = None if kept is None else {*kept, *_moved_along(model, kept, frozen)}
     positions = {
         name: float(frozen.get(name, 0.0))
         for name in movable
-        if name in frozen or (kept is not None and name not in kept)
+        if name in frozen or (moving is not None and name not in moving)
     }
     for joint in model.joints:
         if joint.name in positions:
@@ -215,6 +222,18 @@ def _frozen_positions(
         elif joint.type != "fixed":
             _check_kept(joint, [name for name in movable if name not in positions])
     return positions
+
+
+def _moved_along(model: UrdfModel, kept: Sequence[str], frozen: Mapping[str, float]) -> list[str]:
+    """Joints that mimic one that is kept, and that are not named as frozen."""
+    found = list(kept)
+    for _ in model.joints:  # followers of followers
+        found += [
+            joint.name
+            for joint in model.joints
+            if joint.mimics in found and joint.name not in found and joint.name not in frozen
+        ]
+    return [name for name in found if name not in kept]
 
 
 def _check_kept(joint: UrdfJoint, kept: Sequence[str]) -> None:

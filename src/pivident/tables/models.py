@@ -30,8 +30,8 @@ def profile_intervals(found: ProfileIntervals) -> Table:
 def consistent_parameters(model: ConsistentModel) -> Table:
     """All standard parameters with their 95 % intervals, which take a second or two."""
     made = profile_intervals(model.intervals(of="standard")).columns
-    joints = [model.robot.joints[p.joint].name for p in model.parameters]
-    links = [model.robot.links[p.joint].name for p in model.parameters]
+    joints = [model.robot.tree.joints[p.joint].name for p in model.parameters]
+    links = [model.robot.tree.links[p.joint].name for p in model.parameters]
     head: dict[str, Values] = {
         "parameter": made["quantity"],
         "joint": tuple(joints),

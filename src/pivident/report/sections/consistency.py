@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,9 +15,12 @@ from pivident.consistency.consistent_estimate import (
 )
 from pivident.consistency.consistent_tables import millimetres, moments_text
 from pivident.consistency.significance import HALF_INTERVAL
+from pivident.dynamics.closed_motion import ClosedChains
+from pivident.estimation.equation_record import FittedRecording
 from pivident.report.consistency_figures import VIEWS, bodies_figure, moved_figure
 from pivident.report.plotly_figures import Figure
 from pivident.report.sections.base import Section
+from pivident.robot.description import Robot
 from pivident.text.numbers import format_significant
 
 #: An end of an interval that nothing bounds is drawn this far away [σ].
@@ -97,6 +101,14 @@ def _moved_cells(found: ConsistentEstimate) -> list[tuple[str, ...]]:
     ]
 
 
+def _posture(robot: Robot, recordings: Sequence[FittedRecording]) -> np.ndarray:
+    """Positions of all joints at the first sample; without a record at the robot's own posture."""
+    if not recordings:
+        return np.zeros(robot.size) if robot.constraints is None else robot.constraints.posture
+    own = recordings[0].q[0]
+    return own if robot.constraints is None else ClosedChains(robot).start(own).q
+
+
 def _figures(found: ConsistentEstimate, method: int) -> tuple[Figure, ...]:
     """The arm with its bodies, and free and consistent intervals."""
     model = found.model
@@ -105,8 +117,7 @@ def _figures(found: ConsistentEstimate, method: int) -> tuple[Figure, ...]:
         np.clip(x, -FAR, FAR)
         for x in (model.moved, *((end - free) / std for end in (found.base.low, found.base.high)))
     )
-    recordings = model.free.recordings
-    q = recordings[0].q[0] if recordings else np.zeros(model.robot.size)
+    q = _posture(model.robot, model.free.recordings)
     left_out = model.base_values.size - len(model.names)
     inertial = [row.inertia for row in found.links]
     return (
