@@ -1,0 +1,175 @@
+"""Positions of the dependent joints of a mechanism: in closed form where there is one.
+
+The equations c(q) = 0 are put into blocks that are solved one after the other. A block is
+
+- linear, of gears and belts: solved at once, with numbers;
+- whole proportions: a parallelogram;
+- a triangle: two joints of a planar loop, by type equations;
+- or left to Newton's method, together with all triangles that depend on such a block.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from pivident.dynamics.closed_motion import ClosedChains
+from pivident.dynamics.grouping.expressions import Expression, constant
+from pivident.robot.closed_chains import equations
+from pivident.robot.description import Robot
+from pivident.symbolic.closure_equations import (
+    ClosureEquation,
+    LinearEquation,
+    closing_equations,
+)
+from pivident.symbolic.linear_solution import Block, block_order, solved
+from pivident.symbolic.model_symbols import ModelSymbols
+from pivident.symbolic.sums import collected
+from pivident.symbolic.type_equations import chosen_solution, triangle, whole_proportion
+
+#: Postures at random at which an element has to be zero to count as one that always is.
+POSTURES, ZERO_BELOW = 24, 1e-10
+
+#: How far postures at which loops are open are from the one where they close [rad or m].
+OPENED = 0.3
+
+
+@dataclass(eq=False)
+class ClosedPositions:
+    """Positions of all joints, and how they were found.
+
+    Attributes:
+        model: the tree; ``q`` are symbols of independent joints and of those of Newton's method,
+            and expressions of the others.
+        proportions: factors K of joints that move in whole proportions, by joint.
+        iterated: joints that Newton's method finds, ascending.
+        equations: number, among the kept ones, of the equations that it solves.
+        pattern: where A may differ from zero in closed postures, shape (equations, tree joints).
+    """
+
+    model: ModelSymbols
+    pattern: np.ndarray
+    proportions: dict[int, np.ndarray] = field(default_factory=dict)
+    iterated: list[int] = field(default_factory=list)
+    equations: list[int] = field(default_factory=list)
+
+
+def closed_positions(robot: Robot, model: ModelSymbols) -> ClosedPositions:
+    """Positions of all joints of a mechanism.
+
+    Args:
+        robot: with `Robot.constraints`.
+        model: its tree with a symbol for every position.
+    """
+    samples = _postures(robot)
+    result = ClosedPositions(model, _pattern(robot, samples))
+    places = list(robot.places)
+    others = [i for i in range(robot.tree.size) if i not in places]
+    for block in block_order(_open_pattern(robot)[:, others]):
+        joints = [others[k] for k in block.columns]
+        rows = list(block.rows)
+        found = (
+            _gears(robot, result.model, rows, joints)
+            or _parallelogram(result, places, samples, joints)
+            or _triangle(robot, result, rows, joints, samples)
+        )
+        if found is None:
+            result.iterated += joints
+            result.equations += rows
+            continue
+        q = tuple(found.get(i, own) for i, own in enumerate(result.model.q))
+        result.model = replace(result.model, q=q)
+    result.iterated.sort()
+    result.equations.sort()
+    return result
+
+
+def _postures(robot: Robot) -> np.ndarray:
+    """Positions of all joints in closed postures, the description's first."""
+    chains = ClosedChains(robot)
+    own = chains.random_postures(np.random.default_rng(20260601), POSTURES)
+    first = chains.table.posture[chains.table.places]
+    return np.array([chains.start(q).q for q in (first, *own)])
+
+
+def _pattern(robot: Robot, samples: np.ndarray) -> np.ndarray:
+    """Where A may differ from zero, in the postures that are given."""
+    assert robot.constraints is not None
+    kept = list(robot.constraints.kept)
+    sizes = [np.abs(equations(robot.tree, robot.constraints, q)[1][kept]) for q in samples]
+    largest = np.max(sizes, axis=0)
+    return largest > ZERO_BELOW * largest.max(axis=1, keepdims=True)
+
+
+def _open_pattern(robot: Robot) -> np.ndarray:
+    """Which joint each equation depends on where loops need not be closed."""
+    assert robot.constraints is not None
+    rng = np.random.default_rng(20260602)
+    spread = rng.uniform(-OPENED, OPENED, (POSTURES, robot.tree.size))
+    return _pattern(robot, robot.constraints.posture + spread)
+
+
+def _gears(
+    robot: Robot, model: ModelSymbols, rows: Sequence[int], joints: Sequence[int]
+) -> dict[int, Expression] | None:
+    """Joints that only linear constraints move."""
+    assert robot.constraints is not None
+    every = closing_equations(model, robot.constraints)
+    own = [equation for equation in (every[row] for row in rows)]
+    if not all(isinstance(equation, LinearEquation) for equation in own):
+        return None
+    still = replace(
+        model, q=tuple(constant(0.0) if i in joints else q for i, q in enumerate(model.q))
+    )
+    rights = [-closing_equations(still, robot.constraints)[row].gap() for row in rows]
+    matrix = np.array(
+        [[equation.slope(model, True).get(i, constant(0.0)) for i in joints] for equation in own],
+        dtype=object,
+    )
+    (values,) = solved(matrix, [rights])
+    return {i: collected(value) for i, value in zip(joints, values, strict=True)}
+
+
+def _parallelogram(
+    result: ClosedPositions, places: Sequence[int], samples: np.ndarray, joints: Sequence[int]
+) -> dict[int, Expression] | None:
+    """Joints that move in whole proportions to the independent ones."""
+    independent = samples[:, places]
+    found = {i: whole_proportion(independent, samples[:, i]) for i in joints}
+    positions: dict[int, Expression] = {}
+    for i, proportion in found.items():
+        if proportion is None:
+            return None
+        factors, offset = proportion
+        total: Expression = constant(offset)
+        for factor, place in zip(factors.tolist(), places, strict=True):
+            total = total + factor * result.model.q[place]
+        positions[i] = total
+    result.proportions.update({i: factors for i, (factors, _) in found.items()})  # type: ignore[misc]
+    return positions
+
+
+def _triangle(
+    robot: Robot,
+    result: ClosedPositions,
+    rows: Sequence[int],
+    joints: Sequence[int],
+    samples: np.ndarray,
+) -> dict[int, Expression] | None:
+    """Two joints of one planar loop, where the others do not wait for Newton's method."""
+    assert robot.constraints is not None
+    every = closing_equations(result.model, robot.constraints)
+    own = [every[row] for row in rows]
+    first = own[0]
+    if len(joints) != 2 or not isinstance(first, ClosureEquation):
+        return None
+    loop = (*first.ends.beyond[0], *first.ends.beyond[1])
+    alike = all(isinstance(e, ClosureEquation) and e.ends.closure is first.ends.closure for e in own)
+    if not alike or set(joints) - set(loop) or set(result.iterated) & set(loop):
+        return None
+    places = list(robot.places)
+    solutions = triangle(first.ends, robot.tree.joints, joints, robot.constraints.posture)
+    names = [f"q{i + 1}" for i in places]
+    return chosen_solution(solutions, names, samples[:, places], samples)
