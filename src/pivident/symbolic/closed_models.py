@@ -6,10 +6,10 @@ import numpy as np
 
 from pivident.errors import RobotDescriptionError
 from pivident.robot.description import Robot
-from pivident.symbolic.assignments import Input, Output, output_array
+from pivident.symbolic.assignments import Output, output_array
 from pivident.symbolic.closed_symbols import closed_symbols
 from pivident.symbolic.closure_equations import closing_equations, jacobian
-from pivident.symbolic.model_symbols import bare_symbols
+from pivident.symbolic.model_symbols import NOTHING, bare_symbols
 from pivident.symbolic.program import Program
 
 
@@ -37,7 +37,7 @@ def closure_equations(robot: Robot) -> Program:
     return Program.build(
         "closure_equations",
         model.inputs("q"),
-        Input("theta", (), ""),
+        NOTHING,
         [
             Output(
                 "gap",
@@ -73,7 +73,7 @@ def joint_motion(robot: Robot) -> Program:
     return Program.build(
         "joint_motion",
         model.inputs("q", "dq", "ddq"),
-        Input("theta", (), ""),
+        NOTHING,
         [
             Output("positions", output_array(model.q), "positions of all joints [rad or m]"),
             Output("speeds", output_array(model.dq), "their speeds [rad/s or m/s]"),

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pivident.dynamics.closed_motion import ClosedChains
-from pivident.dynamics.grouping.expressions import Expression, constant
+from pivident.dynamics.grouping.expressions import ZERO, Expression, constant
 from pivident.robot.closed_chains import equations
 from pivident.robot.description import Robot
 from pivident.symbolic.closure_equations import (
@@ -24,7 +24,7 @@ from pivident.symbolic.closure_equations import (
     LinearEquation,
     closing_equations,
 )
-from pivident.symbolic.linear_solution import Block, block_order, solved
+from pivident.symbolic.linear_solution import block_order, solved
 from pivident.symbolic.model_symbols import ModelSymbols
 from pivident.symbolic.sums import collected
 from pivident.symbolic.type_equations import chosen_solution, triangle, whole_proportion
@@ -115,19 +115,13 @@ def _gears(
     robot: Robot, model: ModelSymbols, rows: Sequence[int], joints: Sequence[int]
 ) -> dict[int, Expression] | None:
     """Joints that only linear constraints move."""
-    assert robot.constraints is not None
-    every = closing_equations(model, robot.constraints)
-    own = [equation for equation in (every[row] for row in rows)]
+    own = _equations(robot, model, rows)
     if not all(isinstance(equation, LinearEquation) for equation in own):
         return None
-    still = replace(
-        model, q=tuple(constant(0.0) if i in joints else q for i, q in enumerate(model.q))
-    )
-    rights = [-closing_equations(still, robot.constraints)[row].gap() for row in rows]
-    matrix = np.array(
-        [[equation.slope(model, True).get(i, constant(0.0)) for i in joints] for equation in own],
-        dtype=object,
-    )
+    q = tuple(ZERO if i in joints else q for i, q in enumerate(model.q))
+    rights = [-equation.gap() for equation in _equations(robot, replace(model, q=q), rows)]
+    slopes = [equation.slope(model, True) for equation in own]
+    matrix = np.array([[slope.get(i, ZERO) for i in joints] for slope in slopes], dtype=object)
     (values,) = solved(matrix, [rights])
     return {i: collected(value) for i, value in zip(joints, values, strict=True)}
 
@@ -137,17 +131,18 @@ def _parallelogram(
 ) -> dict[int, Expression] | None:
     """Joints that move in whole proportions to the independent ones."""
     independent = samples[:, places]
-    found = {i: whole_proportion(independent, samples[:, i]) for i in joints}
     positions: dict[int, Expression] = {}
-    for i, proportion in found.items():
-        if proportion is None:
+    proportions: dict[int, np.ndarray] = {}
+    for i in joints:
+        found = whole_proportion(independent, samples[:, i])
+        if found is None:
             return None
-        factors, offset = proportion
+        proportions[i], offset = found
         total: Expression = constant(offset)
-        for factor, place in zip(factors.tolist(), places, strict=True):
+        for factor, place in zip(proportions[i].tolist(), places, strict=True):
             total = total + factor * result.model.q[place]
         positions[i] = total
-    result.proportions.update({i: factors for i, (factors, _) in found.items()})  # type: ignore[misc]
+    result.proportions.update(proportions)
     return positions
 
 
@@ -159,17 +154,25 @@ def _triangle(
     samples: np.ndarray,
 ) -> dict[int, Expression] | None:
     """Two joints of one planar loop, where the others do not wait for Newton's method."""
+    own = _equations(robot, result.model, rows)
+    if len(joints) != 2 or not all(isinstance(equation, ClosureEquation) for equation in own):
+        return None
+    ends, *others = (equation.ends for equation in own if isinstance(equation, ClosureEquation))
+    loop = {*ends.beyond[0], *ends.beyond[1]}
+    alike = all(other.closure is ends.closure for other in others)
+    if not alike or not loop.issuperset(joints) or loop.intersection(result.iterated):
+        return None
     assert robot.constraints is not None
-    every = closing_equations(result.model, robot.constraints)
-    own = [every[row] for row in rows]
-    first = own[0]
-    if len(joints) != 2 or not isinstance(first, ClosureEquation):
-        return None
-    loop = (*first.ends.beyond[0], *first.ends.beyond[1])
-    alike = all(isinstance(e, ClosureEquation) and e.ends.closure is first.ends.closure for e in own)
-    if not alike or set(joints) - set(loop) or set(result.iterated) & set(loop):
-        return None
     places = list(robot.places)
-    solutions = triangle(first.ends, robot.tree.joints, joints, robot.constraints.posture)
+    solutions = triangle(ends, robot.tree.joints, joints, robot.constraints.posture)
     names = [f"q{i + 1}" for i in places]
     return chosen_solution(solutions, names, samples[:, places], samples)
+
+
+def _equations(
+    robot: Robot, model: ModelSymbols, rows: Sequence[int]
+) -> list[ClosureEquation | LinearEquation]:
+    """Some of the kept equations."""
+    assert robot.constraints is not None
+    every = closing_equations(model, robot.constraints)
+    return [every[row] for row in rows]

@@ -21,7 +21,12 @@ from pivident.symbolic.assignments import Assignments, Input, LoopClosing, Outpu
 from pivident.symbolic.closed_positions import ClosedPositions, closed_positions
 from pivident.symbolic.closure_equations import closing_equations, jacobian
 from pivident.symbolic.linear_solution import Block, block_order, solved_by_blocks
-from pivident.symbolic.model_symbols import ModelSymbols, bare_symbols, motion_input
+from pivident.symbolic.model_symbols import (
+    NOTHING,
+    ModelSymbols,
+    bare_symbols,
+    motion_input,
+)
 from pivident.symbolic.sums import collected
 
 
@@ -40,7 +45,7 @@ def closed_symbols(robot: Robot) -> ModelSymbols:
     slope = _masked(positions, robot, tree)
     square = slope[:, others]
     blocks = block_order(positions.pattern[:, others])
-    known = {
+    known: dict[int, list[Expression]] = {
         k: [constant(x) for x in positions.proportions[i].tolist()]
         for k, i in enumerate(others)
         if i in positions.proportions
@@ -53,7 +58,7 @@ def closed_symbols(robot: Robot) -> ModelSymbols:
     tree = replace(tree, dq=_moved(gain, moving))
     equations = closing_equations(tree, robot.constraints)
     drift = np.full(tree.robot.size, ZERO, dtype=object)
-    still = {k: [ZERO] for k in known}
+    still: dict[int, list[Expression]] = {k: [ZERO] for k in known}
     right = [[-equation.drift() for equation in equations]]
     drift[others] = solved_by_blocks(square, right, blocks, still)[:, 0]
     pushed = _moved(gain, np.array([tree.ddq[i] for i in places], dtype=object))
@@ -117,7 +122,7 @@ def _closing(robot: Robot, positions: ClosedPositions, gain: np.ndarray) -> Loop
     program = Assignments.build(
         "closing_step",
         [q, unknown, Input("way", way, "how far the independent joints move along")],
-        Input("theta", (), ""),
+        NOTHING,
         [
             Output("gap", output_array(gaps), "what is left of the equations c(q) = 0 [m or rad]"),
             Output("step", output_array(list(step)), "change of the passive positions"),
@@ -135,9 +140,7 @@ def _along(row: np.ndarray, moved: tuple[Expression, ...]) -> Expression:
     return total
 
 
-def _hints(
-    tree: ModelSymbols, gain: np.ndarray, others: list[int]
-) -> list[tuple[str, Expression]]:
+def _hints(tree: ModelSymbols, gain: np.ndarray, others: list[int]) -> list[tuple[str, Expression]]:
     """Names of positions, speeds and accelerations of dependent joints, of N and γ."""
     named: list[tuple[str, Expression]] = []
     for i in others:

@@ -50,7 +50,9 @@ class LoopEnds:
             tuple(i for i in first if i not in second),
             tuple(i for i in second if i not in first),
         )
-        speeds = tuple(dq if i in (*beyond[0], *beyond[1]) else ZERO for i, dq in enumerate(model.dq))
+        speeds = tuple(
+            dq if i in (*beyond[0], *beyond[1]) else ZERO for i, dq in enumerate(model.dq)
+        )
         relative = replace(model, dq=speeds)
         return cls(closure, link_motion(relative, accelerations=False, gravity=False), beyond)
 

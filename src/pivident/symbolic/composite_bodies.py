@@ -66,7 +66,13 @@ def mass_matrix(
         "mass_matrix",
         model.inputs("q"),
         model.argument,
-        [Output("mass", mass_of_given_joints(model, matrix), "mass matrix [kg m^2, kg m or kg], row by row")],
+        [
+            Output(
+                "mass",
+                mass_of_given_joints(model, matrix),
+                "mass matrix [kg m^2, kg m or kg], row by row",
+            )
+        ],
         title=f"Mass matrix of {robot.name}",
         hints=[*model.hints, *_hints(frames, bodies)],
         closing=model.closing,

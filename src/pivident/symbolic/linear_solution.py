@@ -9,7 +9,7 @@ the mechanism is singular.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -41,7 +41,7 @@ def block_order(pattern: np.ndarray) -> list[Block]:
         raise ValueError("the matrix is singular whatever its elements are")
     square = pattern[match]  # row k determines column k
     count, label = connected_components(csr_matrix(square), connection="strong")
-    depends = {k: set() for k in range(count)}
+    depends: dict[int, set[int]] = {k: set() for k in range(count)}
     for i, j in zip(*np.nonzero(square), strict=True):
         if label[i] != label[j]:
             depends[label[i]].add(label[j])
@@ -143,8 +143,8 @@ def _orthogonal(matrix: np.ndarray, rights: Columns) -> Columns:
     return solutions
 
 
-def _sum(terms) -> Expression:
-    total = ZERO
+def _sum(terms: Iterable[Expression]) -> Expression:
+    total: Expression = ZERO
     for term in terms:
         total = total + term
     return total

@@ -20,6 +20,9 @@ from pivident.symbolic.vectors import Tensor, Vector
 #: Which columns of the model: base or standard parameters, or chosen ones.
 Columns = Literal["base", "standard"] | BaseParameters | Sequence[Parameter]
 
+#: The parameters of a program that has none.
+NOTHING = Input("theta", (), "")
+
 
 @dataclass(frozen=True)
 class LinkInertia:
@@ -50,7 +53,7 @@ class ModelSymbols:
     hints: tuple[tuple[str, Expression], ...] = ()  # names of what depends on closed loops
     parameters: tuple[Parameter, ...] = ()  # columns of the model, in order
     theta: tuple[Expression, ...] = ()  # value of each: its symbol, or a number
-    argument: Input = Input("theta", (), "")  # θ as an argument of a program; empty for numbers
+    argument: Input = NOTHING  # θ as an argument of a program; empty for numbers
 
     def value(self, stem: str, joint: int) -> Expression:
         """A link's parameter; zero if it is no column."""
@@ -108,7 +111,7 @@ def with_parameters(
                 f"numbers, one for each of {', '.join(names[:3])} …"
             )
         theta = tuple(constant(x) for x in numbers.tolist())
-        argument = Input("theta", (), "")
+        argument = NOTHING
     return replace(model, parameters=parameters, theta=theta, argument=argument)
 
 

@@ -240,9 +240,7 @@ def cheapest(
     model: ModelSymbols, candidates: Iterable[tuple[list[Expression], Hints]]
 ) -> tuple[list[Expression], Hints]:
     """The form of a model's torques with the fewest operations; the first of equal ones."""
-    return min(
-        candidates, key=lambda c: operation_count(on_given_joints(model, c[0])).price
-    )
+    return min(candidates, key=lambda c: operation_count(on_given_joints(model, c[0])).price)
 
 
 def _named(stem: str, link: int, vector: Vector) -> Hints:

@@ -23,7 +23,7 @@ from pivident.symbolic.model_symbols import Columns, ModelSymbols
 from pivident.symbolic.newton_euler import Hints, inner_input, inner_symbols
 from pivident.symbolic.program import Program
 from pivident.symbolic.robot_symbols import robot_symbols
-from pivident.symbolic.vectors import NULL, Vector, cross, dot, plus
+from pivident.symbolic.vectors import NULL, Vector, cross, dot
 
 Wrench = tuple[Vector, Vector]
 

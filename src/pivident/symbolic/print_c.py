@@ -120,9 +120,7 @@ def _many_signature(program: Assignments, name: str) -> str:
     return f"void {name}_samples(size_t samples, {', '.join(given + results)})"
 
 
-def _single(
-    program: Assignments, name: str, close: str = "", static: bool = False
-) -> list[str]:
+def _single(program: Assignments, name: str, close: str = "", static: bool = False) -> list[str]:
     """The function for one state; ``close`` is the one that finds its passive positions."""
     names = scalar_names(program, _TAKEN)
     signature = f"{'static ' * static}{_signature(program, name)}"

@@ -15,14 +15,14 @@ from pivident.text.identifiers import c_comment, identifiers
 _CLOSE_LOOPS = """
 static void @close(const double q[@given], double posture[@size], double passive[@found])
 {
-    double way[@given], part[@given], at[@given], gap[@found], step[@found], far = 0.0;
+    double way[@given], part[@given], at[@given], gap[@found], step[@found], farthest = 0.0;
     for (size_t k = 0; k < @given; ++k) {
         way[k] = q[k] - posture[k];
-        far = fmax(far, fabs(way[k]));
+        farthest = fmax(farthest, fabs(way[k]));
     }
     for (size_t k = 0; k < @found; ++k)
         passive[k] = posture[@given + k];
-    const size_t strides = 1 + (size_t)(fmin(far, @longest) / @stride);
+    const size_t strides = 1 + (size_t)(fmin(farthest, @longest) / @stride);
     for (size_t n = 0; n < strides; ++n) {
         const double left = (double)(strides - n) / (double)strides;
         for (size_t k = 0; k < @given; ++k) {
@@ -61,7 +61,7 @@ def closing_names(
     closings: Sequence[LoopClosing], prefix: str, taken: Sequence[str]
 ) -> dict[LoopClosing, tuple[str, str, str]]:
     """Names of the posture, the function of one step, and the one that closes the loops."""
-    wanted = [f"{prefix}{text}" for text in ("posture", "closing_step", "close_loops")]
+    wanted = [f"{prefix}{text}" for text in ("closed_posture", "closing_step", "close_loops")]
     texts = identifiers(wanted * len(closings), taken)
     return {
         closing: (texts[3 * k], texts[3 * k + 1], texts[3 * k + 2])

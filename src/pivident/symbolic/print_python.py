@@ -21,7 +21,6 @@ from pivident.symbolic.assignments import (
 )
 from pivident.text.identifiers import identifier, identifiers
 
-
 #: Positions of passive joints by Newton's method, for many states at once.
 _CLOSE_LOOPS = '''
 def {close}(q, posture=None):

@@ -73,7 +73,7 @@ def mass_of_given_joints(model: ModelSymbols, matrix: np.ndarray) -> np.ndarray:
     mass = np.full((size, size), ZERO, dtype=object)
     for a in range(size):
         for b in range(a + 1):
-            total = _weighted([row[b] for row in moved], gain[:, a])
+            total = _weighted([row[b] for row in moved], list(gain[:, a]))
             mass[a, b] = mass[b, a] = collected(total)
     return mass
 

@@ -40,10 +40,14 @@ from pivident.symbolic.closure_equations import LoopEnds, seen_from
 from pivident.symbolic.joint_frame import JointFrame, joint_frame
 from pivident.symbolic.vectors import Turn, minus, plus
 
-#: Largest difference of a closed form from Newton's method at postures at random [rad or m].
-AGREES = 1e-9
+#: Largest difference of a whole proportion from Newton's method at postures at random [rad or m],
+#: and of a type equation, which is right or far off but for rounding next to a singular posture.
+AGREES, NEAR = 1e-9, 1e-6
 
 Plane = tuple[Expression, Expression]
+
+#: a and r, see above.
+Sides = tuple[Plane, Plane]
 
 
 def whole_proportion(
@@ -58,7 +62,7 @@ def whole_proportion(
     """
     start = independent[0], dependent[0]
     moved = independent[1:] - start[0]
-    factors = np.round(np.linalg.lstsq(moved, dependent[1:] - start[1])[0])
+    factors: np.ndarray = np.round(np.linalg.lstsq(moved, dependent[1:] - start[1])[0])
     offset = float(start[1] - factors @ start[0])
     if np.abs(independent @ factors + offset - dependent).max() > AGREES:
         return None
@@ -89,34 +93,21 @@ def triangle(
     (v,) = (i for i in unknown if i != u)
     frames = [motion.frame for motion in ends.motions]
     slides = joints[v].kind == "prismatic"
-    sides = [
+    (a_0, r_0), *moved = [
         _sides(ends, [own if i == v else frame for i, frame in enumerate(frames)], u)
         for own in _places(joints[v], frames[v])
     ]
-    (a_0, r_0), *others = sides
-    a_c, r_c = (_less(own, first) for own, first in zip(others[0], sides[0], strict=True))
+    slopes = [(_less(a, a_0), _less(r, r_0)) for a, r in moved]
+    places = (_slides if slides else _turns)((a_0, r_0), slopes)
     found = []
-    if slides:
-        solutions = _slides((a_0, r_0), (a_c, r_c))
-    else:
-        a_s, r_s = (_less(own, first) for own, first in zip(others[1], sides[0], strict=True))
-        solutions = _turns((a_0, a_c, a_s), (r_0, r_c, r_s))
-    for place in solutions:
-        if slides:
-            (slide,) = place
-            weights: tuple[Expression, ...] = (slide,)
-            position = slide
-        else:
-            cos, sin = weights = place
-            position = _angle_near(cos, sin, float(posture[v]), frames[v])
-        parts = [(a_c, r_c)] if slides else [(a_c, r_c), (a_s, r_s)]
+    for place in places:
         a, r = a_0, r_0
-        for weight, (own_a, own_r) in zip(weights, parts, strict=True):
-            a, r = _added(a, weight, own_a), _added(r, weight, own_r)
-        scale = divide(ONE, a[0] * a[0] + a[1] * a[1])
-        cos = (a[0] * r[0] + a[1] * r[1]) * scale
-        sin = (a[0] * r[1] - a[1] * r[0]) * scale
-        found.append({v: position, u: _angle_near(cos, sin, float(posture[u]), frames[u])})
+        for weight, (slope_a, slope_r) in zip(place, slopes, strict=True):
+            a, r = _added(a, weight, slope_a), _added(r, weight, slope_r)
+        scale = divide(ONE, _dot(a, a))
+        turned = _dot(a, r) * scale, (a[0] * r[1] - a[1] * r[0]) * scale
+        position = place[0] if slides else _angle_near(place, posture[v], frames[v])
+        found.append({v: position, u: _angle_near(turned, posture[u], frames[u])})
     return found
 
 
@@ -139,10 +130,9 @@ def chosen_solution(
         with np.errstate(invalid="ignore", divide="ignore"):
             found = evaluate(solution.values(), values)
         apart = [
-            np.abs(own - positions[:, joint])
-            for joint, own in zip(solution, found, strict=True)
+            np.abs(own - positions[:, joint]) for joint, own in zip(solution, found, strict=True)
         ]
-        if np.max(apart) < AGREES:  # not so where one is NaN
+        if np.max(apart) < NEAR:  # not so where one is NaN
             return solution
     return None
 
@@ -155,7 +145,7 @@ def _places(joint: Joint, frame: JointFrame) -> list[JointFrame]:
     return [replace(frame, last=turn) for turn in turns]
 
 
-def _sides(ends: LoopEnds, frames: list[JointFrame], u: int) -> tuple[Plane, Plane]:
+def _sides(ends: LoopEnds, frames: list[JointFrame], u: int) -> Sides:
     """The cut behind u in the frame that turns with it, and from the other side in that before."""
     end = 0 if u in ends.beyond[0] else 1
     own, other = ends.beyond[end], ends.beyond[1 - end]
@@ -166,14 +156,13 @@ def _sides(ends: LoopEnds, frames: list[JointFrame], u: int) -> tuple[Plane, Pla
     return (behind[0], behind[1]), (met[0], met[1])
 
 
-def _turns(a: Sequence[Plane], r: Sequence[Plane]) -> list[tuple[Expression, Expression]]:
+def _turns(start: Sides, slopes: Sequence[Sides]) -> list[tuple[Expression, ...]]:
     """Cosine and sine of the two angles with |a|² = |r|²."""
-
-    def both(i: int, j: int) -> Expression:
-        return _dot(r[i], r[j]) - _dot(a[i], a[j])
-
+    (a_0, r_0), (a_c, r_c), (a_s, r_s) = start, *slopes
     # |a_c| = |a_s|, at right angles, because they are turned by v
-    x, y, z = 2.0 * both(0, 1), 2.0 * both(0, 2), -(both(0, 0) + both(1, 1))
+    x = _dot(r_0, r_c) - _dot(a_0, a_c)
+    y = _dot(r_0, r_s) - _dot(a_0, a_s)
+    z = -0.5 * (_dot(r_0, r_0) + _dot(r_c, r_c) - _dot(a_0, a_0) - _dot(a_c, a_c))
     square = x * x + y * y
     root = call("sqrt", square - z * z)
     scale = divide(ONE, square)
@@ -183,9 +172,9 @@ def _turns(a: Sequence[Plane], r: Sequence[Plane]) -> list[tuple[Expression, Exp
     ]
 
 
-def _slides(zero: tuple[Plane, Plane], one: tuple[Plane, Plane]) -> list[tuple[Expression]]:
+def _slides(start: Sides, slopes: Sequence[Sides]) -> list[tuple[Expression, ...]]:
     """The two positions with |a_0 + a_c q|² = |r_0 + r_c q|²."""
-    (a_0, r_0), (a_c, r_c) = zero, one
+    (a_0, r_0), (a_c, r_c) = start, *slopes
     square = _dot(r_c, r_c) - _dot(a_c, a_c)
     half = divide(_dot(r_0, r_c) - _dot(a_0, a_c), square)
     rest = divide(_dot(r_0, r_0) - _dot(a_0, a_0), square)
@@ -193,12 +182,12 @@ def _slides(zero: tuple[Plane, Plane], one: tuple[Plane, Plane]) -> list[tuple[E
     return [(root - half,), (-half - root,)]
 
 
-def _angle_near(cos: Expression, sin: Expression, position: float, frame: JointFrame) -> Expression:
+def _angle_near(place: Sequence[Expression], position: float, frame: JointFrame) -> Expression:
     """A joint's angle within half a turn of the quarter turn next to a position.
 
     By 2 atan(sin / (1 + cos)) of what is left when that quarter is taken off.
     """
-    own = frame.last_angle
+    (cos, sin), own = place, frame.last_angle
     quarter = round((position + own) / (0.5 * math.pi))
     for _ in range(quarter % 4):
         cos, sin = sin, -cos
