@@ -4,8 +4,9 @@
 
 For the robots of the gallery, a seven-axis arm and a SCARA (and robot files that are named):
 
-- multiplications, additions, sines of every model with base parameters, and of the inverse model
-  without friction and without rotors too, and of a step of Newton's method that closes loops; seconds of processor time to make all of them;
+- multiplications, additions, sines of every model with base parameters, of the inverse model
+  without friction and without rotors, and of a step of Newton's method that closes loops; seconds
+  of processor time to make all of them;
 - largest deviation from the compiled kernels over 1000 random states (with closed loops: along a
   motion), relative to the largest element; of closed loops torque and observation matrix;
 - nanoseconds per state of the kernels and of the generated C, one thread against one thread, with

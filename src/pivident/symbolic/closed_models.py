@@ -8,7 +8,7 @@ from pivident.errors import RobotDescriptionError
 from pivident.robot.description import Robot
 from pivident.symbolic.assignments import Output, output_array
 from pivident.symbolic.closed_symbols import closed_symbols
-from pivident.symbolic.closure_equations import closing_equations, jacobian
+from pivident.symbolic.closures import closing_equations, jacobian
 from pivident.symbolic.model_symbols import NOTHING, bare_symbols
 from pivident.symbolic.program import Program
 

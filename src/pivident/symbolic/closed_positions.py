@@ -19,7 +19,7 @@ from pivident.dynamics.closed_motion import ClosedChains
 from pivident.dynamics.grouping.expressions import ZERO, Expression, constant
 from pivident.robot.closed_chains import equations
 from pivident.robot.description import Robot
-from pivident.symbolic.closure_equations import (
+from pivident.symbolic.closures import (
     ClosureEquation,
     LinearEquation,
     closing_equations,

@@ -19,7 +19,7 @@ from pivident.dynamics.grouping.expressions import ONE, ZERO, Expression, consta
 from pivident.robot.description import Robot
 from pivident.symbolic.assignments import Assignments, Input, LoopClosing, Output, output_array
 from pivident.symbolic.closed_positions import ClosedPositions, closed_positions
-from pivident.symbolic.closure_equations import closing_equations, jacobian
+from pivident.symbolic.closures import closing_equations, jacobian
 from pivident.symbolic.linear_solution import Block, block_order, solved_by_blocks
 from pivident.symbolic.model_symbols import (
     NOTHING,

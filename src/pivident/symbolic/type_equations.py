@@ -36,7 +36,7 @@ from pivident.dynamics.grouping.expressions import (
     evaluate,
 )
 from pivident.robot.description import Joint
-from pivident.symbolic.closure_equations import LoopEnds, seen_from
+from pivident.symbolic.closures import LoopEnds, seen_from
 from pivident.symbolic.joint_frame import JointFrame, joint_frame
 from pivident.symbolic.vectors import Turn, minus, plus
 
