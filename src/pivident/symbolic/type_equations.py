@@ -62,7 +62,7 @@ def whole_proportion(
     """
     start = independent[0], dependent[0]
     moved = independent[1:] - start[0]
-    factors: np.ndarray = np.round(np.linalg.lstsq(moved, dependent[1:] - start[1])[0])
+    factors = np.round(np.linalg.lstsq(moved, dependent[1:, None] - start[1])[0][:, 0])
     offset = float(start[1] - factors @ start[0])
     if np.abs(independent @ factors + offset - dependent).max() > AGREES:
         return None
