@@ -10,6 +10,7 @@ from pivident.dynamics.robot_regressor import regressor_of
 from pivident.robot.closed_chains import closed_robot
 from pivident.robot.constraints import Closure, LinearConstraint
 from pivident.robot.description import Link
+from pivident.robot.frames import Pose
 from pivident.robot.gallery import load_robot
 from tests.dynamics.closed.mechanisms import (
     UPRIGHT,
@@ -20,6 +21,7 @@ from tests.dynamics.closed.mechanisms import (
     hinge,
     parallelogram,
     random_body,
+    random_rotation,
     spatial_loop,
     tree_of,
     with_viscous_values,
@@ -63,12 +65,49 @@ def geared_five_bar():
     return with_viscous_values(closed_robot(tree, ["a1", "b1"], [tip], [gear], posture))
 
 
+def four_bar_cut_at_the_base(seed=2):
+    """A chain whose end turns about a point of the base: both passive joints are in one chain."""
+    rng = np.random.default_rng(seed)
+    joints = (
+        hinge("crank", -1, rotation=UPRIGHT, law=VISCOUS),
+        hinge("coupler", 0, (0.3, 0.0, 0.0), law=VISCOUS),
+        hinge("rocker", 1, (0.5, 0.0, 0.0), law=VISCOUS),
+    )
+    links = tuple(Link(name, random_body(rng)) for name in ("C", "K", "R"))
+    tree = tree_of("four bar", joints, links, (0.1, 0.0, 0.0))
+    loop = Closure("pin", (2, -1), (at(0.35, 0.02, 0.0), at(0.55, 0.0, 0.05)))
+    posture = np.array([1.1, -0.9, -1.8])
+    return with_viscous_values(closed_robot(tree, ["crank"], [loop], posture=posture))
+
+
+def boom(independent, seed=3):
+    """A boom in a plane at an odd angle, lifted by a cylinder."""
+    rng = np.random.default_rng(seed)
+    plane = random_rotation(rng)
+    across = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])  # z along x
+    joints = (
+        hinge("boom", -1, rotation=plane, law=VISCOUS),
+        hinge("barrel", -1, 0.4 * plane[:, 0], plane, law=VISCOUS),
+        hinge("piston", 1, rotation=across, kind="prismatic", law=VISCOUS),
+    )
+    links = tuple(Link(name, random_body(rng)) for name in ("B", "Y", "P"))
+    tree = tree_of("boom", joints, links, (0.0, 0.0, 2.0))
+    # the hinge's axis is the third of the boom, which the piston has as its first
+    turned = Pose(across.T, np.array([0.0, 0.0, 0.1]))
+    loop = Closure("eye", (2, 0), (turned, at(0.6, 0.1, 0.0)), "axis")
+    posture = np.array([0.9, 1.8, 0.4])
+    return with_viscous_values(closed_robot(tree, [independent], [loop], posture=posture))
+
+
 MADE = {
     "geared": geared,
     "geared five bar": geared_five_bar,
     "parallelogram": lambda: parallelogram(law=VISCOUS),
     "slider moved by a crank": slider_crank,
     "crank moved by a slider": lambda: slider_crank("slider"),
+    "four bar cut at the base": four_bar_cut_at_the_base,
+    "cylinder that a boom moves": lambda: boom("boom"),
+    "boom that a cylinder moves": lambda: boom("piston"),
     "ball": lambda: spatial_loop(4, "point", 2),
     "hinge": lambda: spatial_loop(2, "axis", 2),
     "weld on the base": lambda: spatial_loop(6, "full", 2, on_base=True),

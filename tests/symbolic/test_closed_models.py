@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.errors import RobotDescriptionError
@@ -20,6 +22,7 @@ from pivident.symbolic import (
     symbolic_models,
 )
 from pivident.symbolic.robot_models import LOOP_MODELS, MODELS, base_parameter_program
+from tests.dynamics.closed.mechanisms import spatial_loop
 from tests.symbolic.mechanisms import (
     GALLERY,
     MADE,
@@ -78,6 +81,17 @@ def test_motion_of_all_joints(name):
     found = joint_motion(robot).function()(q, dq, ddq)
     for ours, theirs in zip(found, motion_of_all(robot, q, dq, ddq), strict=True):
         assert_close(ours, theirs)
+
+
+@settings(max_examples=8, deadline=None)
+@given(st.integers(0, 2**16), st.sampled_from(["point", "axis", "full"]), st.booleans())
+def test_motion_of_loops_at_random(seed, kind, on_base):
+    """Loops of revolute and sliding joints in general directions, all by Newton's method."""
+    robot = spatial_loop(seed, kind, 2, on_base)
+    q, dq, ddq = closed_states(robot, 4, seed)
+    found = joint_motion(robot).function()(q, dq, ddq)
+    for ours, theirs in zip(found, motion_of_all(robot, q, dq, ddq), strict=True):
+        assert_close(ours, theirs, 1e-8)
 
 
 @pytest.mark.parametrize("name", EVERY)

@@ -34,10 +34,10 @@ from pivident.text.identifiers import identifiers, one_line
 #: Operations in one assignment above which parts of it get a variable of their own.
 MAX_OPERATIONS = 12
 
-#: How generated code closes loops: change of an independent joint in one step [rad or m], the
-#: longest way that is followed, gap below which one more step of Newton's method is enough
-#: [m or rad], and its steps.
-STRIDE, LONGEST_WAY, GAP, MAX_STEPS = 0.02, 1000.0, 1e-9, 30
+#: How generated code closes loops: change of an independent joint after which they are closed anew
+#: on the way [rad or m], the longest way that is followed in such strides, gap below which one more
+#: step of Newton's method is enough [m or rad], and its steps in one stride.
+STRIDE, LONGEST_WAY, GAP, MAX_STEPS = 0.05, 1000.0, 1e-9, 30
 
 
 @dataclass(frozen=True)

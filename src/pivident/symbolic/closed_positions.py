@@ -4,8 +4,8 @@ The equations c(q) = 0 are put into blocks that are solved one after the other. 
 
 - linear, of gears and belts: solved at once, with numbers;
 - whole proportions: a parallelogram;
-- a triangle: two joints of a planar loop, by type equations;
-- or left to Newton's method, together with all triangles that depend on such a block.
+- a triangle of two joints of a planar loop, or one joint alone in its equation: type equations;
+- or left to Newton's method, together with all such blocks that depend on it.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from pivident.symbolic.closures import (
 from pivident.symbolic.linear_solution import block_order, solved
 from pivident.symbolic.model_symbols import ModelSymbols
 from pivident.symbolic.sums import collected
-from pivident.symbolic.type_equations import chosen_solution, triangle, whole_proportion
+from pivident.symbolic.type_equations import alone, chosen_solution, triangle, whole_proportion
 
 #: Postures at random at which an element has to be zero to count as one that always is.
 POSTURES, ZERO_BELOW = 24, 1e-10
@@ -73,7 +73,7 @@ def closed_positions(robot: Robot, model: ModelSymbols) -> ClosedPositions:
         found = (
             _gears(robot, result.model, rows, joints)
             or _parallelogram(result, places, samples, joints)
-            or _triangle(robot, result, rows, joints, samples)
+            or _typed(robot, result, rows, joints, samples)
         )
         if found is None:
             result.iterated += joints
@@ -146,25 +146,29 @@ def _parallelogram(
     return positions
 
 
-def _triangle(
+def _typed(
     robot: Robot,
     result: ClosedPositions,
     rows: Sequence[int],
     joints: Sequence[int],
     samples: np.ndarray,
 ) -> dict[int, Expression] | None:
-    """Two joints of one planar loop, where the others do not wait for Newton's method."""
+    """One joint or two of a loop whose others do not wait for Newton's method."""
     own = _equations(robot, result.model, rows)
-    if len(joints) != 2 or not all(isinstance(equation, ClosureEquation) for equation in own):
+    ends, *others = (e.ends if isinstance(e, ClosureEquation) else None for e in own)
+    if ends is None or not all(one is not None and one.closure is ends.closure for one in others):
         return None
-    ends, *others = (equation.ends for equation in own if isinstance(equation, ClosureEquation))
     loop = {*ends.beyond[0], *ends.beyond[1]}
-    alike = all(other.closure is ends.closure for other in others)
-    if not alike or not loop.issuperset(joints) or loop.intersection(result.iterated):
+    if not loop.issuperset(joints) or loop.intersection(result.iterated):
         return None
-    assert robot.constraints is not None
+    assert robot.constraints is not None and isinstance(own[0], ClosureEquation)
+    solutions: list[dict[int, Expression]] = []
+    every, posture = robot.tree.joints, robot.constraints.posture
+    if len(joints) == 2:
+        solutions = triangle(ends, every, joints, posture)
+    elif len(joints) == 1 and isinstance(own[0].axes, int):
+        solutions = alone(ends, own[0].axes, every, joints[0], posture)
     places = list(robot.places)
-    solutions = triangle(ends, robot.tree.joints, joints, robot.constraints.posture)
     names = [f"q{i + 1}" for i in places]
     return chosen_solution(solutions, names, samples[:, places], samples)
 

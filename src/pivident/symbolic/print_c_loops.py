@@ -15,7 +15,8 @@ from pivident.text.identifiers import c_comment, identifiers
 _CLOSE_LOOPS = """
 static void @close(const double q[@given], double posture[@size], double passive[@found])
 {
-    double way[@given], part[@given], at[@given], gap[@found], step[@found], farthest = 0.0;
+    double way[@given], part[@given], at[@given], gap[@found], step[@found];
+    double farthest = 0.0;
     for (size_t k = 0; k < @given; ++k) {
         way[k] = q[k] - posture[k];
         farthest = fmax(farthest, fabs(way[k]));
@@ -23,26 +24,22 @@ static void @close(const double q[@given], double posture[@size], double passive
     for (size_t k = 0; k < @found; ++k)
         passive[k] = posture[@given + k];
     const size_t strides = 1 + (size_t)(fmin(farthest, @longest) / @stride);
-    for (size_t n = 0; n < strides; ++n) {
-        const double left = (double)(strides - n) / (double)strides;
-        for (size_t k = 0; k < @given; ++k) {
-            at[k] = q[k] - left * way[k];
-            part[k] = way[k] / (double)strides;
-        }
-        @step(at, passive, part, gap, step);
-        for (size_t k = 0; k < @found; ++k)
-            passive[k] += step[k];
-    }
-    int closed = 0;
-    for (size_t k = 0; k < @given; ++k)
-        part[k] = 0.0;
-    for (int n = 0; n < @most && !closed; ++n) {
-        @step(q, passive, part, gap, step);
-        closed = 1;
-        for (size_t k = 0; k < @found; ++k) {
-            passive[k] += step[k];
-            if (!(fabs(gap[k]) < @gap))
-                closed = 0;
+    int closed = 1;
+    for (size_t left = strides; left > 0 && closed; --left) {
+        closed = 0;
+        for (int n = 0; n <= @most && !closed; ++n) {
+            const double rest = (double)(n == 0 ? left : left - 1) / (double)strides;
+            for (size_t k = 0; k < @given; ++k) {
+                at[k] = q[k] - rest * way[k];
+                part[k] = n == 0 ? way[k] / (double)strides : 0.0;
+            }
+            @step(at, passive, part, gap, step);
+            closed = n > 0;
+            for (size_t k = 0; k < @found; ++k) {
+                passive[k] += step[k];
+                if (!(fabs(gap[k]) < @gap))
+                    closed = 0;
+            }
         }
     }
     for (size_t k = 0; k < @given && closed; ++k)

@@ -37,17 +37,17 @@ def {close}(q, posture=None):
     passive = np.broadcast_to(posture[..., {given}:], (*way.shape[:-1], {found}))
     far = np.abs(way[np.isfinite(way)]).max(initial=0.0)
     steps = 1 + int(min(far, {longest}) / {stride})
-    closed = np.zeros((*way.shape[:-1], 1), dtype=bool)
+    closed = np.ones((*way.shape[:-1], 1), dtype=bool)
     with np.errstate(all="ignore"):
-        for k in range(steps):
-            before = q - way * ((steps - k) / steps)
-            passive = passive + {step}(before, passive, way / steps)[1]
-        for _ in range({most}):
-            gap, change = {step}(q, passive, 0.0 * way)
-            passive = passive + change
-            closed = np.abs(gap).max(axis=-1, keepdims=True) < {gap}
-            if closed.all():
-                break
+        for left in range(steps, 0, -1):
+            passive = passive + {step}(q - way * (left / steps), passive, way / steps)[1]
+            for _ in range({most}):
+                gap, change = {step}(q - way * ((left - 1) / steps), passive, 0.0 * way)
+                passive = passive + change
+                near = np.abs(gap).max(axis=-1, keepdims=True) < {gap}
+                if (near | ~closed).all():
+                    break
+            closed = closed & near
     return np.where(closed, passive, np.nan)
 '''
 

@@ -1,4 +1,4 @@
-"""Dependent joints in closed form: parallelograms, and triangles of two unknown angles.
+"""Dependent joints in closed form: parallelograms, triangles of two unknown joints, single ones.
 
 Whole-number proportions. Where q_d is a sum of independent positions with whole factors, as in a
 parallelogram, that is how it is written.
@@ -14,7 +14,8 @@ Lengths are equal, |a|² = |r|², which is X cos θ_v + Y sin θ_v = Z with two 
     cos θ_v = (X Z - ε Y w) / (X² + Y²),    sin θ_v = (Y Z + ε X w) / (X² + Y²),
     w = √(X² + Y² - Z²),    ε = ±1
 
-and θ_u turns a into r. The posture of the description chooses ε; w = 0 is a singular posture, and
+and θ_u turns a into r. One equation that has one unknown joint is of this type, or linear, at once.
+The posture of the description chooses ε; w = 0 is a singular posture, and
 behind it the loop does not close (w is NaN). If v slides, |a|² = |r|² is quadratic in its position.
 """
 
@@ -38,7 +39,7 @@ from pivident.dynamics.grouping.expressions import (
 from pivident.robot.description import Joint
 from pivident.symbolic.closures import LoopEnds, seen_from
 from pivident.symbolic.joint_frame import JointFrame, joint_frame
-from pivident.symbolic.vectors import Turn, minus, plus
+from pivident.symbolic.vectors import Turn, dot, minus, plus
 
 #: Largest difference of a whole proportion from Newton's method at postures at random [rad or m],
 #: and of a type equation, which is right or far off but for rounding next to a singular posture.
@@ -111,6 +112,32 @@ def triangle(
     return found
 
 
+def alone(
+    ends: LoopEnds, axis: int, joints: Sequence[Joint], unknown: int, posture: np.ndarray
+) -> list[dict[int, Expression]]:
+    """Positions of a joint that one equation along an axis determines, one for each solution.
+
+    Args:
+        ends: the closure of the equation; the joint's position in it is not used.
+        axis: of the first frame, along which its ends meet.
+        joints: all joints of the tree.
+        unknown: index of the joint.
+        posture: positions of all joints near which angles are counted [rad or m].
+    """
+    frames = [motion.frame for motion in ends.motions]
+    gaps = []
+    for own in _places(joints[unknown], frames[unknown]):
+        placed = [own if i == unknown else frame for i, frame in enumerate(frames)]
+        met = seen_from(placed, ends.points[1], *reversed(ends.beyond))
+        gaps.append(dot(ends.axis(0, axis), plus(ends.points[0], minus(met))))
+    start, *moved = gaps
+    slopes = [gap - start for gap in moved]
+    if joints[unknown].kind == "prismatic":
+        return [{unknown: divide(-start, slopes[0])}]
+    places = _type_two(slopes[0], slopes[1], -start)
+    return [{unknown: _angle_near(place, posture[unknown], frames[unknown])} for place in places]
+
+
 def chosen_solution(
     solutions: Sequence[dict[int, Expression]],
     names: Sequence[str],
@@ -163,6 +190,11 @@ def _turns(start: Sides, slopes: Sequence[Sides]) -> list[tuple[Expression, ...]
     x = _dot(r_0, r_c) - _dot(a_0, a_c)
     y = _dot(r_0, r_s) - _dot(a_0, a_s)
     z = -0.5 * (_dot(r_0, r_0) + _dot(r_c, r_c) - _dot(a_0, a_0) - _dot(a_c, a_c))
+    return _type_two(x, y, z)
+
+
+def _type_two(x: Expression, y: Expression, z: Expression) -> list[tuple[Expression, ...]]:
+    """Cosine and sine of the two angles with X cos θ + Y sin θ = Z."""
     square = x * x + y * y
     root = call("sqrt", square - z * z)
     scale = divide(ONE, square)
