@@ -22,6 +22,9 @@ def closure_equations(robot: Robot) -> Program:
     Args:
         robot: with closed loops, or joints that move in proportion.
 
+    Returns:
+        The program.
+
     Raises:
         RobotDescriptionError: the robot is a tree.
     """
@@ -62,6 +65,9 @@ def joint_motion(robot: Robot) -> Program:
 
     Args:
         robot: with closed loops, or joints that move in proportion.
+
+    Returns:
+        The program.
 
     Raises:
         RobotDescriptionError: the robot is a tree.
