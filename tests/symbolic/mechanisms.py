@@ -99,7 +99,25 @@ def boom(independent, seed=3):
     return with_viscous_values(closed_robot(tree, [independent], [loop], posture=posture))
 
 
+def geared_ball(seed=4):
+    """A loop in space, a wheel that one of its passive joints turns, and an arm on the wheel."""
+    loop = spatial_loop(seed, "point", 2)
+    size, rng = loop.tree.size, np.random.default_rng(seed)
+    wheel = hinge("wheel", -1, (0.3, 0.1, 0.0), random_rotation(rng), law=VISCOUS)
+    arm = hinge("arm", size, (0.2, 0.0, 0.1), random_rotation(rng), law=VISCOUS)
+    links = (*loop.tree.links, Link("W", random_body(rng)), Link("A", random_body(rng)))
+    tree = tree_of("geared ball", (*loop.tree.joints, wheel, arm), links)
+    ratios = np.zeros((2, size + 2))
+    ratios[0, [2, size]], ratios[1, [size, size + 1]] = (0.7, -1.0), (2.0, 1.0)
+    gears = [LinearConstraint("wheel", ratios[0], 0.1), LinearConstraint("arm", ratios[1])]
+    posture = np.append(loop.constraints.posture, [0.0, 0.0])
+    names = list(loop.joint_names)
+    robot = closed_robot(tree, names, loop.constraints.closures, gears, posture)
+    return with_viscous_values(robot)
+
+
 MADE = {
+    "geared ball": geared_ball,
     "geared": geared,
     "geared five bar": geared_five_bar,
     "parallelogram": lambda: parallelogram(law=VISCOUS),

@@ -10,7 +10,7 @@ The equations c(q) = 0 are put into blocks that are solved one after the other. 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -55,6 +55,10 @@ class ClosedPositions:
     iterated: list[int] = field(default_factory=list)
     equations: list[int] = field(default_factory=list)
 
+    def iterated_in(self, joints: Iterable[int]) -> bool:
+        """Whether Newton's method finds one of some joints."""
+        return not set(self.iterated).isdisjoint(joints)
+
 
 def closed_positions(robot: Robot, model: ModelSymbols) -> ClosedPositions:
     """Positions of all joints of a mechanism.
@@ -71,7 +75,7 @@ def closed_positions(robot: Robot, model: ModelSymbols) -> ClosedPositions:
         joints = [others[k] for k in block.columns]
         rows = list(block.rows)
         found = (
-            _gears(robot, result.model, rows, joints)
+            _gears(robot, result, rows, joints)
             or _parallelogram(result, places, samples, joints)
             or _typed(robot, result, rows, joints, samples)
         )
@@ -112,11 +116,17 @@ def _open_pattern(robot: Robot) -> np.ndarray:
 
 
 def _gears(
-    robot: Robot, model: ModelSymbols, rows: Sequence[int], joints: Sequence[int]
+    robot: Robot, result: ClosedPositions, rows: Sequence[int], joints: Sequence[int]
 ) -> dict[int, Expression] | None:
-    """Joints that only linear constraints move."""
+    """Joints that only linear constraints move, where the others do not wait for Newton's method.
+
+    Newton's method takes those along, because its A has to know all that moves with its joints.
+    """
+    model = result.model
     own = _equations(robot, model, rows)
     if not all(isinstance(equation, LinearEquation) for equation in own):
+        return None
+    if any(result.iterated_in(equation.slope(model, True)) for equation in own):
         return None
     q = tuple(ZERO if i in joints else q for i, q in enumerate(model.q))
     rights = [-equation.gap() for equation in _equations(robot, replace(model, q=q), rows)]
@@ -159,7 +169,7 @@ def _typed(
     if ends is None or not all(one is not None and one.closure is ends.closure for one in others):
         return None
     loop = {*ends.beyond[0], *ends.beyond[1]}
-    if not loop.issuperset(joints) or loop.intersection(result.iterated):
+    if not loop.issuperset(joints) or result.iterated_in(loop):
         return None
     assert robot.constraints is not None and isinstance(own[0], ClosureEquation)
     solutions: list[dict[int, Expression]] = []
