@@ -4,10 +4,11 @@
 
 For the robots of the gallery, a seven-axis arm and a SCARA (and robot files that are named):
 
-- multiplications, additions, sines of every model with base parameters, and of the inverse model
-  without friction and without rotors too; seconds of processor time to make all of them;
-- largest deviation from the compiled kernels over 1000 random states, relative to the largest
-  element;
+- multiplications, additions, sines of every model with base parameters, of the inverse model
+  without friction and without rotors, and of a step of Newton's method that closes loops; seconds
+  of processor time to make all of them;
+- largest deviation from the compiled kernels over 1000 random states (with closed loops: along a
+  motion), relative to the largest element; of closed loops torque and observation matrix;
 - nanoseconds per state of the kernels and of the generated C, one thread against one thread, with
   the same arrays in and out (samples, joints), processor time of the thread, best of 15 turns.
 """
@@ -30,10 +31,12 @@ import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
 from pivident.dynamics.forward import mass_matrix as numeric_mass_matrix
-from pivident.dynamics.regressor import Regressor
+from pivident.dynamics.robot_regressor import regressor_of
 from pivident.robot.description import Robot
 from pivident.robot.gallery import gallery_names, load_robot
 from pivident.robot.modified_dh import parse_modified_dh
+from pivident.symbolic.assignments import closings_of
+from pivident.symbolic.closed_symbols import closed_symbols
 from pivident.symbolic.newton_euler import inverse_model
 from pivident.symbolic.print_c import c_source
 from pivident.symbolic.program import Program
@@ -84,14 +87,15 @@ def main() -> None:
 
 def costs(robot: Robot, base: BaseParameters) -> list[Program]:
     """Operations of all models, and the time that it takes to make them."""
-    names = ("inverse", "regressor", "mass", "gravity", "coriolis", "base")
+    closed_symbols.cache_clear()
     start = time.process_time()
-    programs = symbolic_models(robot, names, base)
+    programs = symbolic_models(robot, None, base)
     seconds = time.process_time() - start
     start = time.process_time()
     inverse_model(robot, base)
     alone = time.process_time() - start
-    for program in programs:
+    steps = [closing.step for closing in closings_of(programs)]
+    for program in [*programs, *steps]:
         print(f"  {program.name:<34} {program.operation_count}")
     smooth = inverse_model(robot, base, friction=False)
     links = inverse_model(robot, base, friction=False, rotors=False)
@@ -104,15 +108,16 @@ def costs(robot: Robot, base: BaseParameters) -> list[Program]:
 def deviations(robot: Robot, base: BaseParameters, programs: list[Program]) -> None:
     """Generated Python against the kernels."""
     q, dq, ddq, theta = inputs(robot, base, 1000)
-    regressor = Regressor.build(robot, base.parameters)
+    regressor = regressor_of(robot, base.parameters)
     pairs = {
         "torque": (programs[0].function()(q, dq, ddq, theta), regressor.torque(q, dq, ddq, theta)),
         "observation matrix": (programs[1].function()(q, dq, ddq), regressor.matrix(q, dq, ddq)),
-        "mass matrix": (
+    }
+    if robot.constraints is None:
+        pairs["mass matrix"] = (
             programs[2].function()(q, theta),
             numeric_mass_matrix(robot, base.parameters, theta, q),
-        ),
-    }
+        )
     texts = [f"{k} {np.abs(a - b).max() / np.abs(b).max():.1e}" for k, (a, b) in pairs.items()]
     print(f"  deviation from the kernels: {', '.join(texts)}")
 
@@ -125,7 +130,7 @@ def speeds(robot: Robot, base: BaseParameters, programs: list[Program]) -> None:
         return
     n = robot.size
     q, dq, ddq, theta = inputs(robot, base, SAMPLES)
-    regressor = Regressor.build(robot, base.parameters)
+    regressor = regressor_of(robot, base.parameters)
     tau, mass = np.empty((SAMPLES, n)), np.empty((SAMPLES, n, n))
     phi, buffer = np.empty((SAMPLES, n, len(base))), np.zeros((SAMPLES, n, len(base)))
     kernels: list[Callable[[], object]] = [
@@ -133,17 +138,21 @@ def speeds(robot: Robot, base: BaseParameters, programs: list[Program]) -> None:
         lambda: regressor.matrix(q, dq, ddq, out=buffer),
         lambda: numeric_mass_matrix(robot, base.parameters, theta, q),
     ]
-    arrays = [(q, dq, ddq, theta, tau), (q, dq, ddq, phi), (q, theta, mass)]
+    arrays = [((q, dq, ddq, theta), tau), ((q, dq, ddq), phi), ((q, theta), mass)]
     names = ["torque", "observation matrix", "mass matrix"]
+    if robot.constraints is not None:
+        kernels, arrays, names = kernels[:2], arrays[:2], names[:2]
     with tempfile.TemporaryDirectory() as folder:
         for label, flags in FLAGS.items():
             library = compiled(compiler, Path(folder), programs[:3], flags)
             texts = []
-            for name, kernel, program, given in zip(
-                names, kernels, programs[:3], arrays, strict=True
+            for name, kernel, program, (given, out) in zip(
+                names, kernels, programs[: len(names)], arrays, strict=True
             ):
                 function = getattr(library, f"{program.name}_samples")
-                pointers = [a.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for a in given]
+                start = [np.array(program.closing.posture)] if program.closing else []
+                every = (*given, *start, out)
+                pointers = [a.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for a in every]
                 generic, own = best_of(
                     kernel, lambda f=function, p=pointers: f(ctypes.c_size_t(SAMPLES), *p)
                 )
@@ -175,6 +184,12 @@ def best_of(first: Callable[[], object], second: Callable[[], object]) -> tuple[
 
 def inputs(robot: Robot, base: BaseParameters, count: int) -> tuple[np.ndarray, ...]:
     rng = np.random.default_rng(1987)
+    if robot.constraints is not None:
+        rate, at = 0.7 + 0.4 * np.arange(robot.size), 1e-3 * np.arange(count)[:, None]
+        reach = np.array([0.3 if joint.kind == "revolute" else 0.05 for joint in robot.joints])
+        q = robot.constraints.posture[list(robot.places)] + reach * np.sin(rate * at)
+        dq, ddq = reach * rate * np.cos(rate * at), -reach * rate**2 * np.sin(rate * at)
+        return q, dq, ddq, rng.uniform(-1.0, 1.0, len(base))
     q, dq, ddq = rng.uniform(-2.0, 2.0, (3, count, robot.size))
     return q, dq, ddq, rng.uniform(-1.0, 1.0, len(base))
 

@@ -10,6 +10,7 @@ from pivident.cli.app import DONE, WRONG_INPUT, main
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
+from pivident.dynamics.robot_regressor import regressor_of
 from pivident.export.c_source import c_compiler
 from pivident.robot.gallery import load_robot
 from pivident.symbolic.robot_models import model_files, symbolic_models
@@ -51,6 +52,26 @@ def test_files_are_written_and_run(tmp_path, capsys):
     phi = namespace["observation_matrix"](q, dq, ddq)
     links = [p.is_inertial or p.stem == "ia" for p in base.parameters]
     np.testing.assert_allclose(parts + inertial, phi[:, :, links] @ theta[links], atol=1e-11)
+
+
+def test_a_mechanism_with_closed_loops(tmp_path, capsys):
+    """Groups over the loops, the cost of Newton's method, files of every language."""
+    assert main(["symbolic", "delta", "--what", "base"]) == DONE
+    text = capsys.readouterr().out
+    assert "2.77778 yy[swing_1]" in text and "Without effect on any torque:" in text
+    folder = tmp_path / "models"
+    assert main(["symbolic", "delta", "--out", str(folder), "--values"]) == DONE
+    assert "closing_step" in capsys.readouterr().out
+    assert len(list(folder.iterdir())) == 5
+    namespace: dict = {}
+    exec((folder / "delta.py").read_text("utf-8"), namespace)
+    robot = load_robot("delta")
+    parameters = standard_parameters(robot)
+    q = np.radians([[-30.0, -25.0, -35.0]])
+    dq, ddq = np.array([[1.0, -0.5, 0.3]]), np.array([[3.0, 1.0, -2.0]])
+    values = nominal_values(robot, parameters)
+    expected = regressor_of(robot, parameters).torque(q, dq, ddq, values)
+    np.testing.assert_allclose(namespace["inverse_model"](q, dq, ddq), expected, atol=1e-9)
 
 
 @pytest.mark.skipif(c_compiler() is None, reason="there is no C compiler here")
@@ -98,6 +119,7 @@ def test_numbers_in_the_place_of_parameters(capsys):
         (["planar_2r", "--to", "c,python"], "give a folder"),
         (["planar_2r", "--what", ","], "names nothing; choose from inverse"),
         (["no_such_robot"], "no_such_robot"),
+        (["planar_2r", "--what", "closure"], "has no closed loops"),
     ],
 )
 def test_wrong_choices_are_refused(arguments, message, capsys):

@@ -160,10 +160,9 @@ def test_gains_of_actuators(tmp_path):
     assert (gains["a"].kp, gains["a"].kv, gains["a"].delay) == (80.0, 9.0, 0.004)
 
 
-def test_a_floating_base_is_refused_and_can_be_held(tmp_path):
+def test_a_floating_base_can_be_held(tmp_path):
     path = arm(tmp_path, root='<freejoint name="root"/>')
-    with pytest.raises(RobotDescriptionError, match=r"base floats.*frozen = \{root = 0\.0\}"):
-        read_mjcf(path)
+    assert read_mjcf(path).joint_names[6:] == ("a", "b")
     assert read_mjcf(path, frozen={"root": 0.0}).joint_names == ("a", "b")
     with pytest.raises(RobotDescriptionError, match="can only be frozen at 0"):
         read_mjcf(path, frozen={"root": 1.0})

@@ -28,7 +28,6 @@ from pivident.simulation.direction import Direction, ParametrisedLoop
 from pivident.simulation.gravity_compensation import GravityModel
 from pivident.simulation.tangents import stretch_tangents, tangent_blocks
 from pivident.simulators import fit_simulator
-from pivident.symbolic import inverse_model, observation_matrix, symbolic_models
 
 REFUSED = r"robot 'five-bar' has closed loops, which .* not handle yet; \w"
 
@@ -67,12 +66,6 @@ def test_joints_that_only_follow_others_may_stand_still():
         RobotDescriptionError, match=r"follow others \(.*stand still \(frozen\), or w"
     ):
         without_loops(fingers, "anything", "wait")
-
-
-@pytest.mark.parametrize("make", [symbolic_models, inverse_model, observation_matrix])
-def test_symbolic_models(robot, make):
-    with pytest.raises(RobotDescriptionError, match=REFUSED):
-        make(robot)
 
 
 def test_the_closed_form_of_base_parameters(robot):
@@ -171,9 +164,7 @@ def test_friction_with_a_memory(robot, problem):
         pv.Problem(slow, problem.recordings)
 
 
-@pytest.mark.parametrize(
-    "command", [["symbolic", "five_bar"], ["excite", "five_bar", "--out", "{folder}"]]
-)
+@pytest.mark.parametrize("command", [["excite", "five_bar", "--out", "{folder}"]])
 def test_commands(command, tmp_path, capsys):
     code = main([word.format(folder=tmp_path / "motion") for word in command])
     assert code == 1

@@ -41,8 +41,8 @@ def symbolic(
     robot
         Name in the gallery, or a robot file (.toml, .urdf, .urdf.gz).
     what
-        inverse, regressor, mass, gravity, coriolis, base; several separated by commas or repeated.
-        Default: all of them.
+        inverse, regressor, mass, gravity, coriolis, base; of a robot with closed loops also
+        closure, motion; several separated by commas or repeated. Default: all of them.
     to
         python, c, latex, sympy; several separated by commas with --out. Default: all of them.
     out
@@ -54,11 +54,16 @@ def symbolic(
     """
     from pivident.cli.workflow import check_output
     from pivident.files import atomic_folder
-    from pivident.robot.description import without_loops
     from pivident.robot.gallery import load_robot
-    from pivident.symbolic.robot_models import LANGUAGES, MODELS, NUMBERS, model_files
+    from pivident.symbolic.robot_models import (
+        LANGUAGES,
+        LOOP_MODELS,
+        MODELS,
+        model_files,
+        models_of,
+    )
 
-    models = _chosen("--what", what, MODELS)
+    models = _chosen("--what", what, [*MODELS, *LOOP_MODELS])
     languages = _chosen("--to", to, LANGUAGES)
     if to and out is None and len(languages) > 1:
         raise PividentError(
@@ -67,7 +72,8 @@ def symbolic(
     if out is not None:
         check_output(out)
     machine = load_robot(robot)
-    without_loops(machine, "the writer of symbolic models", NUMBERS)
+    if not what:
+        models = models_of(machine)
     programs = _programs(machine, models, parameters, values)
     if to and out is None:
         print(next(iter(model_files(machine, programs, languages).values())))
@@ -121,11 +127,14 @@ def _programs(robot: Robot, models: Sequence[str], kind: str, values: bool) -> l
 
 
 def _costs(robot: Robot, programs: Sequence[Program]) -> str:
-    """Operations of each program, as a table."""
-    counts = [program.operation_count for program in programs]
+    """Operations of each program, as a table; last those of a step of Newton's method."""
+    from pivident.symbolic.assignments import closings_of
+
+    every = [*programs, *(closing.step for closing in closings_of(programs))]
+    counts = [program.operation_count for program in every]
     table = plain_table(
         [
-            ("", "<", [program.name for program in programs]),
+            ("", "<", [program.name for program in every]),
             ("multiplications", ">", [str(n.multiplications) for n in counts]),
             ("additions", ">", [str(n.additions) for n in counts]),
             ("sines, cosines", ">", [str(n.sines) for n in counts]),
@@ -137,6 +146,13 @@ def _costs(robot: Robot, programs: Sequence[Program]) -> str:
 
 def _groups(robot: Robot) -> str:
     """Base parameters with their groups, and what has no effect."""
+    from pivident.dynamics.base_parameters import base_parameters
     from pivident.dynamics.grouping.closed_form import closed_form_base_parameters
 
-    return str(closed_form_base_parameters(robot))
+    if robot.constraints is None:
+        return str(closed_form_base_parameters(robot))
+    base = base_parameters(robot)
+    lines = [f"{n} = {e}" for n, e in zip(base.names, base.expressions, strict=True)]
+    if nothing := [base.standard[k].name for k in base.without_effect]:
+        lines += ["", "Without effect on any torque:", ", ".join(nothing)]
+    return "\n".join(lines)

@@ -26,6 +26,7 @@ from pivident.robot.description import Joint, Link, Robot
 from pivident.robot.frames import Pose, rotation_from_z_to, rotation_z
 from pivident.robot.friction import DEFAULT_FRICTION, FrictionLaw, offset, spring
 from pivident.robot.inertia import from_center_of_mass, moved
+from pivident.robot.measured_base import with_floating_base
 from pivident.robot.mjcf_closed import closed_mjcf
 from pivident.robot.mjcf_loops import Equalities, closures, linear_constraints, read_equalities
 from pivident.robot.mjcf_model import (
@@ -66,7 +67,7 @@ def read_mjcf(
             one that is kept.
         frozen: position at which a joint is frozen [rad or m], by name; joints that are not kept
             and not named here are frozen at zero. A free joint is frozen at 0 where the file
-            places it, which holds the base.
+            places it, which holds the base; the base floats where it is not frozen.
         gravity: acceleration of gravity in the world frame [m/s²], shape (3,); default: the file's.
         friction: friction law of all joints.
         passive: names of joints in loops that have no motor; default: those without an actuator.
@@ -83,16 +84,17 @@ def read_mjcf(
         names = joint_names(model)
         equalities = read_equalities(model)
         held = _frozen_positions(model, names, joints, frozen or {}, equalities)
-        moving = [k for k, name in enumerate(names) if name not in held]
+        base = _floating(model, names, held)
+        moving = [k for k, name in enumerate(names) if name not in held and k != base]
         refuse_unknown_physics(model, moving)
-        members, ends = _members(model, names, held, friction)
+        members, ends = _members(model, names, held, friction, base)
         loops, linear = _constraints(equalities, members, ends, names, held)
         tree, links = merge_fixed(members)
         if not loops and not linear:
             _refuse_passive(passive)
             # what is stored has parameters of frames between the joints of a body
             links = tuple(replace(link, is_body=True) for link in links)
-            wanted = list(joints or ())
+            wanted = [name for name in joints or () if base is None or name != names[base]]
             wanted += [names[k] for k in moving if names[k] not in wanted]
             _check_parents_first(tree, wanted)
             tree, links = chosen_order(tree, links, wanted)
@@ -108,6 +110,8 @@ def read_mjcf(
             description=str(path),
         )
         robot = replace(robot, friction_nominal=_nominal_friction(robot, model, names))
+        if base is not None:
+            return with_floating_base(robot, _base_link(model, int(model.jnt_bodyid[base])))
         if not loops and not linear:
             return robot
         return closed_mjcf(robot, model, names, (loops, linear, equalities), joints, passive)
@@ -209,14 +213,11 @@ def _frozen_positions(
     }
     for k, name in enumerate(names):
         kind, freeze = _kind(model, k), f"freeze it, {frozen_example(name)}"
-        if name not in positions and kind not in ("hinge", "slide"):
-            what = (
-                "the base floats, and only robots with a fixed base can be identified; hang the "
-                f"robot up and hold its base: {freeze}"
-                if kind == "free"
-                else f"a {kind} joint has three degrees of freedom, one is supported; {freeze}"
+        if name not in positions and kind == "ball":
+            raise RobotDescriptionError(
+                f"joint {name!r}: a ball joint has three degrees of freedom, one is supported; "
+                f"{freeze}"
             )
-            raise RobotDescriptionError(f"joint {name!r}: {what}")
         if name in positions and not np.isfinite(positions[name]):
             raise RobotDescriptionError(
                 f"frozen: position of {name!r} is {positions[name]}; not finite"
@@ -230,8 +231,43 @@ def _frozen_positions(
     return positions
 
 
+def _floating(model: Any, names: Sequence[str], held: Mapping[str, float]) -> int | None:
+    """The free joint of the base, where one is not frozen."""
+    free = [k for k, name in enumerate(names) if _kind(model, k) == "free" and name not in held]
+    if len(free) > 1:
+        listed = ", ".join(repr(names[k]) for k in free)
+        raise RobotDescriptionError(
+            f"{len(free)} bodies float ({listed}), and one can be the base of the robot; freeze "
+            f"the others, {frozen_example(names[free[-1]])}"
+        )
+    for k, name in enumerate(names) if free else ():
+        root = int(model.body_rootid[int(model.jnt_bodyid[k])])
+        if name not in held and root != int(model.jnt_bodyid[free[0]]):
+            raise RobotDescriptionError(
+                f"joint {name!r} does not hang on the floating base {names[free[0]]!r}; freeze one "
+                f"of them, {frozen_example(names[free[0]])}"
+            )
+    return free[0] if free else None
+
+
+def _base_link(model: Any, base: int) -> Link:
+    """The body of a floating base with what is fixed to it, in its frame."""
+    total, places = _inertia(model, base), {base: Pose.identity()}
+    for b in range(base + 1, model.nbody):
+        parent = int(model.body_parentid[b])
+        if parent in places and not model.body_jntnum[b]:
+            turn = rotation_of_quaternion(model.body_quat[b])
+            places[b] = places[parent] @ Pose(turn, np.array(model.body_pos[b]))
+            total = total + moved(_inertia(model, b), places[b].rotation, places[b].translation)
+    return Link(model.body(base).name or "base", total)
+
+
 def _members(
-    model: Any, names: Sequence[str], held: Mapping[str, float], friction: FrictionLaw
+    model: Any,
+    names: Sequence[str],
+    held: Mapping[str, float],
+    friction: FrictionLaw,
+    base: int | None = None,
 ) -> tuple[list[Member], dict[int, tuple[int, Pose]]]:
     """All joints, and bodies without any as fixed ones, with z along the axes.
 
@@ -256,7 +292,9 @@ def _members(
             inertia = moved(body, back.rotation, back.translation) if end else np.zeros(10)
             link = Link(name if end else f"{name} before {names[k + 1]}", inertia, end and has_mass)
             placed = pose @ frame @ _moved_by(model, k, held.get(names[k]))
-            if names[k] in held:
+            if k == base:
+                placed = Pose.identity()
+            if names[k] in held or k == base:
                 members.append(_fixed(names[k], parent, placed, link))
             else:
                 joint = _joint(model, k, names[k], parent, placed, friction)

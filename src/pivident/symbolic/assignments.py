@@ -34,6 +34,11 @@ from pivident.text.identifiers import identifiers, one_line
 #: Operations in one assignment above which parts of it get a variable of their own.
 MAX_OPERATIONS = 12
 
+#: How generated code closes loops: change of an independent joint after which they are closed anew
+#: on the way [rad or m], the longest way that is followed in such strides, gap below which one more
+#: step of Newton's method is enough [m or rad], and its steps in one stride.
+STRIDE, LONGEST_WAY, GAP, MAX_STEPS = 0.05, 1000.0, 1e-9, 30
+
 
 @dataclass(frozen=True)
 class Input:
@@ -85,6 +90,8 @@ class Assignments:
         outputs: results.
         variables: expressions that are assigned to a variable and its name, in their order.
         notes: what one must know, sentences.
+        closing: what finds positions of a closed mechanism that have no closed form; None: all
+            have one, or no output depends on them.
     """
 
     name: str
@@ -94,6 +101,7 @@ class Assignments:
     outputs: tuple[Output, ...]
     variables: Mapping[Expression, str]
     notes: tuple[str, ...] = ()
+    closing: LoopClosing | None = None
 
     @classmethod
     def build(
@@ -106,6 +114,7 @@ class Assignments:
         title: str = "",
         hints: Iterable[tuple[str, Operand]] = (),
         notes: Sequence[str] = (),
+        closing: LoopClosing | None = None,
     ) -> Self:
         """Order what the outputs need, and choose what becomes a variable.
 
@@ -119,12 +128,16 @@ class Assignments:
                 telling name; those that turn out to be trivial or unused are passed over, and
                 where only the negative is needed the name gets ``minus_`` before it.
             notes: what one must know.
+            closing: what finds positions of a closed mechanism that are no arguments.
 
         Raises:
             ValueError: an output depends on a symbol that is no argument.
         """
-        given = {s for argument in (*inputs, parameters) for s in argument.symbols}
         nodes = ordered(_elements(outputs))
+        if closing is not None and not set(closing.unknown.symbols).intersection(nodes):
+            closing = None
+        arguments = (*inputs, *((closing.unknown,) if closing else ()), parameters)
+        given = {s for argument in arguments for s in argument.symbols}
         for node in nodes:
             if isinstance(node, Symbol) and node not in given:
                 raise ValueError(f"program {name!r} depends on {node.name!r}, which is no input")
@@ -134,12 +147,20 @@ class Assignments:
             if isinstance(expression, Negate):
                 expression, hint = expression.operands[0], f"minus_{hint}"
             wanted.setdefault(expression, hint)
-        taken = {a.name for a in (*inputs, parameters)} | {o.name for o in outputs}
+        taken = {a.name for a in arguments} | {o.name for o in outputs}
         taken |= {s.name for s in given}
         variables = _variables(nodes, _elements(outputs), wanted)
         texts = identifiers(variables.values(), identifiers(sorted(taken)))
         named = dict(zip(variables, texts, strict=True))
-        return cls(name, title, tuple(inputs), parameters, tuple(outputs), named, tuple(notes))
+        return cls(
+            name, title, tuple(inputs), parameters, tuple(outputs), named, tuple(notes), closing
+        )
+
+    @property
+    def symbols(self) -> tuple[Symbol, ...]:
+        """All that its expressions are made of: inputs, passive positions, parameters."""
+        passive = (self.closing.unknown,) if self.closing else ()
+        return tuple(s for a in (*self.inputs, *passive, self.parameters) for s in a.symbols)
 
     @cached_property
     def expressions(self) -> tuple[Expression, ...]:
@@ -174,6 +195,14 @@ class Assignments:
         lines = [self.title, f"Operations: {count}."] if self.title else [f"Operations: {count}."]
         if alone != OperationCount():
             lines.append(f"Of these, on parameters alone: {alone}.")
+        if self.closing:
+            step = self.closing.step.operation_count
+            lines.append(f"Each step of Newton's method: {step}.")
+            passive = ", ".join(s.name for s in self.closing.unknown.symbols)
+            lines.append(f"{passive}: {self.closing.unknown.meaning}, by Newton's method")
+            lines.append(
+                "posture: where that starts, positions of the independent joints, then of these"
+            )
         for argument in (*self.inputs, self.parameters):
             if argument.symbols:
                 lines.append(f"{argument.name}: {argument.meaning}, {len(argument)} numbers")
@@ -181,6 +210,35 @@ class Assignments:
             shape = " x ".join(map(str, output.shape))
             lines.append(f"{output.name}: {output.meaning}, {shape}")
         return tuple(map(one_line, (*lines, *self.notes)))
+
+
+@dataclass(frozen=True, eq=False)
+class LoopClosing:
+    """Newton's method for the passive positions of a closed mechanism that have no closed form.
+
+    Attributes:
+        step: of ``q``, the passive positions and ``way``: what is left of the equations, and a step
+            that also follows the independent joints along ``way``.
+        unknown: the passive positions.
+        posture: where the loops are closed: positions of the independent joints, then of these
+            [rad or m].
+    """
+
+    step: Assignments
+    unknown: Input
+    posture: tuple[float, ...]
+
+    @property
+    def posture_text(self) -> str:
+        """What the numbers of a posture are."""
+        given = self.step.inputs[0].symbols
+        names = ", ".join(s.name for s in (*given, *self.unknown.symbols))
+        return f"Where the loops are closed: {names}."
+
+
+def closings_of(programs: Iterable[Assignments]) -> list[LoopClosing]:
+    """The methods that programs find passive positions with, each once."""
+    return list(dict.fromkeys(p.closing for p in programs if p.closing is not None))
 
 
 def output_array(values: Any) -> np.ndarray:

@@ -19,9 +19,14 @@ from pivident.robot.description import Robot
 from pivident.symbolic.assignments import Output, output_array
 from pivident.symbolic.joint_frame import JointFrame
 from pivident.symbolic.link_motion import link_motion
-from pivident.symbolic.model_symbols import Columns, LinkInertia, ModelSymbols, model_symbols
+from pivident.symbolic.model_symbols import Columns, LinkInertia, ModelSymbols
 from pivident.symbolic.newton_euler import Hints, cheapest, rigid_torques
 from pivident.symbolic.program import Program
+from pivident.symbolic.robot_symbols import (
+    mass_of_given_joints,
+    on_given_joints,
+    robot_symbols,
+)
 from pivident.symbolic.vectors import Tensor, Vector, cross, plus, scaled
 
 
@@ -33,10 +38,10 @@ def mass_matrix(
     Parameters that are not among ``parameters`` are zero; without ``values`` they are the argument
     ``theta``. Likewise in the other models.
     """
-    model = model_symbols(robot, parameters, values)
+    model = robot_symbols(robot, parameters, values)
     frames = [m.frame for m in link_motion(model, speeds=False, accelerations=False)]
     bodies = composite_bodies(model, frames)
-    n = robot.size
+    robot, n = model.robot, model.robot.size
     matrix = np.full((n, n), ZERO, dtype=object)
     for i, body in enumerate(bodies):
         h, j = body.moments, body.tensor
@@ -61,9 +66,16 @@ def mass_matrix(
         "mass_matrix",
         model.inputs("q"),
         model.argument,
-        [Output("mass", output_array(matrix), "mass matrix [kg m^2, kg m or kg], row by row")],
+        [
+            Output(
+                "mass",
+                mass_of_given_joints(model, matrix),
+                "mass matrix [kg m^2, kg m or kg], row by row",
+            )
+        ],
         title=f"Mass matrix of {robot.name}",
-        hints=_hints(frames, bodies),
+        hints=[*model.hints, *_hints(frames, bodies)],
+        closing=model.closing,
     )
 
 
@@ -71,18 +83,20 @@ def gravity_vector(
     robot: Robot, parameters: Columns = "base", values: np.ndarray | None = None
 ) -> Program:
     """Torques g(q) that hold the links against gravity, without springs, as a program."""
-    model = model_symbols(robot, parameters, values)
+    model = robot_symbols(robot, parameters, values)
     candidates = [_gravity_of_composites(model, combine) for combine in (True, False)]
     still = {"speeds": False, "accelerations": False}
     candidates += [rigid_torques(model, combine=combine, **still) for combine in (True, False)]
-    torques, hints = cheapest(candidates)
+    torques, hints = cheapest(model, candidates)
+    torques = on_given_joints(model, torques)
     return Program.build(
         "gravity_vector",
         model.inputs("q"),
         model.argument,
         [Output("g", output_array(torques), "torques or forces against gravity [N m or N]")],
         title=f"Gravity of {robot.name}",
-        hints=hints,
+        hints=[*model.hints, *hints],
+        closing=model.closing,
     )
 
 

@@ -47,6 +47,7 @@ class JointFrame:
     angle: Expression  # θ, of the last rotation Rz(θ)
     last: Turn  # Rz(θ)
     first_angle: float  # ψ
+    last_angle: float  # φ, which θ is more than the position of a revolute joint
     parallel: int  # 1: its axis has the parent's direction, -1: the opposite one, 0: another
     origin: Vector  # in the parent's frame, with the slide of a prismatic joint
 
@@ -78,7 +79,7 @@ def joint_frame(joint: Joint, q: Operand) -> JointFrame:
     angle = as_expression(q) + phi if revolute else constant(phi)
     slide = constant(0.0) if revolute else as_expression(q)
     origin = tuple(
-        _exact(t) + _exact(z) * slide
+        exact(t) + exact(z) * slide
         for t, z in zip(joint.translation.tolist(), joint.rotation[:, 2].tolist(), strict=True)
     )
     tilt = turn(alpha)
@@ -86,7 +87,14 @@ def joint_frame(joint: Joint, q: Operand) -> JointFrame:
     if tilt.sin.is_zero:
         parallel = 1 if tilt.cos.is_one else -1
     return JointFrame(
-        turn(psi), tilt, angle, turn(angle), psi, parallel, (origin[0], origin[1], origin[2])
+        turn(psi),
+        tilt,
+        angle,
+        turn(angle),
+        psi,
+        phi,
+        parallel,
+        (origin[0], origin[1], origin[2]),
     )
 
 
@@ -109,7 +117,7 @@ def _angles(rotation: np.ndarray) -> tuple[float, float, float]:
     return psi, alpha, math.remainder(phi, 2.0 * math.pi)
 
 
-def _exact(value: float) -> Expression:
+def exact(value: float) -> Expression:
     """A constant; 0 and ±1 within rounding are exact."""
     whole = round(value)
     return constant(whole if abs(value - whole) < EXACT and abs(whole) <= 1 else value)

@@ -17,15 +17,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from pivident.dynamics.grouping.expressions import ZERO, Expression, constant
+from pivident.dynamics.grouping.expressions import ONE, ZERO, Expression, constant
 from pivident.symbolic.joint_frame import JointFrame, joint_frame, turn
 from pivident.symbolic.model_symbols import ModelSymbols
+from pivident.symbolic.sums import collected
 from pivident.symbolic.vectors import (
     NULL,
     Turn,
     Vector,
     back_about_x,
     back_about_z,
+    cross,
     dot,
     is_null,
     plus,
@@ -108,6 +110,44 @@ def link_motion(
     return moving
 
 
+def link_velocities(
+    model: ModelSymbols, motions: list[LinkMotion], link: int
+) -> list[tuple[int, tuple[Vector, Vector]]]:
+    """Velocities (v, w) of a link's origin and frame per joint speed, in its frame."""
+    robot = model.robot
+    chain = robot.ancestors(link)
+    found = []
+    for start, j in enumerate(chain):
+        axis: Vector = (ZERO, ZERO, ONE)
+        v, w = (NULL, axis) if robot.joints[j].kind == "revolute" else (axis, NULL)
+        for i in reversed(chain[:start]):
+            frame = motions[i].frame
+            v, w = frame.out(plus(v, cross(w, frame.origin))), frame.out(w)
+        found.append((j, (v, w)))
+    return found
+
+
+def given_velocities(
+    model: ModelSymbols, motions: list[LinkMotion], link: int
+) -> list[tuple[int, tuple[Vector, Vector]]]:
+    """The same per speed of the joints whose motion is given, numbered among themselves."""
+    if model.gain is None:
+        return link_velocities(model, motions, link)
+    found = []
+    for a in range(model.gain.shape[1]):
+        v, w = NULL, NULL
+        for i in reversed(model.robot.ancestors(link)):
+            frame, share = motions[i].frame, model.gain[i, a]
+            v, w = frame.out(plus(v, cross(w, frame.origin))), frame.out(w)
+            if model.robot.joints[i].kind == "revolute":
+                w = w[0], w[1], collected(w[2] + share)
+            else:
+                v = v[0], v[1], collected(v[2] + share)
+        if not (is_null(v) and is_null(w)):
+            found.append((a, (v, w)))
+    return found
+
+
 @dataclass(frozen=True)
 class _Base:
     """The base: at rest, or accelerated upwards."""
@@ -139,7 +179,9 @@ def _run(
         return Run(parent, i, frame.angle, frame.last, none, rate, acceleration)
     # Rx(flip) Rz(x) = Rz(±x) Rx(flip), so that angles after a flip count negative
     sign = before.run.flip.cos
-    angle = before.run.angle + sign * frame.first_angle + sign * frame.parallel * frame.angle
+    angle = collected(
+        before.run.angle + sign * frame.first_angle + sign * frame.parallel * frame.angle
+    )
     flip = turn(0.0) if (sign * frame.parallel).is_one else Turn(constant(-1.0), ZERO)
     return Run(
         before.run.before,
@@ -147,8 +189,8 @@ def _run(
         angle,
         turn(angle),
         flip,
-        frame.parallel * before.run.rate + rate,
-        frame.parallel * before.run.acceleration + acceleration,
+        collected(frame.parallel * before.run.rate + rate),
+        collected(frame.parallel * before.run.acceleration + acceleration),
     )
 
 
@@ -157,7 +199,7 @@ def _angular_velocity(
 ) -> Vector:
     """ω: across the axis from before the run, along it from the parent."""
     turned = run.out(first, start)
-    return turned[0], turned[1], frame.staged(parent)[2] + dq
+    return turned[0], turned[1], collected(frame.staged(parent)[2] + dq)
 
 
 def _angular_acceleration(
@@ -174,7 +216,7 @@ def _angular_acceleration(
     return (
         turned[0] + w[1] * run.rate,
         turned[1] - w[0] * run.rate,
-        frame.staged(parent)[2] + ddq,
+        collected(frame.staged(parent)[2] + ddq),
     )
 
 

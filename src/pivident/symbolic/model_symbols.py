@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -13,12 +13,15 @@ from pivident.dynamics.grouping.expression_graph import symbol
 from pivident.dynamics.grouping.expressions import ZERO, Expression, constant
 from pivident.dynamics.parameters import Parameter, standard_parameters
 from pivident.errors import RobotDescriptionError
-from pivident.robot.description import INERTIAL, Robot, without_loops
-from pivident.symbolic.assignments import Input
+from pivident.robot.description import INERTIAL, Robot
+from pivident.symbolic.assignments import Input, LoopClosing
 from pivident.symbolic.vectors import Tensor, Vector
 
 #: Which columns of the model: base or standard parameters, or chosen ones.
 Columns = Literal["base", "standard"] | BaseParameters | Sequence[Parameter]
+
+#: The parameters of a program that has none.
+NOTHING = Input("theta", (), "")
 
 
 @dataclass(frozen=True)
@@ -32,16 +35,25 @@ class LinkInertia:
 
 @dataclass(frozen=True, eq=False)
 class ModelSymbols:
-    """A robot whose motion and parameters are symbols."""
+    """A robot whose motion and parameters are symbols.
 
-    robot: Robot
-    parameters: tuple[Parameter, ...]  # columns of the model, in order
-    theta: tuple[Expression, ...]  # value of each: its symbol, or a number
+    Of a mechanism with closed loops it is the tree of all joints: the motion of dependent joints
+    are expressions in that of the independent ones, see `closed_symbols`.
+    """
+
+    robot: Robot  # a tree
     q: tuple[Expression, ...]
     dq: tuple[Expression, ...]
     ddq: tuple[Expression, ...]
+    drift: tuple[Expression, ...]  # ddq where independent joints are not accelerated
     gravity: Vector  # in the base frame
-    argument: Input  # θ as an argument of a program; no symbols for numbers
+    places: tuple[int, ...]  # joints whose motion is given
+    gain: np.ndarray | None = None  # N of closed loops, shape (joints, places)
+    closing: LoopClosing | None = None  # what finds positions without closed form
+    hints: tuple[tuple[str, Expression], ...] = ()  # names of what depends on closed loops
+    parameters: tuple[Parameter, ...] = ()  # columns of the model, in order
+    theta: tuple[Expression, ...] = ()  # value of each: its symbol, or a number
+    argument: Input = NOTHING  # θ as an argument of a program; empty for numbers
 
     def value(self, stem: str, joint: int) -> Expression:
         """A link's parameter; zero if it is no column."""
@@ -65,23 +77,23 @@ class ModelSymbols:
 
     def inputs(self, *names: str) -> tuple[Input, ...]:
         """Arguments of a program out of ``q dq ddq``."""
-        meaning = {"q": "joint positions", "dq": "joint speeds", "ddq": "joint accelerations"}
-        units = {"q": "", "dq": "/s", "ddq": "/s^2"}
-        return tuple(
-            Input(
-                name,
-                tuple(symbol(f"{name}{i + 1}") for i in range(self.robot.size)),
-                f"{meaning[name]} [{_units(self.robot, units[name])}]",
-            )
-            for name in names
-        )
+        return tuple(motion_input(self.robot, name, self.places) for name in names)
 
 
-def model_symbols(
-    robot: Robot, columns: Columns = "base", values: np.ndarray | None = None
+def bare_symbols(tree: Robot) -> ModelSymbols:
+    """A tree whose joints all move by symbols of their own, without parameters."""
+    q, dq, ddq = (
+        tuple(symbol(f"{name}{i + 1}") for i in range(tree.size)) for name in ("q", "dq", "ddq")
+    )
+    g = tuple(constant(x) for x in tree.gravity.tolist())
+    still = (ZERO,) * tree.size
+    return ModelSymbols(tree, q, dq, ddq, still, (g[0], g[1], g[2]), tuple(range(tree.size)))
+
+
+def with_parameters(
+    model: ModelSymbols, robot: Robot, columns: Columns = "base", values: np.ndarray | None = None
 ) -> ModelSymbols:
-    """Symbols for the motion and the parameters of a robot; other parameters are zero."""
-    without_loops(robot, "the writer of symbolic models")
+    """The same with parameters of its robot; those that are no columns are zero."""
     if isinstance(columns, str):
         columns = base_parameters(robot) if columns == "base" else standard_parameters(robot)
     if isinstance(columns, BaseParameters):
@@ -99,22 +111,21 @@ def model_symbols(
                 f"numbers, one for each of {', '.join(names[:3])} …"
             )
         theta = tuple(constant(x) for x in numbers.tolist())
-        argument = Input("theta", (), "")
-    n = robot.size
-    g = tuple(constant(x) for x in robot.gravity.tolist())
-    return ModelSymbols(
-        robot,
-        parameters,
-        theta,
-        tuple(symbol(f"q{i + 1}") for i in range(n)),
-        tuple(symbol(f"dq{i + 1}") for i in range(n)),
-        tuple(symbol(f"ddq{i + 1}") for i in range(n)),
-        (g[0], g[1], g[2]),
-        argument,
-    )
+        argument = NOTHING
+    return replace(model, parameters=parameters, theta=theta, argument=argument)
 
 
-def _units(robot: Robot, suffix: str) -> str:
-    kinds = {joint.kind for joint in robot.joints}
+def motion_input(tree: Robot, name: str, places: Sequence[int]) -> Input:
+    """Positions, speeds or accelerations (``q dq ddq``) of some joints as an argument."""
+    meaning = {"q": "joint positions", "dq": "joint speeds", "ddq": "joint accelerations"}
+    units = {"q": "", "dq": "/s", "ddq": "/s^2"}
+    text = f"{meaning[name]} [{_units(tree, places, units[name])}]"
+    if len(places) < tree.size:
+        text += " of " + ", ".join(f"{tree.joints[i].name} ({i + 1})" for i in places)
+    return Input(name, tuple(symbol(f"{name}{i + 1}") for i in places), text)
+
+
+def _units(robot: Robot, places: Sequence[int], suffix: str) -> str:
+    kinds = {robot.joints[i].kind for i in places}
     names = [unit for kind, unit in (("revolute", "rad"), ("prismatic", "m")) if kind in kinds]
     return " or ".join(f"{name}{suffix}" for name in names)

@@ -14,6 +14,7 @@ quantities are dropped, and common subexpressions are computed once.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -37,8 +38,9 @@ from pivident.symbolic.joint_terms import (
     joints_of,
 )
 from pivident.symbolic.link_motion import LinkMotion, link_motion
-from pivident.symbolic.model_symbols import Columns, LinkInertia, ModelSymbols, model_symbols
+from pivident.symbolic.model_symbols import Columns, LinkInertia, ModelSymbols
 from pivident.symbolic.program import Program
+from pivident.symbolic.robot_symbols import on_given_joints, robot_symbols
 from pivident.symbolic.vectors import Vector, cross, dot, is_null, plus, scaled
 
 Hints = list[tuple[str, Expression]]
@@ -66,11 +68,11 @@ def inverse_model(
         A program of ``q dq ddq`` (and of ``inner``, the columns of friction with memory, where
         there is such friction) and ``theta`` with the output ``tau``.
     """
-    model = model_symbols(robot, parameters, values)
+    model = robot_symbols(robot, parameters, values)
     inner = inner_symbols(model, load=False) if friction else {}
-    body, hints = cheapest(rigid_torques(model, combine=c) for c in (True, False))
+    body, hints = cheapest(model, (rigid_torques(model, combine=c) for c in (True, False)))
     own = joint_torques(model, body, inner, rotors, friction)
-    total = [a + b for a, b in zip(body, own, strict=True)]
+    total = on_given_joints(model, [a + b for a, b in zip(body, own, strict=True)])
     notes = [
         f"{p.name}: its friction has a memory; give its column as {inner[key].name}."
         for key, p in _inner_parameters(model)
@@ -83,25 +85,38 @@ def inverse_model(
         model.argument,
         [Output("tau", output_array(total), "joint torques or forces [N m or N]")],
         title=f"Inverse dynamic model of {robot.name}",
-        hints=hints,
+        hints=[*model.hints, *hints],
         notes=notes,
+        closing=model.closing,
     )
 
 
 def coriolis_vector(
     robot: Robot, parameters: Columns = "base", values: np.ndarray | None = None
 ) -> Program:
-    """Torques of Coriolis and centrifugal forces c(q, dq), without gravity and friction."""
-    model = model_symbols(robot, parameters, values)
-    still = {"accelerations": False, "gravity": False}
-    torques, hints = cheapest(rigid_torques(model, combine=c, **still) for c in (True, False))
+    """Torques of Coriolis and centrifugal forces c(q, dq), without gravity and friction.
+
+    Joints that closed loops move along are accelerated by γ, at constant speeds of the others.
+    """
+    model = robot_symbols(robot, parameters, values)
+    steady = replace(model, ddq=model.drift)
+    torques, hints = cheapest(
+        model, (rigid_torques(steady, combine=c, gravity=False) for c in (True, False))
+    )
     return Program.build(
         "coriolis_vector",
         model.inputs("q", "dq"),
         model.argument,
-        [Output("c", output_array(torques), "torques of Coriolis and centrifugal forces [N m]")],
+        [
+            Output(
+                "c",
+                output_array(on_given_joints(model, torques)),
+                "torques of Coriolis and centrifugal forces [N m]",
+            )
+        ],
         title=f"Coriolis and centrifugal torques of {robot.name}",
-        hints=hints,
+        hints=[*model.hints, *hints],
+        closing=model.closing,
     )
 
 
@@ -222,10 +237,10 @@ def _inner_parameters(model: ModelSymbols) -> list[tuple[tuple[int, int], Parame
 
 
 def cheapest(
-    candidates: Iterable[tuple[list[Expression], Hints]],
+    model: ModelSymbols, candidates: Iterable[tuple[list[Expression], Hints]]
 ) -> tuple[list[Expression], Hints]:
-    """The form of a model with the fewest operations; the first of equal ones."""
-    return min(candidates, key=lambda candidate: operation_count(candidate[0]).price)
+    """The form of a model's torques with the fewest operations; the first of equal ones."""
+    return min(candidates, key=lambda c: operation_count(on_given_joints(model, c[0])).price)
 
 
 def _named(stem: str, link: int, vector: Vector) -> Hints:

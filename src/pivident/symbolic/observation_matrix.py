@@ -3,7 +3,8 @@
 A column of link i is the force and moment (f, n) of one unit parameter, at the origin of the link's
 frame. Its entry in the row of joint j is the power of this wrench at a unit speed of that joint,
 v·f + w·n, with (v, w) the velocity that the joint gives to the link's origin and frame. Wrench and
-velocity have many structural zeros.
+velocity have many structural zeros. Of a mechanism with closed loops the rows are those of its
+independent joints, and a unit speed of one of them moves all joints by a column of N.
 """
 
 from __future__ import annotations
@@ -17,11 +18,12 @@ from pivident.dynamics.parameters import Parameter
 from pivident.robot.description import INERTIAL, Robot
 from pivident.symbolic.assignments import Input, Output, output_array
 from pivident.symbolic.joint_terms import joint_column, joints_of
-from pivident.symbolic.link_motion import LinkMotion, link_motion
-from pivident.symbolic.model_symbols import Columns, ModelSymbols, model_symbols
+from pivident.symbolic.link_motion import LinkMotion, given_velocities, link_motion
+from pivident.symbolic.model_symbols import Columns, ModelSymbols
 from pivident.symbolic.newton_euler import Hints, inner_input, inner_symbols
 from pivident.symbolic.program import Program
-from pivident.symbolic.vectors import NULL, Vector, cross, dot, plus
+from pivident.symbolic.robot_symbols import robot_symbols
+from pivident.symbolic.vectors import NULL, Vector, cross, dot
 
 Wrench = tuple[Vector, Vector]
 
@@ -39,7 +41,7 @@ def observation_matrix(robot: Robot, parameters: Columns = "base") -> Program:
     Returns:
         The program.
     """
-    model = model_symbols(robot, parameters)
+    model = robot_symbols(robot, parameters)
     inner = inner_symbols(model, load=True)
     candidates = [_matrix(model, inner, combine) for combine in (True, False)]
     matrix, hints = min(
@@ -57,23 +59,23 @@ def observation_matrix(robot: Robot, parameters: Columns = "base") -> Program:
         Input("theta", (), ""),
         [Output("phi", output_array(matrix), "observation matrix, row by row")],
         title=f"Observation matrix of {robot.name}",
-        hints=hints,
+        hints=[*model.hints, *hints],
         notes=notes,
+        closing=model.closing,
     )
 
 
 def _matrix(
     model: ModelSymbols, inner: Mapping[tuple[int, int], Expression], combine: bool
 ) -> tuple[np.ndarray, Hints]:
-    robot = model.robot
     motions = link_motion(model, combine=combine)
-    matrix = np.full((robot.size, len(model.parameters)), ZERO, dtype=object)
+    matrix = np.full((len(model.places), len(model.parameters)), ZERO, dtype=object)
     hints: Hints = []
     for i, motion in enumerate(motions):
         hints.extend(motion.hints(i + 1))
         columns = {k: p for k, p in enumerate(model.parameters) if p.is_inertial and p.joint == i}
         wrenches = {k: unit_wrench(motion, p) for k, p in columns.items()}
-        for j, (v, w) in _velocities(model, motions, i):
+        for j, (v, w) in given_velocities(model, motions, i):
             for name, vector in (("v", v), ("t", w)):
                 hints.extend(
                     (f"{name}{x}{j + 1}_{i + 1}", e) for x, e in zip("xyz", vector, strict=True)
@@ -83,7 +85,11 @@ def _matrix(
     for k, p in enumerate(model.parameters):
         if not p.is_inertial:
             for joint in joints_of(p):
-                matrix[joint, k] = _joint_entry(model, p, joint, inner.get((joint, k)))
+                entry = _joint_entry(model, p, joint, inner.get((joint, k)))
+                if model.gain is None:
+                    matrix[joint, k] = entry
+                else:
+                    matrix[:, k] += model.gain[joint] * entry
     return matrix, hints
 
 
@@ -92,23 +98,6 @@ def _joint_entry(
 ) -> Expression:
     """Entry of a rotor or of friction; an inner signal is the entry itself."""
     return joint_column(model, p, joint) if inner is None else inner
-
-
-def _velocities(
-    model: ModelSymbols, motions: list[LinkMotion], link: int
-) -> list[tuple[int, tuple[Vector, Vector]]]:
-    """Velocities (v, w) of a link's origin and frame per joint speed, in its frame."""
-    robot = model.robot
-    chain = robot.ancestors(link)
-    found = []
-    for start, j in enumerate(chain):
-        axis: Vector = (ZERO, ZERO, ONE)
-        v, w = (NULL, axis) if robot.joints[j].kind == "revolute" else (axis, NULL)
-        for i in reversed(chain[:start]):
-            frame = motions[i].frame
-            v, w = frame.out(plus(v, cross(w, frame.origin))), frame.out(w)
-        found.append((j, (v, w)))
-    return found
 
 
 def unit_wrench(motion: LinkMotion, p: Parameter) -> Wrench:

@@ -8,7 +8,7 @@ import numpy as np
 
 from pivident.dynamics.grouping.expressions import Expression
 from pivident.dynamics.grouping.notation import LATEX, expression_texts
-from pivident.symbolic.assignments import Assignments, Output
+from pivident.symbolic.assignments import Assignments, Output, closings_of
 from pivident.symbolic.print_python import scalar_names
 from pivident.text.identifiers import identifiers, latex_name, latex_text
 
@@ -27,7 +27,7 @@ def latex_document(programs: Sequence[Assignments]) -> str:
         r"\allowdisplaybreaks",
         r"\begin{document}",
     ]
-    for program in programs:
+    for program in (*(closing.step for closing in closings_of(programs)), *programs):
         lines += latex_section(program)
     return "\n".join([*lines, r"\end{document}", ""])
 
@@ -62,9 +62,7 @@ def latex_section(program: Assignments) -> list[str]:
 def _latex_names(program: Assignments) -> dict[Expression, str]:
     """Distinct names of all symbols and variables."""
     texts = scalar_names(program)
-    own: dict[Expression, str] = {
-        s: s.name for a in (*program.inputs, program.parameters) for s in a.symbols
-    }
+    own: dict[Expression, str] = {s: s.name for s in program.symbols}
     return dict(zip(texts, _distinct(own.get(e, t) for e, t in texts.items()), strict=True))
 
 

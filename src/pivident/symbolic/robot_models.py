@@ -12,11 +12,12 @@ from pivident.dynamics.grouping.closed_form import (
     ClosedFormBaseParameters,
     closed_form_base_parameters,
 )
-from pivident.dynamics.grouping.expression_graph import symbol
+from pivident.dynamics.grouping.expression_graph import Expression, symbol
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.errors import RobotDescriptionError
-from pivident.robot.description import Robot, without_loops
+from pivident.robot.description import Robot
 from pivident.symbolic.assignments import Input, Output, output_array
+from pivident.symbolic.closed_models import closure_equations, joint_motion
 from pivident.symbolic.composite_bodies import gravity_vector, mass_matrix
 from pivident.symbolic.model_symbols import Columns
 from pivident.symbolic.newton_euler import coriolis_vector, inverse_model
@@ -38,8 +39,11 @@ MODELS = {
     "base": "base parameters from standard ones",
 }
 
-#: What there is for a robot with closed loops.
-NUMBERS = "its observation matrix is computed with numbers, by pivident.dynamics.regressor_of"
+#: Models that only robots with closed loops, or joints that follow others, have.
+LOOP_MODELS = {
+    "closure": "equations that close the loops, and their Jacobian",
+    "motion": "motion of all joints from that of the independent ones",
+}
 
 #: Languages, and the suffix of the robot's name in their files.
 LANGUAGES = {"python": ".py", "c": ".c", "latex": ".tex", "sympy": "_sympy.py"}
@@ -47,7 +51,7 @@ LANGUAGES = {"python": ".py", "c": ".c", "latex": ".tex", "sympy": "_sympy.py"}
 
 def symbolic_models(
     robot: Robot,
-    what: Sequence[str] = tuple(MODELS),
+    what: Sequence[str] | None = None,
     columns: Columns = "base",
     values: np.ndarray | None = None,
 ) -> list[Program]:
@@ -55,7 +59,8 @@ def symbolic_models(
 
     Args:
         robot: the robot.
-        what: names out of ``MODELS``.
+        what: names out of ``MODELS``, and ``LOOP_MODELS`` of a robot with closed loops; None: all
+            that it has.
         columns: parameters of the models (base, standard or chosen ones).
         values: their values, shape (parameters,), folded into the programs; None: they are
             arguments.
@@ -64,9 +69,8 @@ def symbolic_models(
         A program for each name. Parameter values are no part of ``regressor`` and ``base``.
 
     Raises:
-        RobotDescriptionError: a robot with closed loops.
+        RobotDescriptionError: ``LOOP_MODELS`` of a tree; friction that closed loops do not handle.
     """
-    without_loops(robot, "the writer of symbolic models", NUMBERS)
     if columns == "base":
         columns = base_parameters(robot)  # computed once for all of them
     makers: Mapping[str, Callable[[], Program]] = {
@@ -76,23 +80,50 @@ def symbolic_models(
         "gravity": lambda: gravity_vector(robot, columns, values),
         "coriolis": lambda: coriolis_vector(robot, columns, values),
         "base": lambda: base_parameter_program(robot),
+        "closure": lambda: closure_equations(robot),
+        "motion": lambda: joint_motion(robot),
     }
-    return [makers[name]() for name in what]
+    return [makers[name]() for name in (models_of(robot) if what is None else what)]
+
+
+def models_of(robot: Robot) -> list[str]:
+    """Names of all models that there are of a robot."""
+    return [*MODELS, *(LOOP_MODELS if robot.constraints is not None else ())]
 
 
 def base_parameter_program(robot: Robot, groups: ClosedFormBaseParameters | None = None) -> Program:
-    """Base parameters theta from standard parameters, by the closed form, as a program."""
-    closed = groups or closed_form_base_parameters(robot, "numbers")
-    symbols = tuple(symbol(p.name) for p in closed.standard)
-    given = "standard parameters, " + " ".join(p.name for p in closed.standard)
-    elements = output_array(list(closed.expressions.values()))
+    """Base parameters theta from standard parameters, as a program.
+
+    By the closed form; with closed loops, where groups reach over the loops, from the observation
+    matrix (`pivident.dynamics.base_parameters`).
+    """
+    found: ClosedFormBaseParameters | BaseParameters
+    if robot.constraints is None:
+        found = closed = groups or closed_form_base_parameters(robot, "numbers")
+        elements = list(closed.expressions.values())
+    else:
+        found = base_parameters(robot)
+        elements = group_expressions(found)
+    symbols = tuple(symbol(p.name) for p in found.standard)
+    given = "standard parameters, " + " ".join(p.name for p in found.standard)
     return Program.build(
         "base_parameters",
         [Input("standard", symbols, given)],
         Input("theta", (), ""),
-        [Output("base", elements, "base parameters, " + " ".join(closed.names))],
+        [Output("base", output_array(elements), "base parameters, " + " ".join(found.names))],
         title=f"Base parameters of {robot.name}",
     )
+
+
+def group_expressions(base: BaseParameters) -> list[Expression]:
+    """Base parameters θ_k + K θ_d as expressions in standard ones, K as numbers."""
+    elements = []
+    for head, row in zip(base.parameters, base.regrouping.tolist(), strict=True):
+        total: Expression = symbol(head.name)
+        for k, factor in zip(base.dropped, row, strict=True):
+            total = total + factor * symbol(base.standard[k].name)
+        elements.append(total)
+    return elements
 
 
 def nominal_base_values(base: BaseParameters) -> np.ndarray:

@@ -19,6 +19,11 @@ def plus(*vectors: Vector) -> Vector:
     return x, y, z
 
 
+def minus(a: Vector) -> Vector:
+    """The opposite vector."""
+    return -a[0], -a[1], -a[2]
+
+
 def cross(a: Vector, b: Vector) -> Vector:
     """Vector product a × b."""
     return (
