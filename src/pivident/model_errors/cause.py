@@ -42,6 +42,7 @@ class Cause:
             samples do.
         is_rough: whether its columns have derivatives of the load, which are mostly noise on a
             measured motion: then those of the simulated motion stand for them.
+        least: share of the residual on blocks that were not fitted from which on it is named.
     """
 
     kind: str
@@ -56,6 +57,7 @@ class Cause:
     by_first: bool = False
     is_smooth: bool = False
     is_rough: bool = False
+    least: float = 0.0
 
     def allows(self, size: np.ndarray) -> bool:
         """Whether a size, shape (columns,), makes sense."""

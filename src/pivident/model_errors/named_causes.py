@@ -18,10 +18,12 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.problem import Problem
 from pivident.model_errors.cause import Cause
 from pivident.model_errors.cause_rows import CauseRows, instrument_motions, smoothed
-from pivident.model_errors.friction_errors import Reach, friction_causes
+from pivident.model_errors.coupling_errors import coupling_causes
+from pivident.model_errors.friction_errors import friction_causes
 from pivident.model_errors.geometry import geometry_causes
 from pivident.model_errors.missing_parameters import missing_causes
 from pivident.model_errors.motion_errors import motion_causes
+from pivident.model_errors.record_motion import Reach
 from pivident.model_errors.score_tests import LEVEL, MOST_CAUSES, Score, ScoreTests
 from pivident.model_errors.torque_errors import torque_causes
 from pivident.model_errors.unchecked_causes import UncheckedCause, unchecked_causes
@@ -126,6 +128,7 @@ def all_causes(problem: Problem, found: Identification, reach: Reach) -> list[Ca
         *motion_causes(robot),
         *missing_causes(robot, found.parameters, names),
         *friction_causes(robot, reach),
+        *coupling_causes(robot, reach),
     ]
 
 
@@ -173,7 +176,7 @@ def named_causes(problem: Problem, found: Identification) -> ModelErrors:
 
 def is_found(score: Score, tried: int) -> bool:
     """Whether a cause is significant among so many, and helps with motion that was not fitted."""
-    clear = score.significance * tried < LEVEL and score.unseen > 0.0
+    clear = score.significance * tried < LEVEL and score.unseen > score.cause.least
     return clear and score.cause.allows(score.size)
 
 

@@ -1,0 +1,130 @@
+"""Joints that are tied to one another otherwise than the description says.
+
+A loop that is not described, a motor that sits on another link or turns against another one, or
+an angle that is counted from another link leave energies in the residual that belong to several
+joints at once. Of two joints they are, with phases φ = q,
+
+    T = b(φ_i, φ_k) dq_i dq_k,    V = c(φ_i, φ_k)
+
+with b a constant and the cosines and sines of sum and difference, c these and those of each joint.
+Lagrange's equations make of them
+
+    τ_i = b ddq_k + ∂b/∂q_k dq_k² + ∂c/∂q_i,    τ_k = b ddq_i + ∂b/∂q_i dq_i² + ∂c/∂q_k
+
+which of planar linkages with parallel rods is all there is. Where loops tie three joints, as those
+of a Delta robot, no pair of them explains much before the other pairs are known. Of three joints
+together b is a constant, and c the product of their positions from the middle, for each pair.
+What a tree's own parameters can make of these lies in the space of Φ and is not counted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from pivident.model_errors.cause import Cause
+from pivident.model_errors.record_motion import Reach, RecordMotion
+from pivident.robot.description import Robot
+from pivident.text.lists import listed
+
+#: Kind of these causes.
+COUPLING = "coupling"
+
+#: Phase of a sliding joint at the end of its travel, from the middle [rad]; that of one that turns
+#: is its angle.
+END = 0.5
+
+#: Share of what the residual has on blocks that were not fitted from which on one is named: a few
+#: per cent of it go along with the joints' motions for many reasons.
+LEAST = 0.1
+
+#: Multiples of both phases in b and c: constant, difference, sum, each of both.
+DIFFERENCE, SUM, FIRST, SECOND = (1.0, -1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 1.0)
+
+
+def coupling_causes(robot: Robot, reach: Reach) -> Iterator[Cause]:
+    """Each pair of joints, and each three.
+
+    Args:
+        robot: the robot as described.
+        reach: where its joints went.
+    """
+    names = robot.joint_names
+    phases = Phases.of(robot, reach)
+    for pair in combinations(range(robot.size), 2):
+        yield _cause([names[j] for j in pair], _Pair(phases, *pair), 13)
+    for three in combinations(range(robot.size), 3):
+        yield _cause([names[j] for j in three], _Three(phases, three), 6)
+
+
+@dataclass(frozen=True)
+class Phases:
+    """φ = (q - middle) scale + at: shape (joints,) each."""
+
+    middle: np.ndarray
+    scale: np.ndarray
+    at: np.ndarray
+
+    @classmethod
+    def of(cls, robot: Robot, reach: Reach) -> Phases:
+        """Angles where a joint turns; where it slides, `END` at the ends of its travel."""
+        middle, half = 0.5 * (reach.low + reach.high), 0.5 * (reach.high - reach.low)
+        turns = np.array([joint.kind == "revolute" for joint in robot.joints])
+        scale = np.where(turns, 1.0, END / np.maximum(half, 1e-300))
+        return cls(middle, scale, np.where(turns, middle, 0.0))
+
+
+@dataclass(frozen=True)
+class _Pair:
+    """Torques of the energies of two joints, one row each; shape (13, joints, samples)."""
+
+    phases: Phases
+    i: int
+    k: int
+
+    def __call__(self, motion: RecordMotion) -> np.ndarray:
+        i, k, p = self.i, self.k, self.phases
+        x, y = ((motion.q[j] - p.middle[j]) * p.scale[j] + p.at[j] for j in (i, k))
+        out = np.zeros((13, *motion.q.shape))
+        out[0, i], out[0, k] = motion.ddq[k], motion.ddq[i]
+        made = iter(out[1:])
+        for m, n in (DIFFERENCE, SUM):
+            for phase in (0.0, 0.5 * np.pi):
+                value, slope = np.cos(m * x + n * y - phase), -np.sin(m * x + n * y - phase)
+                own = next(made)
+                own[i] = value * motion.ddq[k] + n * p.scale[k] * slope * motion.dq[k] ** 2
+                own[k] = value * motion.ddq[i] + m * p.scale[i] * slope * motion.dq[i] ** 2
+        for m, n in (DIFFERENCE, SUM, FIRST, SECOND):
+            for phase in (0.0, 0.5 * np.pi):
+                slope = -np.sin(m * x + n * y - phase)
+                own = next(made)
+                own[i], own[k] = m * p.scale[i] * slope, n * p.scale[k] * slope
+        return out
+
+
+@dataclass(frozen=True)
+class _Three:
+    """Torques of dq_i dq_k and (q_i - middle)(q_k - middle) of three pairs, (6, joints, samples)."""
+
+    phases: Phases
+    joints: tuple[int, int, int]
+
+    def __call__(self, motion: RecordMotion) -> np.ndarray:
+        away = motion.q - self.phases.middle[:, None]
+        out = np.zeros((6, *motion.q.shape))
+        made = iter(out)
+        for i, k in combinations(self.joints, 2):
+            for signal in (motion.ddq, away):
+                own = next(made)
+                own[i], own[k] = signal[k], signal[i]
+        return out
+
+
+def _cause(names: Sequence[str], columns: _Pair | _Three, count: int) -> Cause:
+    what = "torques that each has from the motion of the others"
+    return Cause(
+        COUPLING, listed(list(names)), what, "", columns, count, is_smooth=True, least=LEAST
+    )
