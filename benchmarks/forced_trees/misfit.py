@@ -33,7 +33,7 @@ def misfit(machine: Robot, forced: Forced) -> np.ndarray:
     x = regressor_of(robot, base_parameters(robot).parameters).matrix(q, dq, ddq)
     size = np.sqrt(np.mean(tau**2, axis=0))
     rows, right = (x / size[:, None]).reshape(-1, x.shape[2]), (tau / size).ravel()
-    scale = np.sqrt((rows**2).sum(axis=0)); scale[scale==0]=1
-    theta = np.linalg.lstsq(rows / scale, right, rcond=1e-13)[0]
-    left = (right - rows / scale @ theta).reshape(tau.shape)
+    rows = rows / np.linalg.norm(rows, axis=0)
+    theta = np.linalg.lstsq(rows, right, rcond=1e-13)[0]
+    left = (right - rows @ theta).reshape(tau.shape)
     return np.sqrt(np.mean(left**2, axis=0))

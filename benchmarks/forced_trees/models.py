@@ -37,7 +37,7 @@ class Forced:
     @property
     def robot(self) -> Robot:
         """The robot as described."""
-        return parse_modified_dh(f"name = \"{self.name}\"\n{self.text}", self.name)
+        return parse_modified_dh(f'name = "{self.name}"\n{self.text}', self.name)
 
 
 _TURNTABLE = """
@@ -282,4 +282,3 @@ _SCARA = (
 )
 
 FORCED = (*_PALLETIZER, *_FIVE_BAR, *_DELTA, *_ORTHOGLIDE, *_SCARA)
-

@@ -42,7 +42,8 @@ class Cause:
             samples do.
         is_rough: whether its columns have derivatives of the load, which are mostly noise on a
             measured motion: then those of the simulated motion stand for them.
-        least: share of the residual on blocks that were not fitted from which on it is named.
+        least: share of the residual, fitted and on blocks that were not, from which on it is named.
+        least_torque: share of a joint's torque from which on it is named.
     """
 
     kind: str
@@ -58,6 +59,7 @@ class Cause:
     is_smooth: bool = False
     is_rough: bool = False
     least: float = 0.0
+    least_torque: float = 0.0
 
     def allows(self, size: np.ndarray) -> bool:
         """Whether a size, shape (columns,), makes sense."""

@@ -19,7 +19,7 @@ What a tree's own parameters can make of these lies in the space of Φ and is no
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -31,22 +31,22 @@ from pivident.robot.description import Robot
 from pivident.text.lists import listed
 
 #: Kind of these causes.
-COUPLING = "coupling"
+COUPLED = "coupled joints"
 
 #: Phase of a sliding joint at the end of its travel, from the middle [rad]; that of one that turns
 #: is its angle.
 END = 0.5
 
-#: Share of what the residual has on blocks that were not fitted from which on one is named: a few
-#: per cent of it go along with the joints' motions for many reasons.
-LEAST = 0.1
+#: Share of the residual from which on one is named, and share of the torque of a joint: a few per
+#: cent of a residual go along with the motion of several joints for many reasons.
+LEAST, LEAST_TORQUE = 0.1, 0.003
 
 #: Multiples of both phases in b and c: constant, difference, sum, each of both.
 DIFFERENCE, SUM, FIRST, SECOND = (1.0, -1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 1.0)
 
 
 def coupling_causes(robot: Robot, reach: Reach) -> Iterator[Cause]:
-    """Each pair of joints, and each three.
+    """Each pair of joints, and each three of which none carries another.
 
     Args:
         robot: the robot as described.
@@ -57,7 +57,8 @@ def coupling_causes(robot: Robot, reach: Reach) -> Iterator[Cause]:
     for pair in combinations(range(robot.size), 2):
         yield _cause([names[j] for j in pair], _Pair(phases, *pair), 13)
     for three in combinations(range(robot.size), 3):
-        yield _cause([names[j] for j in three], _Three(phases, three), 6)
+        if not any(_carries(robot, i, k) for i, k in combinations(three, 2)):
+            yield _cause([names[j] for j in three], _Three(phases, three), 6)
 
 
 @dataclass(frozen=True)
@@ -107,7 +108,7 @@ class _Pair:
 
 @dataclass(frozen=True)
 class _Three:
-    """Torques of dq_i dq_k and (q_i - middle)(q_k - middle) of three pairs, (6, joints, samples)."""
+    """Torques of dq_i dq_k and of products of positions, shape (6, joints, samples)."""
 
     phases: Phases
     joints: tuple[int, int, int]
@@ -123,8 +124,21 @@ class _Three:
         return out
 
 
-def _cause(names: Sequence[str], columns: _Pair | _Three, count: int) -> Cause:
+def _carries(robot: Robot, joint: int, other: int) -> bool:
+    """Whether a joint moves another one, loops cut."""
+    return robot.places[joint] in robot.tree.ancestors(robot.places[other])
+
+
+def _cause(names: list[str], columns: _Pair | _Three, count: int) -> Cause:
     what = "torques that each has from the motion of the others"
     return Cause(
-        COUPLING, listed(list(names)), what, "", columns, count, is_smooth=True, least=LEAST
+        COUPLED,
+        listed(names),
+        what,
+        "",
+        columns,
+        count,
+        is_smooth=True,
+        least=LEAST,
+        least_torque=LEAST_TORQUE,
     )

@@ -51,12 +51,14 @@ class NamedCause:
         score: its test, beside the causes named before it.
         shift: largest change of a parameter by correcting it, in standard errors.
         parameter: the one that changes so much.
+        torques: torque that goes with it as a share of the torque, shape (joints,).
         alternatives: other causes that explain nearly as much, and cannot be told from it.
     """
 
     score: Score
     shift: float
     parameter: str
+    torques: np.ndarray
     alternatives: tuple[Cause, ...] = ()
 
     @property
@@ -128,7 +130,6 @@ def all_causes(problem: Problem, found: Identification, reach: Reach) -> list[Ca
         *motion_causes(robot),
         *missing_causes(robot, found.parameters, names),
         *friction_causes(robot, reach),
-        *coupling_causes(robot, reach),
     ]
 
 
@@ -147,8 +148,11 @@ def score_tests(
         )
     kinematics = smoothed(problem, found)
     motions = instrument_motions(problem, found, kinematics)
-    causes = all_causes(problem, found, reach_of(kinematics))
+    reach = reach_of(kinematics)
+    causes = all_causes(problem, found, reach)
+    # fewer than the others; each of both sets is held to the level by the number of the larger one
     tried = len(causes)
+    causes += coupling_causes(problem.robot, reach)
     if kinds is not None:
         causes = [cause for cause in causes if cause.kind in kinds]
     rows = CauseRows(problem, found, causes, kinematics, motions)
@@ -176,8 +180,15 @@ def named_causes(problem: Problem, found: Identification) -> ModelErrors:
 
 def is_found(score: Score, tried: int) -> bool:
     """Whether a cause is significant among so many, and helps with motion that was not fitted."""
-    clear = score.significance * tried < LEVEL and score.unseen > score.cause.least
-    return clear and score.cause.allows(score.size)
+    least = score.cause.least
+    helps = score.unseen > least and score.explained >= least
+    return helps and score.significance * tried < LEVEL and score.cause.allows(score.size)
+
+
+def _is_large(tests: ScoreTests, corrected: Sequence[int], number: int) -> bool:
+    """Whether the torque of a cause is large enough for it to be named, where that is asked."""
+    least = tests.causes[number].least_torque
+    return not least or float(tests.torques(corrected, number).max()) > least
 
 
 def _named_causes(tests: ScoreTests, found: Identification) -> ModelErrors:
@@ -187,11 +198,16 @@ def _named_causes(tests: ScoreTests, found: Identification) -> ModelErrors:
     corrected: list[int] = []
     named: list[NamedCause] = []
     while len(corrected) < MOST_CAUSES:
-        candidates = {k: s for k, s in scores.items() if is_found(s, tests.tried)}
+        candidates = {
+            k: s
+            for k, s in scores.items()
+            if is_found(s, tests.tried) and _is_large(tests, corrected, k)
+        }
         if not candidates:
             break
         best = max(candidates, key=lambda k: candidates[k].unseen)
-        named.append(_named(found, candidates[best], candidates))
+        torques = tests.torques(corrected, best)
+        named.append(_named(found, candidates[best], candidates, torques))
         corrected.append(best)
         base, scores = tests.all_scores(corrected)
     size = found.theta.size
@@ -211,12 +227,14 @@ def alternatives(best: Score, candidates: Iterable[Score]) -> tuple[Cause, ...]:
     return tuple(s.cause for s in candidates if s is not best and s.unseen > ALIKE * best.unseen)
 
 
-def _named(found: Identification, best: Score, candidates: dict[int, Score]) -> NamedCause:
+def _named(
+    found: Identification, best: Score, candidates: dict[int, Score], torques: np.ndarray
+) -> NamedCause:
     """A cause with those that cannot be told from it."""
     shifts = np.abs(best.shift) / found.std
     k = int(np.argmax(shifts))
     alike = alternatives(best, candidates.values())
-    return NamedCause(best, float(shifts[k]), found.names[k], alike)
+    return NamedCause(best, float(shifts[k]), found.names[k], torques, alike)
 
 
 def reach_of(kinematics: Sequence[Kinematics]) -> Reach:
