@@ -34,6 +34,10 @@ NOT_CHECKED = "not checked"
 MAX_UNCHECKED = 3
 
 
+#: Most ties between joints in the sentence.
+MAX_TIES = 3
+
+
 def model_errors(diagnostics: Diagnostics) -> Iterator[Finding]:
     """Causes of model error: each kind once, those that change the estimate as reservations."""
     found = diagnostics.model_errors
@@ -99,20 +103,17 @@ def _of_kind(found: ModelErrors, named: Sequence[NamedCause]) -> Finding:
 
 def _coupled(found: ModelErrors, named: Sequence[NamedCause], robot: Robot) -> Finding:
     """Joints that are tied to one another otherwise than described."""
-    groups = "; ".join(one.cause.subject for one in named)
     first, most = named[0], max(named, key=lambda one: one.shift)
     torques = 100.0 * np.sqrt(sum(one.torques**2 for one in named))
     joint = int(np.argmax(torques))
     text = (
-        f"Joints have torques from each other's motion that the description cannot make: {groups}. "
-        f"They are {percent(torques[joint])} of the torque of {robot.joint_names[joint]}"
+        f"Joints are tied otherwise than described: {_ties([one.cause for one in named])}. That is "
+        f"{percent(torques[joint])} of the torque of {robot.joint_names[joint]}"
     )
-    others = [other.subject for one in named for other in one.alternatives if other.kind == COUPLED]
-    if others:
-        text += f", and the record cannot tell these joints from {'; '.join(others)}"
-    text += (
-        ". A loop, a gear or a motor ties the joints, or one hangs on another link than described"
-    )
+    alike = [other for one in named for other in one.alternatives if other.kind == COUPLED]
+    if alike:
+        text += f", and the record cannot tell it from {_ties(alike)}"
+    text += ". A loop, a gear or a motor ties them, or one hangs on another link than described"
     if most.shift > MATTERS:
         text += (
             f". Parameters may be off by more than their intervals: with these torques "
@@ -124,7 +125,8 @@ def _coupled(found: ModelErrors, named: Sequence[NamedCause], robot: Robot) -> F
     if robot.constraints is None:
         step = (
             "Describe the loop ([[loops]]) or what couples them ([[gears]], couplings); check each "
-            "`parent`, and whether the log counts an angle from the parent or from the base."
+            "`parent`, whether the log counts an angle from the parent or from the base, and "
+            "whether torques were converted with the positions."
         )
     evidence = {
         "torque": Quantity(float(torques[joint]), "%"),
@@ -133,6 +135,11 @@ def _coupled(found: ModelErrors, named: Sequence[NamedCause], robot: Robot) -> F
     }
     basis = _basis(found, first)
     return Finding("warning", "model", COUPLED, f"{text}.", "", step, evidence, basis)
+
+
+def _ties(causes: Sequence[Cause]) -> str:
+    """``left, right (inertia and weight that belong to all of them)``."""
+    return "; ".join(f"{cause.subject} ({cause.what})" for cause in causes[:MAX_TIES])
 
 
 def _basis(found: ModelErrors, one: NamedCause) -> str:

@@ -15,17 +15,21 @@ which of planar linkages with parallel rods is all there is. Where loops tie thr
 of a Delta robot, no pair of them explains much before the other pairs are known. Of three joints
 together b is a constant, and c the product of their positions from the middle, for each pair.
 What a tree's own parameters can make of these lies in the space of Φ and is not counted.
+
+A motor that turns with two joints rubs with the sum or the difference of their speeds. And where
+positions were converted from motors to joints but torques were not, a joint's torque has a part of
+another one's, r τ_k in τ_i.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, permutations
 
 import numpy as np
 
-from pivident.model_errors.cause import Cause
+from pivident.model_errors.cause import Cause, Columns, on_joint
 from pivident.model_errors.record_motion import Reach, RecordMotion
 from pivident.robot.description import Robot
 from pivident.text.lists import listed
@@ -46,7 +50,7 @@ DIFFERENCE, SUM, FIRST, SECOND = (1.0, -1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 1.0)
 
 
 def coupling_causes(robot: Robot, reach: Reach) -> Iterator[Cause]:
-    """Each pair of joints, and each three of which none carries another.
+    """Each pair of joints, each three of which none carries another, motors and torques of two.
 
     Args:
         robot: the robot as described.
@@ -54,11 +58,21 @@ def coupling_causes(robot: Robot, reach: Reach) -> Iterator[Cause]:
     """
     names = robot.joint_names
     phases = Phases.of(robot, reach)
+    shared = "inertia and weight that belong to all of them"
     for pair in combinations(range(robot.size), 2):
-        yield _cause([names[j] for j in pair], _Pair(phases, *pair), 13)
+        yield _cause([names[j] for j in pair], shared, _Pair(phases, *pair), 13, is_smooth=True)
     for three in combinations(range(robot.size), 3):
         if not any(_carries(robot, i, k) for i, k in combinations(three, 2)):
-            yield _cause([names[j] for j in three], _Three(phases, three), 6)
+            own = _Three(phases, three)
+            yield _cause([names[j] for j in three], shared, own, 6, is_smooth=True)
+    for i, k in permutations(range(robot.size), 2):
+        if robot.torque_side == "motor":
+            sign, word = (1.0, "sum") if i < k else (-1.0, "difference")
+            what = f"friction of a motor that turns with the {word} of both"
+            own = _Motor(_slope(robot, i, k), sign, i, k)
+            yield _cause(sorted((names[i], names[k]), key=names.index), what, own, 2)
+        what = f"a part of the torque of {names[k]} in that of {names[i]}"
+        yield _cause([names[i], names[k]], what, _Torque(i, k), 1)
 
 
 @dataclass(frozen=True)
@@ -124,13 +138,48 @@ class _Three:
         return out
 
 
+@dataclass(frozen=True)
+class _Motor:
+    """Viscous and dry friction over dq_i ± dq_k, shape (2, joints, samples)."""
+
+    slope: float
+    sign: float
+    i: int
+    k: int
+
+    def __call__(self, motion: RecordMotion) -> np.ndarray:
+        speed = motion.dq[self.i] + self.sign * motion.dq[self.k]
+        out = np.zeros((2, *motion.q.shape))
+        out[:, self.i] = speed, 2.0 / np.pi * np.arctan(self.slope * speed)
+        out[:, self.k] = self.sign * out[:, self.i]
+        return out
+
+
+@dataclass(frozen=True)
+class _Torque:
+    """τ_k on joint i, shape (1, joints, samples)."""
+
+    i: int
+    k: int
+
+    def __call__(self, motion: RecordMotion) -> np.ndarray:
+        return on_joint(self.i, [motion.torque[self.k]], motion)
+
+
+def _slope(robot: Robot, *joints: int) -> float:
+    """Slope of the smoothed sign of a motor's friction: the flatter one of its joints' [s/rad]."""
+    own = [robot.joints[j] for j in joints]
+    return min(max(joint.friction.slopes, default=joint.default_gamma) for joint in own)
+
+
 def _carries(robot: Robot, joint: int, other: int) -> bool:
     """Whether a joint moves another one, loops cut."""
     return robot.places[joint] in robot.tree.ancestors(robot.places[other])
 
 
-def _cause(names: list[str], columns: _Pair | _Three, count: int) -> Cause:
-    what = "torques that each has from the motion of the others"
+def _cause(
+    names: list[str], what: str, columns: Columns, count: int, is_smooth: bool = False
+) -> Cause:
     return Cause(
         COUPLED,
         listed(names),
@@ -138,7 +187,7 @@ def _cause(names: list[str], columns: _Pair | _Three, count: int) -> Cause:
         "",
         columns,
         count,
-        is_smooth=True,
+        is_smooth=is_smooth,
         least=LEAST,
         least_torque=LEAST_TORQUE,
     )
