@@ -29,6 +29,11 @@ def misfit(machine: Robot, forced: Forced) -> np.ndarray:
     tau = regressor_of(machine, base.parameters).torque(q, dq, ddq, truth)
     ratio = np.ones(machine.size) if forced.ratio is None else np.array(forced.ratio)
     q, dq, ddq, tau = q * ratio, dq * ratio, ddq * ratio, tau / ratio
+    if forced.reading is not None:
+        none = np.zeros_like(q)
+        at_zero = forced.reading(none, none)[0]
+        dq, ddq = (forced.reading(x, none)[0] - at_zero for x in (dq, ddq))
+        q, tau = forced.reading(q, tau)
     robot = forced.robot
     x = regressor_of(robot, base_parameters(robot).parameters).matrix(q, dq, ddq)
     size = np.sqrt(np.mean(tau**2, axis=0))

@@ -6,12 +6,16 @@ Each has one joint for each motor, in the order of the log; lengths, limits and 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from pivident.robot.description import Robot
 from pivident.robot.modified_dh import parse_modified_dh
+
+#: Positions and torques, shape (samples, joints) each, from positions and torques.
+Reading = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 @dataclass(frozen=True)
@@ -25,6 +29,8 @@ class Forced:
         text: the robot file.
         exact: whether its torques are those of the mechanism.
         ratio: positions of the model over those of the log, shape (joints,); None: ones.
+        reading: positions and torques of the model from those of the log, where they are converted
+            otherwise; the law of the machine is then not known in the model's coordinates.
     """
 
     mechanism: str
@@ -33,6 +39,7 @@ class Forced:
     text: str
     exact: bool = False
     ratio: tuple[float, ...] | None = None
+    reading: Reading | None = None
 
     @property
     def robot(self) -> Robot:
@@ -104,16 +111,47 @@ ratios = {upper_arm = 1, lower_arm = 1, lever = -1}
 offset = -180
 """
 
+
+def _angles_converted(q: np.ndarray, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The third angle counted from the lower arm, the torques as they were logged."""
+    q = q.copy()
+    q[:, 2] += 0.5 * np.pi - q[:, 1]
+    return q, tau
+
+
+def _all_converted(q: np.ndarray, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The torques too."""
+    tau = tau.copy()
+    tau[:, 1] += tau[:, 2]
+    return _angles_converted(q, tau)
+
+
+_RELATIVE = (
+    _TURNTABLE
+    + _LOWER
+    + '\n[[joints]]\nname = "upper_arm"\nparent = "lower_arm"\nd = 1.0\ntheta = -270\n'
+)
+
 _PALLETIZER = (
     Forced(
         "parallelogram_palletizer",
         "relative angle",
         "the third motor turns the upper arm relative to the lower arm",
-        _TURNTABLE
-        + _LOWER
-        + '\n[[joints]]\nname = "upper_arm"\nparent = "lower_arm"\nd = 1.0\ntheta = -270\n'
-        + _UPPER_LIMITS
-        + _TOOL.format(parent="upper_arm", d=1.3),
+        _RELATIVE + _UPPER_LIMITS + _TOOL.format(parent="upper_arm", d=1.3),
+    ),
+    Forced(
+        "parallelogram_palletizer",
+        "relative angle, converted",
+        "as before, with the angle counted from the lower arm and the torques as logged",
+        _RELATIVE + "rated_speed = 115\n" + _TOOL.format(parent="upper_arm", d=1.3),
+        reading=_angles_converted,
+    ),
+    Forced(
+        "parallelogram_palletizer",
+        "relative angle, all converted",
+        "as before, torques converted too; rotor and friction of the third motor are not",
+        _RELATIVE + "rated_speed = 115\n" + _TOOL.format(parent="upper_arm", d=1.3),
+        reading=_all_converted,
     ),
     Forced(
         "parallelogram_palletizer",

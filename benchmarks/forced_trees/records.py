@@ -97,6 +97,10 @@ def problem_of(record: Record, forced: Forced | None) -> pv.Problem:
     robot = record.machine if forced is None else forced.robot
     given = None if forced is None else forced.ratio
     ratio = np.ones(robot.size) if given is None else np.array(given)
+    if forced is not None and forced.reading is not None:
+        q, tau = forced.reading(record.q, record.tau)
+        made = pv.Recording.from_arrays(q, tau, RATE, joint_names=robot.joint_names)
+        return pv.Problem(robot, (made,))
     kp, kd = (gain / ratio**2 for gain in record.gains)
     made = pv.Recording.from_arrays(
         record.q * ratio,

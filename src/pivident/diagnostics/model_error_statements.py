@@ -46,7 +46,8 @@ def model_errors(diagnostics: Diagnostics) -> Iterator[Finding]:
     if not found.named:
         text = (
             f"None of {found.tried} causes of model error is seen in the residual: geometry, "
-            "timing, gears, encoders, springs, friction, missing parameters, coupled joints."
+            "timing, gears, encoders, springs, friction, missing parameters; and no joints are "
+            "tied otherwise than described."
         )
         yield Finding("ok", "model", "no cause found", text)
     robot = diagnostics.identifications[diagnostics.recommended].robot
