@@ -140,7 +140,9 @@ def _coupled(found: ModelErrors, named: Sequence[NamedCause], robot: Robot) -> F
 
 def _ties(causes: Sequence[Cause]) -> str:
     """``left, right (inertia and weight that belong to all of them)``."""
-    return "; ".join(f"{cause.subject} ({cause.what})" for cause in causes[:MAX_TIES])
+    said = [f"{cause.subject} ({cause.what})" for cause in causes[:MAX_TIES]]
+    more = len(causes) - len(said)
+    return "; ".join([*said, f"{more} more"] if more else said)
 
 
 def _basis(found: ModelErrors, one: NamedCause) -> str:

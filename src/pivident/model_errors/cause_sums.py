@@ -104,12 +104,10 @@ def cause_sums(
                 here = block == part
                 x, tau = rows.x[:, here], rows.tau[here]
                 gram, right, square = x / lam @ x.T, x / lam @ tau, tau @ tau / lam
-                for products, squares, own in (
-                    (made.blocks, made.squares, part),
-                    (made.joints, made.joint_squares, joint),
-                ):
-                    products.put(own, rows.columns, gram, right)
-                    squares[own] += square
+                made.blocks.put(part, rows.columns, gram, right)
+                made.joints.put(joint, rows.columns, gram, right)
+                made.squares[part] += square
+                made.joint_squares[joint] += square
     return made
 
 

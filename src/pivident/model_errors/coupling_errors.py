@@ -63,14 +63,14 @@ def coupling_causes(robot: Robot, reach: Reach) -> Iterator[Cause]:
         yield _cause([names[j] for j in pair], shared, _Pair(phases, *pair), 13, is_smooth=True)
     for three in combinations(range(robot.size), 3):
         if not any(_carries(robot, i, k) for i, k in combinations(three, 2)):
-            own = _Three(phases, three)
-            yield _cause([names[j] for j in three], shared, own, 6, is_smooth=True)
+            columns = _Three(phases, three)
+            yield _cause([names[j] for j in three], shared, columns, 6, is_smooth=True)
     for i, k in permutations(range(robot.size), 2):
         if robot.torque_side == "motor":
             sign, word = (1.0, "sum") if i < k else (-1.0, "difference")
             what = f"friction of a motor that turns with the {word} of both"
-            own = _Motor(_slope(robot, i, k), sign, i, k)
-            yield _cause(sorted((names[i], names[k]), key=names.index), what, own, 2)
+            motor = _Motor(_slope(robot, i, k), sign, i, k)
+            yield _cause(sorted((names[i], names[k]), key=names.index), what, motor, 2)
         what = f"a part of the torque of {names[k]} in that of {names[i]}"
         yield _cause([names[i], names[k]], what, _Torque(i, k), 1)
 
