@@ -66,7 +66,7 @@ def lagrange(energy, t, h=1e-4):
 
 
 def test_torques_of_a_pair_are_those_of_lagranges_equations():
-    (pair,) = coupling_causes(sliding_second(), REACH)
+    pair, *_ = coupling_causes(sliding_second(), REACH)
     t = np.linspace(0.0, 4.0, 41)
     found = pair.columns(SimpleNamespace(q=path(t, 0), dq=path(t, 1), ddq=path(t, 2)))
 
@@ -84,9 +84,10 @@ def test_torques_of_a_pair_are_those_of_lagranges_equations():
 def test_torques_of_three_are_those_of_lagranges_equations():
     robot = forced("delta", "three arms").robot
     causes = list(coupling_causes(robot, Reach(-np.ones(3), np.ones(3), np.ones(3))))
-    assert [c.subject.count(",") for c in causes] == [1, 1, 1, 2]
+    (three,) = (c for c in causes if c.subject.count(",") == 2)
+    assert sum("inertia" in c.what for c in causes) == 4
     q, ddq = np.random.default_rng(1).normal(size=(2, 3, 4))
-    columns = causes[-1].columns(SimpleNamespace(q=q, ddq=ddq))
+    columns = three.columns(SimpleNamespace(q=q, ddq=ddq))
     for signal, first in ((ddq, 0), (q, 1)):
         for k, (i, j) in enumerate([(0, 1), (0, 2), (1, 2)]):
             expected = np.zeros((3, 4))
@@ -97,7 +98,46 @@ def test_torques_of_three_are_those_of_lagranges_equations():
 def test_of_a_serial_arm_only_pairs_are_tried():
     robot = load_robot("staubli_tx40")
     reach = Reach(-np.ones(6), np.ones(6), np.ones(6))
-    assert len(list(coupling_causes(robot, reach))) == 15
+    causes = list(coupling_causes(robot, reach))
+    assert len(causes) == 15 + 30 + 30
+    assert {c.subject.count(",") for c in causes} == {1}
+
+
+def test_friction_of_a_motor_takes_the_power_of_the_speed_it_turns_with():
+    """Σ τ dq = f(v) v with v = dq_i ± dq_k; behind the gears there are no motors."""
+    robot = load_robot("planar_2r")
+    q, dq = np.random.default_rng(1).normal(size=(2, 2, 6))
+    motion = SimpleNamespace(q=q, dq=dq)
+    causes = {c.what: c for c in coupling_causes(robot, REACH)}
+    slope = min(joint.default_gamma for joint in robot.joints)
+    for word, speed in (("sum", dq[0] + dq[1]), ("difference", dq[1] - dq[0])):
+        columns = causes[f"friction of a motor that turns with the {word} of both"].columns(motion)
+        dry = 2.0 / np.pi * np.arctan(slope * speed)
+        expected = [speed**2, dry * speed]
+        np.testing.assert_allclose(np.sum(columns * dq, axis=1), expected, atol=1e-12)
+    link = coupling_causes(robot.with_link_torques(), REACH)
+    assert not any("motor" in c.what for c in link)
+
+
+def test_torques_that_were_not_converted_are_named_with_their_part():
+    """The elbow's motor sits on the base: its torque is missing from the shoulder's."""
+    robot = load_robot("planar_2r")
+    loop = pv.Loop(virtual_pd(robot, np.zeros(2)))
+    made = pv.simulate(robot, loop, duration=8.0, rate=500, encoder=1e-6, torque=0.02, seed=4)
+    tau = made.recording.tau.copy()
+    tau[:, 0] -= tau[:, 1]
+    record = pv.Recording.from_arrays(made.recording.q, tau, 500.0, joint_names=robot.joint_names)
+    problem = pv.Problem(robot, (record,))
+    found = named_causes(problem, pv.identify(problem, "ls"))
+    (part,) = found.named
+    assert (part.cause.kind, part.cause.unit) == (COUPLED, "%")
+    assert part.cause.what == "a part of the torque of elbow in that of shoulder"
+    size, std = part.size
+    assert abs(size + 100.0) < 4.0 * std and std < 1.0
+    statements = verdict(diagnose(problem, {"ls": pv.identify(problem, "ls")}, folds=0)).statements
+    (finding,) = (s for s in statements if s.kind == COUPLED)
+    assert f"in that of shoulder: {part.size_text})" in finding.message
+    assert "whether torques were converted" in finding.next_step
 
 
 @pytest.mark.parametrize("one", FORCED, ids=lambda f: f"{f.mechanism}-{f.name}")

@@ -107,11 +107,12 @@ def _coupled(found: ModelErrors, named: Sequence[NamedCause], robot: Robot) -> F
     first, most = named[0], max(named, key=lambda one: one.shift)
     torques = 100.0 * np.sqrt(sum(one.torques**2 for one in named))
     joint = int(np.argmax(torques))
+    ties = [_tie(one.cause, one.size_text if one.cause.unit else "") for one in named]
     text = (
-        f"Joints are tied otherwise than described: {_ties([one.cause for one in named])}. That is "
+        f"Joints are tied otherwise than described: {_ties(ties)}. That is "
         f"{percent(torques[joint])} of the torque of {robot.joint_names[joint]}"
     )
-    alike = [other for one in named for other in one.alternatives if other.kind == COUPLED]
+    alike = [_tie(c) for one in named for c in one.alternatives if c.kind == COUPLED]
     if alike:
         text += f", and the record cannot tell it from {_ties(alike)}"
     text += ". A loop, a gear or a motor ties them, or one hangs on another link than described"
@@ -138,11 +139,15 @@ def _coupled(found: ModelErrors, named: Sequence[NamedCause], robot: Robot) -> F
     return Finding("warning", "model", COUPLED, f"{text}.", "", step, evidence, basis)
 
 
-def _ties(causes: Sequence[Cause]) -> str:
+def _tie(cause: Cause, size: str = "") -> str:
     """``left, right (inertia and weight that belong to all of them)``."""
-    said = [f"{cause.subject} ({cause.what})" for cause in causes[:MAX_TIES]]
-    more = len(causes) - len(said)
-    return "; ".join([*said, f"{more} more"] if more else said)
+    return f"{cause.subject} ({cause.what}{': ' * bool(size)}{size})"
+
+
+def _ties(said: Sequence[str]) -> str:
+    """The first ones, and how many more there are."""
+    more = len(said) - MAX_TIES
+    return "; ".join([*said[:MAX_TIES], f"{more} more"] if more > 0 else said)
 
 
 def _basis(found: ModelErrors, one: NamedCause) -> str:

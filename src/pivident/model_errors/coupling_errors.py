@@ -30,6 +30,7 @@ from itertools import combinations, permutations
 import numpy as np
 
 from pivident.model_errors.cause import Cause, Columns, on_joint
+from pivident.model_errors.motion_errors import PERCENT
 from pivident.model_errors.record_motion import Reach, RecordMotion
 from pivident.robot.description import Robot
 from pivident.text.lists import listed
@@ -72,7 +73,7 @@ def coupling_causes(robot: Robot, reach: Reach) -> Iterator[Cause]:
             motor = _Motor(_slope(robot, i, k), sign, i, k)
             yield _cause(sorted((names[i], names[k]), key=names.index), what, motor, 2)
         what = f"a part of the torque of {names[k]} in that of {names[i]}"
-        yield _cause([names[i], names[k]], what, _Torque(i, k), 1)
+        yield _cause([names[i], names[k]], what, _Torque(i, k), 1, unit="%")
 
 
 @dataclass(frozen=True)
@@ -157,13 +158,13 @@ class _Motor:
 
 @dataclass(frozen=True)
 class _Torque:
-    """τ_k on joint i, shape (1, joints, samples)."""
+    """A per cent of τ_k on joint i, shape (1, joints, samples)."""
 
     i: int
     k: int
 
     def __call__(self, motion: RecordMotion) -> np.ndarray:
-        return on_joint(self.i, [motion.torque[self.k]], motion)
+        return on_joint(self.i, [PERCENT * motion.torque[self.k]], motion)
 
 
 def _slope(robot: Robot, *joints: int) -> float:
@@ -178,13 +179,18 @@ def _carries(robot: Robot, joint: int, other: int) -> bool:
 
 
 def _cause(
-    names: list[str], what: str, columns: Columns, count: int, is_smooth: bool = False
+    names: list[str],
+    what: str,
+    columns: Columns,
+    count: int,
+    unit: str = "",
+    is_smooth: bool = False,
 ) -> Cause:
     return Cause(
         COUPLED,
         listed(names),
         what,
-        "",
+        unit,
         columns,
         count,
         is_smooth=is_smooth,
