@@ -33,9 +33,9 @@ ENCODER, TORQUE, SHARE = 2e-5, 0.002, 0.35
 BANDWIDTH = 8.0
 
 
-def reference(robot, duration: float) -> np.ndarray:
+def reference(robot, duration: float, seed: int = 11, share: float = SHARE) -> np.ndarray:
     """Sums of sines about the middle of each joint's range, at rest in the beginning."""
-    rng = np.random.default_rng(11)
+    rng = np.random.default_rng(seed)
     t = np.arange(round(duration * RATE)) / RATE
     wanted = np.zeros((len(t), robot.size))
     for j, joint in enumerate(robot.joints):
@@ -44,7 +44,7 @@ def reference(robot, duration: float) -> np.ndarray:
         for k in range(1, 7):
             w, phase = 2.0 * np.pi * k * 0.21 * rng.uniform(0.9, 1.1), rng.uniform(0.0, 2.0 * np.pi)
             waves += rng.uniform(0.4, 1.0) / k * np.sin(w * t + phase)
-        waves *= SHARE * (high - low) / np.abs(waves).max()
+        waves *= share * (high - low) / np.abs(waves).max()
         wanted[:, j] = 0.5 * (low + high) + waves * np.clip(t / 1.0, 0.0, 1.0) ** 3 * (
             10 - 15 * np.clip(t, 0, 1) + 6 * np.clip(t, 0, 1) ** 2
         )

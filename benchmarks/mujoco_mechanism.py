@@ -1,6 +1,6 @@
 """A mechanism with closed loops or a measured base in MuJoCo: truth pivident has no part in.
 
-The tree becomes nested bodies, closures become equality constraints (``connect`` and ``weld``), as
+The tree becomes nested bodies, closures and gears become equality constraints, as
 stiff as ten Runge–Kutta steps in a millisecond allow; friction is applied as torque. (Semi-implicit
 steps of 0.05 ms are late by half of one, and viscous friction takes it up by four standard errors.)
 """
@@ -81,9 +81,23 @@ def mujoco_spec(robot: Robot, step: float) -> mujoco.MjSpec:
             name=closure.name, objtype=mujoco.mjtObj.mjOBJ_SITE, name1=names[0], name2=names[1]
         )
         equality.type = mujoco.mjtEq.mjEQ_CONNECT
-        equality.solref = [-1.0 / (2.0 * step) ** 2, -1.0 / step]
-        equality.solimp = [0.9999, 0.9999, 0.001, 0.5, 2.0]
+        _stiff(equality, step)
+    for one in constraints.linear if constraints else ():
+        largest = np.abs(one.ratios).max()
+        tendon = spec.add_tendon(name=one.name)
+        for joint, ratio in zip(tree.joints, one.ratios / largest, strict=True):
+            if ratio:
+                tendon.wrap_joint(joint.name, float(ratio))
+        equality = spec.add_equality(name=one.name, name1=one.name)
+        equality.type = mujoco.mjtEq.mjEQ_TENDON
+        equality.data[0] = one.offset / largest
+        _stiff(equality, step)
     return spec
+
+
+def _stiff(equality, step: float) -> None:
+    equality.solref = [-1.0 / (2.0 * step) ** 2, -1.0 / step]
+    equality.solimp = [0.9999, 0.9999, 0.001, 0.5, 2.0]
 
 
 @dataclass(frozen=True)

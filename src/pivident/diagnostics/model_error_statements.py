@@ -8,8 +8,10 @@ import numpy as np
 
 from pivident.diagnostics.diagnostics import Diagnostics
 from pivident.model_errors.cause import Cause
-from pivident.model_errors.named_causes import ModelErrors, NamedCause
+from pivident.model_errors.coupling_errors import COUPLED
+from pivident.model_errors.named_causes import MATTERS, ModelErrors, NamedCause
 from pivident.model_errors.unchecked_causes import UncheckedCause
+from pivident.robot.description import Robot
 from pivident.text.finding import Finding, Quantity, Severity
 from pivident.text.lists import listed
 from pivident.text.numbers import format_significant, percent
@@ -32,6 +34,10 @@ NOT_CHECKED = "not checked"
 MAX_UNCHECKED = 3
 
 
+#: Most ties between joints in the sentence.
+MAX_TIES = 3
+
+
 def model_errors(diagnostics: Diagnostics) -> Iterator[Finding]:
     """Causes of model error: each kind once, those that change the estimate as reservations."""
     found = diagnostics.model_errors
@@ -40,11 +46,14 @@ def model_errors(diagnostics: Diagnostics) -> Iterator[Finding]:
     if not found.named:
         text = (
             f"None of {found.tried} causes of model error is seen in the residual: geometry, "
-            "timing, gears, encoders, springs, friction, missing parameters."
+            "timing, gears, encoders, springs, friction, missing parameters; and no joints are "
+            "tied otherwise than described."
         )
         yield Finding("ok", "model", "no cause found", text)
+    robot = diagnostics.identifications[diagnostics.recommended].robot
     for kind in dict.fromkeys(named.cause.kind for named in found.named):
-        yield _of_kind(found, [named for named in found.named if named.cause.kind == kind])
+        own = [named for named in found.named if named.cause.kind == kind]
+        yield _coupled(found, own, robot) if kind == COUPLED else _of_kind(found, own)
     if found.unchecked:
         yield _unchecked(found.unchecked)
 
@@ -80,11 +89,7 @@ def _of_kind(found: ModelErrors, named: Sequence[NamedCause]) -> Finding:
         "change": Quantity(most.shift, "σ"),
         "explained": Quantity(100.0 * score.explained, "%"),
     }
-    basis = (
-        f"explains {percent(100.0 * score.explained)} of the residual in the motion's band, "
-        f"{percent(100.0 * score.unseen)} where it was not fitted; significance "
-        f"{score.significance * found.tried:.1g} among {found.tried} causes"
-    )
+    basis = _basis(found, first)
     step = STEPS.get(first.cause.kind, "")
     if not step and matters:
         step = (
@@ -94,6 +99,64 @@ def _of_kind(found: ModelErrors, named: Sequence[NamedCause]) -> Finding:
     severity: Severity = "warning" if matters else "note"
     return Finding(
         severity, "model", first.cause.kind, f"{text}.", first.cause.subject, step, evidence, basis
+    )
+
+
+def _coupled(found: ModelErrors, named: Sequence[NamedCause], robot: Robot) -> Finding:
+    """Joints that are tied to one another otherwise than described."""
+    first, most = named[0], max(named, key=lambda one: one.shift)
+    torques = 100.0 * np.sqrt(sum(one.torques**2 for one in named))
+    joint = int(np.argmax(torques))
+    ties = [_tie(one.cause, one.size_text if one.cause.unit else "") for one in named]
+    text = (
+        f"Joints are tied otherwise than described: {_ties(ties)}. That is "
+        f"{percent(torques[joint])} of the torque of {robot.joint_names[joint]}"
+    )
+    alike = [_tie(c) for one in named for c in one.alternatives if c.kind == COUPLED]
+    if alike:
+        text += f", and the record cannot tell it from {_ties(alike)}"
+    text += ". A loop, a gear or a motor ties them, or one hangs on another link than described"
+    if most.shift > MATTERS:
+        text += (
+            f". Parameters may be off by more than their intervals: with these torques "
+            f"{most.parameter} changes by {format_significant(most.shift, 2)} standard errors"
+        )
+    if any(one.cause.kind != COUPLED for one in found.named):
+        text += ". Other causes that are named may be part of it"
+    step = "Check the loops and gears: lengths, which links they join, links that they leave out."
+    if robot.constraints is None:
+        step = (
+            "Describe the loop ([[loops]]) or what couples them ([[gears]], couplings); check each "
+            "`parent`, whether the log counts an angle from the parent or from the base, and "
+            "whether torques were converted with the positions."
+        )
+    evidence = {
+        "torque": Quantity(float(torques[joint]), "%"),
+        "change": Quantity(most.shift, "σ"),
+        "explained": Quantity(100.0 * first.score.explained, "%"),
+    }
+    basis = _basis(found, first)
+    return Finding("warning", "model", COUPLED, f"{text}.", "", step, evidence, basis)
+
+
+def _tie(cause: Cause, size: str = "") -> str:
+    """``left, right (inertia and weight that belong to all of them)``."""
+    return f"{cause.subject} ({cause.what}{': ' * bool(size)}{size})"
+
+
+def _ties(said: Sequence[str]) -> str:
+    """The first ones, and how many more there are."""
+    more = len(said) - MAX_TIES
+    return "; ".join([*said[:MAX_TIES], f"{more} more"] if more > 0 else said)
+
+
+def _basis(found: ModelErrors, one: NamedCause) -> str:
+    """What a cause explains, and how significant it is."""
+    score = one.score
+    return (
+        f"explains {percent(100.0 * score.explained)} of the residual in the motion's band, "
+        f"{percent(100.0 * score.unseen)} where it was not fitted; significance "
+        f"{score.significance * found.tried:.1g} among {found.tried} causes"
     )
 
 

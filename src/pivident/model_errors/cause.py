@@ -35,7 +35,7 @@ class Cause:
         correct: the problem with the cause corrected; None: it cannot be corrected by its size.
         largest: size up to which the torque is about proportional to it; a larger one is no
             finding, but something else that looks alike.
-        least: size below which it is something else that looks alike, too.
+        smallest: size below which it is something else that looks alike, too.
         is_positive: whether a size below zero makes no sense, as of a compliance.
         by_first: whether the first column's amplitude is the size, since the others come with it
             in other units; else that of several columns is their length.
@@ -43,6 +43,8 @@ class Cause:
             samples do.
         is_rough: whether its columns have derivatives of the load, which are mostly noise on a
             measured motion: then those of the simulated motion stand for them.
+        least: share of the residual, fitted and on blocks that were not, from which on it is named.
+        least_torque: share of a joint's torque from which on it is named.
     """
 
     kind: str
@@ -53,15 +55,17 @@ class Cause:
     count: int = 1
     correct: Correction | None = None
     largest: float = np.inf
-    least: float = 0.0
+    smallest: float = 0.0
     is_positive: bool = False
     by_first: bool = False
     is_smooth: bool = False
     is_rough: bool = False
+    least: float = 0.0
+    least_torque: float = 0.0
 
     def allows(self, size: np.ndarray) -> bool:
         """Whether a size, shape (columns,), makes sense."""
-        return self.least <= float(np.linalg.norm(size)) < self.largest and not (
+        return self.smallest <= float(np.linalg.norm(size)) < self.largest and not (
             self.is_positive and float(size[0]) < 0.0
         )
 

@@ -3,7 +3,8 @@
 With X = (Φ, D) the columns of the model and of all causes, Y the same on the motion that makes the
 instruments, and weights 1/λ_j of each joint,
 
-    Yᵀ X,  Yᵀ τ   by window of time and by place,    Xᵀ X,  Xᵀ τ,  τᵀ τ   by block of the motion
+    Yᵀ X,  Yᵀ τ   by window of time and by place,
+    Xᵀ X,  Xᵀ τ,  τᵀ τ   by block of the motion and by joint
 """
 
 from __future__ import annotations
@@ -41,8 +42,12 @@ class Products:
 
     def add(self, part: int, columns: np.ndarray, left: np.ndarray, x: np.ndarray, tau) -> None:
         """Add rows of one joint to a part; ``left``: A, shape (k, rows), weighted."""
-        self.x[part][np.ix_(columns, columns)] += left @ x.T
-        self.tau[part, columns] += left @ tau
+        self.put(part, columns, left @ x.T, left @ tau)
+
+    def put(self, part: int, columns: np.ndarray, gram: np.ndarray, right: np.ndarray) -> None:
+        """Add the products of such rows."""
+        self.x[part][np.ix_(columns, columns)] += gram
+        self.tau[part, columns] += right
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +59,8 @@ class CauseSums:
     places: Products  # the same of each place
     blocks: Products  # Xᵀ X and Xᵀ τ of each block of the motion
     squares: np.ndarray  # τᵀ τ of each block
+    joints: Products  # Xᵀ X and Xᵀ τ of each joint
+    joint_squares: np.ndarray  # τᵀ τ of each joint
     lengths: list[int]  # rows of each record
 
 
@@ -78,6 +85,8 @@ def cause_sums(
         Products.empty(where, columns),
         Products.empty(blocks, columns),
         np.zeros(blocks),
+        Products.empty(len(variance), columns),
+        np.zeros(len(variance)),
         lengths,
     )
     first = 0
@@ -85,7 +94,7 @@ def cause_sums(
         block = (first + np.arange(length)) * blocks // max(sum(lengths), 1)
         shares = list(own.shares(slice(0, length)))
         first += length
-        for rows, lam in zip(record, variance, strict=True):
+        for joint, (rows, lam) in enumerate(zip(record, variance, strict=True)):
             _add_windows(made.windows, rows, lam, shares)
             for part in range(where):
                 here = rows.place == part
@@ -94,8 +103,11 @@ def cause_sums(
             for part in np.unique(block):
                 here = block == part
                 x, tau = rows.x[:, here], rows.tau[here]
-                made.blocks.add(part, rows.columns, x / lam, x, tau)
-                made.squares[part] += tau @ tau / lam
+                gram, right, square = x / lam @ x.T, x / lam @ tau, tau @ tau / lam
+                made.blocks.put(part, rows.columns, gram, right)
+                made.joints.put(joint, rows.columns, gram, right)
+                made.squares[part] += square
+                made.joint_squares[joint] += square
     return made
 
 

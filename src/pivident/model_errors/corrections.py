@@ -47,6 +47,7 @@ INSTEAD = {
     "torque ripple": "its size alone does not correct it",
     "warming up": "identify shorter parts of the record",
     "payload": "identify the recordings apart",
+    "coupled joints": "describe the loop, the gear or the motor that ties them",
 }
 
 #: Change of a correction, in standard errors, below which it has settled.

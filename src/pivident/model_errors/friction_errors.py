@@ -8,12 +8,11 @@ that warms up.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from pivident.model_errors.cause import Cause, on_joint
-from pivident.model_errors.record_motion import RecordMotion
+from pivident.model_errors.record_motion import Reach, RecordMotion
 from pivident.robot.description import Robot
 from pivident.robot.friction import FrictionColumn
 
@@ -28,15 +27,6 @@ MINUTE = 60.0
 
 #: One shape over a joint's motion, shape (samples,) from the motion and the sign of its speed.
 Shape = Callable[[RecordMotion, int, np.ndarray], np.ndarray]
-
-
-@dataclass(frozen=True, eq=False)
-class Reach:
-    """Travel and largest speeds of the joints in all records, each of shape (joints,)."""
-
-    low: np.ndarray  # least positions [rad or m]
-    high: np.ndarray  # largest positions
-    fastest: np.ndarray  # largest speeds [rad/s or m/s]
 
 
 def friction_causes(robot: Robot, reach: Reach) -> Iterator[Cause]:

@@ -18,10 +18,12 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.problem import Problem
 from pivident.model_errors.cause import Cause
 from pivident.model_errors.cause_rows import CauseRows, instrument_motions, smoothed
-from pivident.model_errors.friction_errors import Reach, friction_causes
+from pivident.model_errors.coupling_errors import coupling_causes
+from pivident.model_errors.friction_errors import friction_causes
 from pivident.model_errors.geometry import geometry_causes
 from pivident.model_errors.missing_parameters import missing_causes
 from pivident.model_errors.motion_errors import motion_causes
+from pivident.model_errors.record_motion import Reach
 from pivident.model_errors.score_tests import LEVEL, MOST_CAUSES, Score, ScoreTests
 from pivident.model_errors.torque_errors import torque_causes
 from pivident.model_errors.unchecked_causes import UncheckedCause, unchecked_causes
@@ -50,12 +52,14 @@ class NamedCause:
         score: its test, beside the causes named before it.
         shift: largest change of a parameter by correcting it, in standard errors.
         parameter: the one that changes so much.
+        torques: torque that goes with it as a share of the torque, shape (joints,).
         alternatives: other causes that explain nearly as much, and cannot be told from it.
     """
 
     score: Score
     shift: float
     parameter: str
+    torques: np.ndarray
     alternatives: tuple[Cause, ...] = ()
 
     @property
@@ -146,8 +150,11 @@ def score_tests(
         )
     kinematics = smoothed(problem, found)
     motions = instrument_motions(problem, found, kinematics)
-    causes = all_causes(problem, found, reach_of(kinematics))
+    reach = reach_of(kinematics)
+    causes = all_causes(problem, found, reach)
+    # fewer than the others; each of both sets is held to the level by the number of the larger one
     tried = len(causes)
+    causes += coupling_causes(problem.robot, reach)
     if kinds is not None:
         causes = [cause for cause in causes if cause.kind in kinds]
     rows = CauseRows(problem, found, causes, kinematics, motions)
@@ -175,8 +182,15 @@ def named_causes(problem: Problem, found: Identification) -> ModelErrors:
 
 def is_found(score: Score, tried: int) -> bool:
     """Whether a cause is significant among so many, and helps with motion that was not fitted."""
-    clear = score.significance * tried < LEVEL and score.unseen > 0.0
-    return clear and score.cause.allows(score.size)
+    least = score.cause.least
+    helps = score.unseen > least and score.explained >= least
+    return helps and score.significance * tried < LEVEL and score.cause.allows(score.size)
+
+
+def _is_large(tests: ScoreTests, corrected: Sequence[int], number: int) -> bool:
+    """Whether the torque of a cause is large enough for it to be named, where that is asked."""
+    least = tests.causes[number].least_torque
+    return not least or float(tests.torques(corrected, number).max()) > least
 
 
 def _named_causes(tests: ScoreTests, found: Identification) -> ModelErrors:
@@ -186,11 +200,16 @@ def _named_causes(tests: ScoreTests, found: Identification) -> ModelErrors:
     corrected: list[int] = []
     named: list[NamedCause] = []
     while len(corrected) < MOST_CAUSES:
-        candidates = {k: s for k, s in scores.items() if is_found(s, tests.tried)}
+        candidates = {
+            k: s
+            for k, s in scores.items()
+            if is_found(s, tests.tried) and _is_large(tests, corrected, k)
+        }
         if not candidates:
             break
         best = max(candidates, key=lambda k: candidates[k].unseen)
-        named.append(_named(found, candidates[best], candidates))
+        torques = tests.torques(corrected, best)
+        named.append(_named(found, candidates[best], candidates, torques))
         corrected.append(best)
         base, scores = tests.all_scores(corrected)
     size = found.theta.size
@@ -210,12 +229,14 @@ def alternatives(best: Score, candidates: Iterable[Score]) -> tuple[Cause, ...]:
     return tuple(s.cause for s in candidates if s is not best and s.unseen > ALIKE * best.unseen)
 
 
-def _named(found: Identification, best: Score, candidates: dict[int, Score]) -> NamedCause:
+def _named(
+    found: Identification, best: Score, candidates: dict[int, Score], torques: np.ndarray
+) -> NamedCause:
     """A cause with those that cannot be told from it."""
     shifts = np.abs(best.shift) / found.std
     k = int(np.argmax(shifts))
     alike = alternatives(best, candidates.values())
-    return NamedCause(best, float(shifts[k]), found.names[k], alike)
+    return NamedCause(best, float(shifts[k]), found.names[k], torques, alike)
 
 
 def reach_of(kinematics: Sequence[Kinematics]) -> Reach:

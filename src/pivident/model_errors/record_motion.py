@@ -30,6 +30,15 @@ PASSED = 0.4
 
 
 @dataclass(frozen=True, eq=False)
+class Reach:
+    """Travel and largest speeds of the joints in all records, each of shape (joints,)."""
+
+    low: np.ndarray  # least positions [rad or m]
+    high: np.ndarray  # largest positions
+    fastest: np.ndarray  # largest speeds [rad/s or m/s]
+
+
+@dataclass(frozen=True, eq=False)
 class RecordMotion:
     """Positions, speeds and accelerations of a record, time **last**, with the model's torques.
 

@@ -112,6 +112,25 @@ class ScoreTests:
         total = float(squares.sum())
         return Fit(theta, _squares(theta, self.xx[grid], self.xt[columns], total), unseen)
 
+    def torques(self, corrected: Sequence[int], number: int) -> np.ndarray:
+        """Torque that goes with a cause beside those that are corrected, shape (joints,).
+
+        The root of what it takes from the residual's sum of squares, over that of the torque's.
+        """
+        before, after = (
+            self._joint_squares(self.columns(chosen))
+            for chosen in (corrected, [*corrected, number])
+        )
+        taken = np.maximum(before - after, 0.0)
+        return np.asarray(np.sqrt(taken / np.maximum(self.sums.joint_squares, 1e-300)))
+
+    def _joint_squares(self, columns: np.ndarray) -> np.ndarray:
+        """Sum of squares of each joint's residual."""
+        joints, grid = self.sums.joints, np.ix_(columns, columns)
+        theta = self._solve(self.yx[grid], self.yt[columns], columns)
+        rows = zip(joints.x, joints.tau, self.sums.joint_squares, strict=True)
+        return np.array([_squares(theta, x[grid], tau[columns], tt) for x, tau, tt in rows])
+
     def covariance(self, columns: np.ndarray, theta: np.ndarray) -> np.ndarray:
         """Of all of them, by the jackknife over windows, shape (columns, columns)."""
         grid = np.ix_(columns, columns)
