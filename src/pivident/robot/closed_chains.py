@@ -28,6 +28,9 @@ from pivident.robot.transmission import Transmission
 #: Largest gap of a closed loop [m, rad].
 CLOSED = 1e-10
 
+#: The same of one that was stored.
+STORED = 1e-6
+
 #: Relative size of a singular value that counts as zero.
 RANK = 1e-7
 
@@ -158,6 +161,20 @@ def assembled(tree: Robot, constraints: Constraints, q: np.ndarray) -> np.ndarra
             "posture to start from"
         )
     return q
+
+
+def check_closed(tree: Robot, constraints: Constraints) -> None:
+    """Refuse a posture of the description in which the loops are open.
+
+    Raises:
+        RobotDescriptionError: names the loop that is open most, and by how much.
+    """
+    value = equations(tree, constraints, constraints.posture)[0]
+    if not np.abs(value).max(initial=0.0) < STORED:
+        raise RobotDescriptionError(
+            f"robot {tree.name!r}: {_gap_text(constraints, value)}, in the posture that it was "
+            "stored with; write the file again"
+        )
 
 
 def _gap_text(constraints: Constraints, value: np.ndarray) -> str:

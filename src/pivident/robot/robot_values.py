@@ -18,6 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, ValidationEr
 from pydantic.functional_validators import AfterValidator, BeforeValidator
 
 from pivident.errors import RobotDescriptionError
+from pivident.robot.closed_chains import check_closed
 from pivident.robot.constraints import Closure, ClosureKind, Constraints, LinearConstraint
 from pivident.robot.contact import Contact
 from pivident.robot.description import (
@@ -296,7 +297,7 @@ def made_robot(values: RobotValues) -> Robot:
             f"transmission: the reduction matrix must have shape {(n, n)} and gain_given {n} "
             "entries, one for each joint; write the file again"
         )
-    return Robot(
+    robot = Robot(
         name=values.name,
         joints=tuple(_joint(joint) for joint in values.joints),
         links=tuple(_link(link) for link in values.links),
@@ -321,6 +322,9 @@ def made_robot(values: RobotValues) -> Robot:
         ),
         contacts=tuple(Contact(own.link, np.array(own.point)) for own in values.contacts),
     )
+    if robot.constraints is not None:
+        check_closed(robot.tree, robot.constraints)
+    return robot
 
 
 def _constraint_values(robot: Robot) -> dict[str, Any] | None:
