@@ -187,7 +187,11 @@ class WeightedSteps:
         left = []
         for made, own in zip(point.made, solved.equations.stretches, strict=True):
             whole = np.concatenate([solved.step, own.start_step(solved.step)])
-            left.append(made.errors - np.einsum("cjdr,d->cjr", made.columns, whole))
+            errors = made.errors.copy()
+            for c, j in np.ndindex(*errors.shape[:2]):
+                for rows, columns in made.columns.blocks(c, j):
+                    errors[c, j, rows] -= whole @ columns
+            left.append(errors)
         return left
 
 
