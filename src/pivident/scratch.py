@@ -79,7 +79,7 @@ class Blocks:
         with self._turn:
             try:
                 if self._file is None:  # open as long as its blocks are there
-                    self._file = tempfile.TemporaryFile(prefix="pivident-", dir=_folder())  # noqa: SIM115
+                    self._file = tempfile.TemporaryFile(prefix="pivident-", dir=_folder())
                 self._file.seek(self._end)
                 self._file.write(memoryview(block.ravel()))
                 self._file.flush()

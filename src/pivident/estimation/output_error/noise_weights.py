@@ -148,9 +148,7 @@ def whitened_sums(
         s, c, j = place
         made, own = stretches[s], windows[s]
         for rows, stack in whitened_rows(made, noise, c, j, robust):
-            shares = [
-                replace(share, window=share.window - own.first) for share in own.shares(rows)
-            ]
+            shares = [replace(share, window=share.window - own.first) for share in own.shares(rows)]
             sums[s][c][j].add_stack(stack, made.used[c, j, rows], shares)
 
     run_in_threads(
@@ -165,7 +163,11 @@ def loss(white: np.ndarray, variance: np.ndarray, robust: bool) -> float:
 
     ``white``: A e, shape (channels, joints, rows); ``variance``: λ, shape (channels, joints).
     """
-    size = np.abs(white) / np.sqrt(variance)[:, :, None]
-    if robust:
-        return float(np.where(size > HUBER, HUBER * (2.0 * size - HUBER), size**2).sum())
-    return float((size**2).sum())
+    total = 0.0
+    for c, j in np.ndindex(*variance.shape):
+        size = np.abs(white[c, j]) / np.sqrt(variance[c, j])
+        if robust:
+            total += float(np.where(size > HUBER, HUBER * (2.0 * size - HUBER), size**2).sum())
+        else:
+            total += float(size @ size)
+    return total

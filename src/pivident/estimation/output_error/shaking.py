@@ -152,7 +152,7 @@ def shaking(
 
     ``noise``: its standard deviation in each stretch's loop, shape (joints,).
     """
-    motions: dict[tuple[int, int, float], np.ndarray] = {}
+    motions: dict[tuple[int, float], np.ndarray] = {}
 
     def work(task: tuple[int, int, float]) -> None:
         k, pair, sign = task
@@ -163,19 +163,22 @@ def shaking(
             shaken *= sign * noise[k]
             shaken += 0.0 if loop.signals.noise is None else loop.signals.noise
             loop = replace(loop, signals=replace(loop.signals, noise=shaken))
-        motions[task] = _thinned(stretches[k], loop, channels, factors[k])
+        motions[k, sign] = _thinned(stretches[k], loop, channels, factors[k])
 
     noisy = [k for k in range(len(stretches)) if noise[k].any()]
-    pairs = [(pair, sign) for pair in range(PAIRS) for sign in (1.0, -1.0)]
-    run_in_threads(work, [(k, *own) for k in noisy for own in [(0, 0.0), *pairs]])
-    out = []
-    for k, stretch in enumerate(stretches):
-        if k not in noisy:
-            rows = Thinning(factors[k]).rows(stretch.samples)
-            out.append(np.zeros((len(channels), stretch.loop.robot.size, rows)))
-            continue
-        total = sum(motions[k, pair, sign] for pair, sign in pairs)
-        out.append(total / (2.0 * PAIRS) - motions[k, 0, 0.0])
+    out = [
+        np.zeros((len(channels), own.loop.robot.size, Thinning(factor).rows(own.samples)))
+        for own, factor in zip(stretches, factors, strict=True)
+    ]
+    for pair in range(PAIRS):  # one after the other: motions are as long as the record
+        run_in_threads(work, [(k, pair, sign) for k in noisy for sign in (1.0, -1.0)])
+        for k in noisy:
+            out[k] += motions.pop((k, 1.0))
+            out[k] += motions.pop((k, -1.0))
+    run_in_threads(work, [(k, 0, 0.0) for k in noisy])
+    for k in noisy:
+        out[k] /= 2.0 * PAIRS
+        out[k] -= motions.pop((k, 0.0))
     return out
 
 

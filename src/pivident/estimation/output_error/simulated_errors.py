@@ -104,11 +104,12 @@ def _of_stretch(
         if of_starts is None:  # carried with the others, or forgotten
             of_starts = np.zeros((len(thin), len(channels), n, len(apart)))
         columns.add(np.concatenate([thin[..., 1:], of_starts], axis=3))
-    moving = means_at(stretch.moving.astype(float), factor).T > 0.5
+    moving = means_at(stretch.moving, factor).T > 0.5
     # at rest the loop does not pass on what its encoders read: other noise, and no information
     used = np.stack([moving if closed or c == TORQUES else np.ones_like(moving) for c in channels])
     used[:, :, : -(-stretch.first // factor)] = False
-    size = np.array([np.abs(_measured(stretch, c)).max(axis=0) for c in channels])
+    measured = [_measured(stretch, c) for c in channels]
+    size = np.array([np.maximum(own.max(axis=0), -own.min(axis=0)) for own in measured])
     mean_square = squares / max(stretch.samples, 1)
     return SimulatedErrors(errors, columns, used, stretch.rate / factor, factor, size, mean_square)
 
