@@ -81,7 +81,7 @@ class Blocks:
                 if self._file is None:  # open as long as its blocks are there
                     self._file = tempfile.TemporaryFile(prefix="pivident-", dir=_folder())
                 self._file.seek(self._end)
-                self._file.write(memoryview(block.ravel()))
+                self._file.write(block.data)
                 self._file.flush()
             except OSError as error:
                 raise _no_room(self._end + block.nbytes, error) from error
