@@ -1,6 +1,7 @@
 """Working arrays in files: the same results, nothing left behind, and a full folder says so."""
 
 import dataclasses
+import pickle
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from pivident.errors import PividentError
 from pivident.estimation.identify import identify
 from pivident.experiment.simulated_tx40 import tx40_fine
-from pivident.scratch import working_array
+from pivident.scratch import Blocks, working_array
 
 
 def test_small_arrays_are_plain_memory():
@@ -54,3 +55,28 @@ def test_a_full_folder_is_an_error_and_no_signal(monkeypatch):
     monkeypatch.setenv("PIVIDENT_SCRATCH_ABOVE", "1000")
     with pytest.raises(PividentError, match="no room for"):
         working_array((2**50,))
+
+
+def blocks_of(limit: int) -> tuple[Blocks, list[np.ndarray]]:
+    arrays = [np.random.default_rng(k).normal(size=(2, 3, k)) for k in (5, 0, 7, 2)]
+    kept = Blocks(limit)
+    for own in arrays:
+        kept.append(own)
+    return kept, arrays
+
+
+@pytest.mark.parametrize("limit", [0, 300, 10**6])
+def test_blocks_are_what_was_appended(tmp_path, monkeypatch, limit):
+    monkeypatch.setenv("PIVIDENT_SCRATCH", str(tmp_path))
+    kept, arrays = blocks_of(limit)
+    assert len(kept) == 4 and not list(tmp_path.iterdir())
+    for own in (kept, pickle.loads(pickle.dumps(kept))):
+        for k, array in enumerate(arrays):
+            np.testing.assert_array_equal(own.read(k), array)
+            np.testing.assert_array_equal(own.read(k, (1, 2)), array[1, 2])
+
+
+def test_blocks_say_where_there_is_no_room(monkeypatch):
+    monkeypatch.setenv("PIVIDENT_SCRATCH", "/no/such/folder")
+    with pytest.raises(PividentError, match="name a folder with more in PIVIDENT_SCRATCH"):
+        blocks_of(0)

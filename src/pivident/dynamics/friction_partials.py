@@ -44,6 +44,17 @@ def sign_partials(sign, gamma, v):
     return s, gamma * e, -2.0 * gamma * gamma * s * e, v * e, e - 2.0 * x * s * e
 
 
+@_inline
+def sign_curvature(sign, gamma, v):
+    """∂²s/∂v² of a smoothed sign alone, which takes no arctangent."""
+    x = gamma * v
+    if sign == _ATAN:
+        c, r = 2.0 / math.pi, 1.0 / (1.0 + x * x)
+        return -2.0 * c * gamma * gamma * x * r * r
+    s = math.tanh(x)
+    return -2.0 * gamma * gamma * s * (1.0 - s * s)
+
+
 @inner
 def _stribeck_fall(first, second, v):
     """E = exp(-|v/v_s|^δ), its derivatives by v, v v, v_s, v v_s, δ and v δ."""
@@ -112,3 +123,11 @@ def speed_partials(column, sign, gamma, first, second, v, which):
     if which == _GAMMA:
         return share * s_vv, share * s_g, share * s_vg
     return share * s_vv, 0.0, 0.0
+
+
+@_inline
+def speed_curvature(column, sign, gamma, first, second, v):
+    """∂²f/∂v² of one nonlinear term of speed, see ``speed_partials``."""
+    if column == _COULOMB:
+        return sign_curvature(sign, gamma, v)
+    return speed_partials(column, sign, gamma, first, second, v, _GAMMA)[0]

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from pivident.compiled import inner
 from pivident.dynamics.friction_kernels import friction_value_and_slope
-from pivident.dynamics.friction_partials import sign_partials, speed_partials
+from pivident.dynamics.friction_partials import (
+    sign_curvature,
+    sign_partials,
+    speed_curvature,
+    speed_partials,
+)
 
 #: Tables of ``FrictionTable`` that a constant of friction is in.
 LINEAR, TERM, PAIR, PATH = 0, 1, 2, 3
-
-#: Column of γ in ``term_value``.
-_GAMMA = 1
 
 
 @inner
@@ -28,9 +30,9 @@ def friction_tangent(
     for j in range(n):
         curvature[j] = 0.0
     for k in range(term_index.shape[0]):
-        bend, _, _ = speed_partials(
+        bend = speed_curvature(
             term_index[k, 1], term_index[k, 2], term_value[k, 1], term_value[k, 2],
-            term_value[k, 3], vectors[speed, term_index[k, 0]], _GAMMA,
+            term_value[k, 3], vectors[speed, term_index[k, 0]],
         )  # fmt: skip
         curvature[term_index[k, 0]] += term_value[k, 0] * bend
     for j in range(n):
@@ -47,8 +49,7 @@ def friction_tangent(
             pair_value[k, 1],
         )
         at = vectors[speed, i] + ratio * vectors[speed, j]
-        _, _, bend, _, _ = sign_partials(pair_index[k, 2], pair_value[k, 3], at)
-        bend *= pair_value[k, 2]
+        bend = pair_value[k, 2] * sign_curvature(pair_index[k, 2], pair_value[k, 3], at)
         damping = slopes[row, n + k]
         crossed = ratio * (damping + viscous)
         for d in range(directions):  # one loop for each, as vector instructions need it

@@ -79,6 +79,9 @@ SINCE_BEFORE, LAST_STEP_BEFORE, DELAYED, CLOCK_ENTRIES = 0, 1, 2, 3
 OF_FEEDBACK, OF_POLE, OF_INTEGRAND = 0, TAPS, 2 * TAPS
 OF_INTEGRAL_GAIN, OF_DRIVE_GAIN, OF_INPUTS, LAW_SLOPES = 9, 10, 11, 12
 
+#: In ``law_index``: a parameter that does not change the reference.
+NO_REFERENCE = -1
+
 
 class LoopTangent(NamedTuple):
     """Tangents of a simulated loop, the directions on the last axis, and what they depend on."""
@@ -95,9 +98,11 @@ class LoopTangent(NamedTuple):
     past: np.ndarray  # (TAPS, joints, directions)
     passed: np.ndarray  # scratch of ``law_tangent``, (joints, 3)
     encoder: np.ndarray  # of what the law reads beside the position, (joints, directions)
-    law_index: np.ndarray  # joint and direction of a parameter of the law, (entries, 2)
+    #: Joint and direction of a parameter of the law, and rows of ``law_reference`` of r and of w,
+    #: (entries, 4).
+    law_index: np.ndarray
     law_slope: np.ndarray  # (entries, LAW_SLOPES)
-    law_reference: np.ndarray  # of r and w, (2, samples, entries)
+    law_reference: np.ndarray  # slopes of r or w, (rows, samples)
     inertial: np.ndarray  # link, stem and direction of inertial parameters, (entries, 3)
     rotor: np.ndarray  # joints i ≥ j and direction of rotor inertias, (entries, 3)
     rotor_slope: np.ndarray  # (entries,)
@@ -209,7 +214,8 @@ def law_tangent(
             )
     for e in range(index.shape[0]):
         j, d = index[e, 0], index[e, 1]
-        u, summed = reference[0, k, e], reference[1, k, e]
+        u = reference[index[e, 2], k] if index[e, 2] >= 0 else 0.0
+        summed = reference[index[e, 3], k] if index[e, 3] >= 0 else 0.0
         for m in range(TAPS):
             u -= slope[e, OF_FEEDBACK + m] * past[j, m]
             summed -= slope[e, OF_INTEGRAND + m] * past[j, m]

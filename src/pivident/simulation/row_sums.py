@@ -21,8 +21,8 @@ from numba.extending import intrinsic
 LANES = 8
 
 #: Vectors that are summed side by side, as long as the row has so many left: each product waits
-#: for the sum before it.
-_VECTORS = 2
+#: for the sum before it, and all of them share one weight.
+_VECTORS = 4
 
 _INDEX, _VECTOR = ir.IntType(64), ir.VectorType(ir.DoubleType(), LANES)
 _NUMBER = types.intp
@@ -92,6 +92,8 @@ def _build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         for k in range(6, len(arguments), 5)
     ]
 
+    scaled = _everywhere(builder, scale)
+
     def sum_up(start: Any, vectors: int) -> None:
         places = [builder.add(start, _INDEX(LANES * k)) for k in range(vectors)]
         totals = [cgutils.alloca_once(builder, _VECTOR) for _ in places]
@@ -99,19 +101,21 @@ def _build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         def vector(pointer: Any, place: Any) -> Any:
             return builder.bitcast(builder.gep(pointer, [place]), _VECTOR.as_pointer())
 
-        for place, total in zip(places, totals, strict=True):
-            builder.store(builder.load(vector(begin, place), align=8), total)
+        for total in totals:
+            builder.store(ir.Constant(_VECTOR, [0.0] * LANES), total)
         with cgutils.for_range(builder, count) as loop:
             for weights, rows, step in sums:
-                weight = builder.load(builder.gep(weights, [loop.index]))
-                factor = _everywhere(builder, builder.fmul(scale, weight))
+                factor = _everywhere(builder, builder.load(builder.gep(weights, [loop.index])))
                 here = builder.gep(rows, [builder.mul(loop.index, step)])
                 for place, total in zip(places, totals, strict=True):
                     x = builder.load(vector(here, place), align=8)
                     term = builder.fmul(factor, x, flags=_FUSED)
                     builder.store(builder.fadd(builder.load(total), term, flags=_FUSED), total)
         for place, total in zip(places, totals, strict=True):
-            builder.store(builder.load(total), vector(target, place), align=8)
+            start_of_row = builder.load(vector(begin, place), align=8)
+            term = builder.fmul(scaled, builder.load(total), flags=_FUSED)
+            made = builder.fadd(start_of_row, term, flags=_FUSED)
+            builder.store(made, vector(target, place), align=8)
 
     done = _INDEX(0)
     for vectors in (_VECTORS, 1):

@@ -18,6 +18,7 @@ from pivident.simulation.direction import Direction, ParametrisedLoop
 from pivident.simulation.friction_tangent import LINEAR, PAIR, PATH, TERM
 from pivident.simulation.loop_tangent import (
     LAW_SLOPES,
+    NO_REFERENCE,
     OF_FEEDBACK,
     OF_INTEGRAL_GAIN,
     OF_INTEGRAND,
@@ -52,36 +53,52 @@ def law_slope(
         loop.moved(direction, sign * step).controller.law(rate, q_ref, dq_ref)
         for sign in (1.0, -1.0)
     )
-    return SampledLaw(*((a - b) / (2.0 * step) for a, b in zip(ahead, behind, strict=True)))
+    return SampledLaw(*(_slope(a, b, 2.0 * step) for a, b in zip(ahead, behind, strict=True)))
+
+
+def _slope(ahead: np.ndarray, behind: np.ndarray, width: float) -> np.ndarray:
+    """A central difference; references are long, and often the same array in both laws."""
+    if ahead is behind:
+        return np.broadcast_to(0.0, ahead.shape)
+    difference = ahead - behind
+    difference /= width
+    return difference
 
 
 class LawEntries:
-    """Slopes of the sampled law along directions, entry by entry."""
+    """Slopes of the sampled law along directions, entry by entry.
+
+    What changes a law's reference is as long as the record and kept only where there is such.
+    """
 
     def __init__(self, samples: int, count: int) -> None:
-        self._index: list[tuple[int, int]] = []
+        self._index: list[tuple[int, int, int, int]] = []
         self._slope = np.zeros((count, LAW_SLOPES))
-        self._reference = working_array((2, samples, count))
+        self._reference = working_array((2 * count, samples))
+        self._references = 0
 
     def add(self, joint: int, d: int, what: SampledLaw | int) -> None:
         """One joint's slopes: of its law, or of one in a column of ``law_slope``."""
-        e = len(self._index)
-        self._index.append((joint, d))
-        slope = self._slope[e]
+        slope = self._slope[len(self._index)]
+        places = [NO_REFERENCE, NO_REFERENCE]
         if isinstance(what, SampledLaw):
             slope[OF_FEEDBACK : OF_FEEDBACK + TAPS] = what.feedback[joint]
             slope[OF_POLE : OF_POLE + TAPS] = what.pole[joint]
             slope[OF_INTEGRAND : OF_INTEGRAND + TAPS] = what.integrand[joint]
             slope[OF_INTEGRAL_GAIN] = what.integral_gain[joint]
-            self._reference[0, :, e] = what.reference[:, joint]
-            self._reference[1, :, e] = what.integrand_reference[:, joint]
+            for k, own in enumerate((what.reference, what.integrand_reference)):
+                if own[:, joint].any():
+                    places[k] = self._references
+                    self._reference[self._references] = own[:, joint]
+                    self._references += 1
         else:
             slope[what] = 1.0
-            self._reference[:, :, e] = 0.0
+        self._index.append((joint, d, places[0], places[1]))
 
     def arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """``law_index``, ``law_slope`` and ``law_reference``."""
-        return np.array(self._index, dtype=np.int64).reshape(-1, 2), self._slope, self._reference
+        index = np.array(self._index, dtype=np.int64).reshape(-1, 4)
+        return index, self._slope, self._reference[: self._references]
 
 
 class ModelEntries:

@@ -106,8 +106,11 @@ def tangent_blocks(
     for direction in directions:
         loop.check(direction)
     model = loop.model
-    if not directions or not has_compiled_tangents(loop, model):
+    if not has_compiled_tangents(loop, model):
         yield _by_differences(loop, directions)
+        return
+    if not directions:
+        yield from _without_tangents(loop, model, block)
         return
     yield from _carried(loop, model, ModelEntries(loop, directions), directions, block)
 
@@ -174,6 +177,16 @@ def _carried(
         yield TangentBlock(span, motion, *record)
 
 
+def _without_tangents(loop: ParametrisedLoop, model: Model, block: int) -> Iterator[TangentBlock]:
+    """The motion along no direction, a block at a time."""
+    for span, channels, states in simulate_blocks(
+        model, loop.controller, loop.signals, loop.robot.joint_names, loop.begin, None, block
+    ):
+        q, dq, ddq, tau, command = channels
+        motion = Trajectory(float(loop.signals.rate), q, dq, ddq, tau, command, states)
+        yield TangentBlock(span, motion, *np.zeros((3, *q.shape, 0)))
+
+
 def has_compiled_tangents(loop: ParametrisedLoop, model: Model | None = None) -> bool:
     """Whether tangents are carried along; if not they are central differences.
 
@@ -218,12 +231,12 @@ def _initial_tangent(
     late = int(float(signals.drive_delay) * float(signals.rate) + 1e-9)
     dq_ref = signals.dq_ref
     q_ref = np.asarray(signals.q_ref, float)
-    law = loop.controller.law(float(signals.rate), q_ref, dq_ref)
+    pole = loop.controller.law(float(signals.rate), q_ref, dq_ref).pole  # the rest is long
     entries = LawEntries(len(q_ref), sum(_law_joints(own, n) for own in directions))
     laws: dict[str, SampledLaw] = {}
     encoder, past = row_array(n, count), row_array(TAPS, n, count)
     vectors, times = row_array(TANGENT_ROWS, n, count), row_array(TIMES, count)
-    total = law.pole.sum(axis=1)
+    total = pole.sum(axis=1)
     inverse = np.divide(1.0, total, out=np.zeros(n), where=total != 0.0)
     for d, direction in enumerate(directions):
         joints = range(n) if direction.joint < 0 else (direction.joint,)

@@ -145,9 +145,10 @@ def _at(
     gram, moment, cost = np.zeros((len(values),) * 2), np.zeros(len(values)), 0.0
     for made in _errors(stretches, unknowns, values):
         for j, own in enumerate(scale.tolist()):
-            used = made.used[0, j]
-            e, columns = made.errors[0, j, used] / own, made.columns[0, j][:, used] / own
-            gram += columns @ columns.T
-            moment += columns @ e
-            cost += float(e @ e)
+            for rows, columns in made.columns.blocks(0, j):
+                used = made.used[0, j, rows]
+                e, columns = made.errors[0, j, rows][used] / own, columns[:, used] / own
+                gram += columns @ columns.T
+                moment += columns @ e
+                cost += float(e @ e)
     return _Place(values, gram, moment, cost)

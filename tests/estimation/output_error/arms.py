@@ -6,6 +6,7 @@ import numpy as np
 
 import pivident as pv
 from pivident.dynamics.forward import make_model
+from pivident.estimation.output_error.simulated_errors import SimulatedErrors
 from pivident.estimation.output_error.stretch import Stretch
 from pivident.estimation.output_error.unknowns import Unknown
 from pivident.simulation.closed_loop import LoopSignals, simulate
@@ -76,3 +77,17 @@ def unknowns(*names: str) -> list[Unknown]:
     parameters = {p.name: p for p in base.parameters}
     chosen = names or tuple(parameters)
     return [Unknown(n, parameters[n].unit, Direction("parameter", n)) for n in chosen]
+
+
+def all_columns(made: SimulatedErrors) -> np.ndarray:
+    """J of one stretch at once, shape (channels, joints, columns, rows)."""
+    channels, joints, _ = made.errors.shape
+    return np.array(
+        [
+            [
+                np.concatenate([block for _, block in made.columns.blocks(c, j)], axis=1)
+                for j in range(joints)
+            ]
+            for c in range(channels)
+        ]
+    )

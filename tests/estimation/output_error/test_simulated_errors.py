@@ -15,7 +15,7 @@ from pivident.estimation.output_error.unknowns import Unknown, values_of, with_v
 from pivident.simulation.closed_loop import simulate
 from pivident.simulation.direction import Direction
 from pivident.simulation.open_loop import OpenLoop
-from tests.estimation.output_error.arms import loop, stretch, unknowns
+from tests.estimation.output_error.arms import all_columns, loop, stretch, unknowns
 from tests.planar_arm import nominal_parameters
 
 OTHERS = [
@@ -49,6 +49,7 @@ def test_derivatives_are_differences_of_errors(late):
     sought = [*unknowns("zz1", "fv2", "my2"), *OTHERS]
     channels = (POSITIONS, TORQUES)
     (made,) = simulated_errors([own], sought, channels, [5])
+    columns = all_columns(made)
     values = values_of(own.loop, sought)
     for k, unknown in enumerate(sought):
         step = 1e-5 * (abs(values[k]) or 1e-3)
@@ -67,7 +68,7 @@ def test_derivatives_are_differences_of_errors(late):
         # with a delay, the torque that acts at a sample is that of the sample before
         for c in range(1 if one_sided else 2):
             size = np.abs(numeric[c]).max()
-            error = np.sqrt(np.mean((made.columns[c, :, k] - numeric[c]) ** 2))
+            error = np.sqrt(np.mean((columns[c, :, k] - numeric[c]) ** 2))
             # friction's reversals are passed at other instants: in the mean
             within = 0.02 if one_sided else 2e-4
             assert error < within * size, (unknown.name, c, error / size)
@@ -76,7 +77,7 @@ def test_derivatives_are_differences_of_errors(late):
 def test_derivatives_along_the_start_end_where_it_is_forgotten():
     own = stretch(loop(samples=2000), start_std=np.full(4, 0.01))
     (made,) = simulated_errors([own], unknowns("fv1"), (POSITIONS,), [5])
-    starts = np.abs(made.columns[0, :, 1:]).max(axis=(0, 1))
+    starts = np.abs(all_columns(made)[0, :, 1:]).max(axis=(0, 1))
     assert starts[:20].max() > 0.1
     assert (starts[-50:] <= 1e-5 * starts.max()).all()
 

@@ -20,6 +20,7 @@ import numpy as np
 from pivident.estimation.methods import OutputError
 from pivident.estimation.output_error.bounded_step import undetermined
 from pivident.estimation.output_error.fit import SimulationFit
+from pivident.estimation.output_error.kept_columns import JoinedColumns
 from pivident.estimation.output_error.loop_unknowns import loop_unknowns
 from pivident.estimation.output_error.noise_weights import whitened_sums
 from pivident.estimation.output_error.reduced_equations import (
@@ -153,17 +154,16 @@ class _ScoreTest:
 
 def _with_gains(fit: SimulationFit, gains: Sequence[Unknown]) -> ReducedEquations:
     """Equations of the unknowns, then of the gains, at the estimate."""
-    own = simulated_errors(fit.stretches, gains, fit.channels, fit.factors)
-    joined = []
-    for made, last, errors in zip(own, fit.made, fit.errors, strict=True):
-        count, extra = len(fit.unknowns), len(gains)
-        columns = np.concatenate(
-            [last.columns[:, :, :count], made.columns[:, :, :extra], last.columns[:, :, count:]],
-            axis=2,
-        )
-        joined.append(replace(last, errors=errors, columns=columns))
+    # columns of the initial states are those of the fit
+    without_starts = [replace(stretch, start_std=None) for stretch in fit.stretches]
+    own = simulated_errors(without_starts, gains, fit.channels, fit.factors)
+    count = len(fit.unknowns)
+    joined = [
+        replace(last, errors=errors, columns=JoinedColumns(last.columns, made.columns, count))
+        for made, last, errors in zip(own, fit.made, fit.errors, strict=True)
+    ]
     sums = whitened_sums(joined, fit.noise, robust=False)
-    size = len(fit.unknowns) + len(gains)
+    size = count + len(gains)
     return ReducedEquations.of(
         [
             stretch_equations(

@@ -8,8 +8,8 @@ a model of moderate order resolves the motion's band.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -109,18 +109,20 @@ def whitened_errors(made: SimulatedErrors, noise: NoiseWeights) -> np.ndarray:
 
 def whitened_rows(
     made: SimulatedErrors, noise: NoiseWeights, channel: int, joint: int, robust: bool
-) -> np.ndarray:
-    """A J and A e of one stretch, shape (columns + 1, rows).
+) -> Iterator[tuple[slice, np.ndarray]]:
+    """A J and A e of one stretch, block by block: which rows, and shape (columns + 1, rows).
 
     ``robust``: times the roots of Huber's weights, min(1, k √λ/|A e|).
     """
-    stack = np.vstack([made.columns[channel, joint], made.errors[channel, joint]])
-    stream = noise.filters[channel][joint].stream(len(stack), threads=1)
-    stack = stream.process(stack, seen=made.used[channel, joint])
-    if robust:
-        size = np.abs(stack[-1]) / np.sqrt(noise.variance[channel, joint])
-        stack *= np.sqrt(np.minimum(1.0, HUBER / np.maximum(size, 1e-300)))
-    return stack
+    errors, used = made.errors[channel, joint], made.used[channel, joint]
+    stream = noise.filters[channel][joint].stream(made.columns.count + 1, threads=1)
+    for rows, columns in made.columns.blocks(channel, joint):
+        stack = np.vstack([columns, errors[rows]])
+        stack = stream.process(stack, out=stack, seen=used[rows])
+        if robust:
+            size = np.abs(stack[-1]) / np.sqrt(noise.variance[channel, joint])
+            stack *= np.sqrt(np.minimum(1.0, HUBER / np.maximum(size, 1e-300)))
+        yield rows, stack
 
 
 def whitened_sums(
@@ -134,7 +136,7 @@ def whitened_sums(
     channels, joints = stretches[0].errors.shape[:2]
     sums: list[list[list[JointSums]]] = []
     for made, own in zip(stretches, windows, strict=True):
-        columns = np.arange(made.columns.shape[2])
+        columns = np.arange(made.columns.count)
         sums.append(
             [
                 [JointSums.empty(f"joint {j + 1}", columns, own.count) for j in range(joints)]
@@ -145,12 +147,9 @@ def whitened_sums(
     def work(place: tuple[int, int, int]) -> None:
         s, c, j = place
         made, own = stretches[s], windows[s]
-        stack = whitened_rows(made, noise, c, j, robust)
-        shares = [
-            type(share)(share.part, share.window - own.first, share.rising)
-            for share in own.shares(slice(0, made.errors.shape[2]))
-        ]
-        sums[s][c][j].add_stack(stack, made.used[c, j], shares)
+        for rows, stack in whitened_rows(made, noise, c, j, robust):
+            shares = [replace(share, window=share.window - own.first) for share in own.shares(rows)]
+            sums[s][c][j].add_stack(stack, made.used[c, j, rows], shares)
 
     run_in_threads(
         work,
@@ -164,7 +163,11 @@ def loss(white: np.ndarray, variance: np.ndarray, robust: bool) -> float:
 
     ``white``: A e, shape (channels, joints, rows); ``variance``: λ, shape (channels, joints).
     """
-    size = np.abs(white) / np.sqrt(variance)[:, :, None]
-    if robust:
-        return float(np.where(size > HUBER, HUBER * (2.0 * size - HUBER), size**2).sum())
-    return float((size**2).sum())
+    total = 0.0
+    for c, j in np.ndindex(*variance.shape):
+        size = np.abs(white[c, j]) / np.sqrt(variance[c, j])
+        if robust:
+            total += float(np.where(size > HUBER, HUBER * (2.0 * size - HUBER), size**2).sum())
+        else:
+            total += float(size @ size)
+    return total

@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -65,47 +66,80 @@ def loop_noise(stretch: Stretch) -> np.ndarray:
         return np.zeros(n)
     law = loop.controller.law(float(signals.rate), signals.q_ref, signals.dq_ref)
     late = int(np.ceil(float(signals.drive_delay) * float(signals.rate) - 1e-9)) + stretch.tau_late
-    errors, out = _errors(stretch, late), np.zeros(n)
-    impulse = np.zeros(RESPONSE)
+    impulse, out = np.zeros(RESPONSE), np.zeros(n)
     impulse[0] = 1.0
+    states = [np.zeros(law.feedback.shape[1] - 1) for _ in range(n)]
+    means = _MeansOfParts(_logged(stretch) - late - 1, n)
+    for q, tau in _differences(stretch, late):
+        through = np.empty_like(q)
+        for j in range(n):
+            filtered, states[j] = lfilter(law.feedback[j], law.pole[j], q[:, j], zi=states[j])
+            through[:, j] = signals.drive_gain[j] * filtered
+        means.add(np.stack([through * tau, through**2, tau**2, q**2], axis=1))
+    of_both, of_through, of_torque, of_position = means.medians()
     for j in range(n):
-        q, tau = np.diff(errors[:, j])
-        through = signals.drive_gain[j] * lfilter(law.feedback[j], law.pole[j], q)
         response = signals.drive_gain[j] * lfilter(law.feedback[j], law.pole[j], impulse)
         gain = float(np.sum(np.diff(response, prepend=0.0) ** 2))
         if gain == 0.0:
             continue
-        by_both = -_mean(through * tau) / gain
-        by_torque = _mean(tau**2) / gain
-        by_position = 0.5 * _mean(q**2)
-        size = np.sqrt(_mean(through**2) * _mean(tau**2))
-        seen = by_both * gain * np.sqrt(len(tau)) > SIGNIFICANT * size
-        out[j] = np.sqrt(by_both if seen else min(by_torque, by_position))
+        by_both, by_torque = -of_both[j] / gain, of_torque[j] / gain
+        size = np.sqrt(of_through[j] * of_torque[j])
+        seen = -of_both[j] * np.sqrt(means.samples) > SIGNIFICANT * size
+        out[j] = np.sqrt(by_both if seen else min(by_torque, 0.5 * of_position[j]))
     return out
 
 
-def _errors(stretch: Stretch, late: int) -> np.ndarray:
-    """e_q and e_τ at the instants at which a torque was logged, shape (2, joints, samples).
+def _logged(stretch: Stretch) -> int:
+    """Samples of the loop that were logged."""
+    return min(stretch.samples, len(stretch.loop.signals.q_ref))
 
-    ``late``: samples that a torque was logged before it acts.
+
+def _differences(stretch: Stretch, late: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Differences of e_q and of e_τ from one instant to the next at which a torque was logged.
+
+    Block by block, shape (samples, joints); ``late``: samples that a torque was logged before it
+    acts.
     """
-    samples = min(stretch.samples, len(stretch.loop.signals.q_ref))
-    errors = working_array((2, stretch.loop.robot.size, samples))
+    n, samples = stretch.loop.robot.size, _logged(stretch)
+    positions, torques = np.empty((0, n)), np.empty((0, n))  # whose partner is still to come
     assert stretch.tau is not None
     for span, made in _blocks(stretch.loop, BLOCK):
         logged = slice(span.start, min(span.stop, samples))
-        q, tau = made[SIMULATED[POSITIONS]], made[SIMULATED[TORQUES]]
-        errors[0, :, logged] = (stretch.q[logged] - q[: logged.stop - logged.start]).T
+        q, tau = (made[SIMULATED[c]][: logged.stop - logged.start] for c in (POSITIONS, TORQUES))
+        positions = np.concatenate([positions, stretch.q[logged] - q])
         acts = slice(max(logged.start, late), max(logged.stop, late))
-        before = slice(acts.start - late, acts.stop - late)
         tau = tau[acts.start - span.start : acts.stop - span.start]
-        errors[1, :, before] = (stretch.tau[before] - tau).T
-    return errors[:, :, : samples - late]
+        before = slice(acts.start - late, acts.stop - late)
+        torques = np.concatenate([torques, stretch.tau[before] - tau])
+        if len(torques) > 1:
+            yield np.diff(positions[: len(torques)], axis=0), np.diff(torques, axis=0)
+            positions, torques = positions[len(torques) - 1 :], torques[-1:]
+        if logged.stop == samples:
+            return
 
 
-def _mean(x: np.ndarray) -> float:
-    """The mean, as the median of those of parts of the record: bursts do not count."""
-    return float(np.median([part.mean() for part in np.array_split(x, PARTS)]))
+class _MeansOfParts:
+    """Means over parts of a record, whose median bursts do not count in."""
+
+    def __init__(self, samples: int, joints: int) -> None:
+        self.samples, self._done = samples, 0
+        lengths = [len(part) for part in np.array_split(np.arange(samples), PARTS)]
+        self._edges, self._lengths = np.cumsum([0, *lengths]), np.maximum(lengths, 1)
+        self._sums = np.zeros((PARTS, 4, joints))
+
+    def add(self, signals: np.ndarray) -> None:
+        """The next samples, shape (samples, 4, joints)."""
+        end = self._done + len(signals)
+        for part, (first, last) in enumerate(pairwise(self._edges.tolist())):
+            own = slice(max(first, self._done), min(last, end))
+            if own.start < own.stop:
+                here = slice(own.start - self._done, own.stop - self._done)
+                self._sums[part] += signals[here].sum(axis=0)
+        self._done = end
+
+    def medians(self) -> np.ndarray:
+        """Median of the parts' means, shape (4, joints)."""
+        return np.median(self._sums / self._lengths[:, None, None], axis=0)
 
 
 def shaking(
@@ -118,7 +152,7 @@ def shaking(
 
     ``noise``: its standard deviation in each stretch's loop, shape (joints,).
     """
-    motions: dict[tuple[int, int, float], np.ndarray] = {}
+    motions: dict[tuple[int, float], np.ndarray] = {}
 
     def work(task: tuple[int, int, float]) -> None:
         k, pair, sign = task
@@ -129,19 +163,22 @@ def shaking(
             shaken *= sign * noise[k]
             shaken += 0.0 if loop.signals.noise is None else loop.signals.noise
             loop = replace(loop, signals=replace(loop.signals, noise=shaken))
-        motions[task] = _thinned(stretches[k], loop, channels, factors[k])
+        motions[k, sign] = _thinned(stretches[k], loop, channels, factors[k])
 
     noisy = [k for k in range(len(stretches)) if noise[k].any()]
-    pairs = [(pair, sign) for pair in range(PAIRS) for sign in (1.0, -1.0)]
-    run_in_threads(work, [(k, *own) for k in noisy for own in [(0, 0.0), *pairs]])
-    out = []
-    for k, stretch in enumerate(stretches):
-        if k not in noisy:
-            rows = Thinning(factors[k]).rows(stretch.samples)
-            out.append(np.zeros((len(channels), stretch.loop.robot.size, rows)))
-            continue
-        total = sum(motions[k, pair, sign] for pair, sign in pairs)
-        out.append(total / (2.0 * PAIRS) - motions[k, 0, 0.0])
+    out = [
+        np.zeros((len(channels), own.loop.robot.size, Thinning(factor).rows(own.samples)))
+        for own, factor in zip(stretches, factors, strict=True)
+    ]
+    for pair in range(PAIRS):  # one after the other: motions are as long as the record
+        run_in_threads(work, [(k, pair, sign) for k in noisy for sign in (1.0, -1.0)])
+        for k in noisy:
+            out[k] += motions.pop((k, 1.0))
+            out[k] += motions.pop((k, -1.0))
+    run_in_threads(work, [(k, 0, 0.0) for k in noisy])
+    for k in noisy:
+        out[k] /= 2.0 * PAIRS
+        out[k] -= motions.pop((k, 0.0))
     return out
 
 

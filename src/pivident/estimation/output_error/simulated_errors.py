@@ -3,8 +3,7 @@
     e = y - y_s(p, x₀),   J = ∂y_s/∂(p, x₀),   y: positions, torques or both
 
 y_s comes from a simulation with its tangents, p are the unknowns, x₀ the initial state of each
-stretch. Only thinned rows are kept (`thinning`); of a record that is larger than the memory they
-lie in a file.
+stretch. Only thinned rows are kept (`thinning`): e in memory, J in blocks (`kept_columns`).
 """
 
 from __future__ import annotations
@@ -14,10 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pivident.estimation.output_error.kept_columns import IN_MEMORY, Columns, KeptColumns
 from pivident.estimation.output_error.stretch import Stretch
 from pivident.estimation.output_error.thinning import Thinning, means_at
 from pivident.estimation.output_error.unknowns import Unknown, start_directions
-from pivident.scratch import working_array
 from pivident.simulation.direction import Direction
 from pivident.simulation.open_loop import OpenLoop
 from pivident.simulation.tangents import TANGENT_BLOCK, TangentBlock, tangent_blocks
@@ -36,9 +35,7 @@ class SimulatedErrors:
 
     #: e, shape (channels, joints, rows) [rad or m, N m or N].
     errors: np.ndarray
-    #: J, unknowns first, then the initial positions and speeds, shape
-    #: (channels, joints, unknowns + starts, rows).
-    columns: np.ndarray
+    columns: Columns  #: J, unknowns first, then the initial positions and speeds
     used: np.ndarray  # rows that count, shape (channels, joints, rows)
     rate: float  # rows per second [Hz]
     factor: int  # measured samples for each row
@@ -63,32 +60,37 @@ def simulated_errors(
     made: list[SimulatedErrors | None] = [None] * len(stretches)
 
     def work(k: int) -> None:
-        made[k] = _of_stretch(stretches[k], unknowns, channels, factors[k])
+        made[k] = _of_stretch(stretches[k], unknowns, channels, factors[k], in_memory)
 
+    in_memory = IN_MEMORY // max(len(stretches), 1)
     run_in_threads(work, range(len(stretches)))
     return [own for own in made if own is not None]
 
 
 def _of_stretch(
-    stretch: Stretch, unknowns: Sequence[Unknown], channels: Sequence[int], factor: int
+    stretch: Stretch,
+    unknowns: Sequence[Unknown],
+    channels: Sequence[int],
+    factor: int,
+    in_memory: int,
 ) -> SimulatedErrors:
-    """Errors and derivatives of one stretch."""
+    """Errors and derivatives of one stretch; ``in_memory``: bytes that these may take."""
     n, directions = stretch.loop.robot.size, [u.direction for u in unknowns]
     starts = [] if stretch.start_std is None else start_directions(n)
     # what a closed loop forgets soon is carried by a run of its own, which ends there
     closed = not isinstance(stretch.loop.controller, OpenLoop)
-    apart = bool(starts) and closed
+    apart = starts if closed else []
     carried = directions if apart else [*directions, *starts]
     thinning = Thinning(factor)
-    rows, count = thinning.rows(stretch.samples), len(carried)
+    rows = thinning.rows(stretch.samples)
     errors = np.empty((len(channels), n, rows))
-    columns = working_array((len(channels), n, len(directions) + len(starts), rows))
-    columns[:, :, count:] = 0.0
+    columns = KeptColumns(len(channels), n, len(directions) + len(starts), rows, in_memory)
     squares = np.full((2, n), np.nan)
     both = [POSITIONS, TORQUES] if stretch.tau is not None else [POSITIONS]
     squares[both] = 0.0
     done = 0
     reading = _Reading(stretch)
+    begun = _rows_of_starts(reading, apart, channels, factor)
     for error, slopes in reading.blocks(carried, factor, both):
         for channel in both:
             squares[channel] += (error[channel] ** 2).sum(axis=0)
@@ -96,17 +98,18 @@ def _of_stretch(
             [np.concatenate([error[c][..., None], slopes[c]], axis=-1) for c in channels], axis=1
         )
         thin = thinning.process(np.ascontiguousarray(stack))
-        span = slice(done, done + len(thin))
-        errors[:, :, span] = thin[..., 0].transpose(1, 2, 0)
-        columns[:, :, :count, span] = thin[..., 1:].transpose(1, 2, 3, 0)
-        done = span.stop
-    if apart:
-        _add_starts(reading, starts, channels, factor, columns[:, :, count:])
-    moving = means_at(stretch.moving.astype(float), factor).T > 0.5
+        errors[:, :, done : done + len(thin)] = thin[..., 0].transpose(1, 2, 0)
+        done += len(thin)
+        of_starts = next(begun, None)
+        if of_starts is None:  # carried with the others, or forgotten
+            of_starts = np.zeros((len(thin), len(channels), n, len(apart)))
+        columns.add(np.concatenate([thin[..., 1:], of_starts], axis=3))
+    moving = means_at(stretch.moving, factor).T > 0.5
     # at rest the loop does not pass on what its encoders read: other noise, and no information
     used = np.stack([moving if closed or c == TORQUES else np.ones_like(moving) for c in channels])
     used[:, :, : -(-stretch.first // factor)] = False
-    size = np.array([np.abs(_measured(stretch, c)).max(axis=0) for c in channels])
+    measured = [_measured(stretch, c) for c in channels]
+    size = np.array([np.maximum(own.max(axis=0), -own.min(axis=0)) for own in measured])
     mean_square = squares / max(stretch.samples, 1)
     return SimulatedErrors(errors, columns, used, stretch.rate / factor, factor, size, mean_square)
 
@@ -119,20 +122,19 @@ def _measured(stretch: Stretch, channel: int) -> np.ndarray:
     return stretch.tau
 
 
-def _add_starts(
-    reading: _Reading,
-    starts: Sequence[Direction],
-    channels: Sequence[int],
-    factor: int,
-    columns: np.ndarray,
-) -> None:
-    """Derivatives along the initial state, as long as it is not forgotten."""
-    thinning, done, largest = Thinning(factor), 0, np.zeros(len(channels))
+def _rows_of_starts(
+    reading: _Reading, starts: Sequence[Direction], channels: Sequence[int], factor: int
+) -> Iterator[np.ndarray]:
+    """Derivatives along the initial state, as long as it is not forgotten, block by block.
+
+    Shape (rows, channels, joints, starts).
+    """
+    if not starts:
+        return
+    thinning, largest = Thinning(factor), np.zeros(len(channels))
     for _, slopes in reading.blocks(starts, factor, channels):
         stack = np.stack([slopes[c] for c in channels], axis=1)
-        thin = thinning.process(np.ascontiguousarray(stack))
-        columns[..., done : done + len(thin)] = thin.transpose(1, 2, 3, 0)
-        done += len(thin)
+        yield thinning.process(np.ascontiguousarray(stack))
         size = np.abs(stack).max(axis=(0, 2, 3))
         largest = np.maximum(largest, size)
         if (size <= FORGOTTEN * largest).all():

@@ -9,6 +9,8 @@ correlated: both have the noise of one encoder.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from pivident.estimation.covariance.score_spectra import ScoreSpectra
@@ -36,10 +38,8 @@ def stationary_covariance(
     def work(j: int) -> None:
         spectra = ScoreSpectra(metric, longest, lags, channels)
         for s in range(len(point.made)):
-            z, noise, used = _series(point, solved, s, j, kept, robust)
-            for first in range(0, used.shape[1], longest):
-                span = slice(first, first + longest)
-                spectra.add(z[:, :, span], noise[:, span], used[:, span])
+            for z, noise, used in _series(point, solved, s, j, kept, robust, longest):
+                spectra.add(z, noise, used)
         scores[j] = spectra.variance_of_scores()
 
     run_in_threads(work, range(joints))
@@ -47,19 +47,30 @@ def stationary_covariance(
 
 
 def _series(
-    point: Point, solved: WeightedStep, s: int, j: int, kept: np.ndarray, robust: bool
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """z, w and the rows in use of stretch s and joint j, channels first; zero where not used."""
+    point: Point, solved: WeightedStep, s: int, j: int, kept: np.ndarray, robust: bool, longest: int
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """z, w and the rows in use of stretch s and joint j, channels first; zero where not used.
+
+    ``longest``: rows that come at a time, whole blocks of J.
+    """
     made, equations = point.made[s], solved.equations.stretches[s]
     step = np.concatenate([solved.step, equations.start_step(solved.step)])
-    p = equations.unknowns
-    z, noise = [], []
-    for c in range(len(made.errors)):
-        rows = whitened_rows(made, solved.noise, c, j, robust)
-        rows *= made.used[c, j] / np.sqrt(solved.noise.variance[c, j])
-        columns, error = rows[:-1], rows[-1]
-        noise.append(error - step @ columns)
-        if len(columns) > p:
-            columns = columns[:p] - equations.elimination.T @ columns[p:]
-        z.append(columns[kept])
-    return np.stack(z), np.stack(noise), made.used[:, j].astype(float)
+    p, (channels, _, samples) = equations.unknowns, made.errors.shape
+    eliminated = equations.elimination if made.columns.count > p else None
+    streams = [whitened_rows(made, solved.noise, c, j, robust) for c in range(channels)]
+    for first in range(0, samples, longest):
+        length = min(longest, samples - first)
+        z, noise = np.empty((channels, len(kept), length)), np.empty((channels, length))
+        for c, stream in enumerate(streams):
+            done = 0
+            while done < length:
+                span, rows = next(stream)
+                rows = rows * (made.used[c, j, span] / np.sqrt(solved.noise.variance[c, j]))
+                columns, error = rows[:-1], rows[-1]
+                place = slice(done, done + len(error))
+                noise[c, place] = error - step @ columns
+                if eliminated is not None:
+                    columns = columns[:p] - eliminated.T @ columns[p:]
+                z[c, :, place] = columns[kept]
+                done = place.stop
+        yield z, noise, made.used[:, j, first : first + length].astype(float)

@@ -18,6 +18,9 @@ import numpy as np
 #: New samples that one mean stretches over.
 WIDTH = 4
 
+#: Means that are formed at a time of a whole signal.
+PIECE = 1024
+
 
 class Thinning:
     """Weighted means of signals that come in blocks, time first.
@@ -80,5 +83,11 @@ def passed_power(factor: int, frequency: np.ndarray) -> np.ndarray:
 def means_at(signal: np.ndarray, factor: int) -> np.ndarray:
     """The means of a whole signal, shape (rows, …)."""
     thinning = Thinning(factor)
-    whole = len(signal) // factor * factor
-    return thinning.process(np.ascontiguousarray(signal[:whole], dtype=float))
+    out = np.empty((thinning.rows(len(signal)), *signal.shape[1:]))
+    whole, piece, done = len(signal) // factor * factor, PIECE * factor, 0
+    for first in range(0, whole, piece):
+        part = np.ascontiguousarray(signal[first : min(first + piece, whole)], dtype=float)
+        means = thinning.process(part)
+        out[done : done + len(means)] = means
+        done += len(means)
+    return out

@@ -111,7 +111,9 @@ class WeightedSteps:
 
     def _first_variances(self, point: Point) -> np.ndarray:
         """λ before anything is known: mean squares of the errors, shape (channels, joints)."""
-        squares = sum((own.errors**2 * own.used).sum(axis=2) for own in point.made)
+        squares = sum(
+            np.einsum("cjr,cjr->cj", own.errors * own.used, own.errors) for own in point.made
+        )
         rows = sum(own.used.sum(axis=2) for own in point.made)
         return np.maximum(squares / np.maximum(rows, 1), 1e-300)
 
@@ -187,7 +189,11 @@ class WeightedSteps:
         left = []
         for made, own in zip(point.made, solved.equations.stretches, strict=True):
             whole = np.concatenate([solved.step, own.start_step(solved.step)])
-            left.append(made.errors - np.einsum("cjdr,d->cjr", made.columns, whole))
+            errors = made.errors.copy()
+            for c, j in np.ndindex(*errors.shape[:2]):
+                for rows, columns in made.columns.blocks(c, j):
+                    errors[c, j, rows] -= whole @ columns
+            left.append(errors)
         return left
 
 
