@@ -125,3 +125,10 @@ def test_bad_values_are_named(path, value, message):
 def test_what_is_no_robot_is_refused(content):
     with pytest.raises(RobotDescriptionError):
         robot_of_values(content)
+
+
+def test_a_mechanism_that_was_stored_open_is_refused():
+    content = robot_values(load_robot("five_bar"))
+    content["constraints"]["posture"][1] += 0.01
+    with pytest.raises(RobotDescriptionError, match=r"loop 'tip' does not close: its ends are"):
+        robot_of_values(content)
