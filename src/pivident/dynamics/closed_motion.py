@@ -9,14 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pivident.dynamics.closure_kernels import (
-    CLOSED,
+from pivident.dynamics.closure_kernels import CLOSED, approach, follow
+from pivident.dynamics.closure_table import (
     ClosureTable,
     ClosureWork,
-    approach,
     closure_table,
     closure_work,
-    follow,
 )
 from pivident.errors import LoopNotClosed
 from pivident.robot.description import Robot
