@@ -85,6 +85,12 @@ def closed_run(model: ClosedModel, place: ClosureWork) -> ClosedRun:
 
 
 @inlined
+def tree_torque(run, i):
+    """H + M γ + f_p in a joint of the tree, where ``closed_bias`` has been."""
+    return run.vectors[_BIAS, i] + run.vectors[_FRICTION, i]
+
+
+@inlined
 def closed_bias(run, q, dq, bias):
     """Close the loops at independent positions and speeds, and h_a; status, see above."""
     table, place, friction = run.model.table, run.place, run.model.friction
@@ -109,7 +115,7 @@ def closed_bias(run, q, dq, bias):
     for a in range(m):
         bias[a] = 0.0
     for i in range(n):
-        torque = vectors[_BIAS, i] + vectors[_FRICTION, i]
+        torque = tree_torque(run, i)
         for a in range(m):
             bias[a] += place.gain[i, a] * torque
     return CLOSED

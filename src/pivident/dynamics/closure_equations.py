@@ -2,8 +2,8 @@
 
     c(q) = 0,      A = ∂c/∂q
 
-Everything is seen from the base: R_i, p_i, and with ddq = 0 ω_i, v_i and what the speeds alone make
-of the accelerations, α_i and a_i.
+Everything is seen from the base: R_i, p_i, ω_i, v_i and, of the speeds alone with ddq = 0, the
+accelerations α_i and a_i.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ def _carry(source, x, y, z, target):
 
 
 @inner
-def move_links(tree, dq, place):
-    """ω, v, α and a of all links, from their places and the speeds."""
+def move_links(tree, dq, ddq, place):
+    """ω, v, α and a of all links, from their places, speeds and accelerations (None: zero)."""
     n = dq.size
     for i in range(n):
         own, parent = place[i], tree.parent[i]
@@ -74,6 +74,11 @@ def move_links(tree, dq, place):
         own[first] += zx * dq[i]
         own[first + 1] += zy * dq[i]
         own[first + 2] += zz * dq[i]
+        if ddq is not None:  # decided by its type
+            first = A if tree.prismatic[i] else ALPHA
+            own[first] += zx * ddq[i]
+            own[first + 1] += zy * ddq[i]
+            own[first + 2] += zz * ddq[i]
 
 
 @inlined
@@ -199,7 +204,7 @@ def find_slopes(table, work):
 
 
 @inlined
-def _turned_axis(end, axis, out):
+def turned_axis(end, axis, out):
     """A unit vector of a frame and its first two derivatives, u, ω × u, α × u + ω × (ω × u)."""
     for a in range(3):
         out[a] = end[3 * a + axis]
@@ -220,12 +225,18 @@ def _move_end(link, place, end):
 
 
 @inlined
-def find_drifts(table, work):
-    """dA/dt dq of all equations at the present speeds, where the loops are closed."""
-    move_links(table.tree, work.dq, work.place)
+def move_ends(table, work):
+    """Motion of the frames of the closures, from that of the links."""
     for k in range(table.link.shape[0]):
         for end in range(2):
             _move_end(table.link[k, end], work.place, work.ends[k, end])
+
+
+@inlined
+def find_drifts(table, work):
+    """dA/dt dq of all equations at the present speeds, where the loops are closed."""
+    move_links(table.tree, work.dq, None, work.place)
+    move_ends(table, work)
     for row in range(table.equation.shape[0]):
         number, kind = table.equation[row, 0], table.equation[row, 1]
         drift = 0.0
@@ -237,8 +248,8 @@ def find_drifts(table, work):
                     drift += first[3 * c + x] * (first[A + c] - second[A + c])
             else:
                 a, b = work.axes[0], work.axes[1]
-                _turned_axis(first, x, a)
-                _turned_axis(second, y, b)
+                turned_axis(first, x, a)
+                turned_axis(second, y, b)
                 for c in range(3):
                     drift += a[6 + c] * b[c] + 2.0 * a[3 + c] * b[3 + c] + a[c] * b[6 + c]
         work.gap[1, row] = drift

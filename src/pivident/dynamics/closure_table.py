@@ -44,7 +44,7 @@ class ClosureWork(NamedTuple):
     pose: np.ndarray  # (tree joints, 12)
     place: np.ndarray  # (tree joints, 24)
     ends: np.ndarray  # the two frames of every closure, (closures, 2, 24)
-    axes: np.ndarray  # two axes with their derivatives, and their normal, (3, 9)
+    axes: np.ndarray  # two axes with three derivatives, and their normal, (3, 12)
     jacobian: np.ndarray  # A, (dependent, tree joints)
     gap: np.ndarray  # c, and dA/dt dq, (2, dependent)
     square: np.ndarray  # L and U of A_d, (dependent, dependent)
@@ -94,7 +94,7 @@ def closure_work(table: ClosureTable) -> ClosureWork:
         pose=np.zeros((n, 12)),
         place=np.zeros((n, PLACE_COLUMNS)),
         ends=np.zeros((len(table.link), 2, PLACE_COLUMNS)),
-        axes=np.zeros((3, 9)),
+        axes=np.zeros((3, 12)),
         jacobian=np.zeros((r, n)),
         gap=np.zeros((2, r)),
         square=np.zeros((r, r)),
