@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
+from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -160,3 +161,11 @@ class ClosedChains:
             assert failure is not None
             raise failure
         return np.array(found)
+
+
+@lru_cache(maxsize=8)
+def moved_joints(robot: Robot) -> np.ndarray:
+    """As `ClosedChains.moved`, found once for each robot; not to be written to."""
+    moved = ClosedChains(robot).moved()
+    moved.flags.writeable = False
+    return moved
