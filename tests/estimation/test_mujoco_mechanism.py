@@ -17,8 +17,11 @@ from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import PD
 
 
-@pytest.mark.parametrize("name", ["five_bar", "orthoglide"])
-def test_prefiltered_iv_finds_what_mujoco_was_given(name):
+@pytest.mark.parametrize(
+    ("name", "method"),
+    [("five_bar", "piv"), ("orthoglide", "piv"), ("five_bar", "cloe"), ("five_bar", "ml")],
+)
+def test_methods_find_what_mujoco_was_given(name, method):
     robot = load_robot(name)
     q_ref = reference(robot, 5.0)
     gains = gains_of(robot, q_ref[0])
@@ -29,7 +32,7 @@ def test_prefiltered_iv_finds_what_mujoco_was_given(name):
     record = Recording(name, robot.joint_names, made.q, tau, RATE, q_ref=q_ref)
     problem = Problem(robot, (record,), Loop(PD(kp=gains[0], kd=gains[1])))
     base, truth = truth_of(robot)
-    result = identify(problem, METHODS["piv"])
+    result = identify(problem, METHODS[method])
     off = (result.theta - truth) / result.std
     assert result.converged and np.abs(off).max() < 4.0
     assert np.mean(np.abs(off) < 2.0) > 0.7

@@ -24,9 +24,7 @@ from pivident.payload import identify_payload
 from pivident.robot import lugre, viscous
 from pivident.robot.description import without_loops
 from pivident.robot.friction import FrictionLaw
-from pivident.simulation.direction import Direction, ParametrisedLoop
 from pivident.simulation.gravity_compensation import GravityModel
-from pivident.simulation.tangents import stretch_tangents, tangent_blocks
 from pivident.simulators import fit_simulator
 
 REFUSED = r"robot 'five-bar' has closed loops, which .* not handle yet; \w"
@@ -129,7 +127,7 @@ def test_gravity_in_the_control_law(robot, problem):
         pv.simulate(robot, pv.Loop(GAINS, feed_forward="gravity_measured"))
 
 
-@pytest.mark.parametrize("method", ["ekf", "ukf", "cdkf", "particle", "cloe", "clie", "ml", "oloe"])
+@pytest.mark.parametrize("method", ["ekf", "ukf", "cdkf", "particle"])
 def test_methods(problem, method):
     said = []
     with pytest.raises(RobotDescriptionError, match=REFUSED):
@@ -140,14 +138,6 @@ def test_methods(problem, method):
 def test_equations_of_filters(robot):
     with pytest.raises(RobotDescriptionError, match=REFUSED):
         robot_equations(robot, standard_parameters(robot))
-
-
-def test_tangents_of_a_simulation(robot):
-    loop = ParametrisedLoop(robot, (), np.zeros(0), GAINS, None)
-    with pytest.raises(RobotDescriptionError, match=REFUSED):
-        next(tangent_blocks(loop, [Direction("delay")]))
-    with pytest.raises(RobotDescriptionError, match=REFUSED):
-        stretch_tangents(loop, [], [], [])
 
 
 def test_derivatives_of_the_inverse_dynamics(robot):

@@ -13,15 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pivident.compiled import inner, kernel
-from pivident.dynamics.closure_kernels import (
-    CLOSED,
-    ClosureTable,
-    ClosureWork,
-    close_loops,
-    closure_table,
-    lead_on,
-)
+from pivident.compiled import inlined, kernel
+from pivident.dynamics.closure_kernels import CLOSED, close_loops, lead_on
+from pivident.dynamics.closure_table import ClosureTable, ClosureWork, closure_table
 from pivident.dynamics.friction_table import (
     FrictionTable,
     friction_torque,
@@ -32,8 +26,8 @@ from pivident.dynamics.kernels import bias_torque, composite_mass_matrix
 from pivident.dynamics.parameters import Parameter
 from pivident.robot.description import Robot
 
-# Rows of ``ClosedRun.vectors``: speeds and friction of all joints, h + M γ + f.
-_SPEED, _FRICTION, _BIAS, _ROWS = 0, 1, 2, 3
+# Rows of ``ClosedRun.vectors``: speeds and friction of all joints, h + M γ, a row of M N.
+_SPEED, _FRICTION, _BIAS, _CARRIED, _ROWS = 0, 1, 2, 3, 4
 
 
 class ClosedModel(NamedTuple):
@@ -54,7 +48,6 @@ class ClosedRun(NamedTuple):
     composite: np.ndarray  # (tree joints, 10)
     no_rotor: np.ndarray  # zeros, (tree joints, tree joints)
     mass: np.ndarray  # M, (tree joints, tree joints)
-    product: np.ndarray  # M N, (tree joints, joints)
     vectors: np.ndarray  # (rows, tree joints)
     slopes: np.ndarray  # scratch of friction
 
@@ -83,15 +76,21 @@ def on_own_joints(robot: Robot, parameters: tuple[Parameter, ...]) -> tuple[Para
 
 def closed_run(model: ClosedModel, place: ClosureWork) -> ClosedRun:
     """A simulation at a place."""
-    n, m = place.gain.shape
+    n = len(place.gain)
     return ClosedRun(
         model, place, np.zeros((n, 9)), np.zeros((n, 6)), np.zeros((n, 10)), np.zeros((n, n)),
-        np.zeros((n, n)), np.zeros((n, m)), np.zeros((_ROWS, n)),
+        np.zeros((n, n)), np.zeros((_ROWS, n)),
         np.zeros((1, slopes_width(n, len(model.friction.pair_index)))),
     )  # fmt: skip
 
 
-@inner
+@inlined
+def tree_torque(run, i):
+    """H + M γ + f_p in a joint of the tree, where ``closed_bias`` has been."""
+    return run.vectors[_BIAS, i] + run.vectors[_FRICTION, i]
+
+
+@inlined
 def closed_bias(run, q, dq, bias):
     """Close the loops at independent positions and speeds, and h_a; status, see above."""
     table, place, friction = run.model.table, run.place, run.model.friction
@@ -103,47 +102,56 @@ def closed_bias(run, q, dq, bias):
     status = close_loops(table, place)
     if status != CLOSED:
         return status
-    bias_torque(
-        tree.parent, tree.prismatic, tree.gravity, place.pose, inertia, place.dq, run.motion,
-        run.force, vectors[_BIAS],
-    )  # fmt: skip
-    composite_mass_matrix(
-        tree.parent, tree.prismatic, place.pose, inertia, run.no_rotor, run.composite, run.mass
-    )
     for i in range(n):
         vectors[_SPEED, i] = place.dq[i]
-        for j in range(i):
-            run.mass[j, i] = run.mass[i, j]
+    bias_torque(
+        tree.parent, tree.prismatic, tree.gravity, place.pose, inertia, place.dq, place.drift,
+        run.motion, run.force, vectors[_BIAS],
+    )  # fmt: skip
     friction_torque(
         friction.linear, friction.term_index, friction.term_value, friction.pair_index,
         friction.pair_value, vectors, _SPEED, _FRICTION, run.slopes, 0,
     )  # fmt: skip
-    for i in range(n):
-        vectors[_BIAS, i] += vectors[_FRICTION, i]
-        for j in range(n):
-            vectors[_BIAS, i] += run.mass[i, j] * place.drift[j]
     for a in range(m):
         bias[a] = 0.0
-        for i in range(n):
-            bias[a] += place.gain[i, a] * vectors[_BIAS, i]
+    for i in range(n):
+        torque = tree_torque(run, i)
+        for a in range(m):
+            bias[a] += place.gain[i, a] * torque
     return CLOSED
 
 
-@inner
+@inlined
 def closed_mass(run, rotor, mass):
-    """M_a at the place of ``closed_bias``, both triangles."""
-    gain, product = run.place.gain, run.product
+    """M_a at the place of ``closed_bias``, both triangles.
+
+    M_ij of the tree is zero unless one of both joints is beyond the other.
+    """
+    gain, tree = run.place.gain, run.model.table.tree
+    parent = tree.parent
     n, m = gain.shape
+    composite_mass_matrix(
+        parent, tree.prismatic, run.place.pose, run.model.inertia, run.no_rotor, run.composite,
+        run.mass,
+    )  # fmt: skip
+    for a in range(m):
+        for b in range(a + 1):
+            mass[a, b] = rotor[a, b]
+    carried = run.vectors[_CARRIED]
     for i in range(n):
         for a in range(m):
-            product[i, a] = 0.0
-            for j in range(n):
-                product[i, a] += run.mass[i, j] * gain[j, a]
+            carried[a] = 0.5 * run.mass[i, i] * gain[i, a]
+        j = parent[i]
+        while j >= 0:
+            for a in range(m):
+                carried[a] += run.mass[i, j] * gain[j, a]
+            j = parent[j]
+        for a in range(m):
+            for b in range(a + 1):
+                mass[a, b] += gain[i, a] * carried[b] + gain[i, b] * carried[a]
     for a in range(m):
-        for b in range(m):
-            mass[a, b] = rotor[a, b]
-            for i in range(n):
-                mass[a, b] += gain[i, a] * product[i, b]
+        for b in range(a):
+            mass[b, a] = mass[a, b]
 
 
 @kernel

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
+from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from pivident.dynamics.closure_kernels import (
-    CLOSED,
+from pivident.dynamics.closure_kernels import CLOSED, approach, follow
+from pivident.dynamics.closure_table import (
     ClosureTable,
     ClosureWork,
-    approach,
     closure_table,
     closure_work,
-    follow,
 )
 from pivident.errors import LoopNotClosed
 from pivident.robot.description import Robot
@@ -162,3 +161,11 @@ class ClosedChains:
             assert failure is not None
             raise failure
         return np.array(found)
+
+
+@lru_cache(maxsize=8)
+def moved_joints(robot: Robot) -> np.ndarray:
+    """As `ClosedChains.moved`, found once for each robot; not to be written to."""
+    moved = ClosedChains(robot).moved()
+    moved.flags.writeable = False
+    return moved

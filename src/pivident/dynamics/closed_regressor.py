@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pivident.compiled import kernel
-from pivident.dynamics.closed_motion import ClosedChains, ClosedMotion
+from pivident.dynamics.closed_motion import ClosedChains, ClosedMotion, moved_joints
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import RobotDescriptionError
@@ -60,7 +60,7 @@ class ClosedRegressor(Regressor):
                 "handled in mechanisms with closed loops; choose viscous, Coulomb, Stribeck …"
             )
         chains = ClosedChains(robot)
-        moved = chains.moved()
+        moved = moved_joints(robot)
         candidates = {
             (a, int(c))
             for i, c in zip(tree.row, tree.column, strict=True)

@@ -42,7 +42,10 @@ def eliminate(matrix, right):
 
 @summing
 def factor(matrix, order):
-    """L and U in place of a matrix; ``order`` receives the row exchanges, (n,). False: singular."""
+    """L and U in place of a matrix; ``order`` receives the row exchanges, (n,). False: singular.
+
+    On the diagonal are the inverses of the pivots.
+    """
     n = order.size
     for i in range(n):
         best = i
@@ -56,6 +59,7 @@ def factor(matrix, order):
             for c in range(n):
                 matrix[i, c], matrix[best, c] = matrix[best, c], matrix[i, c]
         inverse = 1.0 / matrix[i, i]
+        matrix[i, i] = inverse
         for k in range(i + 1, n):
             share = matrix[k, i] * inverse
             matrix[k, i] = share
@@ -81,9 +85,8 @@ def solve(matrix, order, right):
                 for c in range(columns):
                     right[k, c] -= share * right[i, c]
     for i in range(n - 1, -1, -1):
-        inverse = 1.0 / matrix[i, i]
         for c in range(columns):
-            right[i, c] *= inverse
+            right[i, c] *= matrix[i, i]
         for k in range(i):
             share = matrix[k, i]
             if share != 0.0:

@@ -83,8 +83,11 @@ def link_poses(prismatic, rotation, translation, q, pose):
 
 
 @inner
-def bias_torque(parents, prismatic, gravity, pose, inertia, dq, motion, force, bias):
-    """Torques of gravity, centrifugal and Coriolis effects: Newton–Euler with ddq = 0."""
+def bias_torque(parents, prismatic, gravity, pose, inertia, dq, ddq, motion, force, bias):
+    """Torques of gravity, centrifugal and Coriolis effects: Newton–Euler with ddq = 0.
+
+    ``ddq``: None, or accelerations whose torques are added, shape (joints,); decided by its type.
+    """
     n = dq.size
     for i in range(n):
         parent = parents[i]
@@ -118,6 +121,11 @@ def bias_torque(parents, prismatic, gravity, pose, inertia, dq, motion, force, b
             fx += oy * d
             fy -= ox * d
             oz += d
+        if ddq is not None:
+            if prismatic[i]:
+                bz += ddq[i]
+            else:
+                fz += ddq[i]
         motion[i, 0], motion[i, 1], motion[i, 2] = ox, oy, oz
         motion[i, 3], motion[i, 4], motion[i, 5] = fx, fy, fz
         motion[i, 6], motion[i, 7], motion[i, 8] = bx, by, bz
@@ -259,8 +267,8 @@ def mass_matrix_and_bias(tree, inertia, rotor, q, dq, work, mass, bias):
     """
     link_poses(tree.prismatic, tree.rotation, tree.translation, q, work.pose)
     bias_torque(
-        tree.parent, tree.prismatic, tree.gravity, work.pose, inertia, dq, work.motion,
-        work.force, bias,
+        tree.parent, tree.prismatic, tree.gravity, work.pose, inertia, dq, None,
+        work.motion, work.force, bias,
     )  # fmt: skip
     composite_mass_matrix(
         tree.parent, tree.prismatic, work.pose, inertia, rotor, work.composite, mass

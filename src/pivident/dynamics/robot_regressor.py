@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
 
 import numpy as np
 
-from pivident.dynamics.closed_motion import ClosedChains
+from pivident.dynamics.closed_motion import ClosedChains, moved_joints
 from pivident.dynamics.closed_regressor import ClosedRegressor
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor import Regressor
@@ -69,10 +68,4 @@ def moving_joints(robot: Robot, parameter: Parameter) -> tuple[int, ...]:
         joints = [parameter.joint]
     if robot.constraints is None:
         return tuple(joints)
-    return tuple(np.flatnonzero(_moved(robot)[joints].any(axis=0)).tolist())
-
-
-@lru_cache(maxsize=8)
-def _moved(robot: Robot) -> np.ndarray:
-    """Which independent joints move which joint of the tree, shape (tree joints, joints)."""
-    return ClosedChains(robot).moved()
+    return tuple(np.flatnonzero(moved_joints(robot)[joints].any(axis=0)).tolist())

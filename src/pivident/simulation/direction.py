@@ -207,7 +207,7 @@ class ParametrisedLoop:
         """
         found: dict[str, tuple[str, float, float]] = {}
         for p in self.parameters:
-            if p.joint == joint and p.friction is not None:
+            if p.joint == self.robot.places[joint] and p.friction is not None:
                 found |= {s.name: (s.unit, s.low, s.high) for s in p.friction.shapes}
                 if p.friction.has_sign:
                     found["gamma"] = ("1/speed", 0.0, np.inf)
@@ -221,7 +221,7 @@ class ParametrisedLoop:
         """Constants of a joint's friction law by name."""
         found: dict[str, float] = {}
         for p in self.parameters:
-            if p.joint == joint and p.friction is not None:
+            if p.joint == self.robot.places[joint] and p.friction is not None:
                 found |= {shape.name: shape.value for shape in p.friction.shapes}
                 if p.friction.has_sign:
                     found["gamma"] = p.friction.encoded(simulated=True)[2][0]
@@ -234,14 +234,15 @@ class ParametrisedLoop:
         joints[joint] = replace(joints[joint], friction=law)
         parameters = tuple(
             replace(p, friction=p.friction.with_shapes({name: value}))
-            if p.joint == joint and p.friction is not None
+            if p.joint == self.robot.places[joint] and p.friction is not None
             else p
             for p in self.parameters
         )
         return replace(self, robot=replace(self.robot, joints=tuple(joints)), parameters=parameters)
 
     def _with_torque_offset(self, joint: int, value: float) -> ParametrisedLoop:
-        added = Parameter("torque offset", "off", joint, "", friction=offset())
+        place = self.robot.places[joint]
+        added = Parameter("torque offset", "off", place, "", friction=offset())
         return replace(
             self, parameters=(*self.parameters, added), theta=np.append(self.theta, value)
         )

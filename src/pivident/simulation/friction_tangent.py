@@ -95,6 +95,16 @@ def friction_tangent(
 
 
 @inner
+def constant_torque(term_index, term_value, table, k, column, dq):
+    """Joint whose friction a constant of ``linear`` or ``term_value`` changes, and ∂f/∂p there."""
+    if table == LINEAR:
+        return k, dq[k] if column == 0 else 1.0
+    joint = term_index[k, 0]
+    torque, _ = _by_constant(term_index, term_value, k, column, dq[joint])
+    return joint, torque
+
+
+@inner
 def _by_constant(term_index, term_value, k, column, v):
     """∂f/∂p and ∂²f/∂v∂p of a term for a column of ``term_value``."""
     code, sign, value = term_index[k, 1], term_index[k, 2], term_value[k, 0]

@@ -137,8 +137,9 @@ def evaluate(
     if closed is None:  # decided by its type, too: trees are compiled without
         link_poses(prismatic, rotation, translation, vectors[Q], pose)
         bias_torque(
-            parent, prismatic, gravity, pose, inertia, vectors[V], motion, force, vectors[BIAS]
-        )
+            parent, prismatic, gravity, pose, inertia, vectors[V], None, motion, force,
+            vectors[BIAS],
+        )  # fmt: skip
     else:
         status = closed_bias(closed, vectors[Q], vectors[V], vectors[BIAS])
         if status > 0:

@@ -332,7 +332,7 @@ def run_loop(
                     vectors, matrices, slopes, clock, pose,
                     own, flat, layers, flat_layers, times, of_slopes, constants, constant_slope,
                     inertial, rotor_index, rotor_slope, before_step, old, curvature, by_position,
-                    by_speed, of_mass, links, body,
+                    by_speed, of_mass, links, body, closed, tangent.loops,
                 )  # fmt: skip
                 if path is not None:
                     copy_state(

@@ -22,6 +22,7 @@ import numpy as np
 
 from pivident.compiled import inlined as _inline
 from pivident.compiled import inner, rows
+from pivident.dynamics.closed_slopes import bias_slopes, mass_matrix_slopes, parameter_masses
 from pivident.dynamics.path_partials import spring_partials, spring_slopes
 from pivident.dynamics.rigid_body_slopes import (
     inertial_columns,
@@ -31,6 +32,7 @@ from pivident.dynamics.rigid_body_slopes import (
     place_links,
     torque_slopes,
 )
+from pivident.simulation.closed_tangent import ClosedTangent, parameter_torques
 from pivident.simulation.controllers import TAPS
 from pivident.simulation.friction_tangent import PATH, friction_tangent
 from pivident.simulation.gravity_compensation import gravity_slopes
@@ -116,8 +118,9 @@ class LoopTangent(NamedTuple):
     by_speed: np.ndarray  # ∂h/∂dq, (joints, joints)
     of_mass: np.ndarray  # ∂M/∂q, (joints, joints, joints)
     weight_slope: np.ndarray  # ∂g/∂q of the law's gravity, (joints, joints)
-    links: np.ndarray  # scratch of ``rigid_body_slopes``, (joints, LINK)
-    body: np.ndarray  # likewise, (2 joints, 10)
+    links: np.ndarray  # scratch of ``rigid_body_slopes``, (tree joints, LINK)
+    body: np.ndarray  # likewise, (2 tree joints, 10)
+    loops: ClosedTangent | None  # of a mechanism with closed loops
     partials: np.ndarray  # scratch of ``path_partials``
     path_copy: np.ndarray  # states of friction before a step, see ``path_tangent``
     vectors_copy: np.ndarray  # likewise of the robot
@@ -286,17 +289,20 @@ def evaluate_tangent(
     parent, prismatic, gravity, inertia, term_index, term_value, pair_index, pair_value,
     path_index, path_value, vectors, matrices, slopes, clock, pose,
     own, flat, layers, flat_layers, times, of_slopes, constants, constant_slope, inertial, rotor,
-    rotor_slope, before, old, curvature, by_position, by_speed, of_mass, links, body,
+    rotor_slope, before, old, curvature, by_position, by_speed, of_mass, links, body, closed, loops,
 ):  # fmt: skip
     """Tangents of h, of M⁻¹ where it was renewed, of friction where it was computed anew.
 
     To be called after ``integration.evaluate``, whose arguments are the first ones; the others are
-    those of ``LoopTangent``.
+    those of ``LoopTangent``; ``closed``: as there, and None as ``loops`` without closed loops.
     """
     n = own.shape[1]
-    place_links(parent, prismatic, pose, inertia, links, body)
-    move_links(parent, gravity, vectors[V], vectors[STILL], links, body)
-    torque_slopes(parent, gravity, links, body, by_position, by_speed)
+    if closed is None:  # decided by its type, here and below
+        place_links(parent, prismatic, pose, inertia, links, body)
+        move_links(parent, gravity, vectors[V], vectors[STILL], links, body)
+        torque_slopes(parent, gravity, links, body, by_position, by_speed)
+    else:
+        bias_slopes(closed, loops.slopes, links, body, by_position, by_speed)
     if path_index is not None:  # decided by its type, here and below
         spring_slopes(path_index, path_value, vectors, Q, by_position)
     for c in range(flat.shape[1]):
@@ -306,7 +312,10 @@ def evaluate_tangent(
             own, BIAS * n + i, own, STILL_TANGENT * n, 1.0, n,
             by_position, i * n, own, Q * n, 1, by_speed, i * n, own, V * n, 1,
         )  # fmt: skip
-    inertial_columns(parent, inertial, links, own[BIAS])
+    if closed is None:
+        inertial_columns(parent, inertial, links, own[BIAS])
+    else:
+        parameter_torques(closed, loops, inertial, links, own[BIAS])
     if path_index is not None:
         for e in range(constants.shape[0]):
             if constants[e, 1] == PATH:
@@ -318,7 +327,7 @@ def evaluate_tangent(
     if clock[STEPS] == 0.0:
         _renew(
             parent, matrices, clock, own, layers, flat_layers, times, inertial, rotor, rotor_slope,
-            old, of_mass, links, body,
+            old, of_mass, links, body, closed, loops,
         )  # fmt: skip
     if path_index is None and clock[FRICTION_KNOWN] == 0.0:
         friction_tangent(
@@ -336,12 +345,15 @@ def evaluate_tangent(
 @inner
 def _renew(
     parent, matrices, clock, vectors, own, flat, times, inertial, rotor, rotor_slope, old, of_mass,
-    links, body,
+    links, body, closed, loops,
 ):  # fmt: skip
     """Tangents of M⁻¹ and of its rate where the simulation has computed M⁻¹ anew."""
     n, directions = vectors.shape[1], vectors.shape[2]
     mass, middle = _MASS_TANGENT * n * n, MIDDLE_TANGENT * n * n  # rows before their first ones
-    mass_slopes(parent, links, body, of_mass)
+    if closed is None:
+        mass_slopes(parent, links, body, of_mass)
+    else:
+        mass_matrix_slopes(closed, loops.slopes, links, body, of_mass)
     for j in range(n):
         for i in range(j + 1):
             add_rows(
@@ -357,7 +369,10 @@ def _renew(
                 Q * n,
                 1,
             )
-    inertial_masses(parent, inertial, links, own[_MASS_TANGENT])
+    if closed is None:
+        inertial_masses(parent, inertial, links, own[_MASS_TANGENT])
+    else:
+        parameter_masses(closed, inertial, links, loops.masses, own[_MASS_TANGENT])
     for e in range(rotor.shape[0]):
         own[_MASS_TANGENT, rotor[e, 0], rotor[e, 1], rotor[e, 2]] += rotor_slope[e]
     for j in range(n):

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pivident.dynamics.forward import Model, make_model
+from pivident.dynamics.friction_table import FrictionTable
 from pivident.robot.description import INERTIAL
 from pivident.scratch import working_array
 from pivident.simulation.controllers import TAPS, SampledLaw
@@ -112,6 +113,8 @@ class ModelEntries:
         self.inertial: list[tuple[int, int, int]] = []
         self.rotor: list[tuple[tuple[int, int, int], float]] = []
         self.friction: list[tuple[tuple[int, int, int, int, int], float]] = []
+        #: Friction of the passive joints of a mechanism with closed loops, counted in its tree.
+        self.passive: list[tuple[tuple[int, int, int, int, int], float]] = []
         names = [p.name for p in loop.parameters]
         nothing = make_model(loop.robot, loop.parameters, np.zeros(len(names)))
         for d, direction in enumerate(directions):
@@ -137,13 +140,25 @@ class ModelEntries:
         change = (ahead.rotor - behind.rotor) / width
         for i, j in np.argwhere(np.tril(change)).tolist():
             self.rotor.append(((i, j, d), float(change[i, j])))
-        tables = (
-            (LINEAR, behind.friction.linear, ahead.friction.linear),
-            (TERM, behind.friction.term_value, ahead.friction.term_value),
-            (PAIR, behind.friction.pair_value, ahead.friction.pair_value),
-            (PATH, behind.friction.path_value, ahead.friction.path_value),
-        )
-        for table, before, after in tables:
-            change = (after - before) / width
-            for row, column in np.argwhere(change).tolist():
-                self.friction.append(((row, table, row, column, d), float(change[row, column])))
+        self.friction += _friction_entries(behind.friction, ahead.friction, width, d)
+        if behind.closed is not None and ahead.closed is not None:
+            before, after = behind.closed.friction, ahead.closed.friction
+            self.passive += _friction_entries(before, after, width, d)
+
+
+def _friction_entries(
+    behind: FrictionTable, ahead: FrictionTable, width: float, d: int
+) -> list[tuple[tuple[int, int, int, int, int], float]]:
+    """Constants of friction that differ between two tables, and their slopes along a direction."""
+    tables = (
+        (LINEAR, behind.linear, ahead.linear),
+        (TERM, behind.term_value, ahead.term_value),
+        (PAIR, behind.pair_value, ahead.pair_value),
+        (PATH, behind.path_value, ahead.path_value),
+    )
+    found = []
+    for table, before, after in tables:
+        change = (after - before) / width
+        for row, column in np.argwhere(change).tolist():
+            found.append(((row, table, row, column, d), float(change[row, column])))
+    return found

@@ -17,9 +17,9 @@ from pivident.dynamics.forward import Model
 from pivident.dynamics.friction_table import PATH_ROWS, slopes_width
 from pivident.dynamics.path_partials import partials_scratch
 from pivident.dynamics.rigid_body_slopes import slope_scratch
-from pivident.robot.description import without_loops
 from pivident.robot.friction import FrictionColumn
 from pivident.simulation.closed_loop import Trajectory, simulate, simulate_blocks
+from pivident.simulation.closed_tangent import closed_tangent
 from pivident.simulation.controllers import TAPS, PythonController, SampledLaw
 from pivident.simulation.direction import Direction, ParametrisedLoop
 from pivident.simulation.friction_tangent import PAIR
@@ -100,9 +100,7 @@ def tangent_blocks(
         ExperimentError: the loop has no such parameter; says which there are.
         SimulationDiverged: the loop is unstable; names the joint and the time.
         MassMatrixNotPositiveDefinite: the values are those of no machine; names the joint.
-        RobotDescriptionError: a robot with closed loops.
     """
-    without_loops(loop.robot, "the tangents of a simulation")
     for direction in directions:
         loop.check(direction)
     model = loop.model
@@ -138,9 +136,7 @@ def stretch_tangents(
         ExperimentError: the loop has no such parameter; says which there are.
         SimulationDiverged: the loop is unstable; names the joint and the time in its stretch.
         MassMatrixNotPositiveDefinite: the values are those of no machine; names the joint.
-        RobotDescriptionError: a robot with closed loops.
     """
-    without_loops(loop.robot, "the tangents of a simulation")
     for direction in directions:
         loop.check(direction)
     model, made = loop.model, []
@@ -265,10 +261,15 @@ def _initial_tangent(
     for (_, table, row, column, d), weight in tables.friction:
         if table == PAIR and column == 1:
             slopes[:, n + couplings + row, d] += weight
+    constants, constant_slope = _entry_arrays(tables.friction)
     clock = np.zeros(CLOCK_ENTRIES)
     clock[DELAYED] = float(times[DELAY].any())
     index, slope, reference = entries.arrays()
-    links, body = slope_scratch(n)
+    links, body = slope_scratch(len(model.inertia))
+    loops = None
+    if model.closed is not None:
+        of_passive = _entry_arrays(tables.passive)
+        loops = closed_tangent(model.closed, *of_passive, count)
     return LoopTangent(
         vectors=vectors,
         matrices=row_array(MATRIX_LAYERS, n, n, count),
@@ -286,8 +287,8 @@ def _initial_tangent(
         inertial=np.array(sorted(tables.inertial), dtype=np.int64).reshape(-1, 3),
         rotor=np.array([i for i, _ in tables.rotor], dtype=np.int64).reshape(-1, 3),
         rotor_slope=np.array([w for _, w in tables.rotor], dtype=float),
-        friction=np.array([i for i, _ in tables.friction], dtype=np.int64).reshape(-1, 5),
-        friction_slope=np.array([w for _, w in tables.friction], dtype=float),
+        friction=constants,
+        friction_slope=constant_slope,
         before=np.zeros((BEFORE, n + couplings)),
         clock=clock,
         curvature=np.zeros(n),
@@ -297,12 +298,21 @@ def _initial_tangent(
         weight_slope=np.zeros((n, n)),
         links=links,
         body=body,
+        loops=loops,
         partials=partials_scratch(),
         path_copy=np.zeros((PATH_ROWS, entries_of_path)),
         vectors_copy=np.zeros((ROWS, n)),
         slopes_copy=np.zeros((SLOPE_ROWS, slopes_width(n, couplings))),
         record=row_array(3, block, n, count),
     )
+
+
+def _entry_arrays(
+    entries: Sequence[tuple[tuple[int, int, int, int, int], float]],
+) -> tuple[np.ndarray, np.ndarray]:
+    """Places and slopes of constants of friction as arrays."""
+    where = np.array([place for place, _ in entries], dtype=np.int64).reshape(-1, 5)
+    return where, np.array([weight for _, weight in entries], dtype=float)
 
 
 def _law_joints(direction: Direction, joints: int) -> int:

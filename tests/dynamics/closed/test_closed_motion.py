@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from pivident.compiled import kernel
 from pivident.dynamics.closed_motion import ClosedChains
-from pivident.dynamics.closure_kernels import _equations, closure_table, closure_work
+from pivident.dynamics.closure_equations import find_drifts, find_gaps, find_slopes, place_closures
+from pivident.dynamics.closure_table import closure_table, closure_work
 from pivident.errors import LoopNotClosed
 from pivident.robot.closed_chains import equations
 from tests.dynamics.closed.mechanisms import (
@@ -26,8 +27,10 @@ STEP = 2e-3
 
 @kernel
 def evaluate(table, work):
-    _equations(table, work, False)
-    _equations(table, work, True)
+    place_closures(table, work)
+    find_gaps(table, work)
+    find_slopes(table, work)
+    find_drifts(table, work)
 
 
 def compiled_equations(robot, q, dq):

@@ -90,7 +90,7 @@ def _residual(parent, prismatic, gravity, local_index, local_value, used, v, a, 
     for i in range(n):
         v[i] = dq[i] + 0.5 * h * a[i]
     bias_torque(
-        parent, prismatic, gravity, work.pose, work.inertia, v, work.motion, work.force,
+        parent, prismatic, gravity, work.pose, work.inertia, v, None, work.motion, work.force,
         vectors[_BIAS],
     )  # fmt: skip
     local_torques(

@@ -46,7 +46,7 @@ from pivident.estimation.prefiltered_iv import full_rate_start
 from pivident.estimation.problem import Problem
 from pivident.estimation.simulation_result import LoopParameter, SimulationResult
 from pivident.instruments.given_motion import InstrumentsUsed
-from pivident.robot.description import without_loops, without_wrenches
+from pivident.robot.description import without_wrenches
 from pivident.text import display
 from pivident.text.finding import Finding, Quantity
 
@@ -64,7 +64,6 @@ CHANNELS = {
 def identify_output_error(problem: Problem, method: OutputError, say: Say) -> Identification:
     """Start from least squares, fit the simulation, and say what it leaves."""
     without_wrenches(problem.robot, f"the simulation that {method.label} fits")
-    without_loops(problem.robot, f"the tangent of the simulation that {method.label} fits")
     if method.loop == "closed":
         _check_loop(problem, method)
     say(f"{method.label}: smoothing the records")

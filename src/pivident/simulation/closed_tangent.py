@@ -1,0 +1,59 @@
+"""Tangents of a closed mechanism's h_a and M_a; see ``loop_tangent`` and ``closed_slopes``."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from pivident.compiled import inner
+from pivident.dynamics.closed_dynamics import ClosedModel
+from pivident.dynamics.closed_slopes import ClosedSlopes, closed_slopes
+from pivident.dynamics.rigid_body_slopes import inertial_columns
+from pivident.simulation.friction_tangent import constant_torque
+from pivident.simulation.row_sums import row_array
+
+
+class ClosedTangent(NamedTuple):
+    """What the tangents of a closed mechanism need beside its slopes."""
+
+    slopes: ClosedSlopes
+    #: Joint, table, row, column and direction of constants of friction of passive joints,
+    #: (entries, 5), and their slopes, (entries,).
+    friction: np.ndarray
+    friction_slope: np.ndarray
+    columns: np.ndarray  # ∂u/∂θ, u the torques in all joints, (tree joints, directions)
+    masses: np.ndarray  # ∂M/∂θ, (tree joints, tree joints, directions)
+
+
+def closed_tangent(
+    model: ClosedModel, friction: np.ndarray, friction_slope: np.ndarray, directions: int
+) -> ClosedTangent:
+    """Empty tangents along so many directions."""
+    n = model.table.posture.size
+    return ClosedTangent(
+        closed_slopes(model), friction, friction_slope, row_array(n, directions),
+        row_array(n, n, directions),
+    )  # fmt: skip
+
+
+@inner
+def parameter_torques(run, tangent, inertial, links, out):
+    """∂h_a/∂θ = Nᵀ ∂u/∂θ, added to ``out``, (joints, directions); after ``bias_slopes``."""
+    columns, gain, friction = tangent.columns, run.place.gain, run.model.friction
+    n, m = gain.shape
+    for i in range(n):
+        for d in range(columns.shape[1]):
+            columns[i, d] = 0.0
+    inertial_columns(run.model.table.tree.parent, inertial, links, columns)
+    for e in range(tangent.friction.shape[0]):
+        table, row, column = tangent.friction[e, 1], tangent.friction[e, 2], tangent.friction[e, 3]
+        joint, torque = constant_torque(
+            friction.term_index, friction.term_value, table, row, column, run.place.dq
+        )
+        columns[joint, tangent.friction[e, 4]] += tangent.friction_slope[e] * torque
+    for i in range(n):
+        for a in range(m):
+            if gain[i, a] != 0.0:
+                for d in range(columns.shape[1]):
+                    out[a, d] += gain[i, a] * columns[i, d]
