@@ -24,7 +24,9 @@ UnitSpec = str | float | Mapping[str, str | float]
 
 DEGREE = math.pi / 180.0
 
-POSITION = {"rad": 1.0, "deg": DEGREE, "rev": 2.0 * math.pi, "m": 1.0, "mm": 1e-3, "um": 1e-6}
+ANGLE = {"rad": 1.0, "deg": DEGREE, "rev": 2.0 * math.pi}
+LENGTH = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
+POSITION = ANGLE | LENGTH
 SPEED = {f"{unit}/s": factor for unit, factor in POSITION.items()} | {"rpm": 2.0 * math.pi / 60.0}
 ACCELERATION = {f"{unit}/s^2": factor for unit, factor in POSITION.items()}
 TORQUE = {"N m": 1.0, "Nm": 1.0, "mN m": 1e-3, "kN m": 1e3, "N": 1.0, "kN": 1e3}
@@ -43,7 +45,9 @@ UNITS_OF = {
     "t": TIME,
     "inputs": TORQUE | COMMAND,
     "wrench": TORQUE,
-    "base": POSITION,
+    "base.position": LENGTH,
+    "base.rpy": ANGLE,
+    "base.quaternion": {"1": 1.0},
 }
 
 
