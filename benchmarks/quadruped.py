@@ -37,6 +37,10 @@ TRUNK, LEG, SIZE = 12.0, (1.0, 1.2, 0.4), 0.2
 #: The bent posture of a leg [rad], and gains of the law on joints in the air.
 POSTURE, KP, KD = np.array([0.0, 0.6, -1.2]), 150.0, 2.0
 
+#: Rated speed [rad/s], which makes the sign of friction smooth: a step of the simulation is short
+#: against it.
+RATED = 15.0
+
 #: Stiffness and damping of the ground at each foot [N/m, N s/m].
 GROUND = 2e4, 150.0
 
@@ -51,9 +55,18 @@ def quadruped(seed: int = 3) -> Robot:
         hip = np.array([*(HALF * corner), 0.0])
         aside = np.array([0.0, OFFSET * corner[1], 0.0])
         joints += [
-            Joint(f"{leg}_abduction", "revolute", -1, to_x, hip),
-            Joint(f"{leg}_hip", "revolute", first, to_x.T @ to_y, to_x.T @ aside),
-            Joint(f"{leg}_knee", "revolute", first + 1, np.eye(3), to_y.T @ [0.0, 0.0, -LENGTH]),
+            Joint(f"{leg}_abduction", "revolute", -1, to_x, hip, rated_speed=RATED),
+            Joint(
+                f"{leg}_hip", "revolute", first, to_x.T @ to_y, to_x.T @ aside, rated_speed=RATED
+            ),
+            Joint(
+                f"{leg}_knee",
+                "revolute",
+                first + 1,
+                np.eye(3),
+                to_y.T @ [0.0, 0.0, -LENGTH],
+                rated_speed=RATED,
+            ),
         ]
         links += [Link(f"{leg}_{part}") for part in ("shoulder", "thigh", "shank")]
     friction = {f"fv[{joint.name}]": 0.3 for joint in joints}

@@ -89,6 +89,13 @@ def test_what_the_robot_does_has_the_opposite_sign_and_blocks_make_no_difference
     assert not on[:, others].any()
 
 
+def test_links_are_named_by_themselves_their_joint_or_its_number():
+    arm = arm_on_sensor()
+    for robot, first in ((arm, 6), (arm.on_fixed_base, 0)):
+        for link in ("link_3", "joint_3", "3"):
+            assert sensor_link(robot, WrenchSensor("tool", link)) == first + 2
+
+
 def test_a_link_that_is_not_there_is_named():
     with pytest.raises(RobotDescriptionError, match=r"wrench sensor 'tool'.*'hand'"):
         sensor_link(quadruped(), WrenchSensor("tool", "hand"))

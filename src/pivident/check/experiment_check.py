@@ -151,7 +151,7 @@ class _Check:
             return None
         self.remarks += check_robot(robot, self.content.robot.model)
         self.looked_at.append(
-            f"robot {robot.name}: {robot.size} joint(s), limits, masses, inertias, gravity"
+            f"robot {robot.name}: {robot.on_fixed_base.size} joint(s), limits, masses, inertias, gravity"
         )
         return robot
 

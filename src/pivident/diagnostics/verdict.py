@@ -68,7 +68,8 @@ class Verdict:
         scale: in what units all parameters are, a sentence; empty where torques are known in SI.
         held_out: torque errors on held-out motion by the methods' short names.
         open: parameters that another motion would determine.
-        designable: whether such a motion can be designed: not yet for closed loops.
+        designable: whether such a motion can be designed: not yet for closed loops and measured
+            bases.
     """
 
     method: str
@@ -178,7 +179,7 @@ def verdict(diagnostics: Diagnostics | Identification) -> Verdict:
         scale_headline(result.torque_scale),
         {key: HeldOutErrors.of(one) for key, one in judged.items() if not one.training_only},
         open_parameters(result),
-        result.robot.constraints is None,
+        result.robot.constraints is None and not result.robot.base_joints,
     )
 
 

@@ -62,7 +62,7 @@ def factor_to_si(channel: str, spec: UnitSpec) -> tuple[float, bool]:
 
 def _named(channel: str, unit: object) -> float:
     """Factor of a unit that is given by its name."""
-    units = UNITS_OF[channel]
+    units = UNITS_OF.get(channel) or UNITS_OF[channel.partition(".")[0]]
     name = str(unit).replace("²", "^2").replace("·", " ").replace("µ", "u")
     if name not in units:
         scale = "; counts need per_revolution or per_metre" if name == "counts" else ""
