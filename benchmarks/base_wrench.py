@@ -153,7 +153,8 @@ def run_missing(seconds: float, seed: int) -> list[str]:
     ):
         found = {"piv": identify(own, METHODS["piv"])}
         judged = verdict(diagnose(own, found, {"piv": METHODS["piv"]}, folds=2))
-        said.append(f"{what}, seed {seed}: {judged}")
+        said.append(f"{what}, seed {seed}: {judged.headline}")
+        said += [str(s) for s in judged.statements if s.severity == "error"]
     return said
 
 

@@ -40,6 +40,7 @@ from pivident.diagnostics.prediction_statements import (
     prediction,
     simulated_loop,
     simulated_positions,
+    unmeasured_forces,
 )
 from pivident.diagnostics.residual_statements import (
     friction_law,
@@ -159,6 +160,7 @@ def verdict(diagnostics: Diagnostics | Identification) -> Verdict:
         *spectral_lines(result),
         *strength(diagnostics, name),
         *prediction(diagnostics, name),
+        *unmeasured_forces(diagnostics, name),
         *simulated_positions(diagnostics, name),
         *simulated_loop(diagnostics, name),
         *model_or_noise(diagnostics),

@@ -131,8 +131,8 @@ def load_recording(
     recording = _recording(log, logged, part, options)
     if robot is None and body:
         raise RecordingError(
-            f"{next(iter(body))} belongs to a body of the robot, and no robot is given; give robot, "
-            "with its sensors (`pivident.robot.with_wrench_sensors`)"
+            f"{next(iter(body))} belongs to a body, and no robot is given; give robot, with its "
+            "sensors (`pivident.robot.with_wrench_sensors`)"
         ).about("columns")
     if robot is None or not (body or robot.sensors or robot.base_joints):
         return recording
