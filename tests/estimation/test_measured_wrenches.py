@@ -11,6 +11,8 @@ from benchmarks.base_wrench import ARM_GAINS, DRIVE_GAINS, FLOOR, arm_on_sensor,
 from benchmarks.mujoco_base import Push, mujoco_base_record, truth_of
 from benchmarks.quadruped import hanging_record, quadruped
 
+from pivident.diagnostics.diagnostics import diagnose
+from pivident.diagnostics.verdict import verdict
 from pivident.drives.drive_gains import identify_drive_gains
 from pivident.errors import SimulationDiverged
 from pivident.estimation.identify import identify
@@ -99,6 +101,23 @@ def test_a_wrong_frame_is_named(arm, case):
         assert not wrong
         return
     assert words in str(wrong[0]) and "floor" in str(wrong[0])
+
+
+@pytest.mark.parametrize("size", [0.0, 20.0])
+def test_the_verdict_refuses_forces_that_nobody_measures(arm, size):
+    values = arm[1].wrenches[0].values.copy()  # somebody pushes the arm, and the floor holds it
+    values[:, 0] += size * np.sin(np.arange(len(values)) / 120.0)
+    problem, methods = again(arm[1], FLOOR, values), {"ls": METHODS["ls"]}
+    found = {"ls": identify(problem, methods["ls"])}
+    judged = verdict(diagnose(problem, found, methods, folds=2))
+    about = [s for s in judged.statements if s.topic == "wrenches"]
+    if not size:
+        assert not about and judged.severity != "error"
+        assert not any("base_" in s.message for s in judged.statements if s.topic == "motion")
+        return
+    (statement,) = about
+    assert judged.headline.startswith("Do not use this result") and "wrenches" in judged.headline
+    assert "base_" in statement.message and "no sensor measures" in statement.next_step
 
 
 @pytest.mark.parametrize("method", ["ls", "iv-full-rate", "piv"])

@@ -86,7 +86,9 @@ def spoiled(values, sample, column, value=np.nan):
 
 
 ERRORS = {
-    "no values": (HELD, {"tool": VALUES["tool"]}, None, r"no columns for the wrench sensor 'floor'"),
+    "no values": (
+        HELD, {"tool": VALUES["tool"]}, None, r"no columns for the wrench sensor 'floor'",
+    ),
     "no sensor": (
         HELD, VALUES | {"hand": VALUES["tool"]}, None,
         r"columns for a wrench 'hand', and no sensor",

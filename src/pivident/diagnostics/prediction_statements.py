@@ -101,7 +101,7 @@ def unmeasured_forces(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     )
     text = (
         f"The measured wrenches do not explain the force on the base: error on {judged.motion} "
-        f"{listed}, and noise is at most {LITTLE_NOISE:.0%} of it."
+        f"{listed}, and noise is less than {100 * LITTLE_NOISE:.0f} % of it."
     )
     step = (
         "Something touches the robot that no sensor measures (a contact, a foot, a cable), or a "
