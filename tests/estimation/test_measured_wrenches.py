@@ -22,11 +22,14 @@ from pivident.model_errors.named_causes import named_causes
 from pivident.recording.measured_wrenches import with_wrenches
 from pivident.robot.frames import Pose, rotation_about
 from pivident.robot.gallery import load_robot
-from pivident.robot.measured_base import with_wrench_sensors
+from pivident.robot.measured_base import BASE_JOINTS, with_wrench_sensors
 from pivident.robot.wrench_sensor import WrenchSensor
 from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import PD
 from pivident.simulation.reference import point_to_point
+from pivident.validation.held_out.prediction import PredictionError
+
+PART = slice(0, 3), slice(3, 6)
 
 LOOP = Loop(PD(*ARM_GAINS))
 
@@ -101,6 +104,19 @@ def test_a_wrong_frame_is_named(arm, case):
         assert not wrong
         return
     assert words in str(wrong[0]) and "floor" in str(wrong[0])
+
+
+def test_an_axis_of_the_base_without_force_does_not_hide_the_others():
+    size = np.array([10.0, 300.0, 0.1, 4.0, 0.01, 20.0, 16.0, 5.0])
+    rms = np.array([0.1, 0.1, 0.1, 0.03, 0.01, 0.04, 0.08, 0.05])
+    names = (*BASE_JOINTS, "shoulder", "elbow")
+    units = ("N",) * 3 + ("N m",) * 5
+    error = PredictionError(names, units, rms, size, rms, size, 0 * rms, 0 * rms, 20.0, 100)
+    force, moment = (np.linalg.norm(rms[p]) / np.linalg.norm(size[p]) for p in (PART[0], PART[1]))
+    ratios = [force] * 3 + [moment] * 3 + [0.08 / 16.0, 0.05 / 5.0]
+    expected = 100.0 * np.sqrt(np.mean(np.square(ratios)))
+    for total in (error.total, error.total_in_band, error.total_moving_in_band):
+        assert total == pytest.approx(expected, rel=1e-12) and total < 1.0
 
 
 @pytest.mark.parametrize("size", [0.0, 20.0])
