@@ -95,7 +95,7 @@ class PredictionError:
         return self._total(self.rms_in_band, self.torque_in_band)
 
     def _total(self, rms: np.ndarray, size: np.ndarray) -> float:
-        """Force and moment on a measured base count as vectors: an axis may have nothing to feel."""
+        """Force and moment on a measured base count as vectors: an axis may feel nothing."""
         if tuple(self.joint_names[: len(BASE_JOINTS)]) == BASE_JOINTS:
             rms, size = rms.copy(), size.copy()
             for values in (rms, size):
