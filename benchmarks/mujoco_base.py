@@ -94,7 +94,7 @@ def mujoco_base_record(
     rng = np.random.default_rng(seed)
     driven = robot.on_fixed_base
     spec = mujoco_spec(robot, 1.0 / (rate * SUBSTEPS))
-    held = _add_sites(spec, robot, pushes)
+    held = add_sites(spec, robot, pushes)
     for name in driven.joint_names:  # friction that is late by half a step feels like inertia
         spec.joint(name).damping[0] = driven.friction_nominal.get(viscous_name(driven, name), 0.0)
     model = spec.compile()
@@ -186,7 +186,7 @@ def _small_turns(turn: np.ndarray) -> np.ndarray:
     return np.column_stack([0.5 * turn, np.sqrt(1.0 - np.sum((0.5 * turn) ** 2, axis=1))])
 
 
-def _add_sites(spec: mujoco.MjSpec, robot: Robot, pushes: Sequence[Push]) -> Push | None:
+def add_sites(spec: mujoco.MjSpec, robot: Robot, pushes: Sequence[Push]) -> Push | None:
     """A site for each sensor, and MuJoCo's own sensors under the base; the push that has them."""
     held = None
     for push in pushes:

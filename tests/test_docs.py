@@ -56,6 +56,7 @@ TABLES = {
     "`[robot]`": (schema.RobotEntry, ()),
     "friction terms": (FrictionEntry, ()),
     "couplings": (schema.CouplingEntry, ()),
+    "`[[wrench]]`": (schema.WrenchEntry, ()),
     "`[recording]`": (schema.RecordingEntry, (Recording,)),
     "columns": (schema.ColumnsEntry, ()),
     "units": (schema.UnitsEntry, ()),

@@ -126,6 +126,22 @@ def ampere_logs() -> dict:
     return {"problem": empty.problem(), "loaded": loaded.recordings()[0]}
 
 
+def force_sensor_log() -> dict:
+    """`log.csv` of a TX40 on a force sensor, simulated by MuJoCo; currents beside its torques."""
+    from benchmarks.base_wrench import DRIVE_GAINS, arm_on_sensor, arm_record
+
+    import pivident as pv
+
+    recording = arm_record(arm_on_sensor(), 1, 5.0)
+    q, q_ref, tau = (x[:, 6:] for x in (recording.q, recording.q_ref, recording.tau))
+    channels = [np.rad2deg(q), np.rad2deg(q_ref), tau, tau / DRIVE_GAINS]
+    rows = np.column_stack([recording.t, *channels, recording.wrenches[0].values])
+    names = [f"{stem}{k}" for stem in ("q", "r", "tau", "i") for k in range(1, 7)]
+    header = ",".join(["time", *names, "fx", "fy", "fz", "mx", "my", "mz"])
+    np.savetxt("log.csv", rows, fmt="%.9g", delimiter=",", header=header, comments="")
+    return {"pv": pv}
+
+
 def payload_logs() -> None:
     """The same for a payload: `my_robot.toml`, `loaded.toml`, and the arm alone in `results`."""
     from pivident.cli import main

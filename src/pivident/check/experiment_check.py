@@ -150,8 +150,9 @@ class _Check:
             self.remarks.append(of_error(error, "robot", ("robot",)))
             return None
         self.remarks += check_robot(robot, self.content.robot.model)
+        joints = robot.on_fixed_base.size
         self.looked_at.append(
-            f"robot {robot.name}: {robot.size} joint(s), limits, masses, inertias, gravity"
+            f"robot {robot.name}: {joints} joint(s), limits, masses, inertias, gravity"
         )
         return robot
 

@@ -99,7 +99,7 @@ def plan_of(
     blocks = 0 if held_out else folds
     return Plan(
         problem.robot.name,
-        problem.robot.joint_names,
+        problem.robot.on_fixed_base.joint_names,
         tuple((r.name, r.samples, r.rate, r.duration) for r in problem.recordings),
         tuple(r.name for r in held_out),
         problem.names,

@@ -36,6 +36,7 @@ def check_robot(robot: Robot, model: str) -> list[Remark]:
     """Everything about a description that no machine has, or that an identification would miss."""
     file = Path(model).name
     remarks = [*_gravity(robot)]
+    robot = robot.on_fixed_base  # nobody describes a measured base
     tree = robot.tree
     for joint, link in zip(tree.joints, tree.links, strict=True):
         remarks += [*_limits(joint, file), *_distance(joint, file), *_body(joint, link, file)]

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from pivident.diagnostics.diagnostics import Diagnostics
+from pivident.robot.measured_base import BASE_JOINTS
 from pivident.text.finding import Finding, Quantity, Severity
 from pivident.text.numbers import format_significant, percent
 from pivident.validation.held_out.cross_validation import CrossValidation
@@ -18,6 +19,12 @@ LOOP_MISSES = 50.0
 
 #: The same for the torque of one joint on the measured motion [%].
 JOINT_MISSES = 50.0
+
+#: The same for the force or moment on a measured base, whose rows have no friction [%], …
+BASE_MISSES = 10.0
+
+#: … where noise is at most this share of the rms error.
+LITTLE_NOISE = 0.2
 
 #: Share of an rms error that is most of its power.
 MOSTLY = 0.71
@@ -72,6 +79,42 @@ def prediction(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     yield from _missed_joints(judged)
 
 
+def unmeasured_forces(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
+    """Whether the measured wrenches are all that acts on a measured base.
+
+    Its rows contain neither friction nor drives: what they miss, and noise is not, is a force that
+    no sensor measures, or one that is measured in another frame than described.
+    """
+    robot = diagnostics.identifications[name].robot
+    compared = diagnostics.out_of_sample
+    judged = None if compared is None else compared.results.get(name)
+    if judged is None or not robot.base_joints:
+        return
+    e, base = judged.prediction, slice(0, robot.base_joints)
+    share, own = e.relative_in_band[base], e.rms_in_band[base]
+    missed = (share > BASE_MISSES) & (e.noise_in_band[base] < LITTLE_NOISE * own)
+    if not missed.any():
+        return
+    listed = ", ".join(
+        f"{e.joint_names[j]} {percent(share[j])} ({format_significant(own[j])} {e.units[j]} rms)"
+        for j in np.flatnonzero(missed)
+    )
+    text = (
+        f"The measured wrenches do not explain the force on the base: error on {judged.motion} "
+        f"{listed}, and noise is less than {100 * LITTLE_NOISE:.0f} % of it."
+    )
+    step = (
+        "Something touches the robot that no sensor measures (a contact, a foot, a cable), or a "
+        "sensor's frame, unit or sign is another one than described. Estimates from such a record "
+        "are wrong."
+    )
+    evidence = {
+        e.joint_names[j]: Quantity(float(share[j]), "%", bound=BASE_MISSES)
+        for j in np.flatnonzero(missed)
+    }
+    yield Finding("error", "wrenches", "unmeasured force", text, "", step, evidence)
+
+
 def simulated_positions(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     """How near a fitted simulation comes to positions that were not fitted."""
     compared = diagnostics.out_of_sample
@@ -100,6 +143,8 @@ def _missed_joints(judged: CrossValidation) -> Iterator[Finding]:
     ):  # fmt: skip
         if moving <= JOINT_MISSES:  # and so may be the whole, by standstill
             continue
+        if name in BASE_JOINTS and noise > MOSTLY * rms:
+            continue  # the sensor under a base may have nothing to feel along one of its axes
         text = (
             f"The torque of {name} is hardly predicted: its error on {judged.motion} is "
             f"{percent(share)}, {format_significant(rms)} of {format_significant(torque)} {unit} "

@@ -40,6 +40,7 @@ from pivident.diagnostics.prediction_statements import (
     prediction,
     simulated_loop,
     simulated_positions,
+    unmeasured_forces,
 )
 from pivident.diagnostics.residual_statements import (
     friction_law,
@@ -68,7 +69,8 @@ class Verdict:
         scale: in what units all parameters are, a sentence; empty where torques are known in SI.
         held_out: torque errors on held-out motion by the methods' short names.
         open: parameters that another motion would determine.
-        designable: whether such a motion can be designed: not yet for closed loops.
+        designable: whether such a motion can be designed: not yet for closed loops and measured
+            bases.
     """
 
     method: str
@@ -158,6 +160,7 @@ def verdict(diagnostics: Diagnostics | Identification) -> Verdict:
         *spectral_lines(result),
         *strength(diagnostics, name),
         *prediction(diagnostics, name),
+        *unmeasured_forces(diagnostics, name),
         *simulated_positions(diagnostics, name),
         *simulated_loop(diagnostics, name),
         *model_or_noise(diagnostics),
@@ -178,7 +181,7 @@ def verdict(diagnostics: Diagnostics | Identification) -> Verdict:
         scale_headline(result.torque_scale),
         {key: HeldOutErrors.of(one) for key, one in judged.items() if not one.training_only},
         open_parameters(result),
-        result.robot.constraints is None,
+        result.robot.constraints is None and not result.robot.base_joints,
     )
 
 

@@ -100,8 +100,10 @@ def motion_for(
 
     ``parts``: of its column, see :func:`column_parts`, shape (3,).
     """
-    joints = moving_joints(robot, parameter)
-    own = [j for j, place in enumerate(robot.places) if place == parameter.joint]
+    moving = moving_joints(robot, parameter)
+    driven = [j for j in moving if robot.joints[j].motion == "driven"]
+    joints = driven or [*range(robot.base_joints, robot.size)]  # no motor moves a base
+    own = [j for j, place in enumerate(robot.places) if place == parameter.joint and j in joints]
     # an offset has a constant column: motion in both directions separates it from Coulomb friction
     quantity = 1 if parameter.stem == "off" else int(np.argmax(parts))
     room = [j for j in joints if limits.used[j, quantity] < LITTLE] or own or joints

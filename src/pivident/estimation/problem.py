@@ -163,8 +163,13 @@ class Problem:
         return SpeedLimits(joints, self.robot.couplings)
 
     def low_speeds(self, recording: Recording) -> np.ndarray:
-        """Speed in a recording that counts as standstill [rad/s or m/s], shape (joints,)."""
-        return LOW_SPEED * rated_speeds(self.robot, recording)
+        """Speed in a recording that counts as standstill [rad/s or m/s], shape (joints,).
+
+        Below zero for the joints of a measured base, which have no friction that would hold them.
+        """
+        speeds = LOW_SPEED * rated_speeds(self.robot, recording)
+        speeds[: self.robot.base_joints] = -1.0
+        return speeds
 
     def initial_values(self) -> np.ndarray:
         """Start of the iteration: nominal inertias, zero friction, then ``initial`` by name.

@@ -115,7 +115,7 @@ def gains_of(
     return GainsOfExperiment(
         found,
         declared,
-        tuple("N m" if j.kind == "revolute" else "N" for j in robot.joints),
+        tuple("N m" if j.kind == "revolute" else "N" for j in robot.on_fixed_base.joints),
         payload,
         (*given.trusted, *given.trusted_parameters),
         temperatures,
@@ -125,6 +125,7 @@ def gains_of(
 
 def declared_gains(entry: RecordingEntry, robot: Robot) -> tuple[DeclaredGain, ...]:
     """What a recording's table and the robot say about the gain of each joint."""
+    robot = robot.on_fixed_base  # a measured base has no drives
     transmission, spec = robot.transmission, entry.units.tau
     if entry.dataset is not None:
         return (DeclaredGain(1.0, "declared", True, "dataset"),) * robot.size
@@ -185,8 +186,8 @@ def _key(name: str) -> str:
 
 def with_unit_gains(experiment: Experiment) -> Experiment:
     """The file with a gain of 1 where nobody gave one, and with the runs under load behind."""
-    content, transmission = experiment.content, experiment.robot.transmission
-    names = experiment.robot.joint_names
+    content, robot = experiment.content, experiment.robot.on_fixed_base
+    transmission, names = robot.transmission, robot.joint_names
     every = dict(zip(names, map(float, transmission.drive_gain), strict=True))
     recordings = [
         _with_temperature(entry, content.gains.temperature, len(names))

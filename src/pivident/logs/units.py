@@ -24,7 +24,9 @@ UnitSpec = str | float | Mapping[str, str | float]
 
 DEGREE = math.pi / 180.0
 
-POSITION = {"rad": 1.0, "deg": DEGREE, "rev": 2.0 * math.pi, "m": 1.0, "mm": 1e-3, "um": 1e-6}
+ANGLE = {"rad": 1.0, "deg": DEGREE, "rev": 2.0 * math.pi}
+LENGTH = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
+POSITION = ANGLE | LENGTH
 SPEED = {f"{unit}/s": factor for unit, factor in POSITION.items()} | {"rpm": 2.0 * math.pi / 60.0}
 ACCELERATION = {f"{unit}/s^2": factor for unit, factor in POSITION.items()}
 TORQUE = {"N m": 1.0, "Nm": 1.0, "mN m": 1e-3, "kN m": 1e3, "N": 1.0, "kN": 1e3}
@@ -43,7 +45,9 @@ UNITS_OF = {
     "t": TIME,
     "inputs": TORQUE | COMMAND,
     "wrench": TORQUE,
-    "base": POSITION,
+    "base.position": LENGTH,
+    "base.rpy": ANGLE,
+    "base.quaternion": {"1": 1.0},
 }
 
 
@@ -58,7 +62,7 @@ def factor_to_si(channel: str, spec: UnitSpec) -> tuple[float, bool]:
 
 def _named(channel: str, unit: object) -> float:
     """Factor of a unit that is given by its name."""
-    units = UNITS_OF[channel]
+    units = UNITS_OF.get(channel) or UNITS_OF[channel.partition(".")[0]]
     name = str(unit).replace("²", "^2").replace("·", " ").replace("µ", "u")
     if name not in units:
         scale = "; counts need per_revolution or per_metre" if name == "counts" else ""

@@ -129,6 +129,11 @@ def load_recording(
     logged, log = log.logged, replace(log, logged={})  # raw samples go as they are converted
     body = {key: logged[key] for key in logged if columns_of(key)}
     recording = _recording(log, logged, part, options)
+    if robot is None and body:
+        raise RecordingError(
+            f"{next(iter(body))} belongs to a body, and no robot is given; give robot, with its "
+            "sensors (`pivident.robot.with_wrench_sensors`)"
+        ).about("columns")
     if robot is None or not (body or robot.sensors or robot.base_joints):
         return recording
     return _with_body(recording, robot, {key: logged[key] for key in body})
@@ -305,7 +310,7 @@ def _to_si(
         if robot is not None and channel in ("q", "q_ref", "q_link") and sides[channel] == "joint":
             for joint, unit in zip(robot.joints, per_joint, strict=True):
                 check_kind(channel, unit, joint.name, joint.kind)
-        factors, commands = factors_of(channel.partition(".")[0], per_joint)
+        factors, commands = factors_of(channel, per_joint)
         if (factors != 1.0).any():
             logged[channel] = _scaled(logged[channel], factors)
         if commands.any():

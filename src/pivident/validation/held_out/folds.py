@@ -50,7 +50,9 @@ class Fold:
 def moving_part(problem: Problem, kinematics: Kinematics) -> tuple[int, int]:
     """Samples from the first to the last motion of any joint: (start, stop)."""
     limits = problem.low_speeds(kinematics.recording)
-    moving = np.flatnonzero((np.abs(kinematics.dq) > limits[:, None]).any(axis=0))
+    driven = slice(problem.robot.base_joints, None)
+    moves = np.abs(kinematics.dq[driven]) > limits[driven, None]
+    moving = np.flatnonzero(moves.any(axis=0))
     if not moving.size:
         return kinematics.start, kinematics.stop
     return max(int(moving[0]), kinematics.start), min(int(moving[-1]) + 1, kinematics.stop)

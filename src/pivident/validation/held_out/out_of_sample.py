@@ -176,11 +176,16 @@ class OutOfSample:
         if not judged:
             return ""
         first = next(iter(judged.values()))
-        columns: list[tuple[str, str, list[str]]] = [("joint", "<", list(first.joint_names))]
+        # without a held base, which stands still
+        shown = np.flatnonzero(np.any([error.position for error in judged.values()], axis=0))
+        columns: list[tuple[str, str, list[str]]] = [
+            ("joint", "<", [first.joint_names[j] for j in shown])
+        ]
         for name, error in judged.items():
             title = f"{self._label(name)}{', open loop' if error.loop == 'open' else ''}"
-            columns.append((title, ".", [format_significant(x) for x in error.position]))
-        return plain_table([*columns, ("unit", "<", list(first.units))])
+            cells = [format_significant(x) for x in error.position[shown]]
+            columns.append((title, ".", cells))
+        return plain_table([*columns, ("unit", "<", [first.units[j] for j in shown])])
 
     def position_heading(self) -> str:
         """What the table of positions shows."""

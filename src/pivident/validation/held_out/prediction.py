@@ -21,6 +21,7 @@ from pivident.motion.kinematics import MOTION_BAND
 from pivident.motion.speed_limits import SpeedLimits
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
+from pivident.robot.measured_base import BASE_JOINTS
 from pivident.signals.bandpass import butterworth
 from pivident.text.numbers import percent
 
@@ -81,17 +82,26 @@ class PredictionError:
     def total_moving_in_band(self) -> float:
         """Error over all joints, below ``band``, without what standstill adds to it [%]."""
         moving = self.moving_in_band * self.torque_in_band / 100.0
-        return total_error(moving, self.torque_in_band, self.units)
+        return self._total(moving, self.torque_in_band)
 
     @property
     def total(self) -> float:
         """Error over all joints, all frequencies, see :func:`total_error` [%]."""
-        return total_error(self.rms, self.torque, self.units)
+        return self._total(self.rms, self.torque)
 
     @property
     def total_in_band(self) -> float:
         """Error over all joints, below ``band`` [%]."""
-        return total_error(self.rms_in_band, self.torque_in_band, self.units)
+        return self._total(self.rms_in_band, self.torque_in_band)
+
+    def _total(self, rms: np.ndarray, size: np.ndarray) -> float:
+        """Force and moment on a measured base count as vectors: an axis may feel nothing."""
+        if tuple(self.joint_names[: len(BASE_JOINTS)]) == BASE_JOINTS:
+            rms, size = rms.copy(), size.copy()
+            for values in (rms, size):
+                for part in (slice(0, 3), slice(3, 6)):
+                    values[part] = np.sqrt(np.mean(values[part] ** 2))
+        return total_error(rms, size, self.units)
 
 
 def total_error(rms: np.ndarray, size: np.ndarray, units: Sequence[str]) -> float:
