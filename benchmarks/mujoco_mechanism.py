@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
-from pivident.dynamics.closed_motion import ClosedChains
+from pivident.dynamics.closed_chains.closed_motion import ClosedChains
 from pivident.dynamics.parameters import nominal_values
 from pivident.robot.description import Robot
 

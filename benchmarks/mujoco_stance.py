@@ -16,7 +16,7 @@ from benchmarks.mujoco_base import Accuracy, viscous_name, without_viscous
 from benchmarks.mujoco_mechanism import friction_of, mujoco_spec
 
 from pivident.dynamics.base_parameters import base_parameters
-from pivident.dynamics.closed_motion import ClosedChains
+from pivident.dynamics.closed_chains.closed_motion import ClosedChains
 from pivident.dynamics.parameters import nominal_values
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS

@@ -57,6 +57,7 @@ TABLES = {
     "friction terms": (FrictionEntry, ()),
     "couplings": (schema.CouplingEntry, ()),
     "`[[wrench]]`": (schema.WrenchEntry, ()),
+    "`[[contact]]`": (schema.ContactEntry, ()),
     "`[recording]`": (schema.RecordingEntry, (Recording,)),
     "columns": (schema.ColumnsEntry, ()),
     "units": (schema.UnitsEntry, ()),

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from pivident.dynamics.closed_motion import ClosedChains
+from pivident.dynamics.closed_chains.closed_motion import ClosedChains
 from pivident.export.load_back import verify_with_mujoco
 from pivident.export.mjcf import to_mjcf
 from pivident.models.exported import random_states

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pivident.dynamics.closed_motion import ClosedChains
+from pivident.dynamics.closed_chains.closed_motion import ClosedChains
 from pivident.errors import ExportError, RobotDescriptionError
 from pivident.export.load_back import verify_with_mujoco, verify_with_pinocchio
 from pivident.export.urdf import to_urdf

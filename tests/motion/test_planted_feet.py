@@ -7,7 +7,7 @@ import pytest
 from benchmarks.mujoco_base import Accuracy
 from benchmarks.mujoco_stance import stance_record, standing_quadruped, truth_of_stance
 
-from pivident.dynamics.closed_motion import ClosedChains
+from pivident.dynamics.closed_chains.closed_motion import ClosedChains
 from pivident.errors import RecordingError, RobotDescriptionError
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.problem import Problem

@@ -71,7 +71,7 @@ def test_mechanisms_of_the_gallery(name, joints, tree, inertial):
 
 def test_a_ball_screw_lifts_by_its_pitch():
     scara = load_robot("scara")
-    from pivident.dynamics.closed_motion import ClosedChains
+    from pivident.dynamics.closed_chains.closed_motion import ClosedChains
 
     place = ClosedChains(scara).start(np.array([0.2, -0.3, 2.0 * np.pi, 0.0]))
     lift, quill = (scara.tree.joint_names.index(name) for name in ("lift", "quill"))

@@ -7,7 +7,7 @@ import scipy.linalg
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pivident.dynamics.closed_motion import ClosedChains
+from pivident.dynamics.closed_chains.closed_motion import ClosedChains
 from pivident.dynamics.robot_regressor import regressor_of
 from pivident.errors import RobotDescriptionError
 from pivident.experiment.robot_table import robot_of

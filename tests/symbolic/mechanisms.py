@@ -5,7 +5,7 @@ from functools import lru_cache
 import numpy as np
 
 from pivident.dynamics.base_parameters import base_parameters
-from pivident.dynamics.closed_motion import ClosedChains
+from pivident.dynamics.closed_chains.closed_motion import ClosedChains
 from pivident.dynamics.robot_regressor import regressor_of
 from pivident.robot.closed_chains import closed_robot
 from pivident.robot.constraints import Closure, LinearConstraint

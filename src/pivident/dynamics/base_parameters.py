@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.dynamics.closed_regressor import ClosedRegressor
+from pivident.dynamics.closed_chains.closed_regressor import ClosedRegressor
 from pivident.dynamics.parameters import Parameter, standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import ExperimentError

@@ -13,14 +13,14 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from pivident.compiled import allocating
-from pivident.dynamics.closed_dynamics import (
+from pivident.dynamics.closed_chains.closed_dynamics import (
     ClosedModel,
     closed_mass_and_bias,
     closed_model,
     closed_run,
     on_own_joints,
 )
-from pivident.dynamics.closed_motion import ClosedChains
+from pivident.dynamics.closed_chains.closed_motion import ClosedChains
 from pivident.dynamics.friction_kernels import level_and_slope
 from pivident.dynamics.friction_table import (
     AHEAD,

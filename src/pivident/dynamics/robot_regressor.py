@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pivident.dynamics.closed_motion import ClosedChains, moved_joints
-from pivident.dynamics.closed_regressor import ClosedRegressor
+from pivident.dynamics.closed_chains.closed_motion import ClosedChains, moved_joints
+from pivident.dynamics.closed_chains.closed_regressor import ClosedRegressor
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import RobotDescriptionError

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from pivident.dynamics.closed_motion import ClosedChains
+from pivident.dynamics.closed_chains.closed_motion import ClosedChains
 from pivident.robot.description import Robot
 
 #: Largest gap of a loop in the engine at a posture in which it is closed here [m, rad].

@@ -17,7 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pivident.dynamics.closed_motion import ClosedChains
+from pivident.dynamics.closed_chains.closed_motion import ClosedChains
 from pivident.errors import RecordingError
 from pivident.recording.recording import Recording
 from pivident.robot.closed_chains import closed_robot

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pivident.dynamics.closed_motion import ClosedChains
+from pivident.dynamics.closed_chains.closed_motion import ClosedChains
 from pivident.estimation.identification import FittedRecording, Identification
 from pivident.robot.description import Robot
 

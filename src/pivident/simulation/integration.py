@@ -27,7 +27,7 @@ import numpy as np
 
 from pivident.compiled import inlined as _inline
 from pivident.compiled import inner, rows, section
-from pivident.dynamics.closed_dynamics import closed_bias, closed_mass
+from pivident.dynamics.closed_chains.closed_dynamics import closed_bias, closed_mass
 from pivident.dynamics.friction_table import (
     AHEAD,
     MIDWAY,

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from pivident.compiled import kernel
-from pivident.dynamics.closed_dynamics import ClosedRun, closed_run
-from pivident.dynamics.closed_motion import closed_place
+from pivident.dynamics.closed_chains.closed_dynamics import ClosedRun, closed_run
+from pivident.dynamics.closed_chains.closed_motion import closed_place
 from pivident.dynamics.forward import Model
 from pivident.dynamics.friction_table import (
     PATH_ROWS,

@@ -22,7 +22,11 @@ import numpy as np
 
 from pivident.compiled import inlined as _inline
 from pivident.compiled import inner, rows
-from pivident.dynamics.closed_slopes import bias_slopes, mass_matrix_slopes, parameter_masses
+from pivident.dynamics.closed_chains.closed_slopes import (
+    bias_slopes,
+    mass_matrix_slopes,
+    parameter_masses,
+)
 from pivident.dynamics.path_partials import spring_partials, spring_slopes
 from pivident.dynamics.rigid_body_slopes import (
     inertial_columns,

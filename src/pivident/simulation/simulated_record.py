@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters, parameter_index
-from pivident.dynamics.closed_motion import ClosedChains
+from pivident.dynamics.closed_chains.closed_motion import ClosedChains
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import Parameter, nominal_values
 from pivident.errors import ExperimentError, ShapeMismatch

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pivident.dynamics.closed_motion import ClosedChains
+from pivident.dynamics.closed_chains.closed_motion import ClosedChains
 from pivident.dynamics.grouping.expressions import ZERO, Expression, constant
 from pivident.robot.closed_chains import equations
 from pivident.robot.description import Robot

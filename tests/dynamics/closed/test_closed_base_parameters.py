@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pivident.dynamics.base_parameters import base_parameters
-from pivident.dynamics.closed_motion import ClosedChains
+from pivident.dynamics.closed_chains.closed_motion import ClosedChains
 from pivident.dynamics.forward import acceleration
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor

@@ -6,9 +6,14 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from pivident.compiled import kernel
-from pivident.dynamics.closed_motion import ClosedChains
-from pivident.dynamics.closure_equations import find_drifts, find_gaps, find_slopes, place_closures
-from pivident.dynamics.closure_table import closure_table, closure_work
+from pivident.dynamics.closed_chains.closed_motion import ClosedChains
+from pivident.dynamics.closed_chains.closure_equations import (
+    find_drifts,
+    find_gaps,
+    find_slopes,
+    place_closures,
+)
+from pivident.dynamics.closed_chains.closure_table import closure_table, closure_work
 from pivident.errors import LoopNotClosed
 from pivident.robot.closed_chains import equations
 from tests.dynamics.closed.mechanisms import (

@@ -4,9 +4,13 @@ import numpy as np
 import pytest
 
 from pivident.compiled import kernel
-from pivident.dynamics.closed_dynamics import closed_bias, closed_mass, closed_run
-from pivident.dynamics.closed_motion import ClosedChains
-from pivident.dynamics.closed_slopes import bias_slopes, closed_slopes, mass_matrix_slopes
+from pivident.dynamics.closed_chains.closed_dynamics import closed_bias, closed_mass, closed_run
+from pivident.dynamics.closed_chains.closed_motion import ClosedChains
+from pivident.dynamics.closed_chains.closed_slopes import (
+    bias_slopes,
+    closed_slopes,
+    mass_matrix_slopes,
+)
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.rigid_body_slopes import slope_scratch

@@ -15,7 +15,7 @@ from pivident.consistency.consistent_estimate import (
 )
 from pivident.consistency.consistent_tables import millimetres, moments_text
 from pivident.consistency.significance import HALF_INTERVAL
-from pivident.dynamics.closed_motion import ClosedChains
+from pivident.dynamics.closed_chains.closed_motion import ClosedChains
 from pivident.estimation.equation_record import FittedRecording
 from pivident.report.consistency_figures import VIEWS, bodies_figure, moved_figure
 from pivident.report.plotly_figures import Figure

@@ -17,8 +17,12 @@ from typing import NamedTuple
 import numpy as np
 
 from pivident.compiled import inner
-from pivident.dynamics.closed_dynamics import ClosedModel, tree_torque
-from pivident.dynamics.closure_slopes import ClosureSlopes, closure_slopes, find_closure_slopes
+from pivident.dynamics.closed_chains.closed_dynamics import ClosedModel, tree_torque
+from pivident.dynamics.closed_chains.closure_slopes import (
+    ClosureSlopes,
+    closure_slopes,
+    find_closure_slopes,
+)
 from pivident.dynamics.kernels import composite_mass_matrix
 from pivident.dynamics.rigid_body_slopes import (
     inertial_masses,

@@ -12,7 +12,12 @@ from __future__ import annotations
 import numpy as np
 
 from pivident.compiled import inlined, kernel
-from pivident.dynamics.closure_equations import find_drifts, find_gaps, find_slopes, place_closures
+from pivident.dynamics.closed_chains.closure_equations import (
+    find_drifts,
+    find_gaps,
+    find_slopes,
+    place_closures,
+)
 from pivident.dynamics.elimination import factor, solve
 
 #: What may happen: nothing, the loops cannot be closed, the mechanism is singular.

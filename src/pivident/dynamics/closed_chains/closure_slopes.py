@@ -22,8 +22,13 @@ from typing import NamedTuple
 import numpy as np
 
 from pivident.compiled import inlined, inner
-from pivident.dynamics.closure_equations import find_drifts, move_ends, move_links, turned_axis
-from pivident.dynamics.closure_table import ALPHA, LINEAR, PLACE, ClosureTable, P, W
+from pivident.dynamics.closed_chains.closure_equations import (
+    find_drifts,
+    move_ends,
+    move_links,
+    turned_axis,
+)
+from pivident.dynamics.closed_chains.closure_table import ALPHA, LINEAR, PLACE, ClosureTable, P, W
 from pivident.dynamics.elimination import solve
 
 # Columns of jerks: of turning, β, and of a point, j.

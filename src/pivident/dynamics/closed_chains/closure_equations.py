@@ -9,7 +9,7 @@ accelerations α_i and a_i.
 from __future__ import annotations
 
 from pivident.compiled import inlined, inner
-from pivident.dynamics.closure_table import (
+from pivident.dynamics.closed_chains.closure_table import (
     ALPHA,
     LINEAR,
     PLACE,

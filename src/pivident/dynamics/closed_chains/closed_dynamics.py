@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from pivident.compiled import inlined, kernel
-from pivident.dynamics.closure_kernels import CLOSED, close_loops, lead_on
-from pivident.dynamics.closure_table import ClosureTable, ClosureWork, closure_table
+from pivident.dynamics.closed_chains.closure_kernels import CLOSED, close_loops, lead_on
+from pivident.dynamics.closed_chains.closure_table import ClosureTable, ClosureWork, closure_table
 from pivident.dynamics.friction_table import (
     FrictionTable,
     friction_torque,

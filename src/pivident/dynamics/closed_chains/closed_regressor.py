@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pivident.compiled import kernel
-from pivident.dynamics.closed_motion import ClosedChains, ClosedMotion, moved_joints
+from pivident.dynamics.closed_chains.closed_motion import ClosedChains, ClosedMotion, moved_joints
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import RobotDescriptionError

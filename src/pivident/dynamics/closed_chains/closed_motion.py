@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pivident.dynamics.closure_kernels import CLOSED, approach, follow
-from pivident.dynamics.closure_table import (
+from pivident.dynamics.closed_chains.closure_kernels import CLOSED, approach, follow
+from pivident.dynamics.closed_chains.closure_table import (
     ClosureTable,
     ClosureWork,
     closure_table,
