@@ -131,3 +131,19 @@ def test_errors(case):
 def test_encoders_behind_the_gears_are_refused():
     with pytest.raises(RecordingError, match="leave out their columns"):
         with_wrenches(driven(q_link=Q), HELD, VALUES)
+
+
+def test_a_twist_is_the_speed_of_the_base():
+    floor = {"floor": VALUES["floor"]}
+    step = 1.0 / RATE
+    turning = (TURNS[2:] * TURNS[:-2].inv()).as_rotvec() / (2.0 * step)
+    twist = np.zeros((SAMPLES, 6))
+    twist[1:-1] = np.hstack([(PLACE[2:] - PLACE[:-2]) / (2.0 * step), turning])
+    made = with_wrenches(driven(dq=0.1 * Q), FLOATING, floor, POSE, twist)
+    slope = (made.q[2:, :6] - made.q[:-2, :6]) / (2.0 * step)
+    np.testing.assert_allclose(made.dq[1:-1, :6], slope, atol=2e-4)
+    np.testing.assert_array_equal(made.dq[:, 6:], 0.1 * Q)
+    alone = with_wrenches(driven(), FLOATING, floor, POSE, twist)
+    assert alone.dq is None and "those of the joints are missing" in alone.notes[-1]
+    without = with_wrenches(driven(dq=0.1 * Q), FLOATING, floor, POSE)
+    assert without.dq is None and "those of the base (twist)" in without.notes[-1]

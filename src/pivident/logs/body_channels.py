@@ -21,6 +21,7 @@ BASE_COLUMNS = {
     "position": ("x", "y", "z"),
     "quaternion": ("x", "y", "z", "w"),
     "rpy": ("roll", "pitch", "yaw"),
+    "twist": ("vx", "vy", "vz", "wx", "wy", "wz"),
 }
 
 

@@ -48,6 +48,7 @@ UNITS_OF = {
     "base.position": LENGTH,
     "base.rpy": ANGLE,
     "base.quaternion": {"1": 1.0},
+    "base.twist": SPEED,
 }
 
 

@@ -154,7 +154,7 @@ def _with_body(recording: Recording, robot: Robot, body: Mapping[str, np.ndarray
             ).about("columns", "base")
         made = rotations_from_quaternions if turned == ["base.quaternion"] else rotations_from_rpy
         pose = position, made(body[turned[0]])
-    return with_wrenches(recording, robot, wrenches, pose)
+    return with_wrenches(recording, robot, wrenches, pose, body.get("base.twist"))
 
 
 def recording_from(

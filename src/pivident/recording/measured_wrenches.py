@@ -17,7 +17,7 @@ from pivident.errors import RecordingError
 from pivident.recording import checks
 from pivident.recording.recording import CHANNELS, MeasuredWrench, Recording
 from pivident.robot.description import Robot
-from pivident.robot.measured_base import base_positions
+from pivident.robot.measured_base import base_positions, base_speeds
 from pivident.robot.wrench_sensor import BASE, COMPONENTS
 from pivident.robot.wrench_torques import wrench_torques
 
@@ -27,6 +27,7 @@ def with_wrenches(
     robot: Robot,
     values: Mapping[str, np.ndarray] | None = None,
     pose: tuple[np.ndarray, np.ndarray] | None = None,
+    twist: np.ndarray | None = None,
 ) -> Recording:
     """A recording of the joints with motors, and what was measured besides.
 
@@ -38,6 +39,9 @@ def with_wrenches(
             [N, N m].
         pose: of a floating base: its origin in the world, shape (samples, 3) [m], and its axes,
             shape (samples, 3, 3).
+        twist: of a floating base: speed of its origin and angular velocity in the world, shape
+            (samples, 6) [m/s, rad/s]; with measured speeds ``dq`` of the joints it is a second
+            sensor of the motion, see `pivident.instruments.second_sensor`.
 
     Returns:
         The recording with one column for each joint of the robot.
@@ -49,7 +53,7 @@ def with_wrenches(
     """
     values = dict(values or {})
     _check_names(recording, robot, values, pose)
-    recording = _with_base(recording, robot, pose)
+    recording = _with_base(recording, robot, pose, twist)
     measured, torque = [], np.zeros(recording.q.shape)
     for sensor in robot.sensors:
         own = np.asarray(values[sensor.name], dtype=float)
@@ -111,7 +115,10 @@ def _check_names(
 
 
 def _with_base(
-    recording: Recording, robot: Robot, pose: tuple[np.ndarray, np.ndarray] | None
+    recording: Recording,
+    robot: Robot,
+    pose: tuple[np.ndarray, np.ndarray] | None,
+    twist: np.ndarray | None,
 ) -> Recording:
     """The recording with the joints of the base in front: at rest, or at their measured pose."""
     count = robot.base_joints
@@ -138,12 +145,23 @@ def _with_base(
         for channel in CHANNELS
         if (own := getattr(recording, channel)) is not None
     }
-    if robot.base_motion == "measured":  # nothing commands its speed, and no sensor measures it
+    notes = recording.notes
+    if robot.base_motion == "measured":  # nothing commands its speed
         channels |= {c: None for c in ("dq", "dq_ref", "ddq_ref") if c in channels}
+        if twist is not None and recording.dq is not None:
+            checks.check_shape("base.twist", twist, (recording.samples, 6))
+            channels["dq"] = np.hstack([base_speeds(base, twist), recording.dq])
+        elif twist is not None or recording.dq is not None:
+            missing = "the joints" if recording.dq is None else "the base (twist)"
+            notes += (
+                f"Measured speeds are not used: those of {missing} are missing; map both to have "
+                "a second sensor of the motion.",
+            )
     return replace(
         recording,
         joint_names=robot.joint_names,
         **channels,
+        notes=notes,
         inputs={key: np.hstack([still, own]) for key, own in recording.inputs.items()},
         allow_constant=True,
         saturation="allow",

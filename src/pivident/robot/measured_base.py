@@ -184,6 +184,28 @@ def base_positions(position: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     return np.column_stack([position, np.unwrap(roll), pitch, np.unwrap(yaw)])
 
 
+def base_speeds(positions: np.ndarray, twist: np.ndarray) -> np.ndarray:
+    """Speeds of the joints of a floating base from its measured twist.
+
+    With the axes E = (x, Rx y, Rx Ry z) of roll, pitch and yaw in the world, ω = E d/dt (roll,
+    pitch, yaw).
+
+    Args:
+        positions: of the joints of the base, shape (samples, 6) [m, rad].
+        twist: speed of its origin and its angular velocity in the world, shape (samples, 6)
+            [m/s, rad/s].
+
+    Returns:
+        Speeds, shape (samples, 6) [m/s, rad/s].
+    """
+    roll, pitch = positions[:, 3], positions[:, 4]
+    cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
+    zero, one = np.zeros_like(roll), np.ones_like(roll)
+    axes = np.array([[one, zero, sp], [zero, cr, -sr * cp], [zero, sr, cr * cp]])
+    turning = np.linalg.solve(np.moveaxis(axes, 2, 0), twist[:, 3:, None])[:, :, 0]
+    return np.hstack([twist[:, :3], turning])
+
+
 def rotations_from_quaternions(quaternion: np.ndarray) -> np.ndarray:
     """Rotation matrices of unit quaternions x y z w, shape (samples, 3, 3).
 
