@@ -94,7 +94,7 @@ ERRORS = {
         r"columns for a wrench 'hand', and no sensor",
     ),
     "no pose": (FLOATING, {"floor": VALUES["floor"]}, None, r"does not hold its pose; map base"),
-    "no force": (with_floating_base(ARM), {}, POSE, r"no measured wrench holds it"),
+    "no force": (with_floating_base(ARM), {}, POSE, r"has a floating base, and nothing holds it"),
     "not held": (with_held_base(ARM), {}, None, r'is not described; add it by \[\[wrench\]\]'),
     "a pose": (HELD, VALUES, POSE, r"does not move; write floating_base = true"),
     "constant": (
