@@ -129,7 +129,8 @@ def test_decimated_estimates_are_tested_too(method):
 def test_every_kind_is_corrected_or_says_what_to_do_instead():
     able = {cause.kind for cause in causes().values() if cause.correct is not None}
     others = {cause.kind for cause in causes().values()} - able
-    assert able == set(CORRECTED)
+    # the arm of these tests has no force sensor
+    assert able == set(CORRECTED) - {"wrench frame", "wrench gain"}
     # a load in one recording needs several; joints that are coupled are counted apart
     assert others == set(INSTEAD) - {"payload", COUPLED}
 
