@@ -75,8 +75,8 @@ def test_methods(problems, name, method):
     assert not said
 
 
-@pytest.mark.parametrize("name", ["held", "floating"])
-def test_didim_with_a_base(problems, name):
+@pytest.mark.parametrize("name", ROBOTS)
+def test_didim(problems, name):
     with pytest.raises(RobotDescriptionError, match=WRENCH):
         pv.identify(problems[name], "didim")
 

@@ -15,7 +15,7 @@ from pivident.errors import RobotDescriptionError
 from pivident.robot import wrench_torques as module
 from pivident.robot.frames import Pose, rotation_from_rpy
 from pivident.robot.wrench_sensor import WrenchSensor
-from pivident.robot.wrench_torques import link_rotations, sensor_link, wrench_torques
+from pivident.robot.wrench_torques import link_places, sensor_link, wrench_torques
 from tests.robot.mujoco_base_twin import BaseTwin
 
 FRAME = Pose(rotation_from_rpy(0.4, -0.7, 2.0), np.array([0.05, -0.1, 0.15]))
@@ -57,7 +57,7 @@ def test_torques_are_those_of_mujocos_jacobian(case):
         theirs = twin.applied(q[k], sensor, wrench[k])
         np.testing.assert_allclose(own[moves], theirs[moves], atol=1e-9)
         np.testing.assert_allclose(
-            link_rotations(robot, sensor_link(robot, sensor), q[k : k + 1])[0]
+            link_places(robot, sensor_link(robot, sensor), q[k : k + 1])[0][0]
             @ sensor.frame.rotation,
             twin.data.site("sensor").xmat.reshape(3, 3),
             atol=1e-12,

@@ -79,9 +79,8 @@ def identify_didim(problem: Problem, method: PrefilteredIV, say: Say) -> Identif
 
 
 def check_loop(problem: Problem, method: PrefilteredIV) -> None:
-    """Refuse a virtual loop, whose motion is not the machine's, and a base without motion."""
-    if problem.robot.base_joints:
-        without_wrenches(problem.robot, f"the method {method.label}")
+    """Refuse a virtual loop, whose motion is not the machine's, and measured wrenches."""
+    without_wrenches(problem.robot, f"the method {method.label}")
     if problem.loop is not None and problem.loop.reference == "smoothed":
         raise ExperimentError(
             f"{method.label} takes the motion from the simulated loop, which with reference = "

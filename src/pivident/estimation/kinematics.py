@@ -18,11 +18,10 @@ import numpy as np
 
 from pivident.errors import RecordingError, RecordingTooShort
 from pivident.estimation.methods import Algebraic, Bandpass, RandomWalk, SignalRecipe
-from pivident.motion.kinematics import MIN_RUN, Kinematics
+from pivident.motion.kinematics import MIN_RUN, Kinematics, aligned_torque
 from pivident.recording.recording import Recording
 from pivident.scratch import working_array
 from pivident.signals.algebraic import algebraic_derivative, half_gain_product
-from pivident.signals.alignment import AlignedTorque, align_torque
 from pivident.signals.bandpass import EDGE, bandpass
 from pivident.signals.coloured_walk import WalkSmoother, smooth_with_lines
 from pivident.signals.coloured_walk_likelihood import NoiseColour
@@ -88,7 +87,7 @@ def estimate_kinematics(recording: Recording, signals: SignalRecipe) -> Kinemati
     lost = [(0, 0)] * recording.joints
 
     def work(j: int) -> None:
-        torque = _aligned(recording, j, align)
+        torque = aligned_torque(recording, j, align)
         lost[j] = torque.lost_start, torque.lost_end
         averaged = at_instants and torque.is_average
         tau[j] = torque_at_instants(torque.tau) if averaged else torque.tau
@@ -194,20 +193,6 @@ def _cutoffs(signals: Bandpass | Algebraic, recording: Recording) -> np.ndarray:
     lowest = np.minimum(np.maximum(MIN_PERIODS / recording.duration, 0.05 * highest), highest)
     wanted = ABOVE_HALF_POWER * half_power_frequencies(recording.q, rate)
     return np.clip(wanted, lowest, highest)
-
-
-def _aligned(recording: Recording, joint: int, align: bool) -> AlignedTorque:
-    """Torque of one joint on the instants of the positions.
-
-    A declared delay is taken out in any case.
-    """
-    return align_torque(
-        np.ascontiguousarray(recording.tau[:, joint]),
-        recording.rate,
-        recording.torque_timing if align else "sampled",
-        control_rate=recording.control_rate,
-        delay=recording.delay - recording.drive_delay,
-    )
 
 
 def _random_walk(

@@ -8,6 +8,7 @@ import numpy as np
 
 from pivident.dynamics.regressor import Regressor
 from pivident.recording.recording import Recording
+from pivident.signals.alignment import AlignedTorque, align_torque
 from pivident.signals.coloured_walk import WalkSmoother
 from pivident.signals.spectral_lines import SpectralLine
 
@@ -46,6 +47,25 @@ class Kinematics:
     def stretch(self, span: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """q, dq and ddq on some samples."""
         return self.q[:, span], self.dq[:, span], self.ddq[:, span]
+
+
+def aligned_torque(recording: Recording, joint: int, align: bool = True) -> AlignedTorque:
+    """Torque of one joint on the instants of the positions.
+
+    A declared delay is taken out in any case.
+
+    Args:
+        recording: the run.
+        joint: index of the joint.
+        align: whether torques that are held or averaged are moved to the instants, too.
+    """
+    return align_torque(
+        np.ascontiguousarray(recording.tau[:, joint]),
+        recording.rate,
+        recording.torque_timing if align else "sampled",
+        control_rate=recording.control_rate,
+        delay=recording.delay - recording.drive_delay,
+    )
 
 
 def usable_samples(kinematics: Kinematics) -> np.ndarray:

@@ -19,6 +19,7 @@ import numpy as np
 
 from pivident.dynamics.closed_chains.closed_motion import ClosedChains
 from pivident.errors import RecordingError
+from pivident.motion.kinematics import aligned_torque
 from pivident.recording.recording import Recording
 from pivident.robot.closed_chains import closed_robot
 from pivident.robot.constraints import Closure
@@ -26,7 +27,6 @@ from pivident.robot.description import Robot
 from pivident.robot.frames import Pose
 from pivident.robot.measured_base import BASE_JOINTS
 from pivident.robot.wrench_torques import link_places
-from pivident.signals.alignment import align_torque
 from pivident.signals.instants import torque_at_instants
 
 #: How far a foot may be from its place, for a moment and on average [m].
@@ -125,11 +125,5 @@ def _at_the_base(robot: Robot, recording: Recording) -> Recording:
 
 def _at_instants(recording: Recording, joint: int) -> np.ndarray:
     """Torque of one motor at the instants of the positions, shape (samples,)."""
-    aligned = align_torque(
-        np.ascontiguousarray(recording.tau[:, joint]),
-        recording.rate,
-        recording.torque_timing,
-        control_rate=recording.control_rate,
-        delay=recording.delay - recording.drive_delay,
-    )
+    aligned = aligned_torque(recording, joint)
     return torque_at_instants(aligned.tau) if aligned.is_average else aligned.tau
