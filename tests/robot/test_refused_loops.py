@@ -22,8 +22,8 @@ from pivident.export import export_model, to_c, to_urdf
 from pivident.models.runnable_model import runnable_model
 from pivident.payload import identify_payload
 from pivident.robot import lugre, viscous
-from pivident.robot.description import without_loops
 from pivident.robot.friction import FrictionLaw
+from pivident.robot.refusals import without_loops
 from pivident.simulation.gravity_compensation import GravityModel
 from pivident.simulators import fit_simulator
 

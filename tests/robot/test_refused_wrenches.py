@@ -15,7 +15,7 @@ from pivident.models.runnable_model import runnable_model
 from pivident.payload import identify_payload
 from pivident.recording import with_wrenches
 from pivident.robot import WrenchSensor, with_floating_base, with_wrench_sensors
-from pivident.robot.description import without_loops, without_wrenches
+from pivident.robot.refusals import without_loops, without_wrenches
 from pivident.simulators import fit_simulator
 from pivident.symbolic import symbolic_models
 

@@ -92,7 +92,7 @@ def excite(
     from pivident.excitation.design_files import RATE, check_rate, write_design
     from pivident.excitation.design_motion import DESIGNED_ELSEWHERE, design_motion
     from pivident.excitation.excite_table import limits_of, question_of, torque_noise_of
-    from pivident.robot.description import without_loops
+    from pivident.robot.refusals import without_loops
 
     folder = out or _new_folder()
     check_output(folder)

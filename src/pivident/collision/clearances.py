@@ -24,7 +24,8 @@ from pivident.collision.outlines import reach
 from pivident.collision.pairs import Pair, candidate_pairs, levers, random_postures, swept_ball
 from pivident.collision.poses import LinkPoses
 from pivident.errors import ExperimentError
-from pivident.robot.description import Robot, without_loops
+from pivident.robot.description import Robot
+from pivident.robot.refusals import without_loops
 
 #: Share of random postures from which on two bodies are near because they are built so.
 STRUCTURAL_SHARE = 0.95

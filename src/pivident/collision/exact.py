@@ -17,7 +17,8 @@ from pivident.collision.poses import LinkPoses
 from pivident.collision.urdf import LinkShape, link_shapes
 from pivident.errors import RobotDescriptionError
 from pivident.extras import require
-from pivident.robot.description import Robot, without_loops
+from pivident.robot.description import Robot
+from pivident.robot.refusals import without_loops
 
 
 def exact_distances(

@@ -14,8 +14,9 @@ import numpy as np
 from pivident.collision.bodies import BASE, Body, Outline, numbered
 from pivident.collision.urdf import urdf_outline
 from pivident.errors import RobotDescriptionError
-from pivident.robot.description import INERTIAL, Robot, without_loops
+from pivident.robot.description import INERTIAL, Robot
 from pivident.robot.naming import repeated
+from pivident.robot.refusals import without_loops
 from pivident.text.lists import listed
 
 #: Radius of a skeleton's capsules as a share of the robot's reach. Industrial arms and cobots have

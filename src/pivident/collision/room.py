@@ -14,9 +14,10 @@ from pivident.collision.clearances import Clearances
 from pivident.collision.obstacles import Obstacle, ToolBox
 from pivident.collision.outlines import outline_of
 from pivident.errors import ExperimentError, RobotDescriptionError, concerning
-from pivident.robot.description import Robot, without_loops
+from pivident.robot.description import Robot
 from pivident.robot.frames import rotation_from_rpy
 from pivident.robot.naming import nearest
+from pivident.robot.refusals import without_loops
 from pivident.text.lists import listed
 
 if TYPE_CHECKING:

@@ -37,8 +37,9 @@ from pivident.errors import ExperimentError, NoConsistentModelNear
 from pivident.estimation.identification import Identification
 from pivident.estimation.solved_equations import TorqueSums
 from pivident.estimation.torque_sums import estimated_in_base, torque_sums
-from pivident.robot.description import Robot, without_base
+from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
+from pivident.robot.refusals import without_base
 from pivident.text.numbers import format_significant
 from pivident.text.plain_table import plain_table
 

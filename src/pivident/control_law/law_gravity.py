@@ -35,7 +35,8 @@ from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor import Regressor
 from pivident.dynamics.robot_regressor import regressor_of
 from pivident.recording.recording import Recording
-from pivident.robot.description import Robot, without_loops
+from pivident.robot.description import Robot
+from pivident.robot.refusals import without_loops
 from pivident.simulation.gravity_compensation import MASS_STEMS, GravityModel
 
 #: Where a law evaluates its gravity model.

@@ -31,7 +31,7 @@ from pivident.estimation.methods import RandomWalk
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
-from pivident.robot.description import without_wrenches
+from pivident.robot.refusals import without_wrenches
 from pivident.robot.wrench_sensor import BASE
 
 #: Rounds of simulation; gains that change by less than this many standard errors have converged.

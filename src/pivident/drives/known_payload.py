@@ -20,8 +20,9 @@ import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters
 from pivident.errors import ExperimentError
-from pivident.robot.description import INERTIAL, without_loops
+from pivident.robot.description import INERTIAL
 from pivident.robot.inertia import from_center_of_mass, tensor
+from pivident.robot.refusals import without_loops
 
 
 @dataclass(frozen=True, eq=False)

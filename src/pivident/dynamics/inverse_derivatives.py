@@ -22,7 +22,8 @@ from pivident.dynamics.rigid_body_slopes import (
     slope_scratch,
     torque_slopes,
 )
-from pivident.robot.description import Robot, without_loops
+from pivident.robot.description import Robot
+from pivident.robot.refusals import without_loops
 
 #: What there is for a robot with closed loops.
 DIFFERENCES = "take differences of the torques of pivident.dynamics.regressor_of"

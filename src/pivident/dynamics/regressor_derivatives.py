@@ -27,7 +27,8 @@ from pivident.compiled import inlined as _inline
 from pivident.dynamics.column_slopes import ColumnSlope, column_slopes
 from pivident.dynamics.kernels import Tree, link_poses, tree_of
 from pivident.dynamics.regressor import Regressor
-from pivident.robot.description import INERTIAL, without_loops
+from pivident.robot.description import INERTIAL
+from pivident.robot.refusals import without_loops
 from pivident.threads import run_in_threads
 
 #: Samples of a thread's block.

@@ -44,7 +44,7 @@ from pivident.estimation.problem import Problem
 from pivident.instruments.given_motion import InstrumentsUsed
 from pivident.motion.kinematics import Kinematics
 from pivident.motion.motion import SimulatedMotion, with_inner
-from pivident.robot.description import without_wrenches
+from pivident.robot.refusals import without_wrenches
 from pivident.text.finding import Finding
 
 #: Iterations behind the inverse controller alone: as long as θ is wrong the residual shows it, and

@@ -25,7 +25,8 @@ from pivident.excitation.objective import Objective
 from pivident.excitation.questions import Question, robot_question
 from pivident.excitation.request import MIN_DURATION, DesignRequest, chosen_parameters
 from pivident.excitation.search import Search
-from pivident.robot.description import Robot, without_loops
+from pivident.robot.description import Robot
+from pivident.robot.refusals import without_loops
 from pivident.text.lists import listed
 
 #: Durations between which a goal is looked for: no nearer than this share.

@@ -45,8 +45,9 @@ from pivident.experiment.toml_file import errors_name, toml_content
 from pivident.motion.law_torque import with_law_torque
 from pivident.motion.planted_feet import on_planted_feet
 from pivident.recording.recording import Recording
-from pivident.robot.description import Robot, without_base
+from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
+from pivident.robot.refusals import without_base
 from pivident.simulation.control_loop import Loop
 
 #: What there is for a robot on a measured base.

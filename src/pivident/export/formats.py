@@ -17,8 +17,8 @@ from pivident.export.urdf import to_urdf
 from pivident.models.exported import ExportedText, Verification, refuse_loops
 from pivident.models.model_json import to_json, verify_json
 from pivident.models.runnable_model import RunnableModel
-from pivident.robot.description import without_base
 from pivident.robot.naming import nearest
+from pivident.robot.refusals import without_base
 
 Format = Literal["urdf", "mjcf", "sdf", "c", "numpy", "json", "latex"]
 

@@ -17,7 +17,8 @@ from pivident.export.sketch import sticks
 from pivident.export.xml_text import comment, distinct, number, numbers, quoted, unlike
 from pivident.models.link_bodies import is_possible
 from pivident.models.runnable_model import RunnableModel
-from pivident.robot.description import Joint, Robot, without_base
+from pivident.robot.description import Joint, Robot
+from pivident.robot.refusals import without_base
 
 #: Joint properties of MJCF: all but friction of other forms.
 SUPPORTED: frozenset[JointProperty] = frozenset(

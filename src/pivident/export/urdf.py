@@ -23,7 +23,8 @@ from pivident.export.xml_edit import Element, XmlText
 from pivident.export.xml_text import number, numbers
 from pivident.models.link_bodies import is_possible, link_inertias
 from pivident.models.runnable_model import RunnableModel
-from pivident.robot.description import Robot, without_base
+from pivident.robot.description import Robot
+from pivident.robot.refusals import without_base
 from pivident.robot.urdf import DOWN, parse_urdf
 from pivident.robot.urdf_xml import parse_model
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pivident.dynamics.robot_regressor import closing_states
-from pivident.robot.description import Robot, without_loops
+from pivident.robot.description import Robot
+from pivident.robot.refusals import without_loops
 
 #: Largest difference of a torque from the model's, relative to the largest torque of its joint,
 #: that counts as equal.

@@ -57,8 +57,9 @@ from pivident.payload.restricted_solution import (
     with_known,
 )
 from pivident.recording.recording import Recording
-from pivident.robot.description import Robot, without_loops, without_wrenches
+from pivident.robot.description import Robot
 from pivident.robot.frames import Pose
+from pivident.robot.refusals import without_loops, without_wrenches
 from pivident.simulation.control_loop import Loop
 
 #: Standard error, in natural sizes (1 kg, 0.1 m), above which a direction of the load counts as

@@ -22,7 +22,8 @@ from pivident.compiled import allocating, inner
 from pivident.dynamics.kernels import link_poses, place_link, tree_of
 from pivident.dynamics.parameters import Parameter, nominal_values, standard_parameters
 from pivident.errors import ExperimentError
-from pivident.robot.description import Robot, without_loops
+from pivident.robot.description import Robot
+from pivident.robot.refusals import without_loops
 from pivident.simulation.controllers import Controller, PythonController, SampledLaw
 
 #: Parameters that gravity acts on, in the order of the last axis of ``GravityModel.masses``.

@@ -18,7 +18,8 @@ from pivident.estimation.auxiliary_model import loop_signals
 from pivident.estimation.output_error.simulation_fit import SimulationFit
 from pivident.estimation.output_error.stretch import Stretch
 from pivident.recording.recording import Recording
-from pivident.robot.description import Robot, without_loops, without_wrenches
+from pivident.robot.description import Robot
+from pivident.robot.refusals import without_loops, without_wrenches
 from pivident.simulation.closed_loop import LoopSignals
 from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import Controller

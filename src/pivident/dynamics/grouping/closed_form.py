@@ -43,8 +43,9 @@ from pivident.dynamics.grouping.rows import Row
 from pivident.dynamics.grouping.rules import JointRules, LocalGroups
 from pivident.dynamics.parameters import Parameter, standard_parameters
 from pivident.errors import RobotDescriptionError
-from pivident.robot.description import INERTIAL, Robot, without_loops
+from pivident.robot.description import INERTIAL, Robot
 from pivident.robot.inertia import moved
+from pivident.robot.refusals import without_loops
 
 if TYPE_CHECKING:
     import sympy

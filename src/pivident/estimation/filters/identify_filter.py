@@ -29,7 +29,7 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.iteration import Estimate, Run, Say, solved_otherwise
 from pivident.estimation.least_squares import least_squares_start
 from pivident.estimation.problem import Problem
-from pivident.robot.description import without_wrenches
+from pivident.robot.refusals import without_wrenches
 from pivident.text.finding import Finding, Quantity
 
 #: Mean squares of innovations between which noises are as large as assumed …

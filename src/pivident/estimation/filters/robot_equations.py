@@ -21,9 +21,10 @@ from pivident.dynamics.friction_kernels import friction_value_and_slope
 from pivident.dynamics.kernels import Tree, tree_of
 from pivident.dynamics.parameters import Parameter
 from pivident.errors import ExperimentError
-from pivident.robot.description import INERTIAL, Robot, without_loops
+from pivident.robot.description import INERTIAL, Robot
 from pivident.robot.friction import FrictionColumn
 from pivident.robot.friction_term import SignFunction
+from pivident.robot.refusals import without_loops
 
 _OFFSET, _VISCOUS = int(FrictionColumn.OFFSET), int(FrictionColumn.VISCOUS)
 _SPRING, _STRUT = int(FrictionColumn.SPRING), int(FrictionColumn.STRUT)

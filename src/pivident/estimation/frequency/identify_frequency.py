@@ -46,7 +46,7 @@ from pivident.instruments.given_motion import InstrumentsUsed, agreement
 from pivident.motion.kinematics import Kinematics, residual_of
 from pivident.motion.motion import SimulatedMotion, packed_stretch, with_inner
 from pivident.recording.recording import Recording
-from pivident.robot.description import without_wrenches
+from pivident.robot.refusals import without_wrenches
 from pivident.signals.random_walk import half_power_frequencies
 from pivident.text.finding import Finding, Quantity
 

@@ -46,7 +46,7 @@ from pivident.estimation.prefiltered_iv import full_rate_start
 from pivident.estimation.problem import Problem
 from pivident.estimation.simulation_result import LoopParameter, SimulationResult
 from pivident.instruments.given_motion import InstrumentsUsed
-from pivident.robot.description import without_wrenches
+from pivident.robot.refusals import without_wrenches
 from pivident.text import display
 from pivident.text.finding import Finding, Quantity
 

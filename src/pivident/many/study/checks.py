@@ -8,7 +8,7 @@ from pivident.errors import ExperimentError
 from pivident.many.study.bench import Bench
 from pivident.many.study.motion import reach_of
 from pivident.many.study.scenario_tables import ScenarioTables
-from pivident.robot.description import without_loops
+from pivident.robot.refusals import without_loops
 
 #: Smallest number of samples of a record for all methods.
 MIN_RECORD = 200
