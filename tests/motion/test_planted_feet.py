@@ -1,12 +1,16 @@
 """Robots on feet that stand, against records by MuJoCo whose contact forces nobody knows."""
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from benchmarks.mujoco_base import Accuracy
 from benchmarks.mujoco_stance import stance_record, standing_quadruped, truth_of_stance
+from scipy.spatial.transform import Rotation
 
+from pivident.cli import main
 from pivident.dynamics.closed_chains.closed_motion import ClosedChains
 from pivident.errors import RecordingError, RobotDescriptionError
 from pivident.estimation.kinematics import estimate_kinematics
@@ -103,3 +107,40 @@ def test_the_quadruped_of_the_gallery_floats():
     assert robot.base_motion == "measured" and robot.base_joints == 6
     assert robot.links[5].name == "trunk" and robot.links[5].inertia[9] == 12.0
     assert robot.on_fixed_base.size == 12
+
+
+def test_the_command_line_checks_and_identifies_a_stance(robot, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    made = stance_record(robot, 2600, 1, Accuracy(2e-5, 0.0, 0.0, 5e-5, 5e-5), substeps=6)
+    part = made.part(100, made.samples)
+    names = robot.joint_names[6:]
+    turns = Rotation.from_euler("XYZ", part.q[:, 3:6]).as_quat()
+    table = np.column_stack([part.t, part.q[:, 6:], part.tau[:, 6:], part.q[:, :3], turns])
+    joints = [f"{c}_{n}" for c in ("q", "tau") for n in names]
+    header = ["time", *joints, "x", "y", "z", "qx", "qy", "qz", "qw"]
+    np.savetxt("log.csv", table, delimiter=",", header=",".join(header), comments="")
+    q, tau = ([f"{c}_{n}" for n in names] for c in ("q", "tau"))
+    text = f"""[robot]
+model = "quadruped"
+[recording]
+files = "log.csv"
+[recording.columns]
+t = "time"
+q = {json.dumps(q)}
+tau = {json.dumps(tau)}
+base = {{position = ["x", "y", "z"], quaternion = ["qx", "qy", "qz", "qw"]}}
+[identify]
+methods = ["ls"]
+"""
+    feet = "".join(
+        f'[[contact]]\nlink = "{foot.link}"\nat = [0.25, 0.0, 0.0]\n' for foot in robot.contacts
+    )
+    Path("stance.toml").write_text(text + feet, encoding="utf-8")
+    assert main(["check", "stance.toml"]) == 0
+    assert "138 base parameters" in capsys.readouterr().out
+    assert main(["identify", "stance.toml", "--folds", "0", "--out", "out"]) == 0
+    said = capsys.readouterr().out
+    assert "let base_x" in said or "move base_x" in said
+    Path("slipped.toml").write_text(text + feet.replace("0.25", "0.15"), encoding="utf-8")
+    assert main(["check", "slipped.toml"]) != 0
+    assert "does not stand" in capsys.readouterr().out

@@ -54,7 +54,7 @@ def check_columns(
     """Compare what a file says its columns are with what they are called."""
     named = {channel: _names(spec) for channel, spec in columns.items() if channel != "inputs"}
     remarks = [*_used_twice(named, table)]
-    joints = robot.joint_names if robot else ()
+    joints = robot.on_fixed_base.joint_names if robot else ()  # no log has a base's joints
     for channel, names in named.items():
         remarks += [*_another_quantity(channel, names, table)]
         remarks += [*_another_order(channel, names, joints, table)]

@@ -22,6 +22,7 @@ from pivident.experiment.missing_torque import check_torque
 from pivident.experiment.recording_tables import loop_of
 from pivident.files import check_output
 from pivident.logs.clocks.timestamps import LOWEST_RATE
+from pivident.motion.planted_feet import on_planted_feet
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.robot.naming import find_joint
@@ -114,6 +115,13 @@ class ProblemCheck:
         if not fitted:
             self._parameters(robot)
             return None
+        if robot.contacts:
+            try:
+                robot, planted = on_planted_feet(robot, fitted)
+            except PividentError as error:
+                self.remarks.append(of_error(error, "file", ("contact",)))
+                return None
+            fitted = list(planted)
         try:
             return problem_of(given, robot, fitted, loop)
         except PividentError as error:

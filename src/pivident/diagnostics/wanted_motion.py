@@ -102,7 +102,8 @@ def motion_for(
     """
     moving = moving_joints(robot, parameter)
     driven = [j for j in moving if robot.joints[j].motion == "driven"]
-    joints = driven or [*range(robot.base_joints, robot.size)]  # no motor moves a base
+    # no motor moves a base; of a robot on planted feet its pose is all that there is to name
+    joints = driven or [*range(robot.base_joints, robot.size)] or [*moving]
     own = [j for j, place in enumerate(robot.places) if place == parameter.joint and j in joints]
     # an offset has a constant column: motion in both directions separates it from Coulomb friction
     quantity = 1 if parameter.stem == "off" else int(np.argmax(parts))

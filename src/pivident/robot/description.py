@@ -353,9 +353,12 @@ class Robot:
 
     @cached_property
     def on_fixed_base(self) -> Robot:
-        """The same robot without the joints and the link of a measured base."""
+        """The same robot without the joints and the link of a measured base.
+
+        On planted feet it has no other independent joints, and is returned itself.
+        """
         first = self.base_joints
-        if not first:
+        if not first or self.constraints is not None:
             return self
         return replace(
             self,
