@@ -21,13 +21,13 @@ ORDER = (
     "model_errors", "experiment", "audit", "diagnostics", "check", "init",
     "report", "comparison", "prediction", "figures", "tables", "notebook",
     "linear", "symbolic", "export", "simulators", "payload", "flexibility", "collision",
-    "excitation", "many", "paper", "cli", "__main__",
+    "excitation", "many", "paper", "studio", "cli", "__main__",
 )  # fmt: skip
 
 #: Doors that can be closed: no package before the command line imports them.
 DOORS = (
     "linear", "symbolic", "export", "simulators", "payload", "flexibility", "collision",
-    "excitation", "many", "paper",
+    "excitation", "many", "paper", "studio",
 )  # fmt: skip
 
 #: 6,000, loops whose law reads whole counts, iterations that go back and forth, noise of the

@@ -33,6 +33,7 @@ from pivident.cli.laws import laws
 from pivident.cli.paper import paper
 from pivident.cli.payload import payload
 from pivident.cli.predict import predict
+from pivident.cli.studio import studio
 from pivident.cli.study import study
 from pivident.cli.symbolic import symbolic
 from pivident.errors import DatasetUnavailable, PividentError
@@ -63,6 +64,7 @@ app.command(datasets_app)
 app.command(check)
 app.command(excite)
 app.command(study)
+app.command(studio)
 app.command(paper)
 app.command(fleet)
 app.command(friction)

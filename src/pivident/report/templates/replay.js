@@ -1,15 +1,14 @@
 // The arm moved as recorded: turn it, play it, and see the same instant in all figures over time.
-(() => {
-  const holder = document.getElementById("replay-motion");
-  if (!holder) return;
-  const motion = JSON.parse(holder.textContent);
-  const stage = document.querySelector(".replay .stage");
+// A page may bring another motion later: what belongs to a view that is gone does nothing any more.
+function replay(root) {
+  const motion = JSON.parse(root.nextElementSibling.textContent);
+  const stage = root.querySelector(".stage");
   const canvas = stage.querySelector("canvas");
   const play = stage.querySelector(".play");
   const slider = stage.querySelector("input[type=range]");
   const output = stage.querySelector("output");
   const choice = (name) => stage.querySelector(`[name=${name}]`);
-  const rows = [...document.querySelectorAll(".replay .posture tbody tr")];
+  const rows = [...root.querySelectorAll(".posture tbody tr")];
   const still = matchMedia("(prefers-reduced-motion: reduce)");
 
   const VIEWS = { oblique: [0.9, 0.42], front: [0, 0.02], side: [Math.PI / 2, 0.02], top: [0, Math.PI / 2 - 0.01] };
@@ -57,7 +56,7 @@
   function draw() {
     asked = false;
     const { clientWidth: width, clientHeight: height } = canvas;
-    if (!width) return;
+    if (!width || !root.isConnected) return;
     const density = devicePixelRatio || 1;
     if (canvas.width !== Math.round(width * density) || canvas.height !== Math.round(height * density)) {
       canvas.width = Math.round(width * density);
@@ -134,7 +133,7 @@
   }
 
   function tick(now) {
-    if (!playing) return;
+    if (!playing || !root.isConnected) return;
     const passed = Math.min((now - last) / 1000, 1);
     if (!still.matches || passed >= STEP) {
       last = now;
@@ -203,7 +202,7 @@
 
   time.whenClicked((name, t) => {
     const index = motion.recordings.findIndex((own) => own.name === name);
-    if (index < 0) return;
+    if (index < 0 || !root.isConnected) return;
     if (motion.recordings[index] !== recording) {
       choose(index);
       choice("recording").value = index;
@@ -213,14 +212,15 @@
   });
 
   function colour() {
-    document.querySelectorAll(".replay .swatch").forEach((swatch) => {
+    root.querySelectorAll(".swatch").forEach((swatch) => {
       swatch.style.background = `var(--m${motion.rows[swatch.dataset.joint] % {{ method_colours | length }}})`;
     });
     ask();
   }
-  theme.follow(() => { colour(); draw(); });
+  theme.follow(() => { if (root.isConnected) { colour(); draw(); } });
   new ResizeObserver(ask).observe(canvas);
   addEventListener("beforeprint", draw);
   choose(0);
   colour();
-})();
+}
+document.querySelectorAll(".replay").forEach(replay);

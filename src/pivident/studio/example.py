@@ -1,0 +1,49 @@
+"""An example to begin with: the textbook arm in its loop, with the log that its controller writes."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+
+from pivident.files import atomic_folder
+from pivident.robot.gallery import load_robot
+from pivident.simulation.control_loop import Loop
+from pivident.simulation.controllers import PD
+from pivident.simulation.simulated_record import simulate
+
+#: The robot of the gallery, its gains [N m per rad, N m s per rad], and the log [Hz, s].
+ROBOT, KP, KD = "planar_2r", (6000.0, 2500.0), (180.0, 60.0)
+RATE, DURATION = 1000.0, 12.0
+
+#: Noise of encoders in the loop [rad] and of the torque sensors [N m].
+ENCODER, TORQUE = 2e-5, 0.15
+
+HEADER = ("time", "q1", "q2", "q1_ref", "q2_ref", "tau1", "tau2")
+
+
+def write_example(folder: Path, seed: int = 0) -> None:
+    """Simulate the arm and write ``log.csv`` and the table of the experiment file that names it.
+
+    Args:
+        folder: of the new project.
+        seed: of motion and noise.
+    """
+    record = simulate(
+        load_robot(ROBOT),
+        Loop(PD(kp=KP, kd=KD)),
+        rate=RATE,
+        duration=DURATION,
+        encoder=ENCODER,
+        torque=TORQUE,
+        seed=seed,
+    ).recording
+    time = np.arange(record.samples) / record.rate
+    degrees = np.rad2deg(np.hstack([record.q, record.q_ref]))
+    with atomic_folder(folder) as build:
+        with (build / "log.csv").open("w", encoding="utf-8", newline="") as file:
+            writer = csv.writer(file)
+            writer.writerow(HEADER)
+            rows = np.column_stack([time, degrees, record.tau])
+            writer.writerows([f"{x:.9g}" for x in row] for row in rows)

@@ -1,0 +1,418 @@
+"""What the pages show: each piece of a project's page, from files, with a key that says when it is
+another one."""
+
+from __future__ import annotations
+
+import hashlib
+import shlex
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from markupsafe import Markup
+
+from pivident.check.plan import in_words
+from pivident.robot.gallery import gallery_names
+from pivident.studio.assets import templates
+from pivident.studio.findings_list import check_context
+from pivident.studio.projects import (
+    RESULTS,
+    Project,
+    ProjectError,
+    is_robot,
+    version_of,
+)
+from pivident.studio.results_list import result_context
+from pivident.studio.row_groups import row_groups
+from pivident.studio.rows import addable, experiment_rows
+from pivident.studio.studio import Content, Studio, json_of
+from pivident.studio.methods import DEFAULT, GROUPS
+from pivident.studio.uploads import is_log
+from pivident.text.plain_values import strict_json
+from pivident.text.sizes import bytes_in_words
+from pivident.version import __version__
+
+#: Names for new examples.
+EXAMPLE = "example"
+
+
+class View:
+    """A project as it is at one moment; what several pieces need is read once."""
+
+    def __init__(self, studio: Studio, project: Project) -> None:
+        self.studio, self.project = studio, project
+        self.address = studio.address(project)
+        self.draft_task = studio.settle(project)
+        self.text = project.text
+        self.version = version_of(self.text)
+        self.content = Content(self.text)
+        self.look = studio.looks.state(project.folder)
+        self.folder = studio.looks.folder(project.folder)
+
+    @cached_property
+    def draft(self) -> dict[str, Any]:
+        """The last draft."""
+        return self.studio.drafted(self.project)
+
+    @cached_property
+    def signals(self) -> dict[str, Any]:
+        """What signals there are; empty before they have been read."""
+        return json_of(self.folder / "signals" / "signals.json") if self.has("signals") else {}
+
+    @cached_property
+    def check(self) -> dict[str, Any]:
+        """What the check has found; empty before it has ended."""
+        return json_of(self.folder / "findings" / "check.json") if self.has("findings") else {}
+
+    @cached_property
+    def runs(self) -> list[dict[str, Any]]:
+        """All runs, the last one first."""
+        return self.studio.runs.listed(self.project.folder)
+
+    @cached_property
+    def files(self) -> list[tuple[str, int, int]]:
+        """Path, size and time of the files that were brought."""
+        found = []
+        for path in self.project.inputs():
+            about = path.stat()
+            name = path.relative_to(self.project.folder).as_posix()
+            found.append((name, about.st_size, about.st_mtime_ns))
+        return found
+
+    @cached_property
+    def hindrance(self) -> str:
+        """Why nothing may be run yet."""
+        return self.studio.hindrance(self.project)
+
+    def has(self, stage: str) -> bool:
+        """Whether a stage of the look has ended."""
+        return self.look[stage] == "ready"
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether the page is going to change of itself."""
+        looking = "running" in (self.look["signals"], self.look["findings"])
+        running = any(run["state"] in ("running", "waiting") for run in self.runs)
+        return looking or running or self.draft_task["state"] == "running"
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A piece of the page that changes as a whole.
+
+    Attributes:
+        name: its name; its template is ``NAME.html``.
+        part: the step that it belongs to.
+        key: what it follows from.
+        context: what its template shows.
+        mark: what the list of steps shows beside the step; ``-`` leaves it to others.
+    """
+
+    name: str
+    part: str
+    key: Callable[[View], Any]
+    context: Callable[[View], dict[str, Any]]
+    mark: Callable[[View], str] = lambda view: "-"
+
+    def key_of(self, view: View) -> str:
+        """A short text that is another one where the piece is."""
+        text = strict_json([__version__, self.key(view)])
+        return hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()[:16]
+
+
+def _files(view: View) -> dict[str, Any]:
+    """Files, robot, the draft and its questions."""
+    robot, draft = view.content.robot, view.draft
+    untouched = bool(view.text) and view.text == draft.get("text")
+    busy = view.draft_task["state"] == "running"
+    failed = view.draft_task["error"] if view.draft_task["state"] == "failed" else ""
+    logs = view.studio.logs(view.project)
+    return {
+        "files": [
+            {
+                "path": name,
+                "size": bytes_in_words(size),
+                "kind": "robot" if is_robot(Path(name)) else "log" if is_log(name) else "other",
+                "used": f'"{name}"' in view.text or f'"{name.partition("/")[0]}"' in view.text,
+            }
+            for name, size, _ in view.files
+        ],
+        "choose_robot": True,
+        "robot": robot,
+        "robots": [name for name, _, _ in view.files if is_robot(Path(name))],
+        "gallery": gallery_names(),
+        "drafting": (view.draft_task["line"] or "starting") if busy else "",
+        "draft_error": "" if busy else failed or draft.get("error", ""),
+        "troubles": draft.get("troubles", []) if untouched and not busy else [],
+        "questions": draft.get("questions", []) if untouched and not busy else [],
+        "may_draft": bool(robot and logs) and not busy,
+        "has_recording": view.content.has_recording,
+        "edited": view.content.has_recording and not untouched,
+    }
+
+
+def _motion(view: View) -> dict[str, Any]:
+    """The arm, moved as logged or joint by joint."""
+    found = json_of(view.folder / "signals" / "motion.json") if view.has("signals") else {}
+    busy = view.look["line"] if view.look["signals"] == "running" else ""
+    error = view.signals.get("error", "") if not found.get("joints") else ""
+    error = error or (view.look["error"] if view.look["signals"] == "failed" else "")
+    shown = found if found.get("joints") and view.content.robot else None
+    robot = None
+    if shown:
+        joints = [SimpleNamespace(name=found["joints"][i]["name"]) for i in found["rows"]]
+        robot = SimpleNamespace(name=view.content.robot, size=len(joints), joints=joints)
+    return {
+        "motion": shown,
+        "robot": robot,
+        "logged": view.content.has_recording,
+        "busy": busy or ("reading" if view.look["signals"] == "running" else ""),
+        "error": error if view.text else "",
+    }
+
+
+def _assumptions(view: View) -> dict[str, Any]:
+    """Lines of the experiment file beside the signals that they are about."""
+    if not view.text:
+        return {"groups": [], "raw": "", "undo": view.studio.projects.can_undo(view.project)}
+    rows = experiment_rows(view.text)
+    assumed = sum(row.sure == "assumed" for row in rows)
+    many = {0: "Nothing is assumed.", 1: "1 line is an assumption, please check it."}
+    return {
+        "groups": row_groups(rows, view.signals),
+        "addable": addable(view.text),
+        "counted": many.get(assumed, f"{assumed} lines are assumptions, please check them."),
+        "undo": view.studio.projects.can_undo(view.project),
+        "raw": view.text,
+    }
+
+
+def _assumed(view: View) -> str:
+    """How many lines are assumptions."""
+    assumed = sum(row.sure == "assumed" for row in experiment_rows(view.text)) if view.text else 0
+    return f"{assumed} to check" if assumed else ""
+
+
+def _run(view: View) -> dict[str, Any]:
+    """Methods to choose from."""
+    chosen = view.content.methods or list(DEFAULT)
+    plan = view.check.get("plan") or {}
+    known = {name for group in GROUPS for name in group.methods}
+    others = {name: "named in the experiment file" for name in chosen if name not in known}
+    groups = [
+        {
+            "title": group.title,
+            "folded": group.folded and not set(group.methods) & set(chosen),
+            "methods": [
+                {"name": name, "words": words, "chosen": name in chosen}
+                for name, words in {**group.methods, **({} if group.folded else others)}.items()
+            ],
+        }
+        for group in GROUPS
+    ]
+    time = f"The methods of the file take about {in_words(plan['seconds'])}." if plan else ""
+    return {
+        "hindrance": view.hindrance,
+        "groups": groups if view.content.has_recording else [],
+        "time": time,
+    }
+
+
+def _share(view: View) -> dict[str, Any]:
+    """The archive, and the commands that do the same."""
+    results = view.project.folder / RESULTS
+    sizes = [p.stat().st_size for p in results.rglob("*") if p.is_file()] if results.is_dir() else []
+    logs = sum(size for name, size, _ in view.files if is_log(name))
+    commands = []
+    if view.content.has_recording:
+        names = " ".join(_quoted(name) for name in view.studio.logs(view.project))
+        commands = [
+            f"pivident init {names} --robot {_quoted(view.content.robot)}",
+            "pivident check experiment.toml",
+            *reversed([run["command"] for run in view.runs if run["state"] == "done"]),
+        ]
+    return {
+        "folder": str(view.project.folder),
+        "logs_size": bytes_in_words(logs),
+        "results_size": bytes_in_words(sum(sizes)),
+        "commands": commands,
+    }
+
+
+def _check_mark(view: View) -> str:
+    """Errors and warnings as a number each."""
+    remarks = view.check.get("remarks", [])
+    errors = sum(r["severity"] == "error" for r in remarks)
+    warnings = sum(r["severity"] == "warning" for r in remarks)
+    if errors or warnings:
+        return " ".join([*(["×" + str(errors)] * bool(errors)), *(["!" + str(warnings)] * bool(warnings))])
+    return "✓" if view.check and not view.check.get("error") else ""
+
+
+def _runs_mark(view: View) -> str:
+    """Whether something is running."""
+    active = sum(run["state"] in ("running", "waiting") for run in view.runs)
+    return f"{active} running" if active else ""
+
+
+#: The steps in their order.
+PARTS = {
+    "files": "Robot and logs",
+    "assumptions": "Assumptions and signals",
+    "checks": "Checks",
+    "run": "Run",
+    "results": "Results",
+    "share": "Share and repeat",
+}
+
+#: The pieces of the page in their order.
+PIECES = {
+    piece.name: piece
+    for piece in (
+        Piece(
+            "files",
+            "files",
+            lambda v: [v.files, v.version, v.draft_task, v.draft],
+            _files,
+            lambda v: "✓" if v.content.has_recording else "",
+        ),
+        Piece(
+            "motion",
+            "assumptions",
+            lambda v: [_signals_key(v), v.look["signals"], v.content.robot, v.look["error"]]
+            + ([v.look["line"]] if v.look["signals"] == "running" else []),
+            _motion,
+        ),
+        Piece(
+            "assumptions",
+            "assumptions",
+            lambda v: [v.version, _signals_key(v)],
+            _assumptions,
+            _assumed,
+        ),
+        Piece(
+            "checks",
+            "checks",
+            lambda v: [v.version, v.look],
+            lambda v: check_context(v.text, v.check, v.look, v.folder),
+            _check_mark,
+        ),
+        Piece(
+            "run",
+            "run",
+            lambda v: [v.version, v.hindrance, (v.check.get("plan") or {}).get("seconds")],
+            _run,
+            lambda v: "✓" if not v.hindrance else "",
+        ),
+        Piece(
+            "results",
+            "results",
+            lambda v: [v.runs],
+            lambda v: result_context(v.project, v.runs, v.address),
+            _runs_mark,
+        ),
+        Piece("share", "share", lambda v: [v.files, v.runs, v.content.robot], _share),
+    )
+}
+
+
+def _signals_key(view: View) -> Any:
+    """What the signals follow from, as long as they are there."""
+    key = view.folder / "signals" / "key"
+    return key.read_text(encoding="utf-8") if view.has("signals") and key.is_file() else ""
+
+
+def project_page(studio: Studio, project: Project) -> str:
+    """The whole page of a project."""
+    view = View(studio, project)
+    parts = [
+        {
+            "name": name,
+            "title": title,
+            "pieces": [_piece(view, piece) for piece in PIECES.values() if piece.part == name],
+        }
+        for name, title in PARTS.items()
+    ]
+    return _render(
+        "project.html",
+        name=project.name,
+        address=view.address,
+        single=studio.projects.is_single,
+        parts=parts,
+    )
+
+
+def _piece(view: View, piece: Piece) -> dict[str, Any]:
+    """A piece as the page and a later request show it."""
+    context = {"address": view.address, "version": view.version, **piece.context(view)}
+    return {
+        "name": piece.name,
+        "part": piece.part,
+        "key": piece.key_of(view),
+        "mark": piece.mark(view),
+        "html": Markup(templates().get_template(f"{piece.name}.html").render(context)),
+    }
+
+
+def one_piece(studio: Studio, project: Project, name: str) -> str:
+    """A piece of the page as it is now.
+
+    Raises:
+        ProjectError: there is no such piece.
+    """
+    if name not in PIECES:
+        raise ProjectError(f"there is no part {name!r}; reload the page")
+    return templates().get_template("piece.html").render(
+        piece=_piece(View(studio, project), PIECES[name])
+    )
+
+
+def state(studio: Studio, project: Project) -> dict[str, Any]:
+    """Key of every piece, and whether they are going to change soon."""
+    view = View(studio, project)
+    keys = {name: piece.key_of(view) for name, piece in PIECES.items()}
+    return {"keys": keys, "busy": view.is_busy}
+
+
+def front_page(studio: Studio) -> str:
+    """All projects."""
+    taken = {project.name for project in studio.projects.listed()}
+    names = (EXAMPLE, *(f"{EXAMPLE} {k}" for k in range(2, len(taken) + 3)))
+    return _render(
+        "front.html",
+        root=str(studio.projects.root),
+        example_name=next(name for name in names if name not in taken),
+        projects=[
+            {
+                "name": project.name,
+                "address": studio.address(project),
+                "words": ", ".join(_about(project)),
+            }
+            for project in studio.projects.listed()
+        ],
+    )
+
+
+def _about(project: Project) -> Iterator[str]:
+    """A project in words: its robot and how many results it has."""
+    try:
+        robot = Content(project.text).robot
+    except ProjectError as error:
+        yield str(error)
+        return
+    yield robot or "no robot yet"
+    results = project.folder / RESULTS
+    many = sum(p.is_dir() for p in results.iterdir()) if results.is_dir() else 0
+    yield f"{many} result{'' if many == 1 else 's'}"
+
+
+def _quoted(name: str) -> str:
+    """A name as a shell takes it."""
+    return shlex.quote(f"./{name}" if name.startswith("-") else name)
+
+
+def _render(template: str, **context: Any) -> str:
+    return templates().get_template(template).render(version=__version__, **context)

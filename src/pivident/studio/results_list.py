@@ -1,0 +1,101 @@
+"""Runs and their results, the verdict first, and what may be done next."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Any
+from urllib.parse import quote
+
+from pivident.check.plan import in_words
+from pivident.studio.projects import Project
+from pivident.studio.steps import STEPS, offered
+from pivident.studio.studio import json_of
+from pivident.text.sizes import bytes_in_words
+
+#: Less than this is not worth a word [s].
+SHORT = 3.0
+
+
+def result_context(project: Project, runs: list[dict[str, Any]], address: str) -> dict[str, Any]:
+    """What the section of results shows.
+
+    Args:
+        project: whose.
+        runs: its runs, the last one first.
+        address: of the project's page.
+    """
+    shown = [_shown(project, run, address) for run in runs]
+    return {
+        "runs": shown,
+        "comparable": [r for r in shown if r["step"] == "identify" and r["state"] == "done"],
+    }
+
+
+def _shown(project: Project, run: dict[str, Any], address: str) -> dict[str, Any]:
+    """A run as the page shows it."""
+    step, progress = STEPS.get(run["step"]), run.get("progress") or {}
+    verdict = json_of(project.folder / run["results"] / "verdict.json") if run["results"] else {}
+    statements = verdict.get("statements", [])
+    against = [s for s in statements if s["severity"] in ("error", "warning")]
+    left = progress.get("left_s")
+    return {
+        **run,
+        "title": step.title if step else run["step"],
+        "words": ", ".join(run.get("methods") or ()) or (step.words if step else ""),
+        "created": _clock(run["created"]),
+        "took": _took(run),
+        "stage": progress.get("stage", ""),
+        "number": progress.get("number", 0),
+        "of": progress.get("of", 0),
+        "left": f"about {in_words(left)} left" if left and left > SHORT else "",
+        "line": progress.get("line", "") or "starting",
+        "kept": progress.get("kept", []),
+        "verdict": verdict if verdict.get("headline") else None,
+        "against": against,
+        "for": [s for s in statements if s not in against],
+        "pages": [
+            {"title": page["title"], "address": f"{address}/{quote(page['path'])}"}
+            for page in run["pages"]
+        ],
+        "files": [
+            {
+                "path": file["path"].removeprefix(f"{run['results']}/"),
+                "size": bytes_in_words(file["bytes"]),
+                "address": f"{address}/{quote(file['path'])}?download",
+            }
+            for file in run["files"]
+        ],
+        "offered": [_offer(offer) for offer in offered(project.folder, run)],
+    }
+
+
+def _offer(offer: dict[str, Any]) -> dict[str, Any]:
+    """A next step with the fields that somebody may fill in."""
+    given = offer["arguments"]
+    fields = [
+        {
+            "name": argument.name,
+            "label": argument.label,
+            "kind": argument.kind,
+            "choices": list(argument.choices),
+            "default": argument.default,
+        }
+        for argument in STEPS[offer["step"]].arguments
+        if argument.name not in given and argument.is_needed
+    ]
+    return {**offer, "fields": fields}
+
+
+def _clock(stamp: str | None) -> str:
+    """A time of the log of runs as the reader's clock shows it."""
+    if not stamp:
+        return ""
+    return datetime.fromisoformat(stamp).astimezone().strftime("%Y-%m-%d %H:%M")
+
+
+def _took(run: dict[str, Any]) -> str:
+    """How long it took, once it has ended."""
+    if not (run.get("started") and run.get("ended")):
+        return ""
+    seconds = datetime.fromisoformat(run["ended"]) - datetime.fromisoformat(run["started"])
+    return in_words(seconds.total_seconds())

@@ -1,0 +1,312 @@
+"""What may be done to a project, and what follows of itself: drafts, looks and runs.
+
+    robot ─▶ experiment.toml with the robot alone ─▶ the arm is drawn
+    + log ─▶ draft (as `pivident init`)           ─▶ signals, assumptions, check
+    change of a line ─▶ look again                ─▶ run (as `pivident identify`)
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from pivident.errors import PividentError
+from pivident.init.experiment_text import string_text
+from pivident.robot.gallery import gallery_names
+from pivident.robot.naming import nearest
+from pivident.studio.drafting import DRAFT, draft
+from pivident.studio.edits import with_value, without
+from pivident.studio.example import ROBOT, write_example
+from pivident.studio.fixes import applied, fixes
+from pivident.studio.looks import Looks
+from pivident.studio.projects import (
+    Changed,
+    Project,
+    ProjectError,
+    Projects,
+    is_robot,
+    version_of,
+)
+from pivident.studio.runs import Runs
+from pivident.studio.steps import STEPS
+from pivident.studio.tasks import Tasks
+from pivident.studio.uploads import is_log
+from pivident.text.toml import parse_toml
+
+
+class Studio:
+    """All projects of a folder, with what is being computed for them.
+
+    Args:
+        root: folder of the projects, or of a single one.
+        at_once: runs that are computed at the same time.
+    """
+
+    def __init__(self, root: Path, at_once: int = 1) -> None:
+        self.projects = Projects(root)
+        self.tasks = Tasks()
+        self.looks = Looks(self.tasks)
+        self.runs = Runs(at_once)
+        self._drafted_from: dict[Path, str] = {}  # version that a draft in progress replaces
+
+    def resume(self) -> None:
+        """Go on with runs that wait, or were left by a server that has ended."""
+        self.runs.resume([project.folder for project in self.projects.listed()])
+
+    def close(self) -> None:
+        """Stop what is derived; runs go on."""
+        self.tasks.close()
+        self.runs.close()
+
+    @staticmethod
+    def address(project: Project) -> str:
+        """Address of a project's page."""
+        return f"/p/{quote(project.name, safe='')}"
+
+    def example(self, name: str) -> Project:
+        """A new project with a log that is simulated now.
+
+        Raises:
+            ProjectError: the name cannot be used.
+        """
+        project = self.projects.create(name)
+        write_example(project.folder)
+        self.choose_robot(project, ROBOT, version_of(""))
+        return project
+
+    def choose_robot(self, project: Project, model: str, version: str) -> None:
+        """Take a robot; without an experiment file one is begun with it.
+
+        Args:
+            project: whose.
+            model: name in the gallery, or of a file of the project.
+            version: of the experiment file that the page shows.
+
+        Raises:
+            ProjectError: there is no such robot.
+        """
+        known = [*gallery_names(), *(p.name for p in project.inputs() if is_robot(p))]
+        if model not in known:
+            raise ProjectError(f"there is no robot {model!r}; {nearest(model, known)}")
+        text = project.text
+        view = Content(text)
+        if not view.robot:
+            self.projects.write(project, f"[robot]\nmodel = {string_text(model)}\n{text}", version)
+        elif view.robot != model:
+            table = isinstance(view.content.get("robot"), dict)
+            place = ("robot", "model") if table else ("robot",)
+            self.write(project, with_value(text, place, string_text(model)), version)
+
+    def brought(self, project: Project, path: Path) -> None:
+        """A file has come: the first robot is taken, and a log that nobody has worked on redrafts.
+
+        Args:
+            project: whose.
+            path: the file.
+        """
+        text = project.text
+        name = path.relative_to(project.folder).as_posix()
+        if is_robot(path) and not Content(text).robot:
+            self.choose_robot(project, name, version_of(text))
+        elif is_log(path.name) and text and text == self.drafted(project).get("text"):
+            self.draft(project)
+
+    def draft(
+        self, project: Project, answers: Mapping[str, str] | None = None, column_names: str = ""
+    ) -> None:
+        """Draft the experiment file from the files of the project, beside the server.
+
+        Args:
+            project: whose.
+            answers: to the questions of the draft before.
+            column_names: of logs without header, separated by commas.
+
+        Raises:
+            ProjectError: there is no robot or no log.
+        """
+        text = project.text
+        robot, logs = Content(text).robot, self.logs(project)
+        if not robot or not logs:
+            missing = "a robot" if not robot else "a log"
+            raise ProjectError(f"{project.name} has no {missing[2:]} yet; bring {missing} first")
+        names = [name.strip() for name in column_names.split(",") if name.strip()]
+        self._drafted_from[project.folder] = version_of(text)
+        self.tasks.start(
+            self._task(project), draft, project.folder, logs, robot, dict(answers or {}), (), names
+        )
+
+    def logs(self, project: Project) -> list[str]:
+        """Logs of a project, bags in folders as one, relative to it."""
+        found = {}
+        for path in project.inputs():
+            if is_log(path.name) and not is_robot(path):
+                place = path if path.parent == project.folder else path.parent
+                found[place.relative_to(project.folder).as_posix()] = None
+        return list(found)
+
+    def settle(self, project: Project) -> dict[str, str]:
+        """Write a draft that is done, begin one where robot and log are there; its task's state."""
+        state = self.tasks.state(self._task(project))
+        if state["state"] == "none":
+            content = Content(project.text)
+            new = not (project.hidden / DRAFT).exists()
+            if new and content.robot and not content.has_recording and self.logs(project):
+                self.draft(project)
+                state = self.tasks.state(self._task(project))
+        elif state["state"] == "done":
+            self.tasks.stop(self._task(project))
+            text, version = self.drafted(project).get("text"), self._drafted_from[project.folder]
+            if text:
+                try:
+                    self.projects.write(project, text, version)
+                except Changed:
+                    pass  # somebody has written it meanwhile, and may ask for another draft
+        self.looks.want(project.folder)
+        return state
+
+    def drafted(self, project: Project) -> dict[str, Any]:
+        """The last draft with its questions; empty without one."""
+        return json_of(project.hidden / DRAFT)
+
+    def write(self, project: Project, text: str, version: str) -> None:
+        """Replace the experiment file, whatever it says: its check says what is wrong."""
+        self.projects.write(project, text, version)
+
+    def edit(
+        self, project: Project, place: Sequence[str | int], value: str | None, version: str
+    ) -> None:
+        """Change or remove one key.
+
+        Args:
+            project: whose.
+            place: tables and key.
+            value: TOML; None removes it.
+            version: of the text that the page shows.
+
+        Raises:
+            ExperimentError: the value cannot be one of this key.
+            Changed: the file is no longer the one that the page shows.
+        """
+        text = _unchanged(project, version)
+        place = tuple(place)
+        new = without(text, place) if value is None else with_value(text, place, value)
+        self.projects.write(project, new, version)
+
+    def fix(self, project: Project, remark: int, number: int, version: str) -> None:
+        """Apply a fix of a finding.
+
+        Args:
+            project: whose.
+            remark: number of the finding.
+            number: of the fix.
+            version: of the text that the page shows.
+        """
+        text = _unchanged(project, version)
+        found = json_of(self.looks.folder(project.folder) / "findings" / "check.json")
+        try:
+            fix = fixes(found["remarks"][remark], text)[number]
+        except (KeyError, IndexError):
+            raise Changed("the check has another result by now; it is shown as it is") from None
+        self.projects.write(project, applied(text, fix), version)
+
+    def hindrance(self, project: Project) -> str:
+        """Why nothing may be run yet; empty where nothing would stop or mislead."""
+        if not Content(project.text).has_recording:
+            return "A robot and a log are needed first."
+        look = self.looks.state(project.folder)
+        if look["findings"] == "failed":
+            return f"The check has failed: {look['error']}"
+        if look["findings"] != "ready":
+            return "The check has not finished yet."
+        check = json_of(self.looks.folder(project.folder) / "findings" / "check.json")
+        if check.get("error"):
+            return "The experiment file cannot be read; see *Checks*."
+        if check.get("refused") or check.get("severity") == "error":
+            return "First fix what is marked × under *Checks*: it would stop or mislead a run."
+        return ""
+
+    def run(self, project: Project, step: str, arguments: Mapping[str, Any]) -> str:
+        """Queue a step of the way.
+
+        Returns:
+            The number of the run.
+
+        Raises:
+            ProjectError: the check says that it would stop or mislead.
+            StepError: an argument is not possible.
+        """
+        if step not in STEPS:
+            raise ProjectError(f"there is no step {step!r}")
+        if step == "identify" and (reason := self.hindrance(project)):
+            raise ProjectError(reason)
+        return self.runs.add(project.folder, step, arguments)
+
+    @staticmethod
+    def _task(project: Project) -> str:
+        return f"draft {project.folder}"
+
+
+class Content:
+    """What an experiment file says, as far as it can be read.
+
+    Args:
+        text: the file.
+    """
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+
+    @cached_property
+    def content(self) -> dict[str, Any]:
+        """Its tables; empty where it is no TOML."""
+        try:
+            return parse_toml(self.text)
+        except (ValueError, PividentError):
+            return {}
+
+    @property
+    def robot(self) -> str:
+        """Name of the robot, empty without one."""
+        named = self.content.get("robot")
+        named = named.get("model") if isinstance(named, dict) else named
+        return named if isinstance(named, str) else ""
+
+    @property
+    def has_recording(self) -> bool:
+        """Whether a log is described."""
+        return bool(self.content.get("recording"))
+
+    @property
+    def methods(self) -> list[str]:
+        """The methods that it names."""
+        table = self.content.get("identify")
+        named = table.get("methods") if isinstance(table, dict) else None
+        return [m for m in named if isinstance(m, str)] if isinstance(named, list) else []
+
+
+def json_of(path: Path) -> dict[str, Any]:
+    """A JSON object of our own making; empty where it is not there."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _unchanged(project: Project, version: str) -> str:
+    """The text that a page shows.
+
+    Raises:
+        Changed: it is another one by now.
+    """
+    text = project.text
+    if version_of(text) != version:
+        raise Changed(
+            "experiment.toml was changed meanwhile, in another tab or by an editor; it is shown as "
+            "it is now, make the change again"
+        )
+    return text

@@ -1,0 +1,114 @@
+// The page follows the project: what has changed on the server is fetched and put in its place.
+(() => {
+  const project = document.getElementById("project");
+  const { address } = project.dataset;
+  const pieces = () => [...project.querySelectorAll(".piece")];
+  let timer, polling = false, lost = false;
+
+  /** Whether somebody is writing in a piece. */
+  function isEdited(piece) {
+    const field = document.activeElement;
+    if (!piece.contains(field) || !["INPUT", "TEXTAREA", "SELECT"].includes(field.tagName)) return false;
+    return ["checkbox", "radio", "file"].includes(field.type) || (field.defaultValue !== undefined && field.value !== field.defaultValue);
+  }
+
+  /** What a reader has opened and chosen, by the words beside it. */
+  const summaryOf = (details) => `${details.closest("[id]")?.id}|${details.querySelector("summary")?.textContent.trim()}`;
+
+  async function swap(old, force = false) {
+    if (!force && isEdited(old)) return;
+    const response = await fetch(`${address}/part/${old.dataset.piece}`);
+    if (!response.ok) return;
+    const holder = document.createElement("template");
+    holder.innerHTML = await response.text();
+    const fresh = holder.content.firstElementChild;
+    const open = new Map([...old.querySelectorAll("details")].map((details) => [summaryOf(details), details.open]));
+    const focused = old.contains(document.activeElement) ? document.activeElement : null;
+    const { id, selectionStart } = focused ?? {};
+    old.replaceWith(fresh);
+    for (const details of fresh.querySelectorAll("details")) {
+      const before = open.get(summaryOf(details));
+      if (before !== undefined) details.open = before;
+    }
+    if (focused) {
+      const again = (id && document.getElementById(id)) || fresh.closest("section");
+      if (!again.matches("input, select, textarea, button, a, [tabindex]")) again.setAttribute("tabindex", "-1");
+      again.focus({ preventScroll: true });
+      try { again.setSelectionRange?.(selectionStart, selectionStart); } catch { /* no text field */ }
+    }
+    begin(fresh);
+  }
+
+  function begin(piece) {
+    piece.querySelectorAll(".replay").forEach(replay);
+    if (piece.querySelector("figure.signal")) signals.drawAll();
+    const mark = document.querySelector(`[data-mark="${piece.dataset.part}"].mark`);
+    if (mark && piece.dataset.mark !== undefined && piece.dataset.mark !== "-") mark.textContent = piece.dataset.mark;
+  }
+
+  async function poll(force = false) {
+    if (polling) return;
+    polling = true;
+    clearTimeout(timer);
+    let busy = false;
+    try {
+      const response = await fetch(`${address}/state`);
+      const state = await response.json();
+      if (!response.ok) throw new Error(state.error);
+      if (lost) talk.say("");
+      lost = false;
+      busy = state.busy;
+      for (const piece of pieces()) {
+        if (state.keys[piece.dataset.piece] !== piece.dataset.key) await swap(piece, force);
+      }
+    } catch (error) {
+      lost = true;
+      talk.say(error instanceof TypeError
+        ? "The server does not answer. Runs go on; start pivident studio again and open the address that it prints."
+        : String(error.message));
+    } finally {
+      polling = false;
+      timer = setTimeout(poll, document.hidden ? 4000 : busy ? 400 : 1500);
+    }
+  }
+
+  // What was just done is shown at once, also where its field still has the focus.
+  talk.whenAnswered(async (sender, answer) => {
+    while (polling) await new Promise((done) => setTimeout(done, 30));
+    await poll(answer !== null);
+  });
+  bring.whenBrought(() => poll(true));
+  addEventListener("visibilitychange", () => { if (!document.hidden) poll(); });
+
+  // A value that was changed is sent when the reader is done with it.
+  addEventListener("change", ({ target }) => {
+    const form = target.closest(".row form");
+    if (form && target.name === "value") form.requestSubmit();
+  });
+  addEventListener("click", async (event) => {
+    const link = event.target.closest("a[data-row]");
+    const row = link && document.getElementById(decodeURIComponent(link.hash.slice(1)));
+    if (row) {
+      event.preventDefault();
+      row.scrollIntoView({ block: "center" });
+      (row.querySelector("[name=value]") ?? row).focus({ preventScroll: true });
+    }
+    const copy = event.target.closest("[data-copy]");
+    if (copy) {
+      await navigator.clipboard.writeText(copy.parentElement.querySelector("code, pre").textContent);
+      copy.textContent = "Copied";
+    }
+  });
+  addEventListener("submit", (event) => {
+    if (event.target.dataset.download === undefined) return;
+    event.preventDefault();
+    const query = new URLSearchParams(new FormData(event.target));
+    location.assign(`${event.target.action}?${query}`);
+  });
+
+  pieces().forEach((piece) => {
+    const mark = document.querySelector(`[data-mark="${piece.dataset.part}"].mark`);
+    if (mark && piece.dataset.mark !== "-") mark.textContent = piece.dataset.mark;
+  });
+  poll();
+})();
