@@ -90,7 +90,7 @@ def atomic_folder(path: str | PathLike[str]) -> Iterator[Path]:
     build: Path | None = None
     handle: int | None = None
     try:
-        _clear_up(folder)
+        clear_up(folder)
         build, handle = _new_build(_nearest_folder(folder))
         yield build
         build = _move(build, folder)
@@ -144,8 +144,12 @@ def _lock(folder: Path, wait: bool = False) -> int | None:
         return None  # a file system without locks
 
 
-def _clear_up(folder: Path) -> None:
-    """Remove or move in what killed processes left in the folder, or in the one above it."""
+def clear_up(folder: Path) -> None:
+    """Remove or move in what killed processes left in the folder, or in the one above it.
+
+    Args:
+        folder: that such a process wrote to.
+    """
     for place in dict.fromkeys((_nearest_folder(folder), folder.absolute().parent)):
         with suppress(OSError):
             for left in _remainders(place):

@@ -7,6 +7,7 @@ from importlib.util import find_spec
 from types import TracebackType
 from typing import TYPE_CHECKING
 
+from pivident.cli.progress_channel import ProgressChannel
 from pivident.errors import PividentError
 from pivident.text.printable import escaped
 
@@ -59,9 +60,11 @@ class Progress:
 
     Use it as a context; `say` replaces the current line, `keep` leaves one behind. On a terminal
     the line begins with the stage and the time that is left, once `stages` says what is expected.
+    A program that has started the command reads the same from a file; see `ProgressChannel`.
     """
 
     def __init__(self) -> None:
+        self._channel = ProgressChannel()
         self._status: Status | None = None
         self._remaining: Remaining | None = None
         self._line = ""
@@ -89,15 +92,19 @@ class Progress:
         from pivident.cli.remaining import Remaining
 
         self._remaining = Remaining(expected)
+        self._channel.write(stages=dict(expected))
 
     def begin(self, stage: str) -> None:
         """The next stage begins."""
         if self._remaining is not None:
             self._remaining.begin(stage)
+            self._channel.write(stage=stage, **self._remaining.place())
 
     def say(self, line: str) -> None:
         """What is being done now."""
         self._line = line
+        left = {} if self._remaining is None else self._remaining.place()
+        self._channel.write(say=line, **left)
         if self._status is None:
             note(line)
         else:
@@ -113,6 +120,7 @@ class Progress:
 
     def keep(self, line: str) -> None:
         """What has been done; stays on the screen."""
+        self._channel.write(keep=line)
         if self._status is None:
             note(line)
         else:

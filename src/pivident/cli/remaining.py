@@ -52,6 +52,13 @@ class Remaining:
         rest = sum(self._expected[name] for name in after)
         return max(pace * here - elapsed, 0.0) + pace * rest
 
+    def place(self) -> dict[str, float]:
+        """Number of the stage, of how many, and the seconds left; empty before the first."""
+        if not self._stage:
+            return {}
+        number = self._order.index(self._stage) + 1
+        return {"number": number, "of": len(self._order), "left_s": round(self.seconds, 1)}
+
     def __str__(self) -> str:
         """Which stage is running, and the time that is left if that is worth a word."""
         if not self._stage:

@@ -1,0 +1,177 @@
+"""What a run suggests to do next: from its verdict, its files and the experiment file."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from pivident.studio.run_folder import EXPERIMENT, RESULTS, read_object, result_folders
+from pivident.text.lists import listed
+
+Offer = dict[str, Any]
+
+#: Most parameters that a designed motion names.
+MOST_NAMED = 12
+
+#: Causes of model error that the verdict names and `identify` corrects.
+CORRECTED = (
+    "delay", "geometry", "gear ratio", "torque gain", "zero position", "position scale", "encoder",
+)  # fmt: skip
+
+
+def offered(project: Path, run: Mapping[str, Any]) -> list[Offer]:
+    """What can be done after a run, the most useful first.
+
+    Args:
+        project: folder of the project.
+        run: an entry of `Runs.listed`.
+
+    Returns:
+        For each: ``step`` and ``arguments`` as `Runs.add` takes them, ``words`` for a button, and
+        the ``reason`` in a sentence. Empty where the run has no results.
+    """
+    name = str(run.get("results", ""))
+    folder = project / name
+    if not name or not folder.is_dir():
+        return []
+    after = {
+        "identify": _after_identification,
+        "consistent": _after_consistent,
+        "friction": _after_friction,
+    }.get(str(run.get("step")))
+    if after is None:
+        return []
+    found: dict[str, Offer] = {}
+    for offer in after(project, folder, name):
+        found.setdefault(f"{offer['step']} {offer['arguments']}", offer)
+    return list(found.values())
+
+
+def _offer(step: str, words: str, reason: str, **arguments: Any) -> Offer:
+    return {"step": step, "arguments": arguments, "words": words, "reason": reason}
+
+
+def _after_identification(project: Path, folder: Path, name: str) -> Iterator[Offer]:
+    """First what the verdict asks for, then what uses the result."""
+    verdict = read_object(folder / "verdict.json")
+    statements = [s for s in verdict.get("statements", []) if isinstance(s, dict)]
+    methods = _methods(folder, verdict)
+    yield from _better_estimates(project, statements, methods)
+    if friction := _is_said(statements, "friction", "assumed law", ("warning", "error")):
+        yield _offer("laws", "Choose friction laws", friction)
+        yield _offer("friction", "Show friction", friction)
+    if motion := _wanted_motion(verdict, statements, name):
+        yield motion
+    best = f"{name}/{verdict.get('name')}" if len(methods) > 1 else name
+    if (project / best / "consistent.json").is_file():
+        yield from _exports(best)
+    elif verdict.get("severity") != "error":
+        yield _offer(
+            "consistent",
+            "Make physically consistent",
+            "Simulators need parameters that a real machine can have.",
+            result=name,
+        )
+    others = _other_results(project, folder)
+    if others:
+        yield _offer(
+            "compare",
+            "Compare with the result before",
+            f"Shows whether parameters differ significantly from those of {others[-1]}.",
+            results=[f"{RESULTS}/{others[-1]}", name],
+        )
+    if len(methods) > 1:
+        text = f"Shows where {listed(methods)} differ significantly."
+        yield _offer("compare", "Compare the methods", text, results=[name])
+
+
+def _better_estimates(
+    project: Path, statements: list[dict[str, Any]], methods: list[str]
+) -> Iterator[Offer]:
+    """Identifications that answer a reservation."""
+    if reason := _is_said(statements, "feedback", "no instruments"):
+        more = ["iv-full-rate", "piv"] if _has_loop(project) else ["iv-full-rate"]
+        wanted = list(dict.fromkeys([*methods, *more]))
+        yield _offer("identify", f"Identify with {listed(more)} too", reason, method=wanted)
+    if reason := _is_said(statements, "prediction", "nothing held out"):
+        yield _offer("identify", "Identify with held-out motion", reason, method=methods, folds=5)
+    causes = [
+        str(s["kind"])
+        for s in statements
+        if s.get("topic") == "model" and s.get("severity") == "warning" and s["kind"] in CORRECTED
+    ]
+    if causes:
+        free = [cause.replace(" ", "-") for cause in dict.fromkeys(causes)]
+        reason = _is_said(statements, "model", causes[0])
+        text = f"Correct {listed(causes)} with the estimate"
+        yield _offer("identify", text, reason, method=methods, free=free)
+
+
+def _wanted_motion(
+    verdict: Mapping[str, Any], statements: list[dict[str, Any]], name: str
+) -> Offer | None:
+    """The motion that would determine what is open."""
+    names = [str(one) for one in verdict.get("open", [])]
+    reason = _is_said(statements, "motion", "wanted")
+    if not names and not reason:
+        return None
+    reason = reason or f"Another motion would determine {listed(names, 6)}."
+    if len(names) <= MOST_NAMED and names and not any("," in one for one in names):
+        return _offer("excite", "Design the next motion", reason, result=name, parameters=names)
+    return _offer("excite", "Design the next motion", reason, result=name)
+
+
+def _after_consistent(project: Path, folder: Path, name: str) -> Iterator[Offer]:
+    if (folder / "consistent.json").is_file():
+        yield from _exports(name)
+
+
+def _after_friction(project: Path, folder: Path, name: str) -> Iterator[Offer]:
+    text = "Shows which law predicts motion best that was not fitted."
+    yield _offer("laws", "Choose friction laws", text)
+
+
+def _exports(result: str) -> Iterator[Offer]:
+    """Files for simulators."""
+    for to, title in (("urdf", "URDF"), ("mjcf", "MuJoCo"), ("c", "C")):
+        reason = f"The parameters are physically consistent, as {title} needs them."
+        yield _offer("export", f"Export for {title}", reason, result=result, to=to)
+
+
+def _methods(folder: Path, verdict: Mapping[str, Any]) -> list[str]:
+    """Short names of the methods of a folder."""
+    several = [p.parent.name for p in sorted(folder.glob("*/identification.json"))]
+    return several or [str(verdict["name"])] * ("name" in verdict)
+
+
+def _is_said(
+    statements: list[dict[str, Any]], topic: str, kind: str, severities: tuple[str, ...] = ()
+) -> str:
+    """The first statement of a kind, with its next step; empty where there is none."""
+    for said in statements:
+        if (said.get("topic"), said.get("kind")) == (topic, kind):
+            if not severities or said.get("severity") in severities:
+                return str(said.get("message", ""))
+    return ""
+
+
+def _has_loop(project: Path) -> bool:
+    """Whether the experiment file describes the control loop."""
+    try:
+        content = tomllib.loads((project / EXPERIMENT).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return "controller" in content
+
+
+def _other_results(project: Path, folder: Path) -> list[str]:
+    """Earlier identifications, the last one last."""
+    number = int(folder.name.partition("-")[0])
+    return [
+        name
+        for run, names in sorted(result_folders(project).items(), key=lambda one: int(one[0]))
+        for name in names
+        if int(run) < number and name.endswith("-identify")
+    ]
