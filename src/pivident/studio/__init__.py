@@ -1,0 +1,1 @@
+"""The whole path in a browser, on one's own machine."""
