@@ -66,10 +66,10 @@ def audit_file(
                 entry, robot or given.robot, given.path.parent, None if is_experiment else path
             )
         audits.append(audit_log(log, say))
-    return _excited_together(audits)
+    return excited_together(audits)
 
 
-def _excited_together(audits: Sequence[Audit]) -> tuple[Audit, ...]:
+def excited_together(audits: Sequence[Audit]) -> tuple[Audit, ...]:
     """Recordings of one experiment are identified together, so they are excited together."""
     models = [audit.model for audit in audits if audit.model is not None]
     if len(models) < 2:

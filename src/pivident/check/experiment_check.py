@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from pivident.audit.excitation import check_excitation
-from pivident.audit.inverse_model import InverseModel
+from pivident.audit.audit import Audit
+from pivident.audit.audit_file import excited_together
 from pivident.check.file_check import file_problems
 from pivident.check.log_check import check_log
 from pivident.check.plan import Plan
@@ -41,12 +41,14 @@ class ExperimentCheck:
         looked_at: what was checked, in words.
         plan: what an identification would do, or None where it cannot begin. Where nothing but
             gaps in the clock stops it, what it would do with the stretches between them.
+        audits: of the logs that are fitted, as far as they can be read, as `audit_file` has them.
     """
 
     path: Path
     remarks: tuple[Remark, ...]
     looked_at: tuple[str, ...]
     plan: Plan | None = None
+    audits: tuple[Audit, ...] = ()
 
     @property
     def severity(self) -> Severity:
@@ -91,14 +93,15 @@ def check_experiment(
     say("reading the experiment file")
     text, experiment, remarks = file_problems(path, robot)
     looked_at = ["tables, keys and values of the file"]
-    plan = None
+    plan: Plan | None = None
+    audits: tuple[Audit, ...] = ()
     if experiment is not None:
         worker = _Check(experiment, say)
         with linear_algebra_in_one_thread():
             worker.run()
         remarks += worker.remarks
         looked_at += worker.looked_at
-        plan = worker.plan
+        plan, audits = worker.plan, tuple(worker.audits)
     lines = TomlLines(text)
     unique = {(r.message, r.subject): r for r in reversed(remarks)}
     placed = [
@@ -106,9 +109,8 @@ def check_experiment(
         for remark in merged(reversed(unique.values()))
     ]
     stops = any(remark.refused and remark.kind != "gap" for remark in placed)
-    return ExperimentCheck(
-        path, tuple(gravest_first(placed)), tuple(looked_at), None if stops else plan
-    )
+    found = tuple(gravest_first(placed))
+    return ExperimentCheck(path, found, tuple(looked_at), None if stops else plan, audits)
 
 
 class _Check:
@@ -122,7 +124,7 @@ class _Check:
         self.looked_at: list[str] = []
         self.plan: Plan | None = None
         self.recordings: list[tuple[Place, Recording]] = []
-        self.models: list[InverseModel] = []
+        self.audits: list[Audit] = []
 
     def run(self) -> None:
         """All stages, one after the other."""
@@ -174,15 +176,17 @@ class _Check:
         found = check_log(entry, place, robot, self.folder, controller)
         self.remarks += found.remarks
         self.recordings += [(place, recording) for recording in found.recordings]
-        if found.audit is not None and found.audit.model is not None and place[0] == "recording":
-            self.models.append(found.audit.model)
+        if found.audit is not None and place[0] == "recording":
+            self.audits.append(found.audit)
         if found.looked_at:
             self.looked_at.append(found.looked_at)
 
     def _together(self) -> None:
         """Excitation belongs to all fitted recordings, not to each."""
-        if len(self.models) < 2:
+        self.audits = list(excited_together(self.audits))
+        models = [audit for audit in self.audits if audit.model is not None]
+        if len(models) < 2 or models[0].excitation is None:
             return
         self.remarks = [r for r in self.remarks if r.topic != "excitation"]
-        together = check_excitation(self.models).findings
+        together = models[0].excitation.findings
         self.remarks += [of_finding(f, ()) for f in together if f.severity != "ok"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -22,6 +22,22 @@ RATE = 60.0
 DIGITS = 4
 
 
+class Moved(Protocol):
+    """A recording as far as its motion goes."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+
+    @property
+    def t(self) -> np.ndarray:
+        """Times, which do not go backward, shape (samples,) [s]."""
+
+    @property
+    def q_measured(self) -> np.ndarray:
+        """Positions, shape (samples, joints) [rad or m]."""
+
+
 @dataclass(frozen=True)
 class JointRange:
     """What one joint did in a recording."""
@@ -33,7 +49,7 @@ class JointRange:
     speed: float  # highest speed, as estimated [unit/s]
 
 
-def motion_values(robot: Robot, recordings: Sequence[FittedRecording]) -> dict[str, Any]:
+def motion_values(robot: Robot, recordings: Sequence[Moved]) -> dict[str, Any]:
     """Robot and positions as plain values, for the script that draws them.
 
     ``joints``: name, kind, parent, rotation by rows and translation of each, whether its axis and
@@ -88,7 +104,7 @@ def joint_ranges(
     )
 
 
-def _recording_values(robot: Robot, recording: FittedRecording, most: int) -> dict[str, Any]:
+def _recording_values(robot: Robot, recording: Moved, most: int) -> dict[str, Any]:
     """Positions at equal distances of time; gaps of a joint are bridged by straight lines.
 
     Passive joints follow from those that are measured.

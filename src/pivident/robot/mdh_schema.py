@@ -384,11 +384,11 @@ def _place(loc: Sequence[int | str], content: dict[str, Any]) -> tuple[str, str]
 
 def keys_at(root: type[BaseModel], loc: Sequence[int | str]) -> list[str]:
     """Known keys of the table at a location of a file whose content is ``root``."""
-    model = _table_at(root, loc)
+    model = table_at(root, loc)
     return [field.alias or name for name, field in model.model_fields.items()]
 
 
-def _table_at(root: type[BaseModel], loc: Sequence[int | str]) -> type[BaseModel]:
+def table_at(root: type[BaseModel], loc: Sequence[int | str]) -> type[BaseModel]:
     """The table at a location of a file."""
     model = root
     for part in loc:
@@ -401,7 +401,7 @@ def _table_at(root: type[BaseModel], loc: Sequence[int | str]) -> type[BaseModel
 def addition(root: type[BaseModel], loc: Sequence[int | str]) -> str:
     """Advice for a missing key: add it, with its values where they form a fixed list."""
     *table, last = loc
-    for name, field in _table_at(root, table).model_fields.items():
+    for name, field in table_at(root, table).model_fields.items():
         if last in (name, field.alias) and get_origin(field.annotation) is Literal:
             return f"add it, one of {', '.join(map(repr, get_args(field.annotation)))}"
     return "add it"

@@ -1,0 +1,186 @@
+"""A look at a project: signals of its logs to draw, then everything that is wrong with them.
+
+    experiment file ─▶ signals/   recordings, channels, the arm in motion
+                    ─▶ findings/  check, audit and its page
+
+Both are derived and belong to one state of the inputs, whose hash names their folder. Each appears
+whole or not at all.
+"""
+
+from __future__ import annotations
+
+import glob
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from pivident.check.experiment_check import ExperimentCheck, check_experiment
+from pivident.errors import PividentError
+from pivident.experiment.recording_tables import DESIGN_FILE
+from pivident.extras import is_installed
+from pivident.files import BUILD, atomic_folder
+from pivident.studio.arm_picture import robot_picture as robot_picture
+from pivident.studio.logged_signals import write_signals
+from pivident.text.plain_values import plain, strict_json, write_json
+from pivident.text.toml import parse_toml
+
+#: The two stages.
+STAGES = ("signals", "findings")
+
+#: Content of the second stage.
+CHECK, AUDIT, AUDIT_PAGE = "check.json", "audit.json", "audit.html"
+
+#: Which signals a folder holds, as the hash of what they follow from.
+_SIGNALS_KEY = "key"
+
+#: Tables of the file that say what the signals are.
+_TABLES = ("robot", "recording", "validation", "gains", "payload", "wrench", "contact")
+
+#: Most files of a pattern or a bag that are looked at.
+_MOST_FILES = 2000
+
+
+def look_key(experiment: Path) -> str:
+    """Hash of the text, and of name, size and time of every file that it names.
+
+    Args:
+        experiment: the experiment file; one that is not there has a key too.
+    """
+    text = _text(experiment)
+    return _hash(text, *_stamps(experiment.parent, text))
+
+
+def look(experiment: Path, folder: Path, say: Callable[[str], None]) -> None:
+    """Write ``signals/`` and then ``findings/``; bad input is a message in them.
+
+    Args:
+        experiment: the experiment file.
+        folder: where both are written; those beside it may lend their signals.
+        say: called with one line at each stage.
+
+    Raises:
+        PividentError: the folder cannot be written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    key = _signals_key(experiment)
+    if not is_complete(folder, STAGES[0]) and not _borrowed(folder, key):
+        with atomic_folder(folder / STAGES[0]) as build:
+            write_signals(experiment, build, say)
+            (build / _SIGNALS_KEY).write_text(key, encoding="utf-8")
+    with atomic_folder(folder / STAGES[1]) as build:
+        _write_findings(experiment, build, say)
+
+
+def is_complete(folder: Path, stage: str) -> bool:
+    """Whether a stage has appeared in a folder of `look`."""
+    return (folder / stage).is_dir()
+
+
+def _write_findings(experiment: Path, folder: Path, say: Callable[[str], None]) -> None:
+    """What the check has found, and the audit with its page."""
+    try:
+        found = check_experiment(experiment, progress=say)
+    except PividentError as error:
+        write_json(folder / CHECK, {"error": " ".join(str(error).split()), "remarks": []})
+        write_json(folder / AUDIT, {"error": " ".join(str(error).split()), "audits": []})
+        return
+    write_json(folder / CHECK, found.as_json() | {"error": ""})
+    _write_audit(found, folder, say)
+
+
+def _write_audit(found: ExperimentCheck, folder: Path, say: Callable[[str], None]) -> None:
+    """The audits of the check, and their page where it can be drawn."""
+    from pivident.audit.audit import audits_json
+
+    write_json(folder / AUDIT, plain(audits_json(found.audits)) | {"error": ""})
+    if found.audits and is_installed("plotly"):
+        from pivident.report.audit.audit_page import render_page
+
+        say("drawing the audit")
+        page = render_page(found.audits)
+        (folder / AUDIT_PAGE).write_text(page, encoding="utf-8", errors="backslashreplace")
+
+
+def _borrowed(folder: Path, key: str) -> bool:
+    """Whether a look beside this one had the same signals, which are then linked here."""
+    for other in sorted(folder.parent.glob(f"*/{STAGES[0]}/{_SIGNALS_KEY}")):
+        source = other.parent
+        with suppress(OSError, PividentError):
+            if source.parent == folder or other.read_text(encoding="utf-8") != key:
+                continue
+            with atomic_folder(folder / STAGES[0]) as build:
+                for file in source.iterdir():
+                    os.link(file, build / file.name)
+            return is_complete(folder, STAGES[0])
+    return False
+
+
+def _signals_key(experiment: Path) -> str:
+    """Hash of what the signals follow from: tables of robot and recordings, and their files."""
+    text = _text(experiment)
+    stamps = list(_stamps(experiment.parent, text))
+    try:
+        content = parse_toml(text)
+    except ValueError:
+        return _hash(text, *stamps)
+    tables = {name: content[name] for name in _TABLES if name in content}
+    return _hash(json.dumps(tables, sort_keys=True, default=str), *stamps)
+
+
+def _text(experiment: Path) -> str:
+    """The text of the file, empty where it cannot be read."""
+    try:
+        return experiment.read_text(encoding="utf-8", errors="surrogateescape")
+    except OSError:
+        return ""
+
+
+def _hash(*parts: str) -> str:
+    return hashlib.sha256("\0".join(parts).encode("utf-8", "surrogateescape")).hexdigest()[:24]
+
+
+def _stamps(folder: Path, text: str) -> Iterator[str]:
+    """Name, size and time of every file that a text of the file's value names, in order."""
+    try:
+        content = parse_toml(text)
+    except ValueError:
+        return
+    named: set[Path] = set()
+    for value in _texts(content):
+        if len(value) > 1000 or "\0" in value:
+            continue
+        with suppress(OSError, ValueError):
+            path = folder / value
+            if any(c in value for c in "*?"):
+                named |= {Path(p) for p in glob.glob(str(path))[:_MOST_FILES]}
+            elif path.is_dir():
+                named |= set(sorted(path.iterdir())[:_MOST_FILES])
+            elif path.is_file():
+                named |= {path, path.parent / DESIGN_FILE}
+    for path in sorted(named):
+        with suppress(OSError):
+            about = path.stat()
+            yield strict_json([str(path), about.st_size, about.st_mtime_ns])
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """Every text in a value."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, (dict, list)):
+        for inner in value.values() if isinstance(value, dict) else value:
+            yield from _texts(inner)
+
+
+def remove_unfinished(folder: Path) -> None:
+    """Remove what a look that was killed has left, unless its signals are there to be shared."""
+    if not is_complete(folder, STAGES[0]):
+        shutil.rmtree(folder, ignore_errors=True)
+        return
+    for left in folder.glob(f"{BUILD}*"):
+        shutil.rmtree(left, ignore_errors=True)
