@@ -38,6 +38,9 @@ OPTIONAL = {
     "mujoco": "mujoco",
     "dask": "cluster",
     "distributed": "cluster",
+    "starlette": "studio",
+    "uvicorn": "studio",
+    "tomlkit": "studio",
 }
 
 BLOCKED = f"import sys; sys.modules.update(dict.fromkeys({list(OPTIONAL)}))\n"

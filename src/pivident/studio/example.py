@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from pivident.robot.gallery import load_robot
 from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import PD
 from pivident.simulation.simulated_record import simulate
+from pivident.studio.drafting import draft
 
 #: The robot of the gallery, its gains [N m per rad, N m s per rad], and the log [Hz, s].
 ROBOT, KP, KD = "planar_2r", (6000.0, 2500.0), (180.0, 60.0)
@@ -23,13 +25,21 @@ ENCODER, TORQUE = 2e-5, 0.15
 HEADER = ("time", "q1", "q2", "q1_ref", "q2_ref", "tau1", "tau2")
 
 
-def write_example(folder: Path, seed: int = 0) -> None:
-    """Simulate the arm and write ``log.csv`` and the table of the experiment file that names it.
+def draft_example(folder: Path, say: Callable[[str], None], seed: int = 0) -> None:
+    """Simulate the arm, write its ``log.csv``, and draft the experiment file.
 
     Args:
         folder: of the new project.
+        say: called with one line at each stage.
         seed: of motion and noise.
     """
+    say("simulating the log of the example (the first time this compiles, for a minute)")
+    write_log(folder, seed)
+    draft(folder, ["log.csv"], ROBOT, {}, (), (), say)
+
+
+def write_log(folder: Path, seed: int = 0) -> None:
+    """The log of the arm, positions in degrees."""
     record = simulate(
         load_robot(ROBOT),
         Loop(PD(kp=KP, kd=KD)),

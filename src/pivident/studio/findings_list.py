@@ -2,33 +2,41 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from pivident.check.plan import Plan
 from pivident.studio.fixes import fixes
-from pivident.studio.rows import experiment_rows
+from pivident.studio.rows import Row
 
 #: Severities from grave to harmless; what is right is not listed.
 SHOWN = ("error", "warning", "note")
 
 
 def check_context(
-    text: str, check: dict[str, Any], look: dict[str, str], folder: Path
+    text: str,
+    rows: Sequence[Row],
+    check: dict[str, Any],
+    look: dict[str, str],
+    folder: Path,
+    has_recording: bool,
 ) -> dict[str, Any]:
     """What the section of checks shows.
 
     Args:
         text: the experiment file.
+        rows: its lines.
         check: content of ``check.json``; empty before there is one.
         look: state of the look.
         folder: of the look.
+        has_recording: whether there is a log to check.
     """
     busy = look["findings"] == "running"
     remarks = check.get("remarks", [])
-    places = {row.place for row in experiment_rows(text)} if remarks else set()
+    places = {row.place for row in rows}
     return {
-        "applies": bool(text),
+        "applies": has_recording,
         "busy": (look["line"] or "starting") if busy else "",
         "error": check.get("error", "") or (look["error"] if look["findings"] == "failed" else ""),
         "headline": "" if check.get("error") else _headline(check),
@@ -73,7 +81,9 @@ def _remark(
         "number": number,
         "fixes": [fix.words for fix in fixes(remark, text)],
         "row": "row-" + ".".join(map(str, place)) if place else "",
-        "heading": " ".join([f"[{place[0]}]", *(str(p) for p in place[1:])]) if place else "",
+        "heading": f"[{place[0]}] {'.'.join(p for p in place[1:] if isinstance(p, str))}".rstrip()
+        if place
+        else "",
     }
 
 

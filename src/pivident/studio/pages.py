@@ -15,6 +15,7 @@ from typing import Any
 from markupsafe import Markup
 
 from pivident.check.plan import in_words
+from pivident.errors import ExperimentError
 from pivident.robot.gallery import gallery_names
 from pivident.studio.assets import templates
 from pivident.studio.findings_list import check_context
@@ -27,7 +28,7 @@ from pivident.studio.projects import (
 )
 from pivident.studio.results_list import result_context
 from pivident.studio.row_groups import row_groups
-from pivident.studio.rows import addable, experiment_rows
+from pivident.studio.rows import Row, addable, experiment_rows
 from pivident.studio.studio import Content, Studio, json_of
 from pivident.studio.methods import DEFAULT, GROUPS
 from pivident.studio.uploads import is_log
@@ -66,6 +67,14 @@ class View:
     def check(self) -> dict[str, Any]:
         """What the check has found; empty before it has ended."""
         return json_of(self.folder / "findings" / "check.json") if self.has("findings") else {}
+
+    @cached_property
+    def rows(self) -> tuple[Row, ...]:
+        """Lines of the experiment file; none where it is no TOML, which the check says."""
+        try:
+            return experiment_rows(self.text)
+        except ExperimentError:
+            return ()
 
     @cached_property
     def runs(self) -> list[dict[str, Any]]:
@@ -178,12 +187,11 @@ def _assumptions(view: View) -> dict[str, Any]:
     """Lines of the experiment file beside the signals that they are about."""
     if not view.text:
         return {"groups": [], "raw": "", "undo": view.studio.projects.can_undo(view.project)}
-    rows = experiment_rows(view.text)
-    assumed = sum(row.sure == "assumed" for row in rows)
+    assumed = sum(row.sure == "assumed" for row in view.rows)
     many = {0: "Nothing is assumed.", 1: "1 line is an assumption, please check it."}
     return {
-        "groups": row_groups(rows, view.signals),
-        "addable": addable(view.text),
+        "groups": row_groups(view.rows, view.signals),
+        "addable": addable(view.text) if view.rows else (),
         "counted": many.get(assumed, f"{assumed} lines are assumptions, please check them."),
         "undo": view.studio.projects.can_undo(view.project),
         "raw": view.text,
@@ -192,7 +200,7 @@ def _assumptions(view: View) -> dict[str, Any]:
 
 def _assumed(view: View) -> str:
     """How many lines are assumptions."""
-    assumed = sum(row.sure == "assumed" for row in experiment_rows(view.text)) if view.text else 0
+    assumed = sum(row.sure == "assumed" for row in view.rows)
     return f"{assumed} to check" if assumed else ""
 
 
@@ -244,12 +252,13 @@ def _share(view: View) -> dict[str, Any]:
 
 def _check_mark(view: View) -> str:
     """Errors and warnings as a number each."""
-    remarks = view.check.get("remarks", [])
+    remarks = view.check.get("remarks", []) if view.content.has_recording else []
     errors = sum(r["severity"] == "error" for r in remarks)
     warnings = sum(r["severity"] == "warning" for r in remarks)
     if errors or warnings:
         return " ".join([*(["×" + str(errors)] * bool(errors)), *(["!" + str(warnings)] * bool(warnings))])
-    return "✓" if view.check and not view.check.get("error") else ""
+    done = view.check and not view.check.get("error") and view.content.has_recording
+    return "✓" if done else ""
 
 
 def _runs_mark(view: View) -> str:
@@ -297,7 +306,9 @@ PIECES = {
             "checks",
             "checks",
             lambda v: [v.version, v.look],
-            lambda v: check_context(v.text, v.check, v.look, v.folder),
+            lambda v: check_context(
+                v.text, v.rows, v.check, v.look, v.folder, v.content.has_recording
+            ),
             _check_mark,
         ),
         Piece(

@@ -82,6 +82,7 @@ def _shown(row: Row) -> dict[str, Any]:
     known = {name: getattr(row, name) for name in row.__dataclass_fields__}
     return known | {
         "place": list(row.place),
+        "shown": ".".join(str(p) for p in row.place[1:] if not isinstance(p, int)) or row.key,
         "words": SURE[row.sure],
         "options": _options(row),
         "removable": row.place not in NEEDED,
@@ -90,7 +91,7 @@ def _shown(row: Row) -> dict[str, Any]:
 
 def _options(row: Row) -> list[dict[str, str]]:
     """What a line may be, where that is a few things."""
-    if not row.choices:
+    if not row.choices or "list" in row.kind or (row.value or "").startswith(("[", "{")):
         return []
     values = list(dict.fromkeys([*([row.value] if row.value is not None else []), *row.choices]))
     options = [{"value": value, "words": value.strip('"')} for value in values]

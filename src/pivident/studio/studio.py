@@ -20,7 +20,7 @@ from pivident.robot.gallery import gallery_names
 from pivident.robot.naming import nearest
 from pivident.studio.drafting import DRAFT, draft
 from pivident.studio.edits import with_value, without
-from pivident.studio.example import ROBOT, write_example
+from pivident.studio.example import ROBOT, draft_example
 from pivident.studio.fixes import applied, fixes
 from pivident.studio.looks import Looks
 from pivident.studio.projects import (
@@ -68,14 +68,15 @@ class Studio:
         return f"/p/{quote(project.name, safe='')}"
 
     def example(self, name: str) -> Project:
-        """A new project with a log that is simulated now.
+        """A new project with a log that is simulated beside the server.
 
         Raises:
             ProjectError: the name cannot be used.
         """
         project = self.projects.create(name)
-        write_example(project.folder)
         self.choose_robot(project, ROBOT, version_of(""))
+        self._drafted_from[project.folder] = version_of(project.text)
+        self.tasks.start(self._task(project), draft_example, project.folder)
         return project
 
     def choose_robot(self, project: Project, model: str, version: str) -> None:

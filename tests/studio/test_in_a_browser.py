@@ -1,0 +1,247 @@
+"""From a fresh folder to a verdict by mouse and keyboard alone, in Debian's Chromium.
+
+The arm of six axes is the one of examples/ur10e_like, simulated by Pinocchio; shorter than there.
+"""
+
+import importlib.util
+import shutil
+
+import pytest
+
+pytest.importorskip("playwright")
+pytest.importorskip("starlette")
+
+from tests.conftest import REPOSITORY  # noqa: E402
+from tests.planar_log import write_log  # noqa: E402
+from tests.studio.browsing import browsing, fits, needs_browser, served  # noqa: E402
+
+pytestmark = needs_browser
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    """URDF and log of an arm, as its owner has them."""
+    pytest.importorskip("pinocchio")
+    folder = tmp_path_factory.mktemp("ur10e")
+    path = REPOSITORY / "examples" / "ur10e_like" / "simulate_log.py"
+    spec = importlib.util.spec_from_file_location("simulate_log", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    module.write(folder, seconds=30.0)
+    return folder
+
+
+def ready(page, mark):
+    """Wait until a step of the list has its mark."""
+    page.wait_for_function(
+        "([part, text]) => document.querySelector(`[data-mark=${part}].mark`).textContent.trim()"
+        ".startsWith(text)",
+        arg=["run", mark],
+        timeout=240_000,
+    )
+
+
+@pytest.mark.parametrize(("width", "colour"), [(1280, "light"), (390, "dark")])
+def test_two_files_to_a_verdict(arm, tmp_path, width, colour):
+    with served(tmp_path) as server, browsing(width, colour) as page:
+        page.goto(server.address)
+        assert "token" not in page.url
+        page.get_by_label("Name of the project").first.fill("cobot")
+        page.get_by_role("button", name="Create", exact=True).click()
+        page.wait_for_url("**/p/cobot")
+        page.locator("#bring").set_input_files([arm / "ur10e_like.urdf", arm / "rtde_log.csv"])
+        page.locator(".replay canvas").wait_for(timeout=120_000)
+        answer_questions(page)
+        ready(page, "✓")
+        assert fits(page)
+        page.locator("#checks .headline").wait_for()
+        page.get_by_role("button", name="Run", exact=True).click()
+        page.locator("article.run .headline").wait_for(timeout=300_000)
+        verdict = page.locator("article.run .headline").first.inner_text()
+        assert verdict.startswith(("Take the estimate of", "Do not use"))
+        assert fits(page)
+        results = tmp_path / "cobot" / "results" / "001-identify"
+        assert verdict.split(",")[0].split(":")[0] in (results / "verdict.json").read_text("utf-8")
+        with page.context.expect_page() as opened:
+            page.get_by_role("link", name="Report").first.click()
+        opened.value.locator("h1").wait_for()
+        assert "Verdict" in opened.value.inner_text("main")
+
+
+def answer_questions(page):
+    """Questions of the draft, if there are any: what a person who knows nothing would do."""
+    page.wait_for_function(
+        "() => document.querySelector('[data-mark=files].mark').textContent.includes('✓')",
+        timeout=180_000,
+    )
+    questions = page.locator("form.questions")
+    if questions.count():
+        for group in questions.locator("fieldset").all():
+            group.locator("input").first.check()
+        questions.get_by_role("button", name="Answer").click()
+        page.wait_for_timeout(500)
+
+
+@pytest.fixture
+def planar(tmp_path):
+    """A project whose experiment file is there, and its log."""
+    from tests.planar_log import EXPERIMENT
+
+    folder = tmp_path / "root" / "arm"
+    folder.mkdir(parents=True)
+    write_log(folder / "log.csv")
+    (folder / "experiment.toml").write_text(EXPERIMENT.lstrip(), encoding="utf-8")
+    return folder
+
+
+def test_by_keyboard_alone(planar):
+    with served(planar.parent) as server, browsing() as page:
+        page.goto(server.address)
+        reach(page, "a", "arm")
+        page.keyboard.press("Enter")
+        page.wait_for_url("**/p/arm")
+        ready(page, "✓")
+        reach(page, "button", "Run")
+        page.keyboard.press("Enter")
+        page.locator("article.run .headline").wait_for(timeout=240_000)
+        reach(page, "a", "Report")
+
+
+def reach(page, tag, text):
+    """Press the tabulator until an element has the focus; every stop is visible."""
+    for _ in range(400):
+        page.keyboard.press("Tab")
+        found = page.evaluate(
+            "() => { const e = document.activeElement, s = getComputedStyle(e);"
+            "return [e.tagName.toLowerCase(), e.textContent.trim(), s.outlineStyle]; }"
+        )
+        if found[0] == tag and found[1].startswith(text):
+            assert found[2] != "none"
+            return
+    raise AssertionError(f"the tabulator does not reach {tag} {text!r}")
+
+
+def test_a_change_redraws_the_signals_and_can_be_undone(planar):
+    with served(planar.parent) as server, browsing() as page:
+        page.goto(server.address)
+        page.goto(f"{server.base}/p/arm")
+        ready(page, "✓")
+        field = page.locator("[id='row-recording.0.units.q-value']")
+        assert "deg" in field.input_value()
+        highest = "() => Math.max(...document.querySelector('[data-channel=q] .plot').data[0].y)"
+        page.locator("[data-channel=q]").scroll_into_view_if_needed()
+        page.wait_for_function("() => document.querySelector('[data-channel=q] .plot').data")
+        before = page.evaluate(highest)
+        if field.evaluate("e => e.tagName") == "SELECT":
+            field.select_option('"rad"')
+        else:
+            field.fill('"rad"')
+            field.press("Enter")
+        page.wait_for_function(f"() => ({highest})() > 10 * {before}", timeout=60_000)
+        page.wait_for_function(
+            "() => document.querySelector('[data-mark=checks].mark').textContent.includes('×')"
+        )
+        assert page.get_by_role("button", name="Run", exact=True).is_disabled()
+        page.get_by_role("button", name="Undo the last change").click()
+        ready(page, "✓")
+        assert "deg" in field.input_value()
+
+
+def test_two_tabs_show_the_same(planar):
+    with served(planar.parent) as server, browsing() as page:
+        page.goto(server.address)
+        page.goto(f"{server.base}/p/arm")
+        other = page.context.new_page()
+        other.goto(f"{server.base}/p/arm")
+        ready(page, "✓")
+        ready(other, "✓")
+        row = "[id='row-controller.kp-value']"
+        page.locator(row).fill("[5000, 2500]")
+        page.locator(row).press("Enter")
+        other.wait_for_function(
+            f"() => document.querySelector(\"{row}\").value.includes('5000')", timeout=30_000
+        )
+        # An editor changes the file; a change that was made to the older text is refused.
+        text = (planar / "experiment.toml").read_text(encoding="utf-8")
+        status = page.evaluate(
+            """async (version) => (await fetch("/p/arm/text", {method: "POST",
+            body: JSON.stringify({text: "robot = 'planar_2r'", version})})).status""",
+            "0000000000000000",
+        )
+        assert status == 409
+        page.seen_errors.clear()  # the browser's own line about the answer 409
+        assert (planar / "experiment.toml").read_text(encoding="utf-8") == text
+
+
+def test_a_killed_server_takes_nothing_along(planar):
+    import signal
+
+    with served(planar.parent) as server, browsing() as page:
+        page.goto(server.address)
+        page.goto(f"{server.base}/p/arm")
+        ready(page, "✓")
+        page.get_by_role("button", name="Run", exact=True).click()
+        page.locator("article.run.running").wait_for()
+        server.stop(signal.SIGKILL)
+        page.close()
+        page.seen_errors.clear()
+    with served(planar.parent) as server, browsing() as page:
+        page.goto(server.address)
+        page.goto(f"{server.base}/p/arm")
+        page.locator("article.run .headline").wait_for(timeout=240_000)
+    assert (planar / "results" / "001-identify" / "verdict.json").is_file()
+
+
+@pytest.mark.parametrize("colour", ["light", "dark"])
+def test_contrast(planar, colour):
+    """Text against its background: 4.5 to 1, as WCAG 2.2 asks (1.4.3)."""
+    with served(planar.parent) as server, browsing(colour=colour) as page:
+        for address in (server.address, f"{server.base}/p/arm"):
+            page.goto(address)
+            if "/p/" in address:
+                ready(page, "✓")
+            assert page.evaluate(CONTRAST) == []
+
+
+CONTRAST = """() => {
+  const parsed = (text) => text.match(/[\\d.]+/g).map(Number);
+  const linear = (c) => (c /= 255) <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4;
+  const light = ([r, g, b]) => 0.2126 * linear(r) + 0.7152 * linear(g) + 0.0722 * linear(b);
+  function ground(element) {
+    for (let e = element; e; e = e.parentElement) {
+      const [r, g, b, a = 1] = parsed(getComputedStyle(e).backgroundColor);
+      if (a > 0.99) return [r, g, b];
+    }
+    return [255, 255, 255];
+  }
+  const found = [];
+  for (const element of document.querySelectorAll("body *")) {
+    const own = [...element.childNodes].some((n) => n.nodeType === 3 && n.textContent.trim());
+    if (!own || !element.checkVisibility() || element.closest("svg, :disabled, .hidden-words, .skip")) continue;
+    const style = getComputedStyle(element);
+    const [a, b] = [light(parsed(style.color)), light(ground(element))].sort((x, y) => y - x);
+    const ratio = (a + 0.05) / (b + 0.05);
+    if (ratio < 4.5 && style.opacity === "1") found.push(`${element.tagName} ${element.textContent.trim().slice(0, 30)} ${ratio.toFixed(2)}`);
+  }
+  return found;
+}"""
+
+
+def test_an_archive_goes_to_another_machine(planar, tmp_path):
+    with served(planar.parent) as server, browsing() as page:
+        page.goto(server.address)
+        page.goto(f"{server.base}/p/arm")
+        with page.expect_download() as download:
+            page.get_by_role("button", name="Pack and download").click()
+        download.value.save_as(tmp_path / "arm.zip")
+    (tmp_path / "other").mkdir()
+    with served(tmp_path / "other") as server, browsing() as page:
+        page.goto(server.address)
+        page.get_by_label("Archive").set_input_files(tmp_path / "arm.zip")
+        page.get_by_role("button", name="Open").click()
+        page.wait_for_url("**/p/arm")
+        ready(page, "✓")
+    shutil.rmtree(planar / ".pivident-studio")
+    for name in ("experiment.toml", "log.csv"):
+        there = (tmp_path / "other" / "arm" / name).read_bytes()
+        assert there == (planar / name).read_bytes()
