@@ -94,11 +94,11 @@ def models_of(robot: Robot) -> list[str]:
 def base_parameter_program(robot: Robot, groups: ClosedFormBaseParameters | None = None) -> Program:
     """Base parameters theta from standard parameters, as a program.
 
-    By the closed form; with closed loops, where groups reach over the loops, from the observation
-    matrix (`pivident.dynamics.base_parameters`).
+    By the closed form; with closed loops, where groups reach over the loops, and on a measured base
+    from the observation matrix (`pivident.dynamics.base_parameters`).
     """
     found: ClosedFormBaseParameters | BaseParameters
-    if robot.constraints is None:
+    if robot.constraints is None and not robot.base_joints:
         found = closed = groups or closed_form_base_parameters(robot, "numbers")
         elements = list(closed.expressions.values())
     else:
