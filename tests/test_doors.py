@@ -1,5 +1,6 @@
 """Without the packages that nothing before them imports, a record is identified and reported."""
 
+import json
 import os
 import shutil
 import subprocess
@@ -65,19 +66,70 @@ def test_every_door_closed_at_once(installation_without, tmp_path):
     assert {"report.html", "identification.json", "verdict.json"} <= files
 
 
+#: Runs commands one after the other, each with a package hidden, and writes what they say.
+_COMMANDS_IN_THE_CHILD = """
+import contextlib, io, json, sys
+import pivident
+from pivident.cli.app import main
+
+class AllButHidden:
+    hidden = ""
+
+    def __init__(self, finder):
+        self.finder = finder
+
+    def find_spec(self, name, path=None, target=None):
+        return None if name == self.hidden else self.finder.find_spec(name, path, target)
+
+sys.meta_path[:] = map(AllButHidden, sys.meta_path)
+commands, doors = map(json.loads, sys.argv[1:])
+found = {}
+for door, arguments in commands.items():
+    for name in [n for n in sys.modules if n.startswith("pivident.") and n.split(".")[1] in doors]:
+        del sys.modules[name]
+        vars(pivident).pop(name.split(".")[1], None)
+    AllButHidden.hidden = f"pivident.{door}"
+    errors = io.StringIO()
+    with contextlib.redirect_stderr(errors), contextlib.redirect_stdout(io.StringIO()):
+        code = main(arguments)
+    found[door] = code, errors.getvalue()
+print(json.dumps(found))
+"""
+
+
+@pytest.fixture(scope="module")
+def said(tmp_path_factory):
+    """Exit code and errors of each command without its package."""
+    folder = tmp_path_factory.mktemp("commands")
+    write_experiment(folder)
+    given = json.dumps(COMMANDS), json.dumps(DOORS)
+    done = run(SOURCE.parent, folder, "-c", _COMMANDS_IN_THE_CHILD, *given)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
 @pytest.mark.parametrize("door", COMMANDS)
-def test_a_command_names_the_package_that_was_left_out(door, installation_without, tmp_path):
-    installation = installation_without(door)
-    write_experiment(tmp_path)
-    found = run(installation, tmp_path, "-m", "pivident", *COMMANDS[door])
-    assert found.returncode == 1
-    assert found.stderr.startswith(f"error: this installation has no {door!r}"), found.stderr
-    assert "Traceback" not in found.stderr
+def test_a_command_names_the_package_that_was_left_out(door, said):
+    code, errors = said[door]
+    assert code == 1
+    assert errors.startswith(f"error: this installation has no {door!r}"), errors
+    assert "Traceback" not in errors
 
 
-@pytest.mark.parametrize("door", DOORS)
-def test_each_door_closed_alone_leaves_the_command_line(door, installation_without, tmp_path):
-    installation = installation_without(door)
-    code = "import pivident.cli.workflow, pivident.report.builder, pivident.notebook.displays"
-    found = run(installation, tmp_path, "-c", code)
+def test_a_package_that_is_not_there_is_named_as_one_that_is_hidden(
+    installation_without, tmp_path, said
+):
+    found = run(installation_without("symbolic"), tmp_path, "-m", "pivident", *COMMANDS["symbolic"])
+    assert [found.returncode, found.stderr] == said["symbolic"]
+
+
+def test_no_door_is_opened_before_a_command_needs_it(tmp_path):
+    """So the command line, the report and notebooks do without each of them."""
+    code = (
+        "import sys, pivident.cli.workflow, pivident.report.builder, pivident.notebook.displays; "
+        "print(*{n.split('.')[1] for n in sys.modules if n.startswith('pivident.')})"
+    )
+    found = run(SOURCE.parent, tmp_path, "-c", code)
     assert found.returncode == 0, found.stderr
+    opened = set(found.stdout.split())
+    assert {"cli", "report", "notebook"} <= opened and not opened & set(DOORS)

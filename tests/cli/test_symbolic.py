@@ -75,6 +75,13 @@ def test_a_mechanism_with_closed_loops(tmp_path, capsys):
 
 
 @pytest.mark.skipif(c_compiler() is None, reason="there is no C compiler here")
+def test_groups_of_a_robot_on_a_floating_base(capsys):
+    assert main(["symbolic", "quadruped", "--what", "base"]) == DONE
+    assert "mr[trunk] = m[trunk] + m[front_left_abduction] + m[front_left_hip]" in (
+        capsys.readouterr().out
+    )
+
+
 def test_functions_of_two_robots_go_into_one_program(tmp_path):
     for robot in ("planar_2r", "emps"):
         assert main(["symbolic", robot, "--to", "c", "--out", str(tmp_path)]) == DONE

@@ -109,11 +109,13 @@ def test_a_free_estimate_is_written_on_standard_parameters(five_bar):
     np.testing.assert_allclose(model.base_values, free.theta, rtol=0, atol=1e-10)
 
 
-def test_a_result_on_disk_is_written_for_mujoco_and_not_as_a_tree(five_bar, tmp_path, capsys):
+def test_a_result_on_disk_is_exported_but_not_as_a_tree(five_bar, tmp_path, capsys):
     five_bar[0].save(tmp_path / "result")
     command = ["export", str(tmp_path / "result"), "--out", str(tmp_path / "bar.xml"), "--to"]
     assert main([*command, "mjcf"]) == 0
     assert "Loaded back: torques of 196 random states by MuJoCo" in capsys.readouterr().out
     assert read_mjcf(tmp_path / "bar.xml").joint_names == ("left", "right")
+    assert main([*command, "numpy"]) == 0
+    assert "Loaded back: torques, torques by the regressor" in capsys.readouterr().out
     assert main([*command, "urdf"]) == 1
     assert "export it as MJCF, or as JSON" in capsys.readouterr().err

@@ -116,6 +116,7 @@ def test_friction_of_passive_joints_is_in_the_file_but_for_constant_torques():
     model = with_values(robot)
     file = to_mjcf(model)
     assert set(file.left_out) == {"off[left_elbow]"}
+    assert "no constant torque of a joint without a motor; apply it" in file.differences[0]
     assert any("off[left_elbow]" in sentence for sentence in file.differences)
     loaded = mujoco.MjModel.from_xml_string(file.text)
     assert loaded.dof_damping[loaded.joint("left_elbow").dofadr[0]] > 0.0

@@ -89,6 +89,17 @@ def test_feet_that_do_not_determine_the_legs_are_refused(robot, record):
         on_planted_feet(fewer, [record])
 
 
+def test_the_link_of_a_foot_may_be_the_number_of_its_joint(robot, record):
+    """Joints of the base are not counted, as those of force sensors are not."""
+    numbers = [robot.link_index(foot.link) - 6 + 1 for foot in robot.contacts]
+    assert numbers == [3, 6, 9, 12]
+    feet = [replace(f, link=str(k)) for f, k in zip(robot.contacts, numbers, strict=True)]
+    closed, _ = on_planted_feet(replace(robot, contacts=tuple(feet)), [record])
+    named, _ = on_planted_feet(robot, [record])
+    links = [closure.links for closure in closed.constraints.closures]
+    assert links == [closure.links for closure in named.constraints.closures]
+
+
 def test_a_standing_robot_is_stored_with_its_motors(robot, record):
     closed, _ = on_planted_feet(robot, [record])
     again = robot_of_values(robot_values(closed))

@@ -108,15 +108,21 @@ ERRORS = {
     "shape": (HELD, VALUES | {"floor": np.ones((SAMPLES, 5))}, None, r"wrench\.floor"),
     "length": (HELD, VALUES | {"floor": np.ones((SAMPLES - 1, 6))}, None, r"wrench\.floor"),
     "pose not finite": (
-        FLOATING, {"floor": VALUES["floor"]}, (spoiled(PLACE, 7, 1), POSE[1]), r"base\.position",
+        FLOATING, {"floor": VALUES["floor"]}, (spoiled(PLACE, 7, 1), POSE[1]),
+        r"position of the base is not finite at sample 7, one of 1; cut the record",
     ),
     "pose too short": (
-        FLOATING, {"floor": VALUES["floor"]}, (PLACE[1:], POSE[1]), r"base\.position",
+        FLOATING, {"floor": VALUES["floor"]}, (PLACE[1:], POSE[1]),
+        r"position of the base has shape \(.*, 3\); \(.*, 3\) is needed",
     ),
     "pitched": (
         FLOATING, {"floor": VALUES["floor"]},
         (PLACE, Rotation.from_euler("y", np.linspace(0, 1.6, SAMPLES)[:, None]).as_matrix()),
-        r"sample 36\d: the base is pitched by 84°",
+        r"recording 'run': sample 36\d: the base is pitched by 84°",
+    ),
+    "angles in place of axes": (
+        FLOATING, {"floor": VALUES["floor"]}, (PLACE, PLACE),
+        r"rotation of the base has shape \(.*, 3\); \(.*, 3, 3\) is needed",
     ),
 }  # fmt: skip
 

@@ -18,7 +18,8 @@ from pivident.errors import RobotDescriptionError
 from pivident.estimation.filters.robot_equations import robot_equations
 from pivident.excitation import design_motion
 from pivident.experiment.room_keys import RoomEntry
-from pivident.export import export_model, to_c, to_urdf
+from pivident.export import export_model, to_urdf
+from pivident.export.sdf import to_sdf
 from pivident.models.runnable_model import runnable_model
 from pivident.payload import identify_payload
 from pivident.robot import lugre, viscous
@@ -71,13 +72,13 @@ def test_the_closed_form_of_base_parameters(robot):
         closed_form_base_parameters(robot)
 
 
-@pytest.mark.parametrize("to", ["urdf", "sdf", "c", "numpy"])
+@pytest.mark.parametrize("to", ["urdf", "sdf"])
 def test_files_of_other_programs(robot, to):
     with pytest.raises(RobotDescriptionError, match=REFUSED + ".*MJCF, or as JSON"):
         export_model(runnable_model(robot), to)
 
 
-@pytest.mark.parametrize("write", [to_c, to_urdf])
+@pytest.mark.parametrize("write", [to_sdf, to_urdf])
 def test_files_that_are_written_by_themselves(robot, write):
     with pytest.raises(RobotDescriptionError, match=REFUSED + ".*MJCF, or as JSON"):
         write(runnable_model(robot))

@@ -145,6 +145,7 @@ def test_closed_forms_and_what_is_left_to_newton():
     newton = {name for name, closing in closed.items() if closing is not None}
     assert newton == {
         "delta", "orthoglide", "ball", "hinge", "weld on the base", "geared ball",
+        "geared five bar",
     }  # fmt: skip
     assert len(closed["delta"].unknown) == 9
 

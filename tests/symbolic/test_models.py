@@ -15,6 +15,7 @@ from pivident.robot.gallery import load_robot
 from pivident.symbolic.composite_bodies import gravity_vector, mass_matrix
 from pivident.symbolic.newton_euler import coriolis_vector, inverse_model
 from pivident.symbolic.observation_matrix import observation_matrix
+from pivident.symbolic.robot_models import base_parameter_program
 from tests.dynamics.friction_laws import LAWS, law
 from tests.symbolic.evaluation import evaluated
 from tests.symbolic.robots import random_robot, scara, seven_axes, states
@@ -63,6 +64,16 @@ def test_models_of_known_robots_agree(name, columns):
     robot = ROBOTS[name]()
     base = base_parameters(robot).parameters
     assert_all_models_agree(robot, base if columns == "base" else standard_parameters(robot), 7)
+
+
+def test_models_of_a_robot_on_a_floating_base():
+    """Its six joints are those of a tree; groups are found from the observation matrix."""
+    robot = load_robot("quadruped")
+    base = base_parameters(robot)
+    assert_all_models_agree(robot, base.parameters, 7, 3)
+    standard = np.random.default_rng(8).uniform(-1.0, 1.0, len(base.standard))
+    theta = base_parameter_program(robot).function()(standard)
+    np.testing.assert_allclose(theta, base.values(standard), rtol=0, atol=1e-12)
 
 
 @settings(max_examples=40, deadline=None)

@@ -20,7 +20,7 @@ import numpy as np
 from pivident.audit.blocked_fit import BLOCKS, CLEAR, blocked_fit, jackknife
 from pivident.audit.inverse_model import InverseModel
 from pivident.logs.log import Log
-from pivident.recording.recording import TIMING_WORDS
+from pivident.recording.channels import TIMING_WORDS
 from pivident.signals.alignment import torque_shift
 from pivident.text.finding import Finding, Quantity, Severity
 from pivident.text.numbers import with_spread

@@ -231,7 +231,7 @@ def robots(name: str | None = None, /) -> int:
     Parameters
     ----------
     name
-        Name in the gallery, or a robot file (.toml, .urdf, .urdf.gz).
+        Name in the gallery, or a robot file (.toml, .urdf, .urdf.gz, .xml, .mjcf).
     """
     from pivident.cli.robot_sheet import gallery_text, robot_text
 

@@ -39,7 +39,7 @@ def symbolic(
     Parameters
     ----------
     robot
-        Name in the gallery, or a robot file (.toml, .urdf, .urdf.gz).
+        Name in the gallery, or a robot file (.toml, .urdf, .urdf.gz, .xml, .mjcf).
     what
         inverse, regressor, mass, gravity, coriolis, base; of a robot with closed loops also
         closure, motion; several separated by commas or repeated. Default: all of them.
@@ -148,8 +148,9 @@ def _groups(robot: Robot) -> str:
     """Base parameters with their groups, and what has no effect."""
     from pivident.dynamics.base_parameters import base_parameters
     from pivident.dynamics.grouping.closed_form import closed_form_base_parameters
+    from pivident.symbolic.robot_models import has_closed_form
 
-    if robot.constraints is None:
+    if has_closed_form(robot):
         return str(closed_form_base_parameters(robot))
     base = base_parameters(robot)
     lines = [f"{n} = {e}" for n, e in zip(base.names, base.expressions, strict=True)]

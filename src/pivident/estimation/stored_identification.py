@@ -30,7 +30,8 @@ from pivident.files import json_object
 from pivident.instruments.given_motion import InstrumentsUsed, Kind
 from pivident.robot.description import Robot, TorqueSide
 from pivident.robot.naming import nearest
-from pivident.robot.robot_values import Finite, Name, RobotValues, Values, made_robot, problem_text
+from pivident.robot.robot_schema import Finite, Name, RobotValues, Values, problem_text
+from pivident.robot.robot_values import made_robot
 from pivident.text.finding import Finding, Quantity, Severity
 
 #: Larger files are not identifications [bytes].

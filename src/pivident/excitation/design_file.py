@@ -45,7 +45,8 @@ from pivident.excitation.design_schema import (
 from pivident.excitation.motions import ExcitingMotion
 from pivident.files import json_object
 from pivident.robot.description import Robot
-from pivident.robot.robot_values import made_robot, problem_text, robot_values
+from pivident.robot.robot_schema import problem_text
+from pivident.robot.robot_values import made_robot, robot_values
 from pivident.text.plain_values import json_of_entries, plain
 from pivident.version import __version__
 

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from pivident.excitation.motions import MotionKind
 from pivident.robot.description import MAX_JOINTS
-from pivident.robot.robot_values import Finite, Matrix3, Name, RobotValues, Values, Vector3
+from pivident.robot.robot_schema import Finite, Matrix3, Name, RobotValues, Values, Vector3
 
 FORMAT, SCHEMA = "pivident-design", 1
 

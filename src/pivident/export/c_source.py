@@ -4,6 +4,9 @@ With NAME the name of the header, the functions are ``NAME_inverse_dynamics(q, d
 ``NAME_gravity(q, g)``, ``NAME_mass_matrix(q, mass)`` and ``NAME_regressor(q, dq, ddq, phi)``, each
 also with the suffix ``_samples`` for many states at once, and ``NAME_theta`` the parameters:
 the torque is phi times theta. The numbers of the model are folded into the code.
+
+Where the passive positions of a mechanism have no closed form, each has a last argument
+``posture``, from which the loops are followed, and ``NAME_closed_posture`` is one to begin with.
 """
 
 from __future__ import annotations
@@ -23,7 +26,7 @@ import numpy as np
 from pivident.errors import ExportError
 from pivident.export.model_programs import NAMES, header_lines, model_columns, model_programs
 from pivident.export.numpy_function import check_signals, program_differences, verify_functions
-from pivident.models.exported import ExportedText, Verification, refuse_loops
+from pivident.models.exported import ExportedText, Verification
 from pivident.models.runnable_model import RunnableModel
 from pivident.text.identifiers import c_comment, identifier, one_line
 
@@ -47,7 +50,6 @@ def to_c(model: RunnableModel, name: str = "robot_model") -> ExportedText:
     Returns:
         The source with its header, and what C cannot express.
     """
-    refuse_loops(model.robot, "C99")
     from pivident.symbolic.print_c import c_header, c_source
 
     name, programs, own = identifier(name), model_programs(model), model_columns(model)
@@ -137,26 +139,44 @@ def _results(
     """Results of the library's functions of many states for the signals of the check."""
     (header,) = exported.further
     stem = Path(header).stem
-    count = len(model_columns(model).names)
     signals = check_signals(model)
-    found = {
-        name: _of_arrays(getattr(library, f"{stem}_{name}_samples"), program)(*signals[name])
-        for name, program in zip(NAMES, model_programs(model), strict=True)
-    }
-    found["THETA"] = np.array((ctypes.c_double * count).in_dll(library, f"{stem}_theta"))
+
+    def constant(name: str, count: int) -> np.ndarray:
+        return np.array((ctypes.c_double * count).in_dll(library, f"{stem}_{name}"))
+
+    found = {"THETA": constant("theta", len(model_columns(model).names))}
+    for name, program in zip(NAMES, model_programs(model), strict=True):
+        function = getattr(library, f"{stem}_{name}_samples")
+        closing = program.closing
+        start = None if closing is None else constant("closed_posture", len(closing.posture))
+        found[name] = _of_arrays(function, program, start)(*signals[name])
     return found
 
 
-def _of_arrays(function: Any, program: Program) -> Callable[..., np.ndarray]:
+def _of_arrays(
+    function: Any, program: Program, start: np.ndarray | None
+) -> Callable[..., np.ndarray]:
+    """A function of many states as one of arrays.
+
+    With a posture it is called for one state after the other, each of which begins from ``start``:
+    states at random do not follow one another.
+    """
     (output,) = program.outputs
     pointer = ctypes.POINTER(ctypes.c_double)
     function.restype = None
 
+    def fill(signals: list[np.ndarray], result: np.ndarray) -> None:
+        posture = [] if start is None else [start.copy()]
+        places = [x.ctypes.data_as(pointer) for x in (*signals, *posture, result)]
+        function(ctypes.c_size_t(len(result)), *places)
+
     def call(*signals: np.ndarray) -> np.ndarray:
         given = [np.ascontiguousarray(x, dtype=float) for x in signals]
-        result = np.empty((len(given[0]), *output.shape))
-        places = [x.ctypes.data_as(pointer) for x in (*given, result)]
-        function(ctypes.c_size_t(len(result)), *places)
+        samples = len(given[0])
+        result = np.empty((samples, *output.shape))
+        step = samples if start is None else 1
+        for k in range(0, samples, step):
+            fill([x[k : k + step] for x in given], result[k : k + step])
         return result
 
     return call

@@ -28,6 +28,7 @@ _PRESLIDING = (FrictionColumn.PRESLIDING, FrictionColumn.MAXWELL)
 _KINDS = {
     "rotor": "rotor inertia (armature); set it in the engine, or add ia · ddq to the torque",
     "offset": "constant torque of a joint; add it to the torque",
+    "bias": "constant torque of a joint without a motor; apply it to the joint",
     "spring": "spring in a joint; add ks · q to the torque",
     "negative": "negative friction, which a free estimate may have; left out",
     "viscous": "damping that depends on the direction; the mean of both is written, and the rest "
@@ -50,7 +51,8 @@ def differences(
         part = left_out.get(p.name, 0.0)
         text, size = _sized(robot, p, part)
         if size > NEGLIGIBLE:
-            found.setdefault(_kind(p, part, supported), []).append(text)
+            kind = _kind(p, part, supported, driven=p.joint in model.robot.places)
+            found.setdefault(kind, []).append(text)
     sentences = [
         f"{name} has no {what}: {', '.join(found[kind])}"
         for kind, what in _KINDS.items()
@@ -59,7 +61,7 @@ def differences(
     return (*sentences, *_dry_friction(model, name, left_out))
 
 
-def _kind(p: Parameter, part: float, supported: frozenset[JointProperty]) -> str:
+def _kind(p: Parameter, part: float, supported: frozenset[JointProperty], driven: bool) -> str:
     c = FrictionColumn
     if p.stem == "ia":
         return "rotor"
@@ -69,6 +71,8 @@ def _kind(p: Parameter, part: float, supported: frozenset[JointProperty]) -> str
     column = p.friction.column
     if column in (c.OFFSET, c.COULOMB_POSITIVE, c.COULOMB_NEGATIVE) and "offset" not in supported:
         return "offset"
+    if column is c.OFFSET and not driven:
+        return "bias"
     if column is c.SPRING:
         return "spring"
     if column in (c.VISCOUS_POSITIVE, c.VISCOUS_NEGATIVE):

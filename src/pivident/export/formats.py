@@ -14,7 +14,7 @@ from pivident.export.mjcf import to_mjcf
 from pivident.export.numpy_function import to_numpy, verify_numpy
 from pivident.export.sdf import to_sdf
 from pivident.export.urdf import to_urdf
-from pivident.models.exported import ExportedText, Verification, refuse_loops
+from pivident.models.exported import ExportedText, Verification
 from pivident.models.model_json import to_json, verify_json
 from pivident.models.runnable_model import RunnableModel
 from pivident.robot.naming import nearest
@@ -86,10 +86,6 @@ FORMATS: dict[Format, FormatEntry] = {
 }
 
 
-#: Formats that closed loops can be written in; URDF has joints that follow one other joint.
-WITH_LOOPS: tuple[Format, ...] = ("json", "mjcf", "urdf", "latex")
-
-
 def export_model(
     model: RunnableModel,
     to: Format,
@@ -119,8 +115,6 @@ def export_model(
         raise ExportError(f"there is no format {to!r}; {nearest(str(to), get_args(Format))}")
     if to != "json":
         without_base(model.robot, f"a file of {FORMATS[to].title}", "export it as JSON")
-    if to not in WITH_LOOPS:
-        refuse_loops(model.robot, FORMATS[to].title)
     return FORMATS[to].write(model, FileOptions(name, original, frozen or {}))
 
 

@@ -6,6 +6,7 @@ parameters, which give the same torques with fewer operations than the standard 
 
 from __future__ import annotations
 
+import textwrap
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -88,6 +89,11 @@ def header_lines(model: RunnableModel) -> list[str]:
     for i, joint in enumerate(robot.joints):
         units = "rad, N m" if joint.kind == "revolute" else "m, N"
         lines.append(f"  {i + 1} {one_line(joint.name)}: {joint.kind} [{units}]")
+    if robot.constraints is not None:
+        along = ", ".join(one_line(joint.name) for joint in robot.passive_joints)
+        text = f"They move {along} along, whose inertia, weight and friction are in their torques."
+        lines += textwrap.wrap(text, 96)
+        lines.append("Results are NaN where the loops do not close.")
     gravity = ", ".join(repr(g) for g in robot.gravity.tolist())
     lines.append(f"Gravity in the base frame: ({gravity}) m/s^2. Link frames have the joint's axis")
     lines.append("as z. Torques are those that the drives must give, friction included.")

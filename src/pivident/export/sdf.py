@@ -13,6 +13,7 @@ from pivident.export.joint_side import JointProperty, JointSide, joint_side
 from pivident.export.robot_file import RobotFile
 from pivident.export.sketch import Stick, sticks
 from pivident.export.xml_text import comment, distinct, number, numbers, quoted, rpy, unlike
+from pivident.models.exported import refuse_loops
 from pivident.models.link_bodies import is_possible, link_inertias, written_body
 from pivident.models.runnable_model import RunnableModel
 from pivident.robot.description import Joint
@@ -22,7 +23,12 @@ SUPPORTED: frozenset[JointProperty] = frozenset({"damping", "dry friction", "spr
 
 
 def to_sdf(model: RunnableModel) -> RobotFile:
-    """Write a model as SDF."""
+    """Write a model as SDF.
+
+    Raises:
+        RobotDescriptionError: the robot has closed loops, which it would take further plugins for.
+    """
+    refuse_loops(model.robot, "SDF")
     robot, side = model.robot, joint_side(model, SUPPORTED)
     names = distinct([link.name for link in robot.links], robot.joint_names, ("world",))
     base = unlike("base", names)

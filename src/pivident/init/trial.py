@@ -32,7 +32,8 @@ from pivident.experiment.missing_torque import is_without_torque
 from pivident.experiment.recording_tables import log_of
 from pivident.friction.complete_sign import complete_sign
 from pivident.init.assumption import Assumption
-from pivident.recording.recording import TIMING_WORDS, Recording
+from pivident.recording.channels import TIMING_WORDS
+from pivident.recording.recording import Recording
 from pivident.robot.friction_toml import law_toml
 from pivident.text.toml import parse_toml
 from pivident.validation.held_out.folds import possible_folds

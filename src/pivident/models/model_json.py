@@ -30,15 +30,8 @@ from pivident.models.possible_values import impossible_value
 from pivident.models.runnable_model import Origin, RunnableModel, runnable_model
 from pivident.robot.description import INERTIAL, Robot
 from pivident.robot.inertia import from_center_of_mass, tensor
-from pivident.robot.robot_values import (
-    Finite,
-    Name,
-    RobotValues,
-    Values,
-    made_robot,
-    problem_text,
-    robot_values,
-)
+from pivident.robot.robot_schema import Finite, Name, RobotValues, Values, problem_text
+from pivident.robot.robot_values import made_robot, robot_values
 from pivident.text.plain_values import json_of_entries
 
 FORMAT, SCHEMA = "pivident-model", 1

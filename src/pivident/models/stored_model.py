@@ -23,7 +23,8 @@ from pivident.estimation.stored_identification import json_of_file, load_identif
 from pivident.models.model_json import KnownKeys
 from pivident.models.possible_values import impossible_value
 from pivident.models.runnable_model import Origin, RunnableModel, runnable_model
-from pivident.robot.robot_values import Finite, Name, RobotValues, made_robot, problem_text
+from pivident.robot.robot_schema import Finite, Name, RobotValues, problem_text
+from pivident.robot.robot_values import made_robot
 
 
 class _StandardValues(KnownKeys):

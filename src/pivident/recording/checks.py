@@ -10,10 +10,16 @@ from pivident.errors import (
     ConstantChannel,
     NonFiniteSamples,
     PositionsBeyondLimits,
+    RecordingError,
     SaturatedSignal,
     ShapeMismatch,
+    concerning,
 )
+from pivident.logs.clocks import timestamps
 from pivident.robot.description import Robot
+
+#: Longest drive_delay that is believed [s]; more is a delay in milliseconds without its 1e-3.
+MAX_DRIVE_DELAY = 0.1
 
 #: Shortest run of equal values that counts.
 MIN_RUN = 5
@@ -128,3 +134,27 @@ def check_not_saturated(
             first = int(clipped[0])
             value = float(tau[first, j])
             raise SaturatedSignal(channel, joint, value, clipped.size, len(tau), first)
+
+
+def check_times(**given: float) -> None:
+    """Refuse rates, delays and times that mean nothing.
+
+    Args:
+        given: ``rate control_rate`` [Hz], ``delay drive_delay start_time`` [s].
+    """
+    for name in ("rate", "control_rate"):
+        with concerning(name):
+            timestamps.check_positive(name, given[name])
+    for name in ("delay", "drive_delay", "start_time"):
+        if not np.isfinite(given[name]):
+            raise RecordingError(f"{name} is {given[name]!r} s; a number is needed").about(name)
+    wait = given["drive_delay"]
+    if wait < 0:
+        raise RecordingError(
+            f"drive_delay is {wait:g} s; a torque that is logged late is declared by delay"
+        ).about("drive_delay")
+    if wait > MAX_DRIVE_DELAY:
+        raise RecordingError(
+            f"drive_delay is {wait:g} s, longer than any drive takes; it is given in seconds, "
+            "0.3e-3 for 0.3 ms"
+        ).about("drive_delay")

@@ -18,6 +18,7 @@ from pivident.recording import checks
 from pivident.recording.recording import CHANNELS, MeasuredWrench, Recording
 from pivident.robot.description import Robot
 from pivident.robot.measured_base import base_positions, base_speeds
+from pivident.robot.naming import errors_name
 from pivident.robot.wrench_sensor import BASE, COMPONENTS
 from pivident.robot.wrench_torques import wrench_torques
 
@@ -132,13 +133,7 @@ def _with_base(
     still = np.zeros((recording.samples, count))
     base = still
     if pose is not None:
-        for name, part in zip(("base.position", "its rotation"), pose, strict=True):
-            if len(part) != recording.samples or not np.isfinite(part).all():
-                raise RecordingError(
-                    f"recording {recording.name!r}: {name} needs a finite number at each of "
-                    f"{recording.samples} samples"
-                )
-        base = base_positions(*pose)
+        base = _base_positions(recording, pose)
     before = {"q": base, "tau": still, "q_ref": base}
     channels: dict[str, Any] = {
         channel: np.hstack([before.get(channel, still), own])
@@ -166,3 +161,22 @@ def _with_base(
         allow_constant=True,
         saturation="allow",
     )
+
+
+def _base_positions(recording: Recording, pose: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """Positions of the joints of the base; refuses a pose that is none, and names the run."""
+    where = f"recording {recording.name!r}"
+    for name, part, own in (("position", pose[0], (3,)), ("rotation", pose[1], (3, 3))):
+        shape = (recording.samples, *own)
+        if np.shape(part) != shape:
+            raise RecordingError(
+                f"{where}: the {name} of the base has shape {np.shape(part)}; {shape} is needed"
+            ).about("columns", "base")
+        bad = np.flatnonzero(~np.isfinite(part).reshape(len(part), -1).all(axis=1))
+        if bad.size:
+            raise RecordingError(
+                f"{where}: the {name} of the base is not finite at sample {bad[0]}, one of "
+                f"{bad.size}; cut the record to where it was measured (part)"
+            ).about("columns", "base")
+    with errors_name(where):
+        return base_positions(*pose)

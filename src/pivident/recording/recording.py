@@ -8,67 +8,41 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pivident.errors import RecordingError, concerning
+from pivident.errors import RecordingError
 from pivident.logs.clocks import timestamps
 from pivident.logs.source_files import SourceFile
 from pivident.logs.torque_scale import TorqueScale
 from pivident.recording import checks
+from pivident.recording.channels import (
+    CHANNELS,
+    SOURCE_SENTENCES,
+    TIMING_WORDS,
+    MeasuredWrench,
+    Saturation,
+    TorqueSource,
+    TorqueTiming,
+    one_column,
+    settled,
+)
 from pivident.robot.description import TorqueSide
 from pivident.robot.naming import nearest
 from pivident.robot.transmission import Transmission
-from pivident.robot.wrench_sensor import WrenchSensor
-from pivident.scratch import working_array
 from pivident.text import display
 from pivident.text.printable import is_printable
 
-#: Fields that hold samples, besides the inputs.
-CHANNELS = ("q", "tau", "q_ref", "dq_ref", "ddq_ref", "q_link", "dq")
-
-#: Longest drive_delay that is believed [s]; more is a delay in milliseconds without its 1e-3.
-MAX_DRIVE_DELAY = 0.1
-
-#: Which instant a torque sample belongs to, see `Recording.torque_timing`.
-TorqueTiming = Literal["held", "averaged", "sampled"]
-
-#: The same in words.
-TIMING_WORDS = {
-    "held": "applied from its instant until the next control instant",
-    "averaged": "the mean over the period before its instant",
-    "sampled": "the value at its instant",
-}
-
-#: Where the joint torques come from, see `Recording.torque_source`.
-TorqueSource = Literal["measured", "law", "none"]
-
-#: The same in sentences, for torques that were not measured.
-SOURCE_SENTENCES = {
-    "law": (
-        "No torque was logged: it is what the control law with the declared gains commands at the "
-        "recorded positions."
-    ),
-    "none": "No torque was logged.",
-}
-
-#: What to do with a torque that is cut off at a limit.
-Saturation = Literal["refuse", "allow"]
-
-
-@dataclass(frozen=True, eq=False)
-class MeasuredWrench:
-    """What one force sensor measured.
-
-    Attributes:
-        sensor: where it sits.
-        values: force and moment in its frame, shape (samples, 6) [N, N m].
-    """
-
-    sensor: WrenchSensor
-    values: np.ndarray
+__all__ = [
+    "CHANNELS",
+    "MeasuredWrench",
+    "Recording",
+    "Saturation",
+    "TorqueSource",
+    "TorqueTiming",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,10 +138,10 @@ class Recording:
         settle(self, "control_rate", self.control_rate or self.rate)
         for channel in CHANNELS:
             if getattr(self, channel) is not None:
-                settle(self, channel, _settled(channel, getattr(self, channel)))
+                settle(self, channel, settled(channel, getattr(self, channel)))
         if self.wrench_torque is not None:
-            settle(self, "wrench_torque", _settled("wrench_torque", self.wrench_torque))
-        settle(self, "inputs", {key: _settled(key, value) for key, value in self.inputs.items()})
+            settle(self, "wrench_torque", settled("wrench_torque", self.wrench_torque))
+        settle(self, "inputs", {key: settled(key, value) for key, value in self.inputs.items()})
         self._check()
 
     def _check(self) -> None:
@@ -199,24 +173,13 @@ class Recording:
 
     def _check_options(self) -> None:
         """Refuse rates, times and choices that mean nothing."""
-        for name in ("rate", "control_rate"):
-            with concerning(name):
-                timestamps.check_positive(name, getattr(self, name))
-        for name in ("delay", "drive_delay", "start_time"):
-            if not np.isfinite(getattr(self, name)):
-                raise RecordingError(
-                    f"{name} is {getattr(self, name)!r} s; a number is needed"
-                ).about(name)
-        if self.drive_delay < 0:
-            raise RecordingError(
-                f"drive_delay is {self.drive_delay:g} s; a torque that is logged late is declared "
-                "by delay"
-            ).about("drive_delay")
-        if self.drive_delay > MAX_DRIVE_DELAY:
-            raise RecordingError(
-                f"drive_delay is {self.drive_delay:g} s, longer than any drive takes; it is given "
-                "in seconds, 0.3e-3 for 0.3 ms"
-            ).about("drive_delay")
+        checks.check_times(
+            rate=self.rate,
+            control_rate=self.control_rate,
+            delay=self.delay,
+            drive_delay=self.drive_delay,
+            start_time=self.start_time,
+        )
         taken = [name for name in self.inputs if name in CHANNELS]
         if taken:
             raise RecordingError(f"an input is called {taken[0]!r} like a channel; rename it")
@@ -455,8 +418,8 @@ class Recording:
             options["torque_source"] = "none"
         inputs = options.pop("inputs", {})
         channels = {key: options.pop(key) for key in CHANNELS if options.get(key) is not None}
-        channels = {key: _column(key, x) for key, x in ({"q": q, "tau": tau} | channels).items()}
-        options["inputs"] = {key: _column(key, values) for key, values in inputs.items()}
+        channels = {key: one_column(key, x) for key, x in ({"q": q, "tau": tau} | channels).items()}
+        options["inputs"] = {key: one_column(key, values) for key, values in inputs.items()}
         joints = channels["q"].shape[-1] if channels["q"].ndim else 1
         names = tuple(joint_names or (f"joint_{j + 1}" for j in range(joints)))
         return cls(name=name, joint_names=names, rate=rate, **channels, **options)
@@ -503,28 +466,3 @@ class Recording:
         q = transmission.joint_positions(q_motor)
         tau = transmission.joint_torques(command * transmission.drive_gain)
         return cls(name, names, q, tau, rate, **options)
-
-
-def _column(channel: str, values: ArrayLike) -> np.ndarray:
-    """A channel with one column for each joint, where a vector is that of one joint."""
-    try:
-        array = np.asarray(values)
-    except ValueError as error:
-        raise RecordingError(f"{channel} is not an array of real numbers ({error})") from error
-    return array[:, np.newaxis] if array.ndim == 1 else array
-
-
-def _settled(channel: str, values: Any) -> np.ndarray:
-    """A read-only float64 array in C order; one that already is all that is not copied."""
-    try:
-        array = np.asarray(values)
-        if np.iscomplexobj(array):
-            raise TypeError("complex numbers")
-        if array.dtype == np.float64 and array.flags.c_contiguous and not array.flags.writeable:
-            return array
-        settled = working_array(array.shape)
-        settled[...] = array
-    except (TypeError, ValueError) as error:
-        raise RecordingError(f"{channel} is not an array of real numbers ({error})") from error
-    settled.flags.writeable = False
-    return settled

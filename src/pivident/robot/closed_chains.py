@@ -7,8 +7,8 @@ The equations of a closure with the frames (p_1, R_1) and (p_2, R_2), seen from 
 for pairs of axes a of the first and b of the second frame, see `constraints.DIRECTIONS`. Of a
 planar loop that is described in space some follow from the others, and in the first frame they are
 the same ones whichever way the mechanism turns. Those to keep are found by QR with pivots over
-several postures. The compiled loops of ``dynamics`` have equations of
-their own; these here are for the description, and test those.
+several postures. The compiled loops of ``dynamics`` have equations of their own; these here are for
+the description, and test those.
 """
 
 from __future__ import annotations
@@ -51,8 +51,8 @@ def closed_robot(
     """The robot of a tree whose loops are closed: its joints are the independent ones.
 
     Args:
-        tree: all joints and links, loops cut. Its transmission is that of the independent joints
-            alone only where all joints have drives; set it with `pivident.robot.with_drives`.
+        tree: all joints and links, loops cut. Its drives and couplings are left out; give those of
+            the independent joints to `pivident.robot.with_drives` afterwards.
         independent: names of the joints that have motors and encoders, or are chosen to describe
             the posture.
         closures: frames that meet where the loops were cut.

@@ -26,129 +26,43 @@ from pivident.errors import RobotDescriptionError
 from pivident.robot.constraints import Constraints
 from pivident.robot.contact import Contact
 from pivident.robot.friction import DEFAULT_FRICTION, FrictionLaw
-from pivident.robot.friction_term import SLOPE_AT_RATED_SPEED
+from pivident.robot.joints import (
+    INERTIAL,
+    Coupling,
+    Joint,
+    JointKind,
+    JointMotion,
+    Link,
+    check_joint,
+)
 from pivident.robot.naming import find_joint, nearest
 from pivident.robot.transmission import Transmission
 from pivident.robot.wrench_sensor import WrenchSensor
 from pivident.text import display
 from pivident.text.printable import is_printable
 
-JointKind = Literal["revolute", "prismatic"]
-
-#: How a joint comes to move: by a motor; not at all, and its torque is that of a force sensor; or
-#: by what the outside does to it, and its motion is measured.
-JointMotion = Literal["driven", "held", "measured"]
+__all__ = [
+    "INERTIAL",
+    "MAX_JOINTS",
+    "STANDARD_GRAVITY",
+    "Coupling",
+    "Joint",
+    "JointKind",
+    "JointMotion",
+    "Link",
+    "Robot",
+    "TorqueSide",
+    "UrdfFile",
+    "check_robot",
+]
 
 #: Whose torques those of the joints are: of the motors, or of sensors behind the gears.
 TorqueSide = Literal["motor", "link"]
-
-#: Order of a link's ten inertial parameters.
-INERTIAL = ("xx", "xy", "xz", "yy", "yz", "zz", "mx", "my", "mz", "m")
 
 STANDARD_GRAVITY = 9.81
 
 #: Most joints of a robot that files may hold.
 MAX_JOINTS = 1000
-
-
-@dataclass(frozen=True, eq=False)
-class Joint:
-    """One degree of freedom.
-
-    Attributes:
-        name: unique name.
-        kind: ``revolute`` (q in rad) or ``prismatic`` (q in m), about or along the z axis.
-        parent: index of the link it hangs on, -1 for the base.
-        rotation: orientation of the link frame in the parent's at q = 0, shape (3, 3).
-        translation: origin of the link frame in the parent's at q = 0 [m], shape (3,).
-        position_limits: lowest and highest position [rad or m], or None.
-        rated_speed: rated (highest) speed [rad/s or m/s], or None where it is not known.
-        torque_limit: highest torque or force [N m or N], or None.
-        friction: friction law of the joint side.
-        motion: ``driven``: by a motor; ``held``: it stands still at zero, and what holds it is
-            measured; ``measured``: it moves without a motor, and how is measured. See
-            `pivident.robot.with_held_base` and `pivident.robot.with_floating_base`.
-    """
-
-    name: str
-    kind: JointKind
-    parent: int
-    rotation: np.ndarray
-    translation: np.ndarray
-    position_limits: tuple[float, float] | None = None
-    rated_speed: float | None = None
-    torque_limit: float | None = None
-    friction: FrictionLaw = DEFAULT_FRICTION
-    motion: JointMotion = "driven"
-
-    @property
-    def position_unit(self) -> str:
-        """Rad or m."""
-        return "rad" if self.kind == "revolute" else "m"
-
-    @property
-    def torque_unit(self) -> str:
-        """N m or N."""
-        return "N m" if self.kind == "revolute" else "N"
-
-    @property
-    def default_gamma(self) -> float:
-        """Slope of the smoothed sign where the law leaves it open [s/rad or s/m]."""
-        return SLOPE_AT_RATED_SPEED / (self.rated_speed or 5.0)
-
-    @property
-    def slopes_text(self) -> str:
-        """The γ of its smoothed signs with their unit, empty where the law has none."""
-        unit = "s/rad" if self.kind == "revolute" else "s/m"
-        slopes = " and ".join(f"{gamma:.4g}" for gamma in self.friction.slopes)
-        return f"{slopes} {unit}" if slopes else ""
-
-    def with_friction(self, law: FrictionLaw) -> Joint:
-        """The same joint with another friction law; open slopes get the joint's default."""
-        return replace(self, friction=law.with_default_gamma(self.default_gamma))
-
-
-@dataclass(frozen=True, eq=False)
-class Link:
-    """A moving body (fixed children merged into it) in its joint's frame.
-
-    Attributes:
-        name: unique name.
-        inertia: nominal ``xx xy xz yy yz zz mx my mz m``, shape (10,); zeros where unknown.
-        is_body: False for a frame between the axes of a universal or ball joint: it has no mass,
-            and no parameters.
-    """
-
-    name: str
-    inertia: np.ndarray = field(default_factory=lambda: np.zeros(10))
-    is_body: bool = True
-
-
-@dataclass(frozen=True)
-class Coupling:
-    """A motor that turns with a second joint (the TX40's wrist).
-
-    The rotor of joint ``motor`` turns with the speed dq_motor + ratio·dq_joint. What this adds to
-    the model beyond the two joints' own columns is, on the row of ``joint`` and of ``motor``,
-
-        iam: ratio·ddq_motor | ratio·ddq_joint        fvm: ratio·dq_motor | ratio·dq_joint
-        fcm: ratio·s(v) | s(v)   with v = dq_motor + ratio·dq_joint
-
-    Attributes:
-        motor: index of the joint whose motor is coupled (6 on the TX40, counted from zero: 5).
-        joint: index of the joint that moves that motor along.
-        ratio: speed of the rotor per speed of ``joint``, referred to the side of ``motor``.
-        inertia: whether the rotor inertia ``iam`` is a parameter.
-        viscous: whether ``fvm`` is a parameter.
-        coulomb: whether ``fcm`` is a parameter.
-    """
-
-    motor: int
-    joint: int
-    ratio: float = 1.0
-    inertia: bool = True
-    viscous: bool = True
-    coulomb: bool = True
 
 
 @dataclass(frozen=True)
@@ -377,6 +291,8 @@ class Robot:
     def link_index(self, name: str) -> int:
         """Index of a link by its own name, or that or the number of the joint that moves it.
 
+        Numbers count the joints that have motors: those of a measured base are passed over.
+
         Args:
             name: a name, or the number of a joint counted from 1, as text.
 
@@ -386,10 +302,12 @@ class Robot:
         links = [link.name for link in self.links]
         if name in links:
             return links.index(name)
+        first = self.base_joints
+        own = self.joint_names[first:]
         try:
-            return find_joint(self.joint_names, name)
+            return first + find_joint(own, name)
         except RobotDescriptionError:
-            known = dict.fromkeys([*links, *self.joint_names])
+            known = dict.fromkeys([*links[max(first - 1, 0) :], *own])
             raise RobotDescriptionError(
                 f"robot {self.name!r} has no link {name!r}; {nearest(name, known)}"
             ) from None
@@ -506,27 +424,7 @@ def check_robot(robot: Robot) -> None:
     if repeated:
         raise RobotDescriptionError(f"joint names used twice: {', '.join(sorted(repeated))}")
     for i, joint in enumerate(robot.joints):
-        where = f"joint {joint.name!r}"
-        if joint.kind not in ("revolute", "prismatic"):
-            raise RobotDescriptionError(f"{where}: kind {joint.kind!r} is not supported")
-        if not -1 <= joint.parent < i:
-            raise RobotDescriptionError(f"{where}: parent {joint.parent} does not precede it")
-        # Comparisons are written so that NaN fails them.
-        if not np.abs(joint.rotation @ joint.rotation.T - np.eye(3)).max() <= 1e-9:
-            raise RobotDescriptionError(f"{where}: its rotation matrix is not orthonormal")
-        if not np.isfinite(joint.translation).all():
-            raise RobotDescriptionError(f"{where}: translation {joint.translation} is not finite")
-        for bound, value in (
-            ("rated speed", joint.rated_speed),
-            ("torque limit", joint.torque_limit),
-        ):
-            if value is not None and not value > 0:
-                raise RobotDescriptionError(f"{where}: {bound} must be positive, not {value}")
-        limits = joint.position_limits
-        if limits is not None and not limits[0] < limits[1]:
-            raise RobotDescriptionError(
-                f"{where}: empty position range {limits}; the lower limit comes first"
-            )
+        check_joint(joint, i)
         if not np.isfinite(robot.links[i].inertia).all():
             raise RobotDescriptionError(f"link {robot.links[i].name!r}: inertia is not finite")
     base = [joint.motion for joint in robot.joints[: robot.base_joints]]

@@ -32,8 +32,7 @@ def sensor_link(robot: Robot, sensor: WrenchSensor) -> int:
     if sensor.link == BASE and robot.base_joints:
         return robot.base_joints - 1
     try:
-        # numbers count the robot's own joints
-        return robot.base_joints + robot.on_fixed_base.link_index(sensor.link)
+        return robot.link_index(sensor.link)
     except RobotDescriptionError as error:
         raise RobotDescriptionError(f"wrench sensor {sensor.name!r}: {error}") from None
 

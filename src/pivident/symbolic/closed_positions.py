@@ -4,7 +4,8 @@ The equations c(q) = 0 are put into blocks that are solved one after the other. 
 
 - linear, of gears and belts: solved at once, with numbers;
 - whole proportions: a parallelogram;
-- a triangle of two joints of a planar loop, or one joint alone in its equation: type equations;
+- a triangle of two joints of a planar loop, or one joint alone in its equation: type equations,
+  unless it matters how many turns such a joint has made;
 - or left to Newton's method, together with all such blocks that depend on it.
 """
 
@@ -171,6 +172,8 @@ def _typed(
     loop = {*ends.beyond[0], *ends.beyond[1]}
     if not loop.issuperset(joints) or result.iterated_in(loop):
         return None
+    if not _counting_turns(robot).isdisjoint(joints):
+        return None
     assert robot.constraints is not None and isinstance(own[0], ClosureEquation)
     solutions: list[dict[int, Expression]] = []
     every, posture = robot.tree.joints, robot.constraints.posture
@@ -181,6 +184,18 @@ def _typed(
     places = list(robot.places)
     names = [f"q{i + 1}" for i in places]
     return chosen_solution(solutions, names, samples[:, places], samples)
+
+
+def _counting_turns(robot: Robot) -> set[int]:
+    """Joints whose angle is not the same after a whole turn: of gears, with springs or ripple.
+
+    Type equations count angles within half a turn of the description's, Newton's method goes on.
+    """
+    assert robot.constraints is not None
+    geared = {i for one in robot.constraints.linear for i in np.flatnonzero(one.ratios).tolist()}
+    joints = enumerate(robot.tree.joints)
+    sprung = {i for i, j in joints if any(term.depends_on_position for term in j.friction.terms)}
+    return geared | sprung
 
 
 def _equations(

@@ -94,11 +94,11 @@ def models_of(robot: Robot) -> list[str]:
 def base_parameter_program(robot: Robot, groups: ClosedFormBaseParameters | None = None) -> Program:
     """Base parameters theta from standard parameters, as a program.
 
-    By the closed form; with closed loops, where groups reach over the loops, from the observation
-    matrix (`pivident.dynamics.base_parameters`).
+    By the closed form; with closed loops, where groups reach over the loops, and on a measured base
+    from the observation matrix (`pivident.dynamics.base_parameters`).
     """
     found: ClosedFormBaseParameters | BaseParameters
-    if robot.constraints is None:
+    if has_closed_form(robot):
         found = closed = groups or closed_form_base_parameters(robot, "numbers")
         elements = list(closed.expressions.values())
     else:
@@ -113,6 +113,11 @@ def base_parameter_program(robot: Robot, groups: ClosedFormBaseParameters | None
         [Output("base", output_array(elements), "base parameters, " + " ".join(found.names))],
         title=f"Base parameters of {robot.name}",
     )
+
+
+def has_closed_form(robot: Robot) -> bool:
+    """Whether rules find the groups of its base parameters: of a tree on a fixed base."""
+    return robot.constraints is None and not robot.base_joints
 
 
 def group_expressions(base: BaseParameters) -> list[Expression]:

@@ -40,7 +40,7 @@ def arm():
     return planar_problem(samples=1500)
 
 
-def growth(update, count=20_000):
+def growth(update, count=10_000):
     """Memory that more updates hold, for each of them [bytes]: an object would be 50 or more."""
     for k in range(20):
         update(k)
@@ -56,7 +56,7 @@ def growth(update, count=20_000):
     return (held - first) / count
 
 
-@pytest.mark.parametrize("method", METHODS, ids=repr)
+@pytest.mark.parametrize("method", METHODS, ids=lambda method: type(method).__name__)
 def test_memory_does_not_grow(arm, method):
     problem, theta = arm
     recording = problem.recordings[0]
