@@ -231,6 +231,23 @@ def test_results_speak_for_themselves_once_the_derived_state_is_gone(project, ma
     assert runs.add(project, "identify", {}) == "002"
 
 
+def test_results_from_elsewhere_are_listed(project, runs):
+    """An archive of a project holds results and no derived state."""
+    folder = project / "results" / "007-identify" / "piv"
+    folder.mkdir(parents=True)
+    (folder / "identification.json").write_text("{}")
+    (folder / "drives.html").touch()
+    (folder.parent / "report.html").touch()
+    (project / "results" / "mine").mkdir()
+    (found,) = runs.listed(project)
+    assert found["id"] == "007" and found["state"] == "done" and found["methods"] == ["piv"]
+    assert found["pages"] == [
+        {"title": "Report", "path": "report.html"},
+        {"title": "Drives of piv", "path": "piv/drives.html"},
+    ]
+    assert runs.add(project, "identify", {}) == "008"
+
+
 def test_refused_runs_leave_nothing(project, runs):
     for step, arguments in (("rm", {}), ("identify", {"method": "--out=/"})):
         with pytest.raises(StepError):
