@@ -15,10 +15,7 @@ MOST, LAST = 1_000_000, 64_000
 SHOWN = 200_000
 
 #: What terminals take for commands: CSI, OSC up to its end, and those of two characters.
-_SEQUENCES = re.compile(r"\x1b(?:\[[0-?]*[ -/]*[@-~]|\][^\x07\x1b]*(?:\x07|\x1b\\)?|[ -~])")
-
-#: All of a line that a later part of it has overwritten.
-_OVERWRITTEN = re.compile(r"[^\n]*\r(?!\n)")
+_SEQUENCES = re.compile(r"\x1b(?:\[[0-?]*[ -/]*[@-~]|\][^\x07\x1b\n]*(?:\x07|\x1b\\)?|[ -~])")
 
 
 class KeptStream:
@@ -78,8 +75,8 @@ class KeptStream:
 
 def cleaned(text: str) -> str:
     """Text without what controls a terminal; of a line that was overwritten, what was seen last."""
-    lines = _OVERWRITTEN.sub("", _SEQUENCES.sub("", text).replace("\r\n", "\n").rstrip("\r"))
-    return escaped(lines)
+    lines = _SEQUENCES.sub("", text).split("\n")
+    return escaped("\n".join(line.rstrip("\r").rpartition("\r")[2] for line in lines))
 
 
 def shown(path: Path, most: int = SHOWN) -> str:

@@ -20,6 +20,7 @@ import json
 import os
 import re
 import shutil
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -53,9 +54,10 @@ class RunError(PividentError):
     """A run that cannot be added, found or removed."""
 
 
-def now() -> str:
-    """The time as ISO 8601, UTC."""
-    return datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+def iso(seconds: float) -> str:
+    """A time since 1970 [s] as ISO 8601, UTC."""
+    text = datetime.fromtimestamp(seconds, UTC).isoformat(timespec="milliseconds")
+    return text.replace("+00:00", "Z")
 
 
 @dataclass(frozen=True)
@@ -122,7 +124,7 @@ class RunFolder:
     def write_started(self) -> int:
         """Note another attempt; returns its number."""
         attempt = int(self.started().get("attempt", 0)) + 1
-        self._write("started.json", {"started": now(), "attempt": attempt})
+        self._write("started.json", {"started": iso(time.time()), "attempt": attempt})
         return attempt
 
     def finish(self, state: str, code: int | None = None, message: str = "") -> None:
@@ -132,7 +134,7 @@ class RunFolder:
             OSError: the disk is full in spite of the space that was kept for this.
         """
         self.copy.unlink(missing_ok=True)
-        content = {"state": state, "code": code, "message": message, "ended": now()}
+        content = {"state": state, "code": code, "message": message, "ended": iso(time.time())}
         self._write("outcome.json", content)
         (self.state / "reserve").unlink(missing_ok=True)
 
@@ -190,7 +192,7 @@ def new_run(project: Path, record: Mapping[str, Any], experiment: bytes | None) 
         (run.state / "lock").touch()
         if experiment is not None:
             (run.state / EXPERIMENT).write_bytes(experiment)
-        content = {"id": run.id, **record, "created": now()}
+        content = {"id": run.id, **record, "created": iso(time.time())}
         write_whole(run.state / "run.json", strict_json(content).replace("{id}", run.id))
     except OSError as error:
         if run is not None:

@@ -14,6 +14,7 @@ from pivident.studio.run_folder import (
     OUTPUT,
     RESULTS,
     RunFolder,
+    iso,
     read_object,
     result_folders,
     run_numbers,
@@ -120,7 +121,7 @@ def _described(run: RunFolder, results: list[str], reader: RunProgress) -> dict[
 def _account(run: RunFolder, folder: Path) -> dict[str, Any]:
     """What the results say of their run; little where they come from elsewhere."""
     step = folder.name.partition("-")[2]
-    written = {"step": step, "title": step, "state": "done", "ended": "unknown"}
+    written = {"step": step, "title": step, "state": "done", "ended": iso(folder.stat().st_mtime)}
     return written | read_object(folder / ACCOUNT)
 
 

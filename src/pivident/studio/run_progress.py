@@ -25,9 +25,8 @@ class RunProgress:
     def __init__(self, path: Path) -> None:
         self._path, self._offset, self._rest = path, 0, b""
         self._left: float | None = None
-        self._read_at = 0.0
+        self._written_at = 0.0
         self._stage, self._number, self._of, self._line = "", 0, 0, ""
-        self._stages: dict[str, float] = {}
         self._kept: list[str] = []
 
     def now(self) -> dict[str, Any]:
@@ -35,7 +34,7 @@ class RunProgress:
         self._read()
         left = self._left
         if left is not None:
-            left = max(left - (time.time() - self._read_at), 0.0)
+            left = max(left - (time.time() - self._written_at), 0.0)
         return {
             "stage": self._stage,
             "number": self._number,
@@ -47,9 +46,10 @@ class RunProgress:
 
     def _read(self) -> None:
         try:
-            size = self._path.stat().st_size
-            if size < self._offset:  # the run was begun again
+            status = self._path.stat()
+            if status.st_size < self._offset:  # the run was begun again
                 self.__init__(self._path)  # type: ignore[misc]
+            self._written_at = status.st_mtime
             with self._path.open("rb") as file:
                 file.seek(self._offset)
                 while chunk := file.read(CHUNK):
@@ -63,11 +63,10 @@ class RunProgress:
 
     def _take(self, entry: dict[str, Any]) -> None:
         if "stages" in entry:
-            self._stages = {str(name): float(s) for name, s in entry["stages"].items()}
-            self._of, self._left = len(self._stages), sum(self._stages.values())
-            self._read_at = time.time()
+            expected = [float(seconds) for seconds in entry["stages"].values()]
+            self._of, self._left = len(expected), sum(expected)
         if "left_s" in entry:
-            self._left, self._read_at = float(entry["left_s"]), time.time()
+            self._left = float(entry["left_s"])
             self._number, self._of = int(entry["number"]), int(entry["of"])
         self._stage = str(entry.get("stage", self._stage))
         self._line = _line(entry.get("say", self._line))

@@ -80,7 +80,8 @@ class Argument:
         values = _listed(value) if several else [value]
         if len(values) > MOST:
             raise StepError(f"{self.label}: {len(values)} values; give at most {MOST}")
-        checked = [self._text(project, one) for one in dict.fromkeys(map(str, values))]
+        words = dict.fromkeys(self._word(one) for one in values)
+        checked = [self._text(project, word) for word in words]
         return [self.option, ",".join(checked)] if self.option else checked
 
     def _number(self, value: Any) -> str:
@@ -96,6 +97,12 @@ class Argument:
         if self.kind == "integer" and number != int(number):
             raise StepError(f"{self.label}: {_quoted(value)} is not a whole number")
         return str(int(number)) if number == int(number) else repr(number)
+
+    def _word(self, value: Any) -> str:
+        """A name or a whole number as text."""
+        if isinstance(value, bool) or not isinstance(value, str | int):
+            raise StepError(f"{self.label}: {_quoted(value)} is no name; choose one of the list")
+        return str(value)
 
     def _text(self, project: Path, value: str) -> str:
         """One of the choices, a folder of results, or the name of a parameter."""

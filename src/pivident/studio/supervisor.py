@@ -8,7 +8,6 @@ outcome last. While it lives it holds the lock of the run; on Linux the command 
 from __future__ import annotations
 
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -83,8 +82,8 @@ def _ended(run: RunFolder, record: dict[str, Any], lock: int) -> dict[str, Any]:
     if ended["state"] == "done":
         try:
             _add_to_results(run, record, ended, results)
-        except PividentError as error:
-            ended["message"] = "; ".join(filter(None, (ended["message"], str(error))))
+        except (OSError, PividentError) as error:
+            ended["message"] = "; ".join(filter(None, (ended["message"], _in_words(error))))
     return ended
 
 
@@ -209,7 +208,7 @@ def _add_to_results(
     results.parent.mkdir(exist_ok=True)
     with atomic_folder(results) as build:
         if (run.state / EXPERIMENT).exists():
-            shutil.copyfile(run.state / EXPERIMENT, build / EXPERIMENT)
+            (build / EXPERIMENT).write_bytes((run.state / EXPERIMENT).read_bytes())
         said = shown(run.state / "stdout").replace(run.copy.name, EXPERIMENT)
         (build / OUTPUT).write_text(said, encoding="utf-8")
         write_json(build / ACCOUNT, record | run.started() | ended)
