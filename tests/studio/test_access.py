@@ -4,13 +4,13 @@ import pytest
 
 pytest.importorskip("starlette")
 
-from starlette.applications import Starlette  # noqa: E402
-from starlette.middleware import Middleware  # noqa: E402
-from starlette.responses import PlainTextResponse  # noqa: E402
-from starlette.routing import Route  # noqa: E402
-from starlette.testclient import TestClient  # noqa: E402
+from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.responses import PlainTextResponse
+from starlette.routing import Route
+from starlette.testclient import TestClient
 
-from pivident.studio.access import POLICY, Access, new_token  # noqa: E402
+from pivident.studio.access import POLICY, Access, new_token
 
 TOKEN, PORT = "a-secret-of-this-test", 5123
 BASE = f"http://127.0.0.1:{PORT}"

@@ -109,7 +109,7 @@ def test_what_is_no_archive(tmp_path, data):
 
 def test_an_archive_without_experiment_is_no_project(tmp_path):
     packed = made(tmp_path / "a.zip", {"log.csv": b""})
-    with pytest.raises(ProjectError, match="holds no experiment.toml"):
+    with pytest.raises(ProjectError, match="holds no experiment"):
         open_archive(Projects(tmp_path), packed, "arm")
 
 

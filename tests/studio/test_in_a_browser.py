@@ -11,9 +11,9 @@ import pytest
 pytest.importorskip("playwright")
 pytest.importorskip("starlette")
 
-from tests.conftest import REPOSITORY  # noqa: E402
-from tests.planar_log import write_log  # noqa: E402
-from tests.studio.browsing import browsing, fits, needs_browser, served  # noqa: E402
+from tests.conftest import REPOSITORY
+from tests.planar_log import write_log
+from tests.studio.browsing import browsing, fits, needs_browser, served
 
 pytestmark = needs_browser
 
@@ -217,11 +217,13 @@ CONTRAST = """() => {
   const found = [];
   for (const element of document.querySelectorAll("body *")) {
     const own = [...element.childNodes].some((n) => n.nodeType === 3 && n.textContent.trim());
-    if (!own || !element.checkVisibility() || element.closest("svg, :disabled, .hidden-words, .skip")) continue;
+    const aside = element.closest("svg, :disabled, .hidden-words, .skip");
+    if (!own || aside || !element.checkVisibility()) continue;
     const style = getComputedStyle(element);
     const [a, b] = [light(parsed(style.color)), light(ground(element))].sort((x, y) => y - x);
     const ratio = (a + 0.05) / (b + 0.05);
-    if (ratio < 4.5 && style.opacity === "1") found.push(`${element.tagName} ${element.textContent.trim().slice(0, 30)} ${ratio.toFixed(2)}`);
+    const words = element.textContent.trim().slice(0, 30);
+    if (ratio < 4.5 && style.opacity === "1") found.push(`${words}: ${ratio.toFixed(2)}`);
   }
   return found;
 }"""

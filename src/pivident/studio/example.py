@@ -1,4 +1,4 @@
-"""An example to begin with: the textbook arm in its loop, with the log that its controller writes."""
+"""An example to begin with: the textbook arm in its loop, with the log of its controller."""
 
 from __future__ import annotations
 
@@ -50,6 +50,7 @@ def write_log(folder: Path, seed: int = 0) -> None:
         seed=seed,
     ).recording
     time = np.arange(record.samples) / record.rate
+    assert record.q_ref is not None  # a simulated loop follows one
     degrees = np.rad2deg(np.hstack([record.q, record.q_ref]))
     with atomic_folder(folder) as build:
         with (build / "log.csv").open("w", encoding="utf-8", newline="") as file:

@@ -1,5 +1,4 @@
-"""What the pages show: each piece of a project's page, from files, with a key that says when it is
-another one."""
+"""What the pages show: pieces, each from files, with a key that tells a new one from an old."""
 
 from __future__ import annotations
 
@@ -19,6 +18,7 @@ from pivident.errors import ExperimentError
 from pivident.robot.gallery import gallery_names
 from pivident.studio.assets import templates
 from pivident.studio.findings_list import check_context
+from pivident.studio.methods import DEFAULT, GROUPS
 from pivident.studio.projects import (
     RESULTS,
     Project,
@@ -30,7 +30,6 @@ from pivident.studio.results_list import result_context
 from pivident.studio.row_groups import row_groups
 from pivident.studio.rows import Row, addable, experiment_rows
 from pivident.studio.studio import Content, Studio, json_of
-from pivident.studio.methods import DEFAULT, GROUPS
 from pivident.studio.uploads import is_log
 from pivident.text.plain_values import strict_json
 from pivident.text.sizes import bytes_in_words
@@ -232,7 +231,9 @@ def _run(view: View) -> dict[str, Any]:
 def _share(view: View) -> dict[str, Any]:
     """The archive, and the commands that do the same."""
     results = view.project.folder / RESULTS
-    sizes = [p.stat().st_size for p in results.rglob("*") if p.is_file()] if results.is_dir() else []
+    sizes = (
+        [p.stat().st_size for p in results.rglob("*") if p.is_file()] if results.is_dir() else []
+    )
     logs = sum(size for name, size, _ in view.files if is_log(name))
     commands = []
     if view.content.has_recording:
@@ -255,8 +256,9 @@ def _check_mark(view: View) -> str:
     remarks = view.check.get("remarks", []) if view.content.has_recording else []
     errors = sum(r["severity"] == "error" for r in remarks)
     warnings = sum(r["severity"] == "warning" for r in remarks)
-    if errors or warnings:
-        return " ".join([*(["×" + str(errors)] * bool(errors)), *(["!" + str(warnings)] * bool(warnings))])
+    counted = [f"{mark}{many}" for mark, many in (("×", errors), ("!", warnings)) if many]
+    if counted:
+        return " ".join(counted)
     done = view.check and not view.check.get("error") and view.content.has_recording
     return "✓" if done else ""
 
@@ -291,8 +293,10 @@ PIECES = {
         Piece(
             "motion",
             "assumptions",
-            lambda v: [_signals_key(v), v.look["signals"], v.content.robot, v.look["error"]]
-            + ([v.look["line"]] if v.look["signals"] == "running" else []),
+            lambda v: (
+                [_signals_key(v), v.look["signals"], v.content.robot, v.look["error"]]
+                + ([v.look["line"]] if v.look["signals"] == "running" else [])
+            ),
             _motion,
         ),
         Piece(
@@ -376,8 +380,10 @@ def one_piece(studio: Studio, project: Project, name: str) -> str:
     """
     if name not in PIECES:
         raise ProjectError(f"there is no part {name!r}; reload the page")
-    return templates().get_template("piece.html").render(
-        piece=_piece(View(studio, project), PIECES[name])
+    return (
+        templates()
+        .get_template("piece.html")
+        .render(piece=_piece(View(studio, project), PIECES[name]))
     )
 
 

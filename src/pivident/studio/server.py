@@ -40,8 +40,9 @@ MAX_BODY = 4 * 2**20
 
 #: What a page that was written as a file may do: run its own scripts, and ask nobody.
 WRITTEN_PAGE = (
-    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; "
-    "connect-src data: blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'self'"
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
+    "img-src data: blob:; connect-src data: blob:; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'self'"
 )
 
 Body = TypeVar("Body", bound=BaseModel)
@@ -270,7 +271,9 @@ def _state(request: Request) -> Response:
 @_threaded
 def _part(request: Request) -> Response:
     """One part of the page as it is now."""
-    return HTMLResponse(one_piece(_studio(request), _project_of(request), request.path_params["part"]))
+    return HTMLResponse(
+        one_piece(_studio(request), _project_of(request), request.path_params["part"])
+    )
 
 
 def _declared(request: Request) -> int | None:

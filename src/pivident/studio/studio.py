@@ -1,8 +1,8 @@
 """What may be done to a project, and what follows of itself: drafts, looks and runs.
 
-    robot ─▶ experiment.toml with the robot alone ─▶ the arm is drawn
-    + log ─▶ draft (as `pivident init`)           ─▶ signals, assumptions, check
-    change of a line ─▶ look again                ─▶ run (as `pivident identify`)
+robot ─▶ experiment.toml with the robot alone ─▶ the arm is drawn
++ log ─▶ draft (as `pivident init`)           ─▶ signals, assumptions, check
+change of a line ─▶ look again                ─▶ run (as `pivident identify`)
 """
 
 from __future__ import annotations
@@ -142,7 +142,7 @@ class Studio:
 
     def logs(self, project: Project) -> list[str]:
         """Logs of a project, bags in folders as one, relative to it."""
-        found = {}
+        found: dict[str, None] = {}
         for path in project.inputs():
             if is_log(path.name) and not is_robot(path):
                 place = path if path.parent == project.folder else path.parent
