@@ -1,6 +1,6 @@
 """Write what docs/experiment_file.md says about each key, for the pages that show it beside them.
 
-    python -m tools.experiment_keys
+python -m tools.experiment_keys
 """
 
 from __future__ import annotations
