@@ -52,18 +52,9 @@ def with_value(text: str, place: Sequence[int | str], value: str) -> str:
         ExperimentError: text or value are not TOML, the key is not known or cannot have this
             value, or there is no such table.
     """
-    place = numbered(place)
-    value = with_ends(_checked_value(value.strip(), place), text)
-    items = checked_items(text)
-    item = find_item(text, items, place)
-    if item is not None:
-        if text[item.value : item.stop] == value:
-            return text
-        made = [_replaced(text, items, item, value)]
-    else:
-        made = list(added_ways(text, items, place, value))
-    wanted = content_with(plain_form(parse_toml(text)), place, parse_toml(f"x = {value}")["x"])
-    return _verified(text, made, wanted, place)
+    new = changed(text, place, value)
+    refuse_new_problems(text, new)
+    return new
 
 
 def without(text: str, place: Sequence[int | str]) -> str:
@@ -76,7 +67,45 @@ def without(text: str, place: Sequence[int | str]) -> str:
     Raises:
         ExperimentError: the text is not TOML, there is no such key, or the rest is incomplete.
     """
+    new = changed(text, place, None)
+    refuse_new_problems(text, new)
+    return new
+
+
+def changed(text: str, place: Sequence[int | str], value: str | None) -> str:
+    """As `with_value`, or `without` where there is no value; the schema is not asked."""
     place = numbered(place)
+    if value is None:
+        return _removed(text, place)
+    value = with_ends(_checked_value(value.strip(), place), text)
+    items = checked_items(text)
+    item = find_item(text, items, place)
+    if item is not None:
+        if text[item.value : item.stop] == value:
+            return text
+        made = [_replaced(text, items, item, value)]
+    else:
+        made = list(added_ways(text, items, place, value))
+    wanted = content_with(plain_form(parse_toml(text)), place, parse_toml(f"x = {value}")["x"])
+    return _verified(made, wanted, place)
+
+
+def refuse_new_problems(old: str, new: str) -> None:
+    """Refuse what the schema finds wrong with a text and not with an older one.
+
+    Raises:
+        ExperimentError: names table, key and the next step.
+    """
+    before, after = (every_problem(plain_form(parse_toml(text))) for text in (old, new))
+    known = {(p.location, p.sentence) for p in before}
+    for problem in after:
+        if (problem.location, problem.sentence) not in known:
+            heading = table_name(problem.location)
+            raise ExperimentError(f"[{heading}] {problem.sentence}".removeprefix("[] "))
+
+
+def _removed(text: str, place: Place) -> str:
+    """The text without what is at a place."""
     items = checked_items(text)
     item = find_item(text, items, place)
     if item is None:
@@ -88,7 +117,7 @@ def without(text: str, place: Sequence[int | str]) -> str:
         made = _without_inline(text, items, item)
     else:
         made = _suggested(text, items, item)
-    return _verified(text, [made], content_without(plain_form(parse_toml(text)), place), place)
+    return _verified([made], content_without(plain_form(parse_toml(text)), place), place)
 
 
 def _checked_value(value: str, place: Place) -> str:
@@ -106,28 +135,18 @@ def _checked_value(value: str, place: Place) -> str:
     )
 
 
-def _verified(text: str, made: Sequence[str], wanted: Any, place: Place) -> str:
-    """The first text that says what is wanted and has no problem that the old one had not."""
+def _verified(made: Sequence[str], wanted: Any, place: Place) -> str:
+    """The first text that says what is wanted."""
     for new in made:
         try:
             content = plain_form(parse_toml(new))
         except ValueError:
             continue
         if content == wanted:
-            _refuse_new_problems(text, content)
             return new
     raise ExperimentError(
         f"{called(place)} cannot be changed here; open the file as text and change it there"
     )
-
-
-def _refuse_new_problems(text: str, content: dict[str, Any]) -> None:
-    """Refuse what the schema finds wrong now and not before."""
-    before = {(p.location, p.sentence) for p in every_problem(plain_form(parse_toml(text)))}
-    for problem in every_problem(content):
-        if (problem.location, problem.sentence) not in before:
-            heading = table_name(problem.location)
-            raise ExperimentError(f"[{heading}] {problem.sentence}".removeprefix("[] "))
 
 
 def _replaced(text: str, items: Sequence[TomlItem], item: TomlItem, value: str) -> str:
