@@ -25,6 +25,7 @@ from pivident.experiment.recording_tables import DESIGN_FILE
 from pivident.extras import is_installed
 from pivident.files import BUILD, atomic_folder
 from pivident.studio.arm_picture import robot_picture as robot_picture
+from pivident.studio.fixes import as_json, fixes
 from pivident.studio.logged_signals import write_signals
 from pivident.text.plain_values import plain, strict_json, write_json
 from pivident.text.toml import parse_toml
@@ -89,8 +90,18 @@ def _write_findings(experiment: Path, folder: Path, say: Callable[[str], None]) 
         write_json(folder / CHECK, {"error": " ".join(str(error).split()), "remarks": []})
         write_json(folder / AUDIT, {"error": " ".join(str(error).split()), "audits": []})
         return
-    write_json(folder / CHECK, found.as_json() | {"error": ""})
+    write_json(folder / CHECK, _with_fixes(found, _text(experiment)) | {"error": ""})
     _write_audit(found, folder, say)
+
+
+def _with_fixes(found: ExperimentCheck, text: str) -> dict[str, Any]:
+    """The check as plain values, each remark with the robot's joints and its fixes."""
+    content = found.as_json()
+    joints = next((list(audit.log.joint_names) for audit in found.audits), [])
+    for remark in content["remarks"]:
+        remark["joints"] = joints
+        remark["fixes"] = [as_json(fix) for fix in fixes(remark, text)]
+    return content
 
 
 def _write_audit(found: ExperimentCheck, folder: Path, say: Callable[[str], None]) -> None:

@@ -1,0 +1,90 @@
+"""Fixes that a remark states itself, such as ``Set delay = 0.0103 under [recording]``."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+
+from pivident.init.experiment_text import value_text
+from pivident.studio.remark_case import Edits, RemarkCase
+from pivident.text.toml import parse_toml
+from pivident.text.toml_places import Place
+
+#: What a setting does, by its key.
+WORDS = {
+    "delay": "Declare how much later the torque is",
+    "drive_delay": "Declare that the drive responds late to the logged command",
+    "torque_timing": "Declare the instant of a torque sample",
+    "control_rate": "Declare the rate of the control loop",
+    "rate": "Take the samples for equally spaced",
+    "resample": "Interpolate onto a uniform clock",
+    "part": "Keep this part of the log only",
+    "units": "Change the unit",
+    "side": "Change the side of the gear",
+    "gravity": "Change the direction of gravity",
+    "torque_side": "Declare what the torque measures",
+    "feed_forward": "Declare that the controller compensates gravity",
+}
+
+#: Table of a key that is none of a recording.
+TABLES: dict[str, Place] = {"gravity": ("robot",), "feed_forward": ("controller",)}
+
+_VALUE = r"\"[^\"]*\"|\{[^{}]*\}|\[[^\[\]]*\]|true|false|-?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
+_SETTING = re.compile(rf"\b({'|'.join(WORDS)}) = ({_VALUE})")
+
+
+def settings(text: str) -> list[tuple[str, str]]:
+    """Keys and values that a text names, each once."""
+    found = []
+    for key, value in _SETTING.findall(text):
+        try:
+            parse_toml(f"x = {value}")
+        except ValueError:
+            continue
+        found.append((key, value))
+    return list(dict.fromkeys(found))
+
+
+def advised(case: RemarkCase) -> Iterator[tuple[str, Edits]]:
+    """Each setting that the next step names is a fix."""
+    for key, value in settings(case.step):
+        yield _described(key, value), setting(case, key, value)
+
+
+def gap(case: RemarkCase) -> Iterator[tuple[str, Edits]]:
+    """The longest stretch between gaps, and new samples where shorter ones remain; each other."""
+    parts = [value for key, value in settings(case.step) if key == "part"]
+    fill = "resample = true" in case.step
+    edits: Edits = setting(case, "resample", "true") if fill else ()
+    if not parts:
+        if fill:
+            yield _described("resample", "true"), edits
+        return
+    for part in dict.fromkeys(parts):
+        yield _described("part", part), (*setting(case, "part", part), *edits)
+
+
+def one_setting(key: str, value: str, words: str) -> Callable[[RemarkCase], Iterator]:
+    """A maker of one setting of the recording."""
+
+    def made(case: RemarkCase) -> Iterator[tuple[str, Edits]]:
+        yield f"{words}: {key} = {value}.", setting(case, key, value)
+
+    return made
+
+
+def setting(case: RemarkCase, key: str, value: str) -> Edits:
+    """A setting as edits; of a table of channels only its own channels change."""
+    table = TABLES.get(key, case.table)
+    content = parse_toml(f"x = {value}")["x"]
+    if key == "units":
+        return tuple(((*table, "units", k), value_text(own)) for k, own in content.items())
+    if key == "side" and isinstance(content, dict):
+        said = case.value(*table, "side") or "joint"
+        known = said if isinstance(said, dict) else {"q": said, "tau": said}
+        return (((*table, "side"), value_text(known | content)),)
+    return (((*table, key), value),)
+
+
+def _described(key: str, value: str) -> str:
+    return f"{WORDS[key]}: {key} = {value}."
