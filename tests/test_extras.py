@@ -40,7 +40,6 @@ OPTIONAL = {
     "distributed": "cluster",
     "starlette": "studio",
     "uvicorn": "studio",
-    "tomlkit": "studio",
 }
 
 BLOCKED = f"import sys; sys.modules.update(dict.fromkeys({list(OPTIONAL)}))\n"

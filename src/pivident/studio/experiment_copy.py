@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-import tomllib
+from pivident.errors import ExperimentError
+from pivident.init.experiment_text import string_text
+from pivident.studio.edits import with_value
+from pivident.studio.rows import experiment_rows
 
 #: Where the title of a report stands.
-TABLE, KEY = "output", "title"
+TITLE = ("output", "title")
 
 
 def with_title(text: str, title: str) -> str:
@@ -18,16 +21,9 @@ def with_title(text: str, title: str) -> str:
     Returns:
         The text; as it is where it cannot be read, which the command then says.
     """
-    import tomlkit
-    from tomlkit.exceptions import TOMLKitError
-
     try:
-        if KEY in tomllib.loads(text).get(TABLE, {}):
+        if any(row.place == TITLE and row.value is not None for row in experiment_rows(text)):
             return text
-        document = tomlkit.parse(text)
-        document.setdefault(TABLE, tomlkit.table())[KEY] = title.replace("_", " ")
-        changed = tomlkit.dumps(document)
-        tomllib.loads(changed)
-    except (TOMLKitError, tomllib.TOMLDecodeError, TypeError, ValueError, RecursionError):
+        return with_value(text, TITLE, string_text(title.replace("_", " ")))
+    except ExperimentError:
         return text
-    return changed

@@ -24,6 +24,8 @@ from pivident.logs.file_columns import read_columns
 from pivident.logs.log import CHANNELS, Log
 from pivident.logs.recognition.time_columns import clocks_in, is_clock
 from pivident.robot.description import Robot
+from pivident.robot.gallery import load_robot
+from pivident.robot.naming import ROBOT_FILES
 from pivident.studio.arm_picture import Swept, motion_of
 from pivident.studio.signals import SIGNALS, write_channel, write_times
 from pivident.text.plain_values import plain, write_json
@@ -107,12 +109,11 @@ def write_signals(experiment: Path, folder: Path, say: Callable[[str], None]) ->
         return
     filled, notes = _Folder(folder), list[str]()
     robot: Robot | None = None
-    if checked is not None:
-        try:
-            say("reading the robot")
-            robot = checked.robot
-        except PividentError as error:
-            notes.append(_line(error))
+    try:
+        say("reading the robot")
+        robot = checked.robot if checked is not None else _robot_alone(content, experiment.parent)
+    except PividentError as error:
+        notes.append(_line(error))
     fixed = None if robot is None else robot.on_fixed_base
     if fixed is not None:
         filled.joints = [
@@ -127,6 +128,15 @@ def write_signals(experiment: Path, folder: Path, say: Callable[[str], None]) ->
         for place, files in _named_files(content):
             _add_columns(filled, place, experiment.parent, files, "its table cannot be read yet")
     filled.write(fixed, notes)
+
+
+def _robot_alone(content: dict[str, Any], folder: Path) -> Robot | None:
+    """The robot of a content that the schema refuses, as long as there is no log for instance."""
+    table = content.get("robot")
+    model = table.get("model") if isinstance(table, dict) else None
+    if not isinstance(model, str):
+        return None
+    return load_robot(folder / model if model.endswith(ROBOT_FILES) else model)
 
 
 def _tables(experiment: Experiment) -> Iterator[tuple[Place, RecordingEntry]]:

@@ -38,6 +38,7 @@ def _shown(project: Project, run: dict[str, Any], address: str) -> dict[str, Any
     statements = verdict.get("statements", [])
     against = [s for s in statements if s["severity"] in ("error", "warning")]
     left = progress.get("left_s")
+    place = f"{address}/{quote(run['results'])}"
     return {
         **run,
         "title": step.title if step else run["step"],
@@ -54,19 +55,37 @@ def _shown(project: Project, run: dict[str, Any], address: str) -> dict[str, Any
         "against": against,
         "for": [s for s in statements if s not in against],
         "pages": [
-            {"title": page["title"], "address": f"{address}/{quote(page['path'])}"}
+            {"title": page["title"], "address": f"{place}/{quote(page['path'])}"}
             for page in run["pages"]
         ],
         "files": [
             {
-                "path": file["path"].removeprefix(f"{run['results']}/"),
+                "path": file["path"],
                 "size": bytes_in_words(file["bytes"]),
-                "address": f"{address}/{quote(file['path'])}?download",
+                "address": f"{place}/{quote(file['path'])}?download",
             }
             for file in run["files"]
         ],
-        "offered": [_offer(offer) for offer in offered(project.folder, run)],
+        "offered": [_offer(o) for o in (*offered(project.folder, run), *_always(run, verdict))],
     }
+
+
+def _always(run: dict[str, Any], verdict: dict[str, Any]) -> list[dict[str, Any]]:
+    """What can be done with every identification."""
+    if run["step"] != "identify" or not run["results"] or not verdict.get("name"):
+        return []
+    several = len(run.get("methods") or ()) > 1
+    best = f"{run['results']}/{verdict['name']}" if several else run["results"]
+    return [
+        {
+            "step": "export",
+            "arguments": {"result": best, "free": True},
+            "words": "Export the estimate",
+            "reason": "As it is; simulators may refuse parameters that no machine can have.",
+        },
+        {"step": "friction", "arguments": {}, "words": "Show friction", "reason": ""},
+        {"step": "laws", "arguments": {}, "words": "Choose friction laws", "reason": ""},
+    ]
 
 
 def _offer(offer: dict[str, Any]) -> dict[str, Any]:

@@ -33,7 +33,6 @@ def serve(root: Path, port: int = 0, *, at_once: int = 1, browser: bool = True) 
     purpose = "pivident studio"
     uvicorn = require("uvicorn", extra="studio", purpose=purpose)
     require("starlette.applications", extra="studio", purpose=purpose)
-    require("tomlkit", extra="studio", purpose=purpose)
     require("plotly", extra="studio", purpose=purpose)
     from pivident.studio.access import TOKEN, new_token
     from pivident.studio.server import application
