@@ -31,19 +31,16 @@ def test_the_draft_is_that_of_init(tmp_path):
 
 
 def test_questions_and_their_answers(tmp_path):
-    """Nothing says what the torques are measured in."""
-    rows = planar_log()[:, [0, 1, 2, 5, 6]].copy()
-    rows[:, 3:] /= 7.0
-    header = "time,q1,q2,current1,current2".replace("current", "u")
-    np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header=header, comments="")
-    columns = ["log.csv"], "planar_2r"
-    content, _ = drafted(tmp_path, *columns, {}, [], [])
-    asked = {question["about"]: question for question in content["questions"]}
-    assert asked, content
-    about, question = next(iter(asked.items()))
-    answer = question["choices"][0] if question["choices"] else "1000"
-    answered, _ = drafted(tmp_path, *columns, {about: answer}, [], [])
-    assert about not in {question["about"] for question in answered["questions"]}
+    """A log without time stamps."""
+    header = HEADER.removeprefix("time,")
+    np.savetxt(tmp_path / "log.csv", planar_log()[:, 1:], delimiter=",", header=header, comments="")
+    content, _ = drafted(tmp_path, ["log.csv"], "planar_2r", {}, [], [])
+    (question,) = content["questions"]
+    assert question["about"] == "rate" and "Hz" in question["text"]
+    assert (question["choices"], question["numbers"], question["optional"]) == ([], 1, False)
+    answers = {"rate": "1000"}
+    answered, _ = drafted(tmp_path, ["log.csv"], "planar_2r", answers, [], [])
+    assert "rate = 1000.0" in answered["text"] and answered["questions"] == []
 
 
 def test_why_there_is_no_draft(tmp_path):
