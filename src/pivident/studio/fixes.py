@@ -55,8 +55,6 @@ Maker = Callable[[RemarkCase], Iterator[tuple[str, Edits]]]
 MAKERS: dict[tuple[str, str], tuple[Maker, ...]] = {
     ("delay", "late"): (advised,),
     ("delay", "early"): (advised,),
-    ("delay", "timing"): (advised,),
-    ("delay", "loop rate"): (advised,),
     ("timing", "delay"): (long_delay,),
     ("timing", "jitter"): (advised,),
     ("timing", "gap"): (gap,),

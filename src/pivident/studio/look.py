@@ -39,8 +39,9 @@ CHECK, AUDIT, AUDIT_PAGE = "check.json", "audit.json", "audit.html"
 #: Which signals a folder holds, as the hash of what they follow from.
 _SIGNALS_KEY = "key"
 
-#: Tables of the file that say what the signals are.
-_TABLES = ("robot", "recording", "validation", "gains", "payload", "wrench", "contact")
+#: Tables of the file that say what the signals are, and those that hold recordings of their own.
+_TABLES = ("robot", "recording", "wrench", "contact")
+_WITH_RECORDINGS = ("validation", "gains", "payload")
 
 #: Most files of a pattern or a bag that are looked at.
 _MOST_FILES = 2000
@@ -140,6 +141,9 @@ def _signals_key(experiment: Path) -> str:
     except ValueError:
         return _hash(text, *stamps)
     tables = {name: content[name] for name in _TABLES if name in content}
+    for name in _WITH_RECORDINGS:
+        if isinstance(content.get(name), dict):
+            tables[name] = content[name].get("recording")
     return _hash(json.dumps(tables, sort_keys=True, default=str), *stamps)
 
 

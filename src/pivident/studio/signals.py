@@ -1,7 +1,7 @@
 """Signals on disk for drawing: millions of samples, of which a window shows fifteen hundred.
 
 Each channel of a recording is an array of float32, one row for each line, so that a window is read
-where it lies. Beside it stands, for each block of 256 samples, where the smallest and the largest
+where it lies. Beside it stands, for each block of 128 samples, where the smallest and the largest
 is: a wide window takes its extremes from these,
 
     extremes of a stretch = extremes of the extremes of its blocks,
@@ -24,10 +24,11 @@ from pivident.report.downsampling import kept_samples
 SIGNALS = "signals.json"
 
 #: Samples whose extremes are known; a place in it fits into a byte.
-BLOCK = 256
+BLOCK = 128
 
-#: Samples for each point that is drawn, up to which they are looked at one by one.
-FEW = 32
+#: Samples for each point that is drawn, up to which they are looked at one by one: beyond, the two
+#: extremes of each block are at least as many as the points.
+FEW = BLOCK // 2
 
 #: Significant digits of a value that is drawn.
 DIGITS = 6
@@ -99,11 +100,10 @@ def _kept(y: np.ndarray, extremes: np.ndarray, first: int, last: int, points: in
         return first + kept_samples(np.asarray(y[first:last]), points)
     begin, end = -(-first // BLOCK), last // BLOCK  # whole blocks
     within = extremes[:, begin:end].T.astype(np.int64)
+    within.sort(axis=1)
     within += BLOCK * np.arange(begin, end)[:, None]
-    candidates = np.unique(
-        np.r_[first : begin * BLOCK, within.ravel(), end * BLOCK : last, last - 1]
-    )
-    return candidates[kept_samples(np.asarray(y[candidates]), points)]
+    candidates = np.r_[first : begin * BLOCK, within.ravel(), end * BLOCK : last]
+    return np.unique(candidates[kept_samples(y[candidates], points)])
 
 
 def _extremes(lines: np.ndarray) -> np.ndarray:
