@@ -68,13 +68,15 @@ def test_what_is_written_on_the_command_line(project):
         "results/001-identify", "experiment.toml",
     ]  # fmt: skip
     assert STEPS["export"].command(project, FULL["export"], OUT)[-1] == f"{OUT}/robot_model.xml"
+    shown = STEPS["export"].command(project, {"result": "001-identify", "to": "rrd"}, OUT)
+    assert shown[4:6] == ["--log", "experiment.toml"] and shown[-1] == f"{OUT}/robot_model.rrd"
     assert "--out" not in STEPS["laws"].command(project, {}, OUT)
 
 
 def test_formats_and_causes_are_those_of_the_package():
     from pivident.cli.app import identify
 
-    assert ENDINGS.keys() == FORMATS.keys()
+    assert ENDINGS.keys() == {*FORMATS, "rrd"}
     help_text = " ".join((identify.__doc__ or "").split())
     assert f"each with an interval: {', '.join(CAUSES)};" in help_text
 
