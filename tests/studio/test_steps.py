@@ -207,6 +207,15 @@ def test_consistent_parameters_are_exported(project):
     assert found[4]["arguments"]["results"] == ["results/002-identify"]
 
 
+def test_consistent_parameters_alone_are_named_by_their_file(project):
+    folder = project / "results" / "003-consistent"
+    folder.mkdir()
+    (folder / "consistent.json").write_text("{}")
+    first, *_ = offers(project, "003-consistent", "consistent")
+    argv = STEPS["export"].command(project, first["arguments"], OUT)
+    assert argv[1] == "results/003-consistent/consistent.json"
+
+
 def test_runs_without_results_offer_nothing(project):
     assert offered(project, {"step": "identify", "results": ""}) == []
     assert offers(project, "003-laws", "laws") == []
