@@ -248,6 +248,15 @@ def test_results_from_elsewhere_are_listed(project, runs):
     assert runs.add(project, "identify", {}) == "008"
 
 
+def test_methods_are_in_the_order_in_which_they_were_asked_for(project, runs):
+    (project / "script.py").write_text(
+        WRITES + "for name in ('iv', 'ls', 'piv'):\n    (out / name).mkdir()\n"
+        "    (out / name / 'identification.json').touch()\n"
+    )
+    run = runs.add(project, "identify", {"method": ["piv", "ls", "iv", "pc-ls"]})
+    assert ended(runs, project, run)["methods"] == ["piv", "ls", "iv"]
+
+
 def test_refused_runs_leave_nothing(project, runs):
     for step, arguments in (("rm", {}), ("identify", {"method": "--out=/"})):
         with pytest.raises(StepError):

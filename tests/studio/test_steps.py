@@ -68,13 +68,15 @@ def test_what_is_written_on_the_command_line(project):
         "results/001-identify", "experiment.toml",
     ]  # fmt: skip
     assert STEPS["export"].command(project, FULL["export"], OUT)[-1] == f"{OUT}/robot_model.xml"
+    shown = STEPS["export"].command(project, {"result": "001-identify", "to": "rrd"}, OUT)
+    assert shown[4:6] == ["--log", "experiment.toml"] and shown[-1] == f"{OUT}/robot_model.rrd"
     assert "--out" not in STEPS["laws"].command(project, {}, OUT)
 
 
 def test_formats_and_causes_are_those_of_the_package():
     from pivident.cli.app import identify
 
-    assert ENDINGS.keys() == FORMATS.keys()
+    assert ENDINGS.keys() == {*FORMATS, "rrd"}
     help_text = " ".join((identify.__doc__ or "").split())
     assert f"each with an interval: {', '.join(CAUSES)};" in help_text
 
@@ -203,6 +205,15 @@ def test_consistent_parameters_are_exported(project):
     assert found[0]["arguments"] == {"result": "results/002-identify/piv", "to": "urdf"}
     assert found[3]["arguments"]["results"] == ["results/001-identify", "results/002-identify"]
     assert found[4]["arguments"]["results"] == ["results/002-identify"]
+
+
+def test_consistent_parameters_alone_are_named_by_their_file(project):
+    folder = project / "results" / "003-consistent"
+    folder.mkdir()
+    (folder / "consistent.json").write_text("{}")
+    first, *_ = offers(project, "003-consistent", "consistent")
+    argv = STEPS["export"].command(project, first["arguments"], OUT)
+    assert argv[1] == "results/003-consistent/consistent.json"
 
 
 def test_runs_without_results_offer_nothing(project):

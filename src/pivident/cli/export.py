@@ -19,13 +19,16 @@ def export(
     result: Path,
     /,
     *,
-    to: Literal["urdf", "mjcf", "sdf", "c", "numpy", "json", "latex"],
+    to: Literal["urdf", "mjcf", "sdf", "c", "numpy", "json", "latex", "rrd"],
     out: Path,
+    log: Path | None = None,
     robot: Path | None = None,
     free: Annotated[bool, Parameter(negative=())] = False,
     check: bool = True,
 ) -> int:
     """Write an identified model as URDF, MJCF, SDF, C, NumPy, JSON or LaTeX, and load it back.
+
+    With rrd the motion of a log is written for Rerun, with measured and modelled torques.
 
     Parameters
     ----------
@@ -35,6 +38,8 @@ def export(
         The format.
     out
         File to write. The header of a C file is written beside it.
+    log
+        Of rrd: a log with the columns of the result's own logs, or an experiment file.
     robot
         URDF to put the parameters into. Default: the one that was identified.
     free
@@ -52,6 +57,15 @@ def export(
 
     if robot is not None and to != "urdf":
         raise ExportError(f"--robot is for --to urdf; {to} holds the whole robot, leave it out")
+    if log is not None and to != "rrd":
+        raise ExportError(f"--log is for --to rrd; {to} holds no motion, leave it out")
+    if to == "rrd":
+        from pivident.cli.export_rerun import export_rerun
+
+        if free:
+            raise ExportError("--free is for models; leave it out, rrd shows the result named")
+        export_rerun(result, log, out)
+        return 0
     check_output(out.absolute().parent)
     with Progress() as progress:
         result = result_of(result)

@@ -159,13 +159,15 @@ def _title(path: Path) -> str:
 
 def _methods(record: Mapping[str, Any], folder: Path | None) -> list[str]:
     """Short names of the methods that have results, or else of those that were asked for."""
-    if folder is not None:
-        several = sorted(p.parent.name for p in folder.glob("*/identification.json"))
-        one = read_object(folder / "verdict.json").get("name")
-        if several or one:
-            return several or [str(one)]
     arguments = record.get("arguments")
     asked = arguments.get("method") if isinstance(arguments, dict) else None
     if isinstance(asked, str):
         asked = asked.split(",")
-    return [str(name).strip() for name in asked or []]
+    names = [str(name).strip() for name in asked or []]
+    if folder is not None:
+        several = [p.parent.name for p in folder.glob("*/identification.json")]
+        order = {name.removeprefix("pc-"): k for k, name in reversed(list(enumerate(names)))}
+        one = read_object(folder / "verdict.json").get("name")
+        if several or one:
+            return sorted(several, key=lambda n: (order.get(n, len(order)), n)) or [str(one)]
+    return names

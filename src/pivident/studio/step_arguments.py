@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+from pivident.consistency.consistent_files import CONSISTENT_FILE
 from pivident.errors import PividentError
 from pivident.estimation.methods import METHODS
 from pivident.studio.run_folder import RESULTS
@@ -20,7 +21,7 @@ from pivident.studio.run_folder import RESULTS
 Kind = Literal["choice", "choices", "number", "integer", "flag", "result", "results", "names"]
 
 #: What makes a folder one of results: files of one method, or the verdict on several.
-RESULT_FILES = ("identification.json", "consistent.json", "verdict.json")
+RESULT_FILES = ("identification.json", CONSISTENT_FILE, "verdict.json")
 
 #: Most entries of a list.
 MOST = 40
@@ -122,6 +123,8 @@ class Argument:
 def result_folder(project: Path, name: str) -> str:
     """A folder of results of the project, ``results/001-identify`` or that of one method in it.
 
+    Of one that holds consistent parameters alone it is their file, which commands take.
+
     Raises:
         StepError: this is no such folder.
     """
@@ -131,7 +134,9 @@ def result_folder(project: Path, name: str) -> str:
         path = project / RESULTS / named[1] / method
         inside = path.resolve().is_relative_to(project.resolve())
         if inside and (not method or method in METHODS) and _has_result(path):
-            return "/".join(filter(None, (RESULTS, named[1], method)))
+            there = [file for file in RESULT_FILES if (path / file).is_file()]
+            alone = CONSISTENT_FILE if there == [CONSISTENT_FILE] else ""
+            return "/".join(filter(None, (RESULTS, named[1], method, alone)))
     raise StepError(f"{_quoted(name)} is no result of this project; choose one of the list")
 
 

@@ -30,6 +30,7 @@ ENDINGS = {
     "numpy": ".py",
     "json": ".json",
     "latex": ".tex",
+    "rrd": ".rrd",
 }
 
 #: Name of an exported file; in C also of its functions.
@@ -81,9 +82,10 @@ class Step:
         unnamed = [t for name, found in given.items() if not known[name].option for t in found]
         options = [t for name, found in given.items() if known[name].option for t in found]
         subject = [*unnamed, *self.subject(given)]
-        if EXPERIMENT in subject and not (project / EXPERIMENT).is_file():
+        argv = [self.name, *subject, *options, *self.output(out, given)]
+        if EXPERIMENT in argv and not (project / EXPERIMENT).is_file():
             raise StepError(f"{project.name} has no {EXPERIMENT} yet; describe the log first")
-        return [self.name, *subject, *options, *self.output(out, given)]
+        return argv
 
 
 def _experiment(given: Mapping[str, Any]) -> list[str]:
@@ -108,8 +110,10 @@ def _prints(out: str, given: Mapping[str, Any]) -> list[str]:
 
 
 def _file(out: str, given: Mapping[str, Any]) -> list[str]:
-    """The exported file; one without consistent parameters holds the free ones."""
-    return ["--out", f"{out}/{EXPORTED}{ENDINGS[given['to'][1]]}"]
+    """The exported file; Rerun also needs the log."""
+    to = given["to"][1]
+    log = ["--log", EXPERIMENT] if to == "rrd" else []
+    return [*log, "--out", f"{out}/{EXPORTED}{ENDINGS[to]}"]
 
 
 _RESULT = Argument("result", "result", "Result", is_needed=True)

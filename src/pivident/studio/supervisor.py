@@ -8,6 +8,7 @@ outcome last. While it lives it holds the lock of the run; on Linux the command 
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -110,9 +111,7 @@ def _begin_anew(run: RunFolder, results: Path) -> None:
     """Remove what an attempt has left that was killed, and write what the command reads."""
     clear_up(results)
     if results.is_dir():
-        for file in sorted(results.rglob("*"), reverse=True):
-            file.rmdir() if file.is_dir() and not file.is_symlink() else file.unlink()
-        results.rmdir()
+        shutil.rmtree(results)
     (run.state / "progress").unlink(missing_ok=True)
     if (run.state / EXPERIMENT).exists():
         text = (run.state / EXPERIMENT).read_text(encoding="utf-8", errors="surrogateescape")
