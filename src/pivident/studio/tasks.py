@@ -10,7 +10,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
@@ -27,14 +27,14 @@ PRELOADED = ("pivident.studio.preloaded",)
 _LINE, _ERROR, _DONE = "line", "error", "done"
 
 
-def _context() -> Any:
+def _context(preloaded: Sequence[str]) -> Any:
     """How processes are started here."""
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
     from multiprocessing import forkserver
 
-    context.set_forkserver_preload(list(PRELOADED))
+    context.set_forkserver_preload([*PRELOADED, *preloaded])
     forkserver.ensure_running()  # it imports while nobody waits
     return context
 
@@ -51,10 +51,15 @@ class _Task:
 
 
 class Tasks:
-    """Tasks by their keys; the methods may be called from any thread."""
+    """Tasks by their keys; the methods may be called from any thread.
 
-    def __init__(self) -> None:
-        self._context = _context()
+    Args:
+        preloaded: more modules to import once for all tasks, such as those of the script that has
+            been started: each task imports it by itself otherwise, as `multiprocessing` does.
+    """
+
+    def __init__(self, preloaded: Sequence[str] = ()) -> None:
+        self._context = _context(preloaded)
         self._tasks: dict[str, _Task] = {}
         self._lock = threading.RLock()
 
