@@ -38,6 +38,7 @@ OPTIONAL = {
     "mujoco": "mujoco",
     "dask": "cluster",
     "distributed": "cluster",
+    "rerun": "rerun",
     "starlette": "studio",
     "uvicorn": "studio",
 }

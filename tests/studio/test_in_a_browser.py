@@ -128,9 +128,12 @@ def test_a_change_redraws_the_signals_and_can_be_undone(planar):
         ready(page, "✓")
         field = page.locator("[id='row-recording.0.units.q-value']")
         assert "deg" in field.input_value()
-        highest = "() => Math.max(...document.querySelector('[data-channel=q] .plot').data[0].y)"
+        highest = (
+            "() => { const { data } = document.querySelector('[data-channel=q] .plot');"
+            "return data ? Math.max(...data[0].y) : 0; }"
+        )
         page.locator("[data-channel=q]").scroll_into_view_if_needed()
-        page.wait_for_function("() => document.querySelector('[data-channel=q] .plot').data")
+        page.wait_for_function(f"() => ({highest})() > 0")
         before = page.evaluate(highest)
         if field.evaluate("e => e.tagName") == "SELECT":
             field.select_option('"rad"')

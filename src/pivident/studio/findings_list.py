@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from pivident.check.plan import Plan
-from pivident.studio.fixes import fixes
 from pivident.studio.rows import Row
 
 #: Severities from grave to harmless; what is right is not listed.
@@ -15,7 +14,6 @@ SHOWN = ("error", "warning", "note")
 
 
 def check_context(
-    text: str,
     rows: Sequence[Row],
     check: dict[str, Any],
     look: dict[str, str],
@@ -25,7 +23,6 @@ def check_context(
     """What the section of checks shows.
 
     Args:
-        text: the experiment file.
         rows: its lines.
         check: content of ``check.json``; empty before there is one.
         look: state of the look.
@@ -42,7 +39,7 @@ def check_context(
         "headline": "" if check.get("error") else _headline(check),
         "severity": "error" if check.get("refused") else check.get("severity", "ok"),
         "remarks": [
-            _remark(number, remark, text, places)
+            _remark(number, remark, places)
             for number, remark in enumerate(remarks)
             if remark["severity"] in SHOWN
         ],
@@ -67,7 +64,7 @@ def _headline(check: dict[str, Any]) -> str:
 
 
 def _remark(
-    number: int, remark: dict[str, Any], text: str, places: set[tuple[str | int, ...]]
+    number: int, remark: dict[str, Any], places: set[tuple[str | int, ...]]
 ) -> dict[str, Any]:
     """A finding with its number, buttons, and the line to go to."""
     place = tuple(remark["place"])
@@ -79,7 +76,7 @@ def _remark(
     return {
         **remark,
         "number": number,
-        "fixes": [fix.words for fix in fixes(remark, text)],
+        "fixes": [fix["words"] for fix in remark.get("fixes", ())],
         "row": "row-" + ".".join(map(str, place)) if place else "",
         "heading": f"[{place[0]}] {'.'.join(p for p in place[1:] if isinstance(p, str))}".rstrip()
         if place

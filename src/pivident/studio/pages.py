@@ -310,9 +310,7 @@ PIECES = {
             "checks",
             "checks",
             lambda v: [v.version, v.look],
-            lambda v: check_context(
-                v.text, v.rows, v.check, v.look, v.folder, v.content.has_recording
-            ),
+            lambda v: check_context(v.rows, v.check, v.look, v.folder, v.content.has_recording),
             _check_mark,
         ),
         Piece(

@@ -21,7 +21,7 @@ from pivident.robot.naming import nearest
 from pivident.studio.drafting import DRAFT, draft
 from pivident.studio.edits import with_value, without
 from pivident.studio.example import ROBOT, draft_example
-from pivident.studio.fixes import applied, fixes
+from pivident.studio.fixes import applied, of_json
 from pivident.studio.looks import Looks
 from pivident.studio.projects import (
     Changed,
@@ -48,7 +48,7 @@ class Studio:
 
     def __init__(self, root: Path, at_once: int = 1) -> None:
         self.projects = Projects(root)
-        self.tasks = Tasks()
+        self.tasks = Tasks(preloaded=("pivident.cli",))
         self.looks = Looks(self.tasks)
         self.runs = Runs(at_once)
         self._drafted_from: dict[Path, str] = {}  # version that a draft in progress replaces
@@ -209,7 +209,7 @@ class Studio:
         text = _unchanged(project, version)
         found = json_of(self.looks.folder(project.folder) / "findings" / "check.json")
         try:
-            fix = fixes(found["remarks"][remark], text)[number]
+            fix = of_json(found["remarks"][remark]["fixes"][number])
         except (KeyError, IndexError):
             raise Changed("the check has another result by now; it is shown as it is") from None
         self.projects.write(project, applied(text, fix), version)
