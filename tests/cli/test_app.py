@@ -14,6 +14,7 @@ import pytest
 from pivident import __version__
 from pivident.cli import main, workflow
 from pivident.errors import SimulationDiverged
+from tests.interrupts import heed_ctrl_c
 from tests.planar_log import EXPERIMENT, planar_truth, write_experiment
 
 
@@ -219,7 +220,13 @@ def test_failing_report_keeps_earlier_results(experiment, tmp_path, monkeypatch,
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
 def test_signal_ends_a_real_process_cleanly(tmp_path, sent):
     command = [sys.executable, "-m", "pivident", "demo", "--out", str(tmp_path / "out")]
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, cwd=tmp_path)
+    process = subprocess.Popen(
+        command,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=tmp_path,
+        preexec_fn=heed_ctrl_c,
+    )
     assert "simulating" in process.stderr.readline()
     time.sleep(0.3)
     process.send_signal(sent)

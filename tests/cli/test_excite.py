@@ -17,6 +17,7 @@ from pivident.cli import main
 from pivident.excitation import load_design, write_design
 from pivident.excitation.design_page import next_commands
 from tests.excitation.designs import made_design, named
+from tests.interrupts import heed_ctrl_c
 from tests.planar_arm import LAW
 from tests.planar_log import planar_log
 
@@ -259,6 +260,7 @@ def test_ctrl_c_writes_the_best_motion_so_far(tmp_path):
         text=True,
         cwd=tmp_path,
         start_new_session=True,
+        preexec_fn=heed_ctrl_c,
     )
     line = ""
     while not line.startswith("searching"):

@@ -170,7 +170,7 @@ def test_errors_say_what_there_is(folder):
 def test_a_ur10e_like_log_needs_three_commands(folder, capsys):
     pytest.importorskip("pinocchio")
     simulation = module(ROOT / "examples" / "ur10e_like" / "simulate_log.py")
-    simulation.write(folder, seconds=30.0)
+    simulation.write(folder, seconds=15.0)
     assert main(["init", "rtde_log.csv", "--robot", "ur10e_like.urdf"]) == 0
     experiment = load_experiment("experiment.toml")
     (entry,) = experiment.content.recording

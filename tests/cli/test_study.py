@@ -11,6 +11,7 @@ import pytest
 
 from pivident.cli import main
 from pivident.many.batch import runner
+from tests.interrupts import heed_ctrl_c
 from tests.many.study.small import TEXT
 
 
@@ -137,6 +138,7 @@ def test_ctrl_c_keeps_finished_runs_and_says_how_to_go_on(scenario, tmp_path):
         text=True,
         env=os.environ | {"PIVIDENT_DEBUG": ""},
         start_new_session=True,
+        preexec_fn=heed_ctrl_c,
     )
     limit = time.monotonic() + 120
     while not list(out.glob("runs/*.parquet")) and time.monotonic() < limit:

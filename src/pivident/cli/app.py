@@ -9,7 +9,6 @@ traceback of an error.
 from __future__ import annotations
 
 import os
-import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -29,6 +28,7 @@ from pivident.cli.fleet import fleet
 from pivident.cli.flexibility import flexibility
 from pivident.cli.friction import friction
 from pivident.cli.gains import gains
+from pivident.cli.interruption import end_on_signals
 from pivident.cli.laws import laws
 from pivident.cli.paper import paper
 from pivident.cli.payload import payload
@@ -326,7 +326,7 @@ def main(tokens: Sequence[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # a σ must not stop a terminal without it
             stream.reconfigure(errors="replace")
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    end_on_signals(alone=tokens is None)
     try:
         result = app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
         sys.stdout.flush()

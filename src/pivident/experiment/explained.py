@@ -123,7 +123,11 @@ def _sentence(details: Any, table: str, key: str, root: type[BaseModel]) -> str:
     if details["type"] == "model_type":
         return f"{key or 'this entry'} must be a table of keys, not {short(details['input'])}"
     message = details["msg"].removeprefix("Value error, ")
-    message = message.replace("Input should be", "must be").replace("List should", "must")
+    message = (
+        message.replace("Input should be", "must be")
+        .replace("List should", "must")
+        .replace("Dictionary should", "must")
+    )
     if not key:
         return str(message)
     value = short(details["input"])

@@ -5,8 +5,8 @@ With NAME the name of the header, the functions are ``NAME_inverse_dynamics(q, d
 also with the suffix ``_samples`` for many states at once, and ``NAME_theta`` the parameters:
 the torque is phi times theta. The numbers of the model are folded into the code.
 
-Where the passive positions of a mechanism have no closed form, each has a last argument
-``posture``, from which the loops are followed, and ``NAME_closed_posture`` is one to begin with.
+Where the passive positions of a mechanism have no closed form, each has an argument ``posture``
+before its result, from which the loops are followed; ``NAME_closed_posture`` is one to begin with.
 """
 
 from __future__ import annotations

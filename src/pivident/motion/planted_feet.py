@@ -30,7 +30,7 @@ from pivident.robot.wrench_torques import link_places
 from pivident.signals.instants import torque_at_instants
 
 #: How far a foot may be from its place, for a moment and on average [m].
-MOST, MEAN = 0.01, 0.003
+MAX_DISTANCE, MAX_MEAN_DISTANCE = 0.01, 0.003
 
 
 def on_planted_feet(
@@ -86,7 +86,7 @@ def _check_stands(
     away = np.linalg.norm(path - stands, axis=2)
     for foot, name in enumerate(names):
         k, mean = int(np.argmax(away[:, foot])), float(away[:, foot].mean())
-        if away[k, foot] > MOST or mean > MEAN:
+        if away[k, foot] > MAX_DISTANCE or mean > MAX_MEAN_DISTANCE:
             raise RecordingError(
                 f"recording {recording.name!r}: the foot of {name!r} does not stand: it is "
                 f"{1e3 * away[k, foot]:.3g} mm from its place at sample {k}, {1e3 * mean:.3g} mm "

@@ -156,9 +156,12 @@ def assembled(tree: Robot, constraints: Constraints, q: np.ndarray) -> np.ndarra
             break
         q, value, slope = q + share * step, tried, fresh
     if np.abs(value).max(initial=0.0) > CLOSED:
+        gap, is_loop = _largest_gap(tree, constraints, value)
+        what = "its frames, the lengths of the links" if is_loop else "its ratios, its offset"
+        moved = ", ".join(tree.joints[i].name for i in others) or "none"
         raise RobotDescriptionError(
-            f"{_gap_text(constraints, value)}; check its frames, the lengths of the links and the "
-            "posture to start from"
+            f"{gap}; check {what} and the posture to start from, in which only passive joints may "
+            f"move ({moved})"
         )
     return q
 
@@ -171,15 +174,16 @@ def check_closed(tree: Robot, constraints: Constraints) -> None:
     """
     value = equations(tree, constraints, constraints.posture)[0]
     if not np.abs(value).max(initial=0.0) < STORED:
+        gap, _ = _largest_gap(tree, constraints, value)
         raise RobotDescriptionError(
-            f"robot {tree.name!r}: {_gap_text(constraints, value)}, in the posture that it was "
-            "stored with; write the file again"
+            f"robot {tree.name!r}: {gap}, in the posture that it was stored with; write the file "
+            "again"
         )
 
 
-def _gap_text(constraints: Constraints, value: np.ndarray) -> str:
-    """Which loop stays open most, and how far its ends are apart."""
-    gaps: list[tuple[float, str]] = []
+def _largest_gap(tree: Robot, constraints: Constraints, value: np.ndarray) -> tuple[str, bool]:
+    """What is open most, and how far it is; and whether that is a loop."""
+    gaps: list[tuple[float, str, bool]] = []
     first = 0
     for closure in constraints.closures:
         own = value[first : first + closure.equations]
@@ -187,11 +191,16 @@ def _gap_text(constraints: Constraints, value: np.ndarray) -> str:
         text = f"its ends are {apart:.3g} m apart"
         if apart <= CLOSED:
             text = f"its axes are {np.degrees(np.arcsin(min(turned, 1.0))):.3g}° off"
-        gaps.append((float(max(apart, turned)), f"loop {closure.name!r} does not close: {text}"))
+        size = float(max(apart, turned))
+        gaps.append((size, f"loop {closure.name!r} does not close: {text}", True))
         first += closure.equations
     for one, left in zip(constraints.linear, value[first:], strict=True):
-        gaps.append((abs(left), f"{one.name!r} does not hold: {abs(left):.3g} rad or m are left"))
-    return max(gaps)[1]
+        joint = tree.joints[int(np.argmax(np.abs(one.ratios)))]
+        size = float(abs(left) / np.abs(one.ratios).max())
+        text = f"joint {joint.name!r} is {size:.3g} {joint.position_unit} off"
+        gaps.append((size, f"gear {one.name!r} does not hold: {text}", False))
+    _, text, is_loop = max(gaps)
+    return text, is_loop
 
 
 def _independent_equations(

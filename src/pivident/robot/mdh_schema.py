@@ -351,7 +351,11 @@ def _explained(details: Any, content: dict[str, Any]) -> str:
             f"{where}{key or 'this entry'} must be a table of keys, not {short(details['input'])}"
         )
     message = details["msg"].removeprefix("Value error, ").replace(" after validation", "")
-    message = message.replace("Input should be", "must be").replace("List should", "must")
+    message = (
+        message.replace("Input should be", "must be")
+        .replace("List should", "must")
+        .replace("Dictionary should", "must")
+    )
     if not key:
         return f"{where}{message}"
     if isinstance(details["input"], dict):

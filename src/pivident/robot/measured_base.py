@@ -28,7 +28,7 @@ from pivident.robot.wrench_torques import sensor_link
 BASE_JOINTS = ("base_x", "base_y", "base_z", "base_roll", "base_pitch", "base_yaw")
 
 #: How near base_pitch may come to a right angle, where roll and yaw are the same turn [rad].
-NEAREST_PITCH = 0.1
+PITCH_MARGIN = 0.1
 
 
 def with_held_base(robot: Robot, link: Link | None = None) -> Robot:
@@ -171,12 +171,12 @@ def base_positions(position: np.ndarray, rotation: np.ndarray) -> np.ndarray:
         RobotDescriptionError: the base comes near a pitch of a right angle; names the sample.
     """
     pitch = np.arcsin(np.clip(rotation[:, 0, 2], -1.0, 1.0))
-    near = np.flatnonzero(np.abs(pitch) > np.pi / 2.0 - NEAREST_PITCH)
+    near = np.flatnonzero(np.abs(pitch) > np.pi / 2.0 - PITCH_MARGIN)
     if near.size:
         k = int(near[0])
         raise RobotDescriptionError(
             f"sample {k}: the base is pitched by {np.degrees(pitch[k]):.0f}°, and beyond "
-            f"{np.degrees(np.pi / 2.0 - NEAREST_PITCH):.0f}° its roll and yaw cannot be told "
+            f"{np.degrees(np.pi / 2.0 - PITCH_MARGIN):.0f}° its roll and yaw cannot be told "
             "apart; describe the robot with its base frame turned by a right angle"
         )
     roll = np.arctan2(-rotation[:, 1, 2], rotation[:, 2, 2])

@@ -37,7 +37,7 @@ MAX_OPERATIONS = 12
 #: How generated code closes loops: change of an independent joint after which they are closed anew
 #: on the way [rad or m], the longest way that is followed in such strides, gap below which one more
 #: step of Newton's method is enough [m or rad], and its steps in one stride.
-STRIDE, LONGEST_WAY, GAP, MAX_STEPS = 0.05, 1000.0, 1e-9, 30
+STRIDE, MAX_WAY, GAP, MAX_STEPS = 0.05, 1000.0, 1e-9, 30
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 
-from pivident.symbolic.assignments import GAP, LONGEST_WAY, MAX_STEPS, STRIDE, LoopClosing
+from pivident.symbolic.assignments import GAP, MAX_STEPS, MAX_WAY, STRIDE, LoopClosing
 from pivident.text.identifiers import c_comment, identifiers
 
 _CLOSE_LOOPS = """
@@ -80,7 +80,7 @@ def closing_source(closing: LoopClosing, posture: str, step: str, close: str) ->
     text = _CLOSE_LOOPS.strip("\n")
     values = {
         "@close": close, "@step": step, "@given": size - found, "@size": size, "@found": found,
-        "@longest": LONGEST_WAY, "@stride": STRIDE, "@most": MAX_STEPS, "@gap": GAP,
+        "@longest": MAX_WAY, "@stride": STRIDE, "@most": MAX_STEPS, "@gap": GAP,
     }  # fmt: skip
     for word, value in values.items():
         text = text.replace(word, str(value))

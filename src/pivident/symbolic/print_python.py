@@ -11,8 +11,8 @@ from pivident.dynamics.grouping.expressions import Expression
 from pivident.dynamics.grouping.notation import PYTHON, expression_texts
 from pivident.symbolic.assignments import (
     GAP,
-    LONGEST_WAY,
     MAX_STEPS,
+    MAX_WAY,
     STRIDE,
     Assignments,
     Input,
@@ -111,7 +111,7 @@ def _closer(closing: LoopClosing, posture: str, step: str, close: str) -> str:
         given=len(closing.posture) - found,
         found=found,
         stride=STRIDE,
-        longest=LONGEST_WAY,
+        longest=MAX_WAY,
         most=MAX_STEPS,
         gap=GAP,
     ) + "\n"  # fmt: skip
