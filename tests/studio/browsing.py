@@ -73,9 +73,9 @@ def browsing(width=1280, colour="light", touch=False):
         yield page
         errors, requests = page.seen_errors, page.seen_requests
         browser.close()
-        assert errors == []
+        assert not errors, errors
         foreign = [u for u in requests if not re.match(r"http://127\.0\.0\.1:\d+/|data:|blob:", u)]
-        assert foreign == []
+        assert not foreign, foreign
 
 
 def fits(page):

@@ -26,7 +26,7 @@ from pivident.logs.recognition.time_columns import clocks_in, is_clock
 from pivident.robot.description import Robot
 from pivident.robot.gallery import load_robot
 from pivident.robot.naming import ROBOT_FILES
-from pivident.studio.arm_picture import Swept, motion_of
+from pivident.studio.arm_picture import Swept, motion_of, sweep
 from pivident.studio.signals import SIGNALS, write_channel, write_times
 from pivident.text.plain_values import plain, write_json
 from pivident.text.toml_places import Place
@@ -87,7 +87,11 @@ class _Folder:
         write_json(self.folder / SIGNALS, plain(content))
         picture = {"error": "There is no robot that can be drawn."}
         if robot is not None:
-            picture = motion_of(robot, self.moved)
+            fixed = robot.on_fixed_base
+            picture = (
+                motion_of(robot, self.moved) if self.moved else motion_of(fixed, [sweep(fixed)])
+            )
+            picture["logged"] = bool(self.moved)
         write_json(self.folder / MOTION, plain(picture))
 
 

@@ -176,7 +176,7 @@ def _motion(view: View) -> dict[str, Any]:
     return {
         "motion": shown,
         "robot": robot,
-        "logged": view.content.has_recording,
+        "logged": bool(found.get("logged")),
         "busy": busy or ("reading" if view.look["signals"] == "running" else ""),
         "error": error if view.text else "",
     }
