@@ -17,7 +17,7 @@ from tests.conftest import REPOSITORY
 
 sys.path.insert(0, str(REPOSITORY / "benchmarks"))
 
-from fuzzing.readers import READERS  # noqa: E402
+from fuzzing.readers import READERS
 
 TOKEN, PORT = "token-of-this-test", 5323
 BASE = f"http://127.0.0.1:{PORT}"
