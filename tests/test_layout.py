@@ -47,7 +47,7 @@ MAX_LINES = 133_000
 #: torque, ten for regressions, thirteen for filters, four for algebraic signals and the lines of
 #: periodic motions, twelve for mechanisms with closed loops, three for force sensors and feet, one
 #: for derivatives kept in blocks.
-MAX_MODULES_OF_IDENTIFY = 183
+MAX_MODULES_OF_IDENTIFY = 184
 
 #: Subpackages with a budget of their own.
 ROOMS = (
