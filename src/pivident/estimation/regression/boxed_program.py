@@ -12,10 +12,14 @@ Sides can be chosen for every basis, so that none has to be searched for at the 
 one of another c serves (Wagner 1958). The row that θ violates most enters, its price grows from
 zero; others pass zero and change sides until the bound would fall: that one leaves (Fourer 1994;
 Maros 2003).
+
+Where several prices are zero, exchanges may go in a circle. They are made for a cost that differs
+by a ten-billionth, for which none is; the bound is that of the cost itself.
 """
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -29,14 +33,15 @@ MAX_EXCHANGES = 1000
 #: Exchanges after which the inverse is made anew.
 RENEWED = 100
 
-#: Violation, over the bound, that is none.
-FEASIBLE = 1e-11
+#: Violation, over the bound, that is none, and relative change of the cost.
+FEASIBLE, CHANGED = 1e-10, 1e-10
 
 #: Price, over the largest, that is none: either side will do.
-NO_PRICE = 1e-12
+NO_PRICE = 1e-14
 
-#: Least share of a leaving row in the one that enters, over the largest.
-LEAST_PIVOT = 1e-9
+#: Least share of a leaving row in the one that enters, over the largest. Prices of smaller ones may
+#: pass zero unnoticed, until they are made anew.
+LEAST_PIVOT = 1e-7
 
 
 class Basis(NamedTuple):
@@ -49,15 +54,22 @@ class Basis(NamedTuple):
     share: np.ndarray  # w of the row that enters, a_r = Σ w_k a_k, likewise
     step: np.ndarray  # growth of its price at which y_k is zero, likewise
     theta: np.ndarray  # θ, likewise
+    cost: np.ndarray  # c, changed a little, likewise
     matrix: np.ndarray  # scratch, (parameters, parameters)
+
+
+def lower_bound(tau: np.ndarray, bound: np.ndarray, basis: Basis) -> float:
+    """Σ y_k τ_k - |y_k| ε_k, below which cᵀθ is for no θ that keeps to the rows."""
+    return float(basis.price @ tau[basis.rows] - np.abs(basis.price) @ bound[basis.rows])
 
 
 def basis_of(rows: np.ndarray) -> Basis:
     """A basis of independent rows, by their numbers, (parameters,)."""
     n = len(rows)
-    price, share, step, theta = np.zeros((4, n))
+    price, share, step, theta, cost = np.zeros((5, n))
     inverse, matrix = np.zeros((2, n, n))
-    return Basis(np.asarray(rows, np.int64), inverse, price, np.ones(n), share, step, theta, matrix)
+    own = np.asarray(rows, np.int64)
+    return Basis(own, inverse, price, np.ones(n), share, step, theta, cost, matrix)
 
 
 @kernel
@@ -67,39 +79,48 @@ def minimise(phi, tau, bound, cost, basis):
     ``phi``: (rows, parameters); ``tau`` and ``bound``: (rows,); ``cost``: c. Returns whether it
     does; if not, the rows contradict each other, or are too nearly dependent.
     """
-    renewed = -1
+    renewed, largest = -1, 0.0
+    for a in range(cost.size):
+        largest = max(largest, abs(cost[a]))
+    for a in range(cost.size):  # shares of the golden ratio: as good as random
+        part = 0.6180339887498949 * (a + 1)
+        basis.cost[a] = cost[a] + CHANGED * largest * (0.5 + part - math.floor(part))
     for exchange in range(MAX_EXCHANGES * cost.size):
         if renewed < 0 or exchange - renewed >= RENEWED:
-            if not _renew(phi, cost, basis):
+            if not _renew(phi, basis):
                 return False
             renewed = exchange
         _place(tau, bound, basis)
         row, error = _most_violated(phi, tau, bound, basis.theta)
         if row < 0:
             if exchange == renewed:
+                _multiply(basis.inverse, cost, basis.price)
                 return True
             renewed = -1
             continue
         _multiply(basis.inverse, phi[row], basis.share)
         way = 1.0 if error > 0.0 else -1.0
         leaving = _leaving(bound, basis, way, bound[row] * (abs(error) - 1.0))
-        if leaving < 0:
-            return False
+        if leaving < 0:  # rounding alone may say so
+            if exchange == renewed:
+                return False
+            renewed = -1
+            continue
         _exchange(basis, leaving, row, way)
     return False
 
 
 @kernel
-def _renew(phi, cost, basis):
+def _renew(phi, basis):
     """The inverse, and the prices, from the rows; False: they are dependent."""
-    size = cost.size
+    size = basis.cost.size
     for k in range(size):
         for a in range(size):
             basis.matrix[a, k] = phi[basis.rows[k], a]
             basis.inverse[k, a] = 1.0 if a == k else 0.0
     if not eliminate(basis.matrix, basis.inverse):
         return False
-    _multiply(basis.inverse, cost, basis.price)
+    _multiply(basis.inverse, basis.cost, basis.price)
     largest = 0.0
     for k in range(size):
         largest = max(largest, abs(basis.price[k]))

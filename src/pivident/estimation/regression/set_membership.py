@@ -21,7 +21,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.errors import IdentificationError
-from pivident.estimation.regression.boxed_program import Basis, basis_of, minimise
+from pivident.estimation.regression.boxed_program import (
+    Basis,
+    basis_of,
+    lower_bound,
+    minimise,
+)
 from pivident.estimation.regression.rows import Rows
 
 #: Rows that are added at a time, the worst of each joint.
@@ -159,7 +164,8 @@ class _Program:
                 )
             if not self._add(self.basis.theta / self.scale):
                 self.lasting |= set(self.basis.rows.tolist())
-                return float(self.basis.theta[i] / self.scale[i])
+                least = lower_bound(self.tau, self.bound, self.basis)
+                return sign * least / float(self.scale[i])
 
     def _first_basis(self) -> Basis:
         """Independent rows, of some that are spread over the record, or else of all."""
