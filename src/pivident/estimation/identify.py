@@ -45,7 +45,11 @@ Progress = Callable[[str], None]
 
 
 def identify(
-    problem: Problem, method: Method | str = "piv", progress: Progress | None = None
+    problem: Problem,
+    method: Method | str = "piv",
+    progress: Progress | None = None,
+    *,
+    test_gains: bool = True,
 ) -> Identification:
     """Estimate a problem's parameters.
 
@@ -53,6 +57,9 @@ def identify(
         problem: robot, recordings, loop, parameters, mask.
         method: a method object, or one of the names in ``METHODS`` (``ls``, ``iv``, ``piv`` …).
         progress: called with one line at each stage.
+        test_gains: whether a fitted simulation (``cloe``, ``clie``, ``ml``) is asked if other gains
+            of law and drives than the declared ones would fit better, which takes one simulation
+            more; studies of many runs leave it out.
 
     Returns:
         The identification.
@@ -74,14 +81,14 @@ def identify(
         method = replace(method, signals=settled_recipe(method.signals, problem.recordings))
     say = progress or (lambda line: None)
     with linear_algebra_in_one_thread():
-        found = _estimate(problem, method, say)
+        found = _estimate(problem, method, say, test_gains)
     noticed = equation_error(method, problem.recordings)
     if reads_counts(problem) and found.method != LABEL:
         noticed = (*noticed, NOT_SIMULATED)
     return replace(found, warnings=(*found.warnings, *noticed)) if noticed else found
 
 
-def _estimate(problem: Problem, method: Method, say: Progress) -> Identification:
+def _estimate(problem: Problem, method: Method, say: Progress, test_gains: bool) -> Identification:
     """By the method's own function."""
     if isinstance(method, LeastSquares):
         return identify_ls(problem, method, say)
@@ -96,7 +103,7 @@ def _estimate(problem: Problem, method: Method, say: Progress) -> Identification
     if isinstance(method, PrefilteredIV) and method.regressor == "simulated":
         return (identify_counted if reads_counts(problem) else identify_didim)(problem, method, say)
     if isinstance(method, OutputError):
-        return identify_output_error(problem, method, say)
+        return identify_output_error(problem, method, say, test_gains)
     if isinstance(method, PrefilteredIV):
         return identify_piv(problem, method, say)
     raise IdentificationError(f"{method!r} is not a method; use a name such as 'piv'")

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from pivident.common_work import once
 from pivident.errors import RecordingError, RecordingTooShort
 from pivident.estimation.methods import Algebraic, Bandpass, RandomWalk, SignalRecipe
 from pivident.motion.kinematics import MIN_RUN, Kinematics, aligned_torque
@@ -60,6 +61,11 @@ def estimate_kinematics(recording: Recording, signals: SignalRecipe) -> Kinemati
         RecordingTooShort: fewer than `MIN_RUN` samples would remain between the ends.
         RecordingError: a cut-off that the recording's rate does not allow.
     """
+    return once(("kinematics", recording, signals), lambda: _kinematics(recording, signals))
+
+
+def _kinematics(recording: Recording, signals: SignalRecipe) -> Kinematics:
+    """The same, computed."""
     signals = settled_recipe(signals, [recording])
     walks = isinstance(signals, RandomWalk)
     ends = (EDGE, EDGE) if isinstance(signals, RandomWalk) else signals.ends(recording.rate)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from pivident.common_work import once
 from pivident.estimation.answer import answer
 from pivident.estimation.decimated import decimate_record
 from pivident.estimation.equation_record import EquationRecord, accumulate
@@ -60,7 +61,8 @@ def least_squares_start(
     say(f"{method.label}: filtering the records")
     kinematics = [estimate_kinematics(r, method.signals) for r in problem.recordings]
     least = LeastSquares(signals=method.signals)
-    return kinematics, settled_least_squares(problem, least, kinematics, say)[0]
+    key = "least squares", problem, method.signals
+    return kinematics, once(key, lambda: settled_least_squares(problem, least, kinematics, say)[0])
 
 
 def settled_least_squares(

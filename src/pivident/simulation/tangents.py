@@ -40,8 +40,8 @@ from pivident.simulation.path_integration import SLOPE_ROWS
 from pivident.simulation.row_sums import row_array
 from pivident.simulation.tangent_entries import LawEntries, ModelEntries, law_slope
 
-#: Samples of a block: their tangents stay in the processor's cache.
-TANGENT_BLOCK = 128
+#: Samples of a block: a few MiB of tangents, so that what is done once a block hardly counts.
+TANGENT_BLOCK = 512
 
 #: Relative step of the central differences of a Python law's loop.
 DIFFERENCE = 1e-6

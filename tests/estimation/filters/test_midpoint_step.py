@@ -6,7 +6,13 @@ from numba import njit
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.forward import acceleration
 from pivident.dynamics.parameters import nominal_values
-from pivident.estimation.filters.midpoint_step import midpoint_step, step_tangent, step_work
+from pivident.estimation.filters.midpoint_step import (
+    ACCELERATION,
+    beside,
+    midpoint_step,
+    step_tangent,
+    step_work,
+)
 from pivident.estimation.filters.robot_equations import robot_equations
 from pivident.robot.gallery import load_robot
 
@@ -19,6 +25,11 @@ def _step(equations, work, theta, q, dq, tau, h, q_next, dq_next):
 @njit
 def _tangent(equations, work, h):
     return step_tangent(equations, work, h)
+
+
+@njit
+def _beside(equations, work, theta, dq, tau, h, a):
+    return beside(equations, work, theta, dq, tau, h, a)
 
 
 class Arm:
@@ -86,3 +97,19 @@ def test_errors_fall_with_the_square_of_the_step():
     exact = after(1280)
     errors = [np.abs(after(count) - exact).max() for count in (10, 20, 40)]
     assert 3.5 < errors[0] / errors[1] < 4.5 and 3.5 < errors[1] / errors[2] < 4.6
+
+
+def test_other_parameters_at_the_same_motion_have_the_acceleration_of_their_own_step():
+    arm, rng = Arm(), np.random.default_rng(5)
+    h, (q, dq, tau) = 1e-3, state(rng)
+    others = arm.theta * (1.0 + 0.01 * rng.standard_normal(arm.theta.size))
+    arm.step(others, q, dq, tau, h)
+    expected = arm.work.vectors[ACCELERATION].copy()
+    arm.step(arm.theta, q, dq, tau, h)
+    found = arm.work.vectors[ACCELERATION].copy()
+    assert np.abs(found - expected).max() > 1e-3 * np.abs(expected).max()
+    assert _tangent(arm.equations, arm.work, h)
+    assert _beside(arm.equations, arm.work, others, dq, tau, h, found)
+    np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-10 * np.abs(expected).max())
+    # with a third of the inertia the steps overshoot more and more
+    assert not _beside(arm.equations, arm.work, 0.3 * arm.theta, dq, tau, h, found)

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pivident.common_work import once
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.friction_table import dry_friction_level
 from pivident.errors import ExperimentError, FilterDiverged
@@ -196,7 +197,9 @@ def filter_setup(
     # searched at least squares, whatever the filter itself begins with
     near = np.sqrt(np.diag(estimate.solution.covariance))
     search = replace(setup, theta=estimate.theta, covariance=np.diag((10.0 * near) ** 2))
-    return replace(setup, torque=likeliest_torque_noise(problem, search, stretches))
+    key = "torque noise", problem, method.signals, method.start, method.drift, method.encoder_noise
+    torque = once(key, lambda: likeliest_torque_noise(problem, search, stretches))
+    return replace(setup, torque=torque)
 
 
 def _first_covariance(method: StateFilter, estimate: Estimate, size: np.ndarray) -> np.ndarray:

@@ -57,7 +57,8 @@ class FilterState(NamedTuple):
     rows: np.ndarray  # scratch, (2 joints, N)
     small: np.ndarray  # scratch, (3, joints, joints)
     points: np.ndarray  # sigma points, (2N + 1, N)
-    accelerations: np.ndarray  # of each point in its last step, (2N + 1, joints)
+    accelerations: np.ndarray  # of x̂ in its last step, then what its tangent lacked of those of
+    # the points, (2N + 1, joints)
     wide: np.ndarray  # deviations and roots of noise, (N, 2N + N)
     joined: np.ndarray  # scratch of the update of factors, (joints + N, joints + N)
     step: StepWork

@@ -12,9 +12,10 @@ are left to convergence. The rule for implicit functions gives the exact tangent
     A δa = δτ - Φ δθ - K (δq + h/2 δdq) - B δdq,     A = M + h/2 B
 
 with Φ, K = ∂ID/∂q and B = ∂ID/∂dq at (q_m, dq + h/2 a, a), by the recursions of
-``rigid_body_slopes``: ∂a/∂θ = -A⁻¹Φ is that of the forward dynamics for h → 0. The simulator's own
-step carries memory from step to step (M⁻¹ is extrapolated), which the state (q, dq, θ) of a filter
-does not hold.
+``rigid_body_slopes``: ∂a/∂θ = -A⁻¹Φ is that of the forward dynamics for h → 0. With other
+parameters the same motion has another a. Steps A⁻¹(τ - ID) lead there, each of which leaves of the
+error the share by which M and B differ. The simulator's own step carries memory from step to step
+(M⁻¹ is extrapolated), which the state (q, dq, θ) of a filter does not hold.
 """
 
 from __future__ import annotations
@@ -47,6 +48,9 @@ MAX_ITERATIONS, MAX_HALVINGS = 25, 6
 
 #: Relative step of the acceleration that is the last one: each is a hundredth of the one before.
 SETTLED = 1e-11
+
+#: Most steps to the acceleration of other parameters.
+MAX_CHORDS = 8
 
 # Rows of ``vectors``: q_m, dq_m, a; residual, step, bias and local torques, zeros, a tried.
 MIDDLE, SPEED, ACCELERATION, _RESIDUAL, _STEP, _BIAS, _LOCAL, _STILL, _TRIED = range(9)
@@ -201,3 +205,48 @@ def step_tangent(equations, work, h):
             solved[i, j], solved[i, n + j] = by_position[i, j], by_speed[i, j]
             whole[i, j] = matrices[_MASS, i, j] + 0.5 * h * by_speed[i, j]
     return eliminate(whole, solved)
+
+
+@inner
+def beside(equations, work, theta, dq, tau, h, a):
+    """Acceleration of the parameters ``theta`` in the step whose tangent was just made.
+
+    ``a``: (joints,), a first value, receives it. False: those of the step are too far.
+    """
+    tree, local_index, local_value = equations.tree, equations.local_index, equations.local_value
+    vectors, matrices, solved, n = work.vectors, work.matrices, work.solved, tau.size
+    v, residual, inverse = vectors[SPEED], vectors[_RESIDUAL], solved[:, solved.shape[1] - n :]
+    take_parameters(
+        equations.inertial, local_index, local_value, equations.floor, theta, work.inertia,
+        work.rotor, work.used,
+    )  # fmt: skip
+    before = 0.0
+    for _ in range(MAX_CHORDS):
+        for i in range(n):
+            v[i] = dq[i] + 0.5 * h * a[i]
+        bias_torque(
+            tree.parent, tree.prismatic, tree.gravity, work.pose, work.inertia, v, a, work.motion,
+            work.force, vectors[_BIAS],
+        )  # fmt: skip
+        local_torques(
+            local_index, local_value, work.used, vectors[MIDDLE], v, vectors[_STILL],
+            vectors[_LOCAL], matrices[_POSITION], matrices[_SPEED],
+        )  # fmt: skip
+        for i in range(n):
+            residual[i] = tau[i] - vectors[_BIAS, i] - vectors[_LOCAL, i]
+            for j in range(n):
+                residual[i] -= work.rotor[i, j] * a[j]
+        largest, change = 0.0, 0.0
+        for i in range(n):
+            step = 0.0
+            for j in range(n):
+                step += inverse[i, j] * residual[j]
+            largest, change = max(largest, abs(a[i])), max(change, abs(step))
+            vectors[_STEP, i] = step
+        for i in range(n):
+            a[i] += vectors[_STEP, i]
+        # what is left is to this step as this step to the one before; in a Newton step a hundredth
+        if change * change <= 0.01 * SETTLED * largest * max(before, SETTLED * largest):
+            return True
+        before = change
+    return False

@@ -10,9 +10,15 @@ Ravn 2000; van der Merwe 2004). From the points X after it,
                                        + (c² - 1)/(4c⁴) Σ (X_i⁺ + X_i⁻ - 2X_0)(·)ᵀ
 
 The noises are added, that of the torque through A⁻¹ at x̂ without centrifugal terms. Measured are
-positions, linear in x, so that the update is Kalman's. The square-root forms carry L: the weighted
-deviations stand side by side and their LQ factors are made, a weight below zero is taken back by a
-rank-one update; no covariance is ever formed, which halves the digits that are needed.
+positions, linear in x, so that the update is Kalman's.
+
+The tangent of the step of x̂ says where the accelerations of the other points are searched. L is
+triangular: points of the columns of θ have the motion of x̂ and parameters of their own, and need no
+step but a few corrections; and θ does not move, so that its covariance stays what it was.
+
+The square-root forms carry L: the weighted deviations stand side by side and their LQ factors are
+made, a weight below zero is taken back by a rank-one update; no covariance is ever formed, which
+halves the digits that are needed.
 """
 
 from __future__ import annotations
@@ -29,7 +35,13 @@ from pivident.estimation.filters.filter_state import (
     update_positions_of_factor,
     worst,
 )
-from pivident.estimation.filters.midpoint_step import ACCELERATION, FACTOR, midpoint_step
+from pivident.estimation.filters.midpoint_step import (
+    ACCELERATION,
+    FACTOR,
+    beside,
+    midpoint_step,
+    step_tangent,
+)
 from pivident.estimation.filters.triangular import (
     cholesky,
     lower_factor,
@@ -99,10 +111,13 @@ def _add_noise(wide, first, inverse, torque, drift, h):
 
 
 @summing
-def _sum_squares(wide, columns, weight, middle, covariance):
-    """P = W Wᵀ + weight m mᵀ."""
+def _sum_squares(wide, columns, weight, middle, drift, h, covariance):
+    """P = W Wᵀ + weight m mᵀ; of the parameters P + h diag(d²)."""
+    moving = covariance.shape[0] - drift.size
+    for k in range(drift.size):
+        covariance[moving + k, moving + k] += h * drift[k]
     for a in range(covariance.shape[0]):
-        for b in range(a + 1):
+        for b in range(min(a + 1, moving)):
             total = weight * middle[a] * middle[b]
             for c in range(columns):
                 total += wide[a, c] * wide[b, c]
@@ -119,6 +134,65 @@ def _invert(factor, inverse):
         solve_cholesky(factor, inverse[i])
 
 
+@inner
+def _move(equations, work, own, acceleration, tau, h, motion):
+    """A point by a step of its own: -1, or the joint whose pivot is not positive.
+
+    ``acceleration``: (joints,), where Newton's method starts, and ends.
+    """
+    n, found = tau.size, work.vectors[ACCELERATION]
+    for j in range(n):
+        found[j] = acceleration[j]
+    joint = midpoint_step(
+        equations, work, own[2 * n :], own[:n], own[n : 2 * n], tau, h, motion[0], motion[1]
+    )
+    for j in range(n):
+        own[j], own[n + j], acceleration[j] = motion[0, j], motion[1, j], found[j]
+    return joint
+
+
+@summing
+def _along_tangent(solved, x, own, h, middle, line):
+    """Acceleration of a point to first order, by the tangent of the step of x̂."""
+    n = middle.size
+    for j in range(n):
+        total = 0.0
+        for k in range(n):
+            faster = own[n + k] - x[n + k]
+            total += solved[j, k] * (own[k] - x[k] + 0.5 * h * faster) + solved[j, n + k] * faster
+        for k in range(2 * n, x.size):
+            total += solved[j, k] * (own[k] - x[k])
+        line[j] = middle[j] - total
+
+
+@inner
+def _move_points(equations, work, x, points, middle, bends, tau, h, motion, line, found):
+    """All points but x̂, whose step was just made; the same.
+
+    ``middle``: acceleration of x̂; ``bends``: what the tangent lacked of theirs in the last step,
+    (points, joints); ``line`` and ``found``: scratch, (joints,).
+    """
+    n, count = tau.size, points.shape[0]
+    for i in range(count - 1, 0, -1):  # those of θ first, while ``work`` still holds the step of x̂
+        own, bend = points[i], bends[i]
+        _along_tangent(work.solved, x, own, h, middle, line)
+        for j in range(n):
+            found[j] = line[j] + bend[j]
+        if i > 4 * n and beside(equations, work, own[2 * n :], x[n : 2 * n], tau, h, found):
+            for j in range(n):
+                own[j] = x[j] + h * (x[n + j] + 0.5 * h * found[j])
+                own[n + j] = x[n + j] + h * found[j]
+        else:
+            for j in range(n):
+                found[j] = line[j] + bend[j]
+            joint = _move(equations, work, own, found, tau, h, motion)
+            if joint >= 0:
+                return joint
+        for j in range(n):
+            bend[j] = found[j] - line[j]
+    return -1
+
+
 @kernel
 def sigma_samples(
     equations, state, noise, h, tau, y, innovations, scale, central, alpha, beta, square_root
@@ -133,31 +207,23 @@ def sigma_samples(
     x, covariance, work = state.x, state.covariance, state.step
     points, wide, joined, gain = state.points, state.wide, state.joined, state.gain
     motion, inverse = state.motion, state.small[0]
-    factor, accelerations = state.factor, state.accelerations
-    found, moved = work.vectors[ACCELERATION], state.small[1, 0]
+    factor = state.factor
+    middle, bends = state.accelerations[0], state.accelerations
     for k in range(y.shape[0]):
         if not square_root and cholesky(covariance, factor) >= 0:
             return NOT_POSITIVE, 0, k
         _place_points(x, factor, scale, points)
-        for i in range(points.shape[0]):
-            own = points[i]
-            # Newton's method starts where the point was, moved on as the middle has moved
-            for j in range(n):
-                found[j] = accelerations[i, j] + (moved[j] if i > 0 else 0.0)
-            joint = midpoint_step(
-                equations, work, own[2 * n :], own[:n], own[n : 2 * n], tau[k], h, motion[0],
-                motion[1],
-            )  # fmt: skip
-            if joint >= 0:
-                return INDEFINITE, joint, k
-            for j in range(n):
-                own[j], own[n + j] = motion[0, j], motion[1, j]
-                if i == 0:
-                    moved[j] = found[j] - accelerations[0, j]
-                accelerations[i, j] = found[j]
-            if i == 0:
-                torque_variance(equations.couplings, noise, x[n : 2 * n], motion[1], state.torque)
-                _invert(work.matrices[FACTOR], inverse)
+        joint = _move(equations, work, points[0], middle, tau[k], h, motion)
+        if joint >= 0 or not step_tangent(equations, work, h):
+            return INDEFINITE, max(joint, 0), k
+        torque_variance(equations.couplings, noise, x[n : 2 * n], motion[1], state.torque)
+        _invert(work.matrices[FACTOR], inverse)
+        joint = _move_points(
+            equations, work, x, points, middle, bends, tau[k], h, motion, state.rows[0, :n],
+            state.rows[1, :n],
+        )  # fmt: skip
+        if joint >= 0:
+            return INDEFINITE, joint, k
         weight = _weigh(x, points, scale, central, alpha, beta, wide, gain)
         columns = _add_noise(wide, 2 * size, inverse, state.torque, noise.drift, h)
         if square_root:
@@ -172,7 +238,7 @@ def sigma_samples(
                 x, factor, joined, state.innovation, noise.encoder, y[k]
             )
         else:
-            _sum_squares(wide, columns, weight, gain, covariance)
+            _sum_squares(wide, columns, weight, gain, noise.drift, h, covariance)
             status = update_positions(x, covariance, gain, state.innovation, noise.encoder, y[k])
         for i in range(n):
             innovations[0, k, i] = state.innovation[0, i]

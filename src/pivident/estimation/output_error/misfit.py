@@ -62,10 +62,12 @@ class GainStep:
         return size > SIGNIFICANT * self.std and size > self.matters and self.explains > EXPLAINS
 
 
-def misfit_findings(problem: Problem, method: OutputError, fit: SimulationFit) -> list[Finding]:
-    """Gains that the record contradicts, and joints whose errors are of the model."""
+def misfit_findings(
+    problem: Problem, method: OutputError, fit: SimulationFit, test_gains: bool
+) -> list[Finding]:
+    """Gains that the record contradicts, if asked, and joints whose errors are of the model."""
     wrong = []
-    if method.loop == "closed":
+    if method.loop == "closed" and test_gains:
         wrong = [_wrong_gain(own) for own in contradicted(problem, fit)]
         wrong = wrong or torque_findings(problem, fit)
     excess = np.nanmax(fit.noise.excess, axis=0, initial=0.0)

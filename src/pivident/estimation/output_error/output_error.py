@@ -61,7 +61,9 @@ CHANNELS = {
 }
 
 
-def identify_output_error(problem: Problem, method: OutputError, say: Say) -> Identification:
+def identify_output_error(
+    problem: Problem, method: OutputError, say: Say, test_gains: bool = True
+) -> Identification:
     """Start from least squares, fit the simulation, and say what it leaves."""
     without_wrenches(problem.robot, f"the simulation that {method.label} fits")
     if method.loop == "closed":
@@ -78,7 +80,7 @@ def identify_output_error(problem: Problem, method: OutputError, say: Say) -> Id
     except (SimulationDiverged, MassMatrixNotPositiveDefinite) as error:
         _explain(problem, error)
         raise
-    return _identification(signals, method, fit)
+    return _identification(signals, method, fit, test_gains)
 
 
 def _check_loop(problem: Problem, method: OutputError) -> None:
@@ -155,7 +157,9 @@ def _explain(problem: Problem, error: IdentificationError) -> None:
             error.add_note(finding.advised)
 
 
-def _identification(signals: Signals, method: OutputError, fit: SimulationFit) -> Identification:
+def _identification(
+    signals: Signals, method: OutputError, fit: SimulationFit, test_gains: bool
+) -> Identification:
     """The answer, with the torque equations at the estimate beside the simulation's."""
     signals = _with_constants(signals, fit)
     problem = signals.problem
@@ -171,7 +175,7 @@ def _identification(signals: Signals, method: OutputError, fit: SimulationFit) -
     result = _result(method, fit, count)
     findings = [
         *notes, *warnings, *_undetermined(fit), *_bounds(fit),
-        *misfit_findings(problem, method, fit),
+        *misfit_findings(problem, method, fit, test_gains),
     ]  # fmt: skip
     return answer(
         problem, method, estimate, Run(history, fit.converged), findings, used,

@@ -7,8 +7,8 @@ bound: it may be a bias, a wrong model or an adversary. Where the bound is true,
 intervals, together and without a probability. The estimate is the middle of each interval.
 
 The programs have few rows that matter. They are solved on some, those that the solution violates
-are added, until there are none. The next program begins with the rows that have bound a solution
-so far: a tenth of those that were added.
+are added, until there are none. The next program begins with the rows that have determined a
+solution so far, a fiftieth of all, and where the last one ended.
 
 Without a bound, ε_j is the largest error that least squares leaves on joint j, times ``MARGIN``, so
 that its estimate is inside: a statement about these rows, no guarantee.
@@ -21,19 +21,26 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.errors import IdentificationError
+from pivident.estimation.regression.boxed_program import (
+    Basis,
+    basis_of,
+    lower_bound,
+    minimise,
+)
 from pivident.estimation.regression.rows import Rows
 
 #: Rows that are added at a time, the worst of each joint.
-ADDED = 40
+ADDED = 10
+
+#: Rows of each joint, over its parameters, among which those of the first basis are chosen.
+SPREAD = 20
 
 #: Violation, in bounds, that is none.
 SLACK = 1e-9
 
-#: Distance from the bound, over the bound, of an error that is at it.
-AT_BOUND = 1e-6
-
-#: Answers of the solver to a program without a least value; that there are parameters is known.
-_UNBOUNDED = (3, 4)
+#: Eigenvalue of the normal equations, over the largest, of a direction that no row sees, and the
+#: share of it in a parameter that has no interval.
+UNSEEN, UNBOUNDED = 1e-13, 1e-6
 
 #: Bounds without a word of the user, over the largest errors of least squares.
 MARGIN = 1.1
@@ -69,9 +76,8 @@ def parameter_box(rows: Rows, bound: np.ndarray | None, start: np.ndarray) -> Pa
     if bound is None:
         largest = np.abs(rows.residuals(start)).max(axis=1)
         bound = MARGIN * np.maximum(largest, SLACK * largest.max()) * rows.root
-    program = _Program(rows, np.asarray(bound, float) / rows.root, start)
-    least = program.least()
-    if least > 1.0 + SLACK:
+    program = _Program(rows, np.asarray(bound, float) / rows.root)
+    if program.largest_error(start) > 1.0 and (least := program.least(start)) > 1.0 + SLACK:
         raise _contradiction(rows, program, bound, least)
     low, high = np.empty((2, rows.size))
     for i in range(rows.size):
@@ -95,91 +101,111 @@ def _contradiction(
 class _Program:
     """Linear programs over rows that matter, in columns of unit length."""
 
-    def __init__(self, rows: Rows, relative: np.ndarray, start: np.ndarray) -> None:
+    def __init__(self, rows: Rows, relative: np.ndarray) -> None:
         self.rows = rows
         #: ε_j/√λ_j, shape (joints,).
         self.relative = relative
-        squares = np.zeros(rows.size)
+        gram = np.zeros((rows.size, rows.size))
         for own in rows.joints:
-            squares[own.columns] += (own.phi**2).sum(axis=1)
-        self.scale = np.where(squares > 0.0, np.sqrt(squares / max(rows.count, 1)), 1.0)
-        self.active: list[tuple[int, int]] = []
-        self.known: set[tuple[int, int]] = set()
-        #: Rows that every program begins with.
-        self.lasting: dict[tuple[int, int], None] = {}
-        #: Parameters that need the least m.
-        self.centre = start
-        #: Joint and row on which that m rests most: it would fall fastest if this bound were wider.
+            gram[np.ix_(own.columns, own.columns)] += own.phi @ own.phi.T
+        length = np.sqrt(np.diag(gram) / max(rows.count, 1))
+        self.scale = np.where(length > 0.0, length, 1.0)
+        size, directions = np.linalg.eigh(gram / np.outer(self.scale, self.scale))
+        #: Directions that no row sees, shape (directions, parameters). Rows of their own hold them;
+        #: the intervals of the others do not depend on where.
+        self.unseen = directions[:, size <= UNSEEN * size[-1]].T
+        #: Joint and row of each row that is known to matter, and its Φ, τ and ε.
+        self.known = [(-1, k) for k in range(len(self.unseen))]
+        self.phi, self.tau = self.unseen.copy(), np.zeros(len(self.unseen))
+        self.bound = np.ones(len(self.unseen))
+        self.basis = self._first_basis()
+        #: Numbers of those that every program begins with.
+        self.lasting = set(self.basis.rows.tolist())
+        #: Joint and row on which the least m rests most: it would fall fastest if this bound were
+        #: wider.
         self.worst = (0, 0)
-        self._add(start, everywhere=True)
-        self.lasting |= dict.fromkeys(self.active)
 
-    def least(self) -> float:
+    def largest_error(self, theta: np.ndarray) -> float:
+        """Largest |τ - Φθ|/ε."""
+        return float((np.abs(self.rows.residuals(theta)) / self.relative[:, None]).max())
+
+    def least(self, start: np.ndarray) -> float:
         """The smallest m with |τ - Φθ| ≤ m ε on all rows (Chebyshev's approximation)."""
         from scipy.optimize import linprog
 
         size = self.rows.size
         cost = np.append(np.zeros(size), 1.0)
+        free = [(None, None)] * size + [(0.0, None)]
+        self._forget()
+        self._add(start, 0.0)
         while True:
-            phi, tau, bound = self._matrix()
-            upper = np.vstack([np.c_[phi, -bound], np.c_[-phi, -bound]])
-            free = [(None, None)] * size + [(0.0, None)]
+            phi, tau, bound = self.phi, self.tau, self.bound[:, None]
+            upper = np.block([[phi, -bound], [-phi, -bound]])
             made = linprog(cost, upper, np.concatenate([tau, -tau]), bounds=free)
             if made.x is None:
                 raise IdentificationError(f"a linear program failed: {made.message}")
-            self.centre = made.x[:size] / self.scale
             prices = np.abs(made.ineqlin.marginals.reshape(2, -1)).max(axis=0)
-            self.worst = self.active[int(np.argmax(prices))]
-            if not self._add(self.centre, factor=float(made.x[size])):
-                self._keep(prices > 0.0)
+            self.worst = self.known[int(np.argmax(prices))]
+            if not self._add(made.x[:size] / self.scale, float(made.x[size])):
                 return float(made.x[size])
 
     def extreme(self, i: int, sign: float) -> float:
         """Smallest (sign 1) or largest (sign -1) value of parameter i."""
-        from scipy.optimize import Bounds, LinearConstraint, milp
-
+        if (np.abs(self.unseen[:, i]) > UNBOUNDED).any():
+            return -sign * np.inf
         cost = np.zeros(self.rows.size)
         cost[i] = sign
-        self.active, self.known = list(self.lasting), set(self.lasting)
+        self._forget()
         while True:
-            phi, tau, bound = self._matrix()
-            # `milp` takes both bounds of a row at once, `linprog` makes two rows of it
-            between = LinearConstraint(phi, tau - bound, tau + bound)
-            made = milp(cost, constraints=between, bounds=Bounds(-np.inf, np.inf))
-            if made.status in _UNBOUNDED:
-                return -sign * np.inf
-            if made.x is None:
-                raise IdentificationError(f"a linear program failed: {made.message}")
-            if not self._add(made.x / self.scale):
-                self._keep(np.abs(tau - phi @ made.x) > (1.0 - AT_BOUND) * bound)
-                return float(made.x[i] / self.scale[i])
+            if not minimise(self.phi, self.tau, self.bound, cost, self.basis):
+                raise IdentificationError(
+                    "a linear program failed: its rows are too nearly dependent; leave out "
+                    "parameters that the motion hardly excites"
+                )
+            if not self._add(self.basis.theta / self.scale):
+                self.lasting |= set(self.basis.rows.tolist())
+                least = lower_bound(self.tau, self.bound, self.basis)
+                return sign * least / float(self.scale[i])
 
-    def _keep(self, bind: np.ndarray) -> None:
-        """Begin later programs with the rows that bind a solution, too."""
-        for k in np.flatnonzero(bind).tolist():
-            self.lasting[self.active[k]] = None
+    def _first_basis(self) -> Basis:
+        """Independent rows, of some that are spread over the record, or else of all."""
+        from scipy.linalg import qr
 
-    def _add(self, theta: np.ndarray, factor: float = 1.0, everywhere: bool = False) -> bool:
+        for spread in (SPREAD, None):
+            for j, own in enumerate(self.rows.joints):
+                used = np.flatnonzero(own.used)
+                step = len(used) // (spread * len(own.columns)) if spread else 1
+                self._take(j, used[:: max(step, 1)])
+            triangle, order = qr(self.phi.T, mode="r", pivoting=True)
+            if np.abs(triangle[-1, self.rows.size - 1]) > UNBOUNDED * np.abs(triangle[0, 0]):
+                break
+        return basis_of(order[: self.rows.size])
+
+    def _forget(self) -> None:
+        """Leave rows that never determined a solution."""
+        kept = np.array(sorted(self.lasting))
+        number = np.full(len(self.known), -1)
+        number[kept] = np.arange(len(kept))
+        self.basis.rows[:] = number[self.basis.rows]
+        self.known = [self.known[k] for k in kept.tolist()]
+        self.phi, self.tau, self.bound = self.phi[kept], self.tau[kept], self.bound[kept]
+        self.lasting = set(range(len(kept)))
+
+    def _add(self, theta: np.ndarray, factor: float = 1.0) -> bool:
         """Add the rows that θ violates most; whether there were any."""
         size = np.abs(self.rows.residuals(theta)) / self.relative[:, None]
-        added = False
+        before = len(self.known)
         for j, own in enumerate(size):
-            worst = np.argsort(own)[::-1][:ADDED]
-            for row in worst.tolist():
-                if own[row] <= factor * (1.0 + SLACK) and not everywhere:
-                    break
-                if (j, row) not in self.known and self.rows.joints[j].used[row]:
-                    self.known.add((j, row))
-                    self.active.append((j, row))
-                    added = True
-        return added
+            beyond = np.flatnonzero(own > factor * (1.0 + SLACK))
+            self._take(j, beyond[np.argsort(own[beyond])[: -ADDED - 1 : -1]])
+        return len(self.known) > before
 
-    def _matrix(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Φ in scaled columns, τ and ε of the rows that are known to matter."""
-        phi, tau = np.zeros((len(self.active), self.rows.size)), np.empty(len(self.active))
-        bound = np.empty(len(self.active))
-        for k, (j, row) in enumerate(self.active):
-            own = self.rows.joints[j]
-            phi[k, own.columns] = own.phi[:, row]
-            tau[k], bound[k] = own.tau[row], self.relative[j]
-        return phi / self.scale, tau, bound
+    def _take(self, joint: int, numbers: np.ndarray) -> None:
+        """Φ in scaled columns, τ and ε of rows of a joint, those that are not known."""
+        known, own = set(self.known), self.rows.joints[joint]
+        new = [row for row in numbers.tolist() if (joint, row) not in known]
+        phi = np.zeros((len(new), self.rows.size))
+        phi[:, own.columns] = (own.phi[:, new] / self.scale[own.columns, None]).T
+        self.known += [(joint, row) for row in new]
+        self.phi, self.tau = np.vstack([self.phi, phi]), np.append(self.tau, own.tau[new])
+        self.bound = np.append(self.bound, np.full(len(new), self.relative[joint]))
