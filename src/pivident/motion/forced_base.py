@@ -1,10 +1,10 @@
 """What the smoother takes from a floating base, given back from the forces on it.
 
 The pose of a base is measured less finely than joints are by their encoders, and its smoother S has
-a band of some ten hertz. Dry friction that turns round in a leg jolts the base within milliseconds;
-S takes that from its acceleration, the instruments and the other rows have it, and the estimate is
-biased by several standard errors. No loop that could be simulated moves the base. But no motor acts
-on it either, so that its six rows say how it accelerates where legs move like this and forces from
+a band of some ten hertz. Legs that turn round jolt the base faster than that; S takes it from the
+base's acceleration, the instruments and the other rows have it, and the estimate is biased by
+several standard errors. No loop that could be simulated moves the base. But no motor acts on it
+either, so that its six rows say how it accelerates where legs move like this and forces from
 outside are these,
 
     M_bb ddq_f = τ_b - h_b(q, dq) - M_bl ddq_l,        ddq_b = S ddq_b + (1 - S) P ddq_f
