@@ -45,8 +45,8 @@ MAX_LINES = 133_000
 #: loops whose law reads whole counts, noise of the equations, eight that the simulator's kernel
 #: carries tangents with, the fit of simulations with nineteen of its own, two for logs without
 #: torque, ten for regressions, thirteen for filters, four for algebraic signals and the lines of
-#: periodic motions, thirteen for mechanisms with closed loops, three for force sensors and feet, one
-#: for a base that forces move, one for derivatives kept in blocks.
+#: periodic motions, thirteen for mechanisms with closed loops, three for force sensors and feet,
+#: one for a base that forces move, one for derivatives kept in blocks.
 MAX_MODULES_OF_IDENTIFY = 185
 
 #: Subpackages with a budget of their own.
