@@ -112,8 +112,7 @@ def mujoco_base_record(
     noise = std.encoder * rng.normal(size=q_ref.shape)
     q, tau = np.zeros_like(q_ref), np.zeros_like(q_ref)
     pose = np.zeros((samples, 7))
-    wrench = {push.sensor.name: np.zeros((samples, 6)) for push in pushes}
-    fine = np.zeros((samples * SUBSTEPS, 6))
+    fine = {push.sensor.name: np.zeros((samples * SUBSTEPS, 6)) for push in pushes}
     kp, kd = gains
     before, dq_ref = q_ref[0] + noise[0], np.vstack([np.zeros(n), np.diff(q_ref, axis=0)]) * rate
     speed = np.zeros(6)
@@ -141,21 +140,19 @@ def mujoco_base_record(
                 mujoco.mj_applyFT(
                     model, data, force, np.zeros(3), place.xpos, body, data.qfrc_applied
                 )
-                if step == 0:
-                    axes = place.xmat.reshape(3, 3)
-                    on_robot = np.concatenate([axes.T @ force, np.zeros(3)])
-                    wrench[push.sensor.name][k] = push.sensor.sign * on_robot
+                fine[push.sensor.name][k * SUBSTEPS + step, :3] = place.xmat.reshape(3, 3).T @ force
             if held is not None:
                 mujoco.mj_forward(model, data)
-                fine[k * SUBSTEPS + step] = data.sensordata
+                fine[held.sensor.name][k * SUBSTEPS + step] = data.sensordata
             mujoco.mj_step(model, data)
-    if held is not None:  # a sensor averages over the period around its instant
-        around = np.pad(fine, ((SUBSTEPS // 2, SUBSTEPS), (0, 0)), mode="edge")
+    wrench = {}
+    for sensor in (push.sensor for push in pushes):
+        # it averages over the period around its instant: between them a torque that is held makes a
+        # ripple, which samples would turn into an offset that goes with the torque's slope
+        around = np.pad(fine[sensor.name], ((SUBSTEPS // 2, SUBSTEPS), (0, 0)), mode="edge")
         means = around[: samples * SUBSTEPS].reshape(samples, SUBSTEPS, 6).mean(axis=1)
-        wrench[held.sensor.name] = held.sensor.sign * means
-    for values in wrench.values():
         sizes = std.force * np.array([1.0] * 3 + [0.1] * 3)
-        values += sizes * rng.normal(size=values.shape)
+        wrench[sensor.name] = sensor.sign * means + sizes * rng.normal(size=means.shape)
     measured = None
     if free:
         position = pose[:, :3] + std.position * rng.normal(size=(samples, 3))

@@ -83,7 +83,9 @@ def quadruped(seed: int = 3) -> Robot:
     return with_drawn_masses(with_floating_base(robot), [TRUNK, *LEG * len(LEGS)], SIZE, seed)
 
 
-def hanging_record(robot: Robot, seed: int, seconds: float = 12.0) -> Recording:
+def hanging_record(
+    robot: Robot, seed: int, seconds: float = 12.0, accuracy: Accuracy | None = None
+) -> Recording:
     """The legs swing in the air, and the trunk hangs on a cable whose force is measured."""
     rng = np.random.default_rng(1)
     samples = round(seconds * RATE)
@@ -102,7 +104,8 @@ def hanging_record(robot: Robot, seed: int, seconds: float = 12.0) -> Recording:
 
     at = WrenchSensor("cable", "base", Pose(np.eye(3), np.array([0.03, -0.02, 0.1])))
     gains = np.full(12, KP), np.full(12, KD)
-    return mujoco_base_record(robot, q_ref, RATE, gains, [Push(at, cable)], seed, height=0.45)
+    pushes = [Push(at, cable)]
+    return mujoco_base_record(robot, q_ref, RATE, gains, pushes, seed, accuracy, height=0.45)
 
 
 def standing_record(robot: Robot, seed: int, seconds: float = 12.0) -> Recording:

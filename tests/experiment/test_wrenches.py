@@ -6,8 +6,11 @@ from scipy.spatial.transform import Rotation
 
 from pivident.errors import PividentError
 from pivident.experiment.experiment import load_experiment
+from pivident.experiment.gains_table import DeclaredGain, _trusted_gains
 from pivident.recording.load import load_recording
 from pivident.robot.frames import rotation_from_rpy
+from pivident.robot.gallery import load_robot
+from pivident.robot.measured_base import with_floating_base, with_wrench_sensors
 
 SAMPLES = 300
 NAMES = "t q1 q2 tau1 tau2 fx fy fz mx my mz x y z roll pitch yaw qx qy qz qw".split()
@@ -163,3 +166,42 @@ def test_wrenches_need_a_robot_with_the_sensor(folder):
     columns["wrench"] = {"floor": ["fx", "fy", "fz", "mx", "my", "mz"]}
     with pytest.raises(PividentError, match=r"wrench.*robot"):
         load_recording(folder["folder"] / "log.csv", columns)
+
+
+@pytest.mark.parametrize("turned", ["rpy", "quaternion"])
+def test_a_base_that_turns_past_half_a_turn_is_resampled_between_its_samples(folder, turned):
+    """Roll, pitch and yaw jump there, and q and -q are the same rotation."""
+    t = np.arange(SAMPLES) / 500.0
+    rpy = np.column_stack([0.3 * np.sin(3 * t), 0.3 * np.sin(4 * t), 2.5 + 4.0 * t])
+    quaternion = Rotation.from_euler("xyz", rpy).as_quat(canonical=True)
+    assert rpy[-1, 2] > np.pi and (np.sum(quaternion[1:] * quaternion[:-1], axis=1) < 0.0).any()
+    wrapped = (rpy + np.pi) % (2.0 * np.pi) - np.pi
+    own = wrapped if turned == "rpy" else quaternion
+    names = NAMES[14:17] if turned == "rpy" else NAMES[17:]
+    table = np.column_stack([t, folder["q"], folder["tau"], folder["wrench"], folder["place"], own])
+    path = folder["folder"] / f"turning_{turned}.csv"
+    np.savetxt(path, table, delimiter=",", header=",".join([*NAMES[:14], *names]), comments="")
+    (floating,) = experiment(folder, FLOATING).problem().recordings
+    robot = with_wrench_sensors(
+        with_floating_base(load_robot("planar_2r")), [w.sensor for w in floating.wrenches]
+    )
+    columns = {"t": "t", "q": ["q1", "q2"], "tau": ["tau1", "tau2"]}
+    columns |= {"wrench": {"floor": NAMES[5:11]}, "base": {"position": NAMES[11:14], turned: names}}
+    recording = load_recording(path, columns, robot=robot, rate=333.0, resample=True)
+    at = np.arange(recording.samples) / 333.0
+    true = np.column_stack([0.3 * np.sin(3 * at), 0.3 * np.sin(4 * at), 2.5 + 4.0 * at])
+    off = Rotation.from_euler("XYZ", recording.q[:, 3:6]) * Rotation.from_euler("xyz", true).inv()
+    assert off.magnitude().max() < 1e-6
+
+
+def test_numbers_of_joints_in_an_experiment_do_not_count_those_of_a_measured_base(folder):
+    for text in (HELD, FLOATING):
+        read = experiment(folder, text + "[gains]\ntrusted = {2 = 3.0, shoulder = 4.0}\n")
+        robot = read.problem().robot
+        declared = [DeclaredGain(gain, "A", True, "robot") for gain in (2.0, 6.0)]
+        trusted = _trusted_gains(read.content.gains, robot, declared)
+        assert {name: own.value for name, own in trusted.items()} == {
+            "elbow": 0.5,
+            "shoulder": 2.0,
+        }
+        assert robot.joint_index("2") == robot.joint_index("elbow") == 7

@@ -6,7 +6,7 @@ import pytest
 from pivident.model_errors.cause import Cause
 from pivident.model_errors.cause_sums import JointRows, cause_sums
 from pivident.model_errors.column_tests import Parts
-from pivident.model_errors.partition import Partition
+from pivident.model_errors.partition import Normal, Partition
 from pivident.model_errors.score_tests import ScoreTests
 
 ROWS, BLOCKS = 600, 5
@@ -141,9 +141,9 @@ def test_several_columns_are_tested_as_single_ones_are(corrected):
     mask = np.isin(np.arange(6), stay)
     windows, blocks = tests.sums.windows, tests.sums.blocks
     parts = Parts(
-        Partition.of(tests.yx, tests.yt, mask, tests.scale),
-        Partition.of(tests.yx - windows.x, tests.yt - windows.tau, mask, tests.scale),
-        Partition.of(tests.xx - blocks.x, tests.xt - blocks.tau, mask, tests.scale),
+        Partition.of(Normal(tests.yx, tests.yt), mask, tests.scale),
+        Partition.of(Normal(tests.yx, tests.yt, windows.x, windows.tau), mask, tests.scale),
+        Partition.of(Normal(tests.xx, tests.xt, blocks.x, blocks.tau), mask, tests.scale),
     )
     base, scores = tests.all_scores(corrected)
     for number, score in scores.items():
@@ -151,6 +151,33 @@ def test_several_columns_are_tested_as_single_ones_are(corrected):
         for name in ("size", "covariance", "significance", "explained", "unseen", "shift"):
             expected = getattr(general, name)
             np.testing.assert_allclose(getattr(score, name), expected, rtol=1e-7, atol=1e-12)
+
+
+def test_a_partition_asks_only_for_entries_of_the_columns_that_join():
+    """Of all columns against all there are as many as causes squared, in each part of the rows."""
+    _, _, tests = made(size=0.3)
+    windows, stay = tests.sums.windows, np.array([0, 1])
+    asked = np.zeros((6, 6), bool)
+
+    class Watched(Normal):
+        def of(self, rows, columns):
+            asked[rows, columns] = True
+            return super().of(rows, columns)
+
+    normal = Watched(tests.yx, tests.yt, windows.x, windows.tau)
+    part = Partition.of(normal, np.isin(np.arange(6), stay), tests.scale)
+    asked[:2], asked[:, :2] = False, False
+    assert not asked.any()
+    own = np.array([1, 3])
+    theta, delta = part.joined(own)
+    assert asked.sum() == own.size**2
+    columns = np.r_[stay, 2 + own]
+    for k, (x, tau) in enumerate(zip(windows.x, windows.tau, strict=True)):
+        whole = np.linalg.solve((tests.yx - x)[np.ix_(columns, columns)], (tests.yt - tau)[columns])
+        np.testing.assert_allclose(np.r_[theta[k], delta[k]], whole, rtol=1e-8, atol=1e-12)
+    np.testing.assert_allclose(
+        part.schur_diagonal(own), part.schur(own)[:, [0, 1], [0, 1]], rtol=1e-10
+    )
 
 
 @pytest.mark.parametrize("corrected", [[], [0], [2, 0]])

@@ -8,7 +8,15 @@ import pytest
 
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
-from pivident.robot.friction import FrictionLaw, coulomb, offset, viscous
+from pivident.robot.friction import (
+    FrictionLaw,
+    coulomb,
+    counterbalance,
+    offset,
+    ripple,
+    spring,
+    viscous,
+)
 from pivident.simulation.direction import Direction, ParametrisedLoop
 from pivident.simulation.virtual_pd import virtual_pd
 from tests.dynamics.closed.mechanisms import MECHANISMS, delta, five_bar, parallelogram, start
@@ -19,11 +27,14 @@ RATE = 2000.0
 
 SMOOTH = FrictionLaw((viscous(), coulomb(gamma=5.0), offset()))
 
+OF_POSITION = FrictionLaw((viscous(), spring(), *counterbalance(0.6, 0.3), *ripple(3.0)))
+
 ROBOTS = {
     "five bar": lambda: five_bar(law=SMOOTH),
     "five bar with a hinge": lambda: five_bar(kind="axis", law=SMOOTH),
     "parallelogram": lambda: parallelogram(law=SMOOTH),
     "delta": lambda: delta(law=SMOOTH, passive=SMOOTH),
+    "springs": lambda: delta(law=OF_POSITION, passive=OF_POSITION),
     "geared": MECHANISMS["geared"],
 }
 

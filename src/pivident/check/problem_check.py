@@ -25,7 +25,6 @@ from pivident.logs.clocks.timestamps import LOWEST_RATE
 from pivident.motion.planted_feet import on_planted_feet
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
-from pivident.robot.naming import find_joint
 from pivident.validation.held_out.folds import possible_folds
 
 
@@ -88,7 +87,7 @@ class ProblemCheck:
             names = (*robot.joint_names, *(link.name for link in robot.links))
             try:
                 if joint is not None and joint not in names:
-                    find_joint(robot.joint_names, joint)
+                    robot.joint_index(joint)
             except PividentError as error:
                 self.remarks.append(of_error(error, "file", table))
 

@@ -21,6 +21,7 @@ from pivident.dynamics.closed_chains.closed_dynamics import (
     on_own_joints,
 )
 from pivident.dynamics.closed_chains.closed_motion import ClosedChains
+from pivident.dynamics.closed_chains.passive_springs import position_torque
 from pivident.dynamics.friction_kernels import level_and_slope
 from pivident.dynamics.friction_table import (
     AHEAD,
@@ -190,14 +191,15 @@ def _closed_acceleration(
     """M_a⁻¹ (τ - h_a - friction) of a closed mechanism."""
     mass, bias = _closed_states(robot, model, closed, q, dq)
     f, n = model.friction, robot.size
-    vectors, slopes = np.zeros((2, n)), np.zeros((1, slopes_width(n, len(f.pair_index))))
+    vectors, slopes = np.zeros((3, n)), np.zeros((1, slopes_width(n, len(f.pair_index))))
     net = tau - bias
     for s in range(len(q)):
-        vectors[0] = dq[s]
+        vectors[0], vectors[2] = dq[s], q[s]
         friction_torque(
             f.linear, f.term_index, f.term_value, f.pair_index, f.pair_value, vectors, 0, 1, slopes,
             0,
         )  # fmt: skip
+        position_torque(f.path_index, f.path_value, vectors, 2, 1)
         net[s] -= vectors[1]
         try:
             np.linalg.cholesky(mass[s])

@@ -35,6 +35,7 @@ from pivident.estimation.normal_equations import (
     weighted_solution,
 )
 from pivident.estimation.problem import Problem
+from pivident.motion.forced_base import with_forced_detail
 from pivident.motion.kinematics import Kinematics
 from pivident.motion.motion import SimulatedMotion, with_inner
 from pivident.motion.simulated_detail import with_simulated_detail
@@ -138,12 +139,15 @@ class Signals:
     ) -> list[Kinematics]:
         """Measured motions with inner signals for the load of θ.
 
-        ``motions``: simulated ones, which give back what the smoother takes.
+        ``motions``: simulated ones, which give back what the smoother takes; to a floating base,
+        which is not simulated, the forces on it do.
         """
-        kinematics = self.kinematics
+        kinematics, regressor = self.kinematics, self.problem.regressor
         if motions:
             kinematics = list(map(with_simulated_detail, kinematics, motions))
-        return [with_inner(self.problem.regressor, k, theta) for k in kinematics]
+        if motions and theta is not None:
+            kinematics = [with_forced_detail(regressor, k, theta) for k in kinematics]
+        return [with_inner(regressor, k, theta) for k in kinematics]
 
     def simulated(
         self, motions: Sequence[SimulatedMotion], theta: np.ndarray

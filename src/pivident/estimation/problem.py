@@ -160,6 +160,8 @@ class Problem:
         """Speeds below which samples of a recording are excluded."""
         share = LOW_SPEED if self.mask == "auto" else self.mask or 0.0
         joints = share * rated_speeds(self.robot, recording)
+        if self.robot.constraints is None:  # feet that stand bring the friction of their legs along
+            joints[: self.robot.base_joints] = 0.0
         return SpeedLimits(joints, self.robot.couplings)
 
     def low_speeds(self, recording: Recording) -> np.ndarray:

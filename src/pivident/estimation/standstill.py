@@ -10,7 +10,9 @@ one from the c alone 1/c: the m are left out where
     r > 2 + m/c
 
 The c are in motion with no standstill in the prefilter's memory. Without enough of them nothing is
-known, and standstill is left out.
+known, and standstill is left out. That of the legs of a floating base is left out in any case: no
+simulated loop makes the instruments, and those from the record do not cure what noise of a speed
+makes of a sign that bends there, which the residual does not show.
 """
 
 from __future__ import annotations
@@ -74,6 +76,8 @@ def worth_using(
     worth = ratio <= 2.0 + others / np.maximum(settled, 1.0)
     enough = settled > MIN_ROWS
     standstill = enough & worth[1] & (problem.mask == "auto")
+    if problem.robot.base_motion == "measured":
+        standstill[problem.robot.base_joints :] = False
     return Worth(standstill, ~enough | worth[0] | standstill)
 
 

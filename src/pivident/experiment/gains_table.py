@@ -22,7 +22,6 @@ from pivident.experiment.toml_file import errors_name
 from pivident.logs.units import COMMAND, TORQUE, factor_to_si
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
-from pivident.robot.naming import find_joint
 from pivident.simulation.controllers import UNKNOWN_GAIN
 
 
@@ -232,7 +231,7 @@ def _payload(given: GainsEntry, robot: Robot) -> Payload | None:
     entry = given.payload
     if entry is None:
         return None
-    link = -1 if entry.joint is None else find_joint(robot.joint_names, entry.joint)
+    link = -1 if entry.joint is None else robot.joint_index(entry.joint)
     return Payload(entry.mass, entry.center_of_mass, entry.inertia, entry.mass_std, link)
 
 
@@ -242,7 +241,7 @@ def _trusted_gains(
     """Trusted gains relative to the declared ones."""
     made = {}
     for name, value in given.trusted.items():
-        j = find_joint(robot.joint_names, name)
-        ratio = value / declared[j].value
+        j = robot.joint_index(name)
+        ratio = value / declared[j - robot.base_joints].value
         made[robot.joint_names[j]] = Trusted(ratio, given.trusted_within * abs(ratio))
     return made

@@ -20,7 +20,7 @@ from pivident.robot.gallery import load_robot
 from pivident.robot.measured_base import with_floating_base, with_wrench_sensors
 from pivident.robot.mjcf import read_mjcf
 from pivident.robot.modified_dh import friction_law
-from pivident.robot.naming import MJCF_FILES, ROBOT_FILES, find_joint
+from pivident.robot.naming import MJCF_FILES, ROBOT_FILES
 from pivident.robot.urdf import read_urdf
 from pivident.robot.wrench_sensor import WrenchSensor
 
@@ -120,7 +120,7 @@ def _with_extra_friction(robot: Robot, entry: RobotEntry) -> Robot:
     joints = list(robot.joints)
     for name, terms in entry.extra_friction.items():
         with concerning("extra_friction", name):
-            index = find_joint(robot.joint_names, name)
+            index = robot.joint_index(name)
         try:
             law = FrictionLaw(joints[index].friction.terms + friction_law(terms).terms)
         except ValueError as error:

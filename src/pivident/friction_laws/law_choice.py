@@ -108,7 +108,7 @@ def choose_laws(
     method = _method(method)
     robot = problem.robot
     wanted = robot.joint_names if joints is None else joints
-    numbers = [find_joint(robot.joint_names, name) for name in wanted]
+    numbers = [robot.joint_index(name) for name in wanted]
     say("fitting the present laws")
     found = identify(problem, method)
     last = LastPass.of(problem, method, found)

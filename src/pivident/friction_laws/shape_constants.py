@@ -20,7 +20,7 @@ from pivident.motion.kinematics import Kinematics
 from pivident.robot.description import Robot
 from pivident.robot.friction import FrictionLaw, Shape
 from pivident.robot.friction_term import unit_on_joint
-from pivident.robot.naming import find_joint, nearest
+from pivident.robot.naming import nearest
 
 #: Slope of all smoothed signs of a law; not among its shapes, but identifiable like one.
 GAMMA = "gamma"
@@ -93,7 +93,7 @@ def chosen_names(
     chosen: dict[int, tuple[str, ...]] = {}
     if isinstance(names, Mapping):
         for named, wanted in names.items():
-            j = find_joint(robot.joint_names, named)
+            j = robot.joint_index(named)
             known = _known(robot.joints[j].friction)
             for name in wanted:
                 if name not in known:

@@ -9,13 +9,15 @@ instruments. Where the feedback has answered to the noise, both halves have move
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from pivident.instruments.given_motion import GivenMotions, agreement, correlated, not_there
 from pivident.instruments.virtual_loop import virtual_motion
 from pivident.motion.kinematics import MIN_RUN, Kinematics
+from pivident.signals.coloured_walk import WalkSmoother
 from pivident.signals.instants import differences_at_instants
 from pivident.signals.random_walk import smooth_channels
 
@@ -34,11 +36,11 @@ def interleaved_instruments(kinematics: Sequence[Kinematics]) -> GivenMotions:
         recording = kin.recording
         if recording.samples < 4 * MIN_RUN:
             not_there("halves", f"recording {recording.name!r} has {recording.samples} samples")
-        even, odd = (_half(recording.q, first, recording.rate) for first in (0, 1))
-        dq, ddq = np.empty((2, *even.shape))
-        differences_at_instants(even, recording.rate, 0, dq, ddq)
-        regressors.append(replace(kin, q=even, dq=dq, ddq=ddq))
-        motions.append(virtual_motion(replace(kin, q=odd)))
+        even, odd = (_half(kin, first) for first in (0, 1))
+        dq, ddq = np.empty((2, *even.q.shape))
+        differences_at_instants(even.q, recording.rate, 0, dq, ddq)
+        regressors.append(replace(kin, q=even.q, dq=dq, ddq=ddq, smoothers=even.smoothers))
+        motions.append(virtual_motion(replace(kin, q=odd.q)))
         coloured = np.maximum(coloured, np.abs(_neighbours(kin)))
     names = kinematics[0].recording.joint_names
     said = "the noise of neighbouring positions is correlated"
@@ -46,13 +48,47 @@ def interleaved_instruments(kinematics: Sequence[Kinematics]) -> GivenMotions:
     return GivenMotions("halves", motions, (), agreement(regressors, motions), shares, regressors)
 
 
-def _half(q: np.ndarray, first: int, rate: float) -> np.ndarray:
-    """Every other sample smoothed at half the rate, at all samples, shape (joints, samples)."""
+@dataclass(frozen=True, eq=False)
+class HalfSmoother:
+    """The smoother S of one channel by every other of its samples."""
+
+    walk: WalkSmoother  # at half the rate
+    first: int  # of the samples that it sees
+
+    def smoothed(self, y: np.ndarray) -> np.ndarray:
+        """S y of a channel, at all samples, shape (samples,)."""
+        own = np.ascontiguousarray(y[self.first :: 2])
+        return _at_all(self.walk.smoothed(own), self.first, len(y))
+
+    def band(self, rate: float) -> float:
+        """Frequency that it halves [Hz], at a sampling ``rate`` [Hz]."""
+        return self.walk.band(0.5 * rate)
+
+
+class Half(NamedTuple):
+    """The motion that every other sample shows."""
+
+    q: np.ndarray  # at all samples, shape (joints, samples)
+    smoothers: tuple[HalfSmoother | None, ...]  # None where counts are visible: no linear operator
+
+
+def _half(kin: Kinematics, first: int) -> Half:
+    """Every other sample smoothed at half the rate."""
+    recording = kin.recording
+    made = smooth_channels(recording.q[first::2], 0.5 * recording.rate)
+    q = np.ascontiguousarray(_at_all(made.q, first, recording.samples).T)
+    smoothers = tuple(
+        None if whole is None else HalfSmoother(WalkSmoother(float(nvr), made.order), first)
+        for nvr, whole in zip(np.atleast_1d(made.nvr), kin.smoothers, strict=False)
+    )
+    return Half(q, smoothers)
+
+
+def _at_all(half: np.ndarray, first: int, samples: int) -> np.ndarray:
+    """Every other sample and what lies between them, along axis 0."""
     from scipy.interpolate import CubicSpline
 
-    smoothed = smooth_channels(q[first::2], 0.5 * rate).q
-    at = np.arange(first, len(q), 2)
-    return np.ascontiguousarray(CubicSpline(at, smoothed)(np.arange(len(q))).T)
+    return CubicSpline(np.arange(first, samples, 2), half)(np.arange(samples))
 
 
 def _neighbours(kin: Kinematics) -> np.ndarray:

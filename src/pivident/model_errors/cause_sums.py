@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pivident.compiled import kernel
 from pivident.estimation.covariance.windows import Share, windows_of
 
 
@@ -46,8 +47,16 @@ class Products:
 
     def put(self, part: int, columns: np.ndarray, gram: np.ndarray, right: np.ndarray) -> None:
         """Add the products of such rows."""
-        self.x[part][np.ix_(columns, columns)] += gram
+        _put(self.x[part], columns, gram)
         self.tau[part, columns] += right
+
+
+@kernel
+def _put(out, columns, gram):
+    """Add products to the entries of their columns: in place, without a copy of these entries."""
+    for a in range(columns.size):
+        for b in range(columns.size):
+            out[columns[a], columns[b]] += gram[a, b]
 
 
 @dataclass(frozen=True, eq=False)

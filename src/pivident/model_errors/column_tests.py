@@ -57,7 +57,7 @@ def column_tests(
 
 def _joined(part: Partition, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """θ, shape (…, stay, columns), and δ, shape (…, columns); zero where nothing shows it."""
-    shown = part.schur[..., place, place]
+    shown = part.schur_diagonal(place)
     delta = np.divide(part.rest[..., place], shown, out=np.zeros(shown.shape), where=shown != 0.0)
     return part.theta[..., None] - part.projection[..., place] * delta[..., None, :], delta
 
@@ -81,7 +81,7 @@ def _variance(
     rest = windows.tau[:, own] - np.einsum("wci,ic->wc", across, theta)
     rest = rest - windows.x[:, own, own] * size
     rest = rest - np.einsum("wci,wic->wc", without.cross[:, place], without.inverse @ scores)
-    shown = without.schur[:, place, place]
+    shown = without.schur_diagonal(place)
     steps = np.divide(rest, shown, out=np.full(shown.shape, np.inf), where=shown != 0.0)
     return np.asarray(np.sum(steps**2, axis=0) / OVERLAP)
 

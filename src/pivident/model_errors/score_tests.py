@@ -24,7 +24,7 @@ from pivident.estimation.covariance.windows import OVERLAP, degrees_of_freedom
 from pivident.model_errors.cause import Cause
 from pivident.model_errors.cause_sums import CauseSums
 from pivident.model_errors.column_tests import Parts, column_tests
-from pivident.model_errors.partition import Partition
+from pivident.model_errors.partition import Normal, Partition
 
 #: Share of a cause's columns that Φ must leave for it to be told from the parameters.
 DISTINCT = 1e-12
@@ -155,9 +155,9 @@ class ScoreTests:
         base = self.fit(own)
         windows, blocks = self.sums.windows, self.sums.blocks
         parts = Parts(
-            Partition.of(self.yx, self.yt, stay, self.scale),
-            Partition.of(self.yx - windows.x, self.yt - windows.tau, stay, self.scale),
-            Partition.of(self.xx - blocks.x, self.xt - blocks.tau, stay, self.scale),
+            Partition.of(Normal(self.yx, self.yt), stay, self.scale),
+            Partition.of(Normal(self.yx, self.yt, windows.x, windows.tau), stay, self.scale),
+            Partition.of(Normal(self.xx, self.xt, blocks.x, blocks.tau), stay, self.scale),
         )
         found = self._single_scores(base, parts, own, others, corrected)
         for number, cause in enumerate(self.causes):

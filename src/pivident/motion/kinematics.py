@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from pivident.dynamics.regressor import Regressor
 from pivident.recording.recording import Recording
 from pivident.signals.alignment import AlignedTorque, align_torque
-from pivident.signals.coloured_walk import WalkSmoother
 from pivident.signals.spectral_lines import SpectralLine
 
 #: Highest frequency of a robot's motion [Hz], twice the usual bandwidth of a position loop.
@@ -17,6 +17,16 @@ MOTION_BAND = 20.0
 
 #: Samples that must remain between the ends that the filters distort.
 MIN_RUN = 100
+
+
+class Smoother(Protocol):
+    """What has smoothed the positions of a joint: a linear operator S."""
+
+    def smoothed(self, y: np.ndarray) -> np.ndarray:
+        """S y of a channel, shape (samples,)."""
+
+    def band(self, rate: float) -> float:
+        """Frequency that it halves [Hz], at a sampling ``rate`` [Hz]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +49,7 @@ class Kinematics:
     lines: tuple[tuple[SpectralLine, ...], ...] = ()
     #: Smoother of each joint's positions; None where it is no linear operator on a signal and noise
     #: (visible counts), empty with a band-pass and with two passes.
-    smoothers: tuple[WalkSmoother | None, ...] = ()
+    smoothers: tuple[Smoother | None, ...] = ()
     #: Columns with memory or load, shape (inner entries, samples), see ``Regressor.inner``; None
     #: where they were not made.
     inner: np.ndarray | None = None

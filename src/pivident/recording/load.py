@@ -27,7 +27,12 @@ from pivident.recording.clock import Clock, beside_torque, on_one_clock
 from pivident.recording.measured_wrenches import with_wrenches
 from pivident.recording.recording import CHANNELS, Recording
 from pivident.robot.description import Robot
-from pivident.robot.measured_base import rotations_from_quaternions, rotations_from_rpy
+from pivident.robot.measured_base import (
+    continued_quaternions,
+    continued_rpy,
+    rotations_from_quaternions,
+    rotations_from_rpy,
+)
 from pivident.robot.naming import nearest
 from pivident.robot.transmission import Transmission
 from pivident.scratch import working_array
@@ -41,6 +46,10 @@ _OPTIONS = {
 
 #: Fields of a recording that belong to the logger and its columns, rather than to one run.
 OF_LOGGER = ("control_rate", "torque_timing", "delay", "drive_delay", "torque_side")
+
+#: Rotations whose samples jump where they pass half a turn, and what makes them go on: nothing may
+#: be interpolated over a jump.
+CONTINUED = {"base.quaternion": continued_quaternions, "base.rpy": continued_rpy}
 
 #: Whether a channel was measured before or behind the gear.
 Side = Literal["joint", "motor"]
@@ -209,6 +218,9 @@ def _recording(
         moving = beside_torque(logged, clocked)
         checks.check_not_saturated("tau", logged["tau"], moving, joint_names)
 
+    for channel, continued in CONTINUED.items():
+        if channel in logged:
+            logged[channel] = continued(logged[channel])
     clock = Clock(log.rate, log.resample, "t" in said.units, part)
     with concerning("columns", "t"):
         found = on_one_clock(logged, clocked, clock)

@@ -288,6 +288,18 @@ class Robot:
             ),
         )
 
+    def joint_index(self, reference: str) -> int:
+        """Index of a joint by its name or number; those of a measured base are not counted.
+
+        Args:
+            reference: a name, or a number counted from 1, as text.
+
+        Raises:
+            RobotDescriptionError: there is no such joint; names the nearest ones.
+        """
+        first = self.base_joints
+        return first + find_joint(self.joint_names[first:], reference)
+
     def link_index(self, name: str) -> int:
         """Index of a link by its own name, or that or the number of the joint that moves it.
 

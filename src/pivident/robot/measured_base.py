@@ -232,6 +232,26 @@ def rotations_from_quaternions(quaternion: np.ndarray) -> np.ndarray:
     return np.moveaxis(np.array(rows), 2, 0)
 
 
+def continued_quaternions(quaternion: np.ndarray) -> np.ndarray:
+    """Each with the sign that is nearer to the one before: q and -q are the same rotation.
+
+    Args:
+        quaternion: x y z w, shape (samples, 4).
+    """
+    turned = np.sum(quaternion[1:] * quaternion[:-1], axis=1) < 0.0
+    signs = np.cumprod(np.where(turned, -1.0, 1.0))
+    return quaternion * np.concatenate([[1.0], signs])[:, None]
+
+
+def continued_rpy(rpy: np.ndarray) -> np.ndarray:
+    """Angles without jumps of 2π.
+
+    Args:
+        rpy: roll, pitch and yaw, shape (samples, 3) [rad].
+    """
+    return np.unwrap(rpy, axis=0)
+
+
 def rotations_from_rpy(rpy: np.ndarray) -> np.ndarray:
     """Rotation matrices Rz(yaw) Ry(pitch) Rx(roll), shape (samples, 3, 3).
 

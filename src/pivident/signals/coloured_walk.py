@@ -51,6 +51,10 @@ class WalkSmoother:
             return diffuse_fit(y - mean, self.nvr, self.order).level + mean
         return coloured_fit(y - mean, self.nvr, self.order, self.colour).level + mean
 
+    def band(self, rate: float) -> float:
+        """Frequency that it halves [Hz], at a sampling ``rate`` [Hz]."""
+        return f50_from_nvr(self.nvr, self.order, rate)
+
 
 @dataclass(frozen=True, eq=False)
 class ColouredSmoothing:

@@ -9,8 +9,9 @@ import numpy as np
 from pivident.compiled import inner
 from pivident.dynamics.closed_chains.closed_dynamics import ClosedModel
 from pivident.dynamics.closed_chains.closed_slopes import ClosedSlopes, closed_slopes
+from pivident.dynamics.closed_chains.passive_springs import position_partial
 from pivident.dynamics.rigid_body_slopes import inertial_columns
-from pivident.simulation.friction_tangent import constant_torque
+from pivident.simulation.friction_tangent import PATH, constant_torque
 from pivident.simulation.row_sums import row_array
 
 
@@ -48,9 +49,15 @@ def parameter_torques(run, tangent, inertial, links, out):
     inertial_columns(run.model.table.tree.parent, inertial, links, columns)
     for e in range(tangent.friction.shape[0]):
         table, row, column = tangent.friction[e, 1], tangent.friction[e, 2], tangent.friction[e, 3]
-        joint, torque = constant_torque(
-            friction.term_index, friction.term_value, table, row, column, run.place.dq
-        )
+        if table == PATH:
+            joint = friction.path_index[row, 0]
+            torque = position_partial(
+                friction.path_index, friction.path_value, row, column, run.place.q[joint]
+            )
+        else:
+            joint, torque = constant_torque(
+                friction.term_index, friction.term_value, table, row, column, run.place.dq
+            )
         columns[joint, tangent.friction[e, 4]] += tangent.friction_slope[e] * torque
     for i in range(n):
         for a in range(m):

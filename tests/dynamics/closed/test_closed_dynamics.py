@@ -12,7 +12,17 @@ from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.robot_regressor import regressor_of
 from pivident.errors import RobotDescriptionError
 from pivident.robot.description import INERTIAL
-from pivident.robot.friction import FrictionLaw, coulomb, dahl, load_dependent, lugre, viscous
+from pivident.robot.friction import (
+    FrictionLaw,
+    coulomb,
+    counterbalance,
+    dahl,
+    load_dependent,
+    lugre,
+    ripple,
+    spring,
+    viscous,
+)
 from tests.dynamics.closed.mechanisms import (
     MECHANISMS,
     VISCOUS,
@@ -67,6 +77,33 @@ def test_the_torque_of_an_acceleration_is_the_torque_that_caused_it(name):
     robot = MECHANISMS[name]()
     parameters, theta = nominal(robot)
     q, dq, tau = states(robot, 30, 11, speed=5.0)
+    ddq = acceleration(robot, parameters, theta, q, dq, tau)
+    back = regressor_of(robot, parameters).torque(q, dq, ddq, theta)
+    np.testing.assert_allclose(back, tau, rtol=0, atol=1e-9)
+
+
+#: Torques of the position: a spring, a strut, ripple.
+OF_POSITION = FrictionLaw((viscous(), spring(), *counterbalance(0.6, 0.3), *ripple(3.0)))
+
+
+@pytest.mark.parametrize(
+    "robot", [five_bar(law=VISCOUS), delta(law=VISCOUS), parallelogram(law=VISCOUS)], ids=str
+)
+@pytest.mark.parametrize("whose", ["passive joints", "motors", "all joints"])
+def test_springs_and_ripple_are_those_of_the_inverse_model(robot, whose):
+    if whose != "motors":
+        passive = tuple(replace(j, friction=OF_POSITION) for j in robot.passive_joints)
+        robot = replace(robot, passive_joints=passive)
+    if whose != "passive joints":
+        robot = replace(robot, joints=tuple(j.with_friction(OF_POSITION) for j in robot.joints))
+    parameters = standard_parameters(robot)
+    theta = nominal_values(robot, parameters)
+    rng = np.random.default_rng(8)
+    for k, p in enumerate(parameters):
+        if p.friction is not None:
+            theta[k] = rng.uniform(0.5, 2.0)
+    assert sum(p.stem == "ks" for p in parameters) >= 1
+    q, dq, tau = states(robot, 20, 11, speed=3.0)
     ddq = acceleration(robot, parameters, theta, q, dq, tau)
     back = regressor_of(robot, parameters).torque(q, dq, ddq, theta)
     np.testing.assert_allclose(back, tau, rtol=0, atol=1e-9)

@@ -2,8 +2,8 @@
 
     M_a = Nᵀ M N + J,    h_a = Nᵀ (h + M γ + f_p),    M_a ddq_a + h_a + friction = τ_a
 
-M, h and the friction f_p of passive joints are those of the tree at the posture that closes the
-loops, J the rotors.
+M, h and the friction f_p of passive joints, springs and ripple included, are those of the tree at
+the posture that closes the loops, J the rotors.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import numpy as np
 from pivident.compiled import inlined, kernel
 from pivident.dynamics.closed_chains.closure_kernels import CLOSED, close_loops, lead_on
 from pivident.dynamics.closed_chains.closure_table import ClosureTable, ClosureWork, closure_table
+from pivident.dynamics.closed_chains.passive_springs import position_torque
 from pivident.dynamics.friction_table import (
     FrictionTable,
     friction_torque,
@@ -26,8 +27,8 @@ from pivident.dynamics.kernels import bias_torque, composite_mass_matrix
 from pivident.dynamics.parameters import Parameter
 from pivident.robot.description import Robot
 
-# Rows of ``ClosedRun.vectors``: speeds and friction of all joints, h + M γ, a row of M N.
-_SPEED, _FRICTION, _BIAS, _CARRIED, _ROWS = 0, 1, 2, 3, 4
+# Rows of ``ClosedRun.vectors``: of all joints speeds, friction, h + M γ, a row of M N, positions.
+_SPEED, _FRICTION, _BIAS, _CARRIED, POSITION, _ROWS = 0, 1, 2, 3, 4, 5
 
 
 class ClosedModel(NamedTuple):
@@ -103,7 +104,7 @@ def closed_bias(run, q, dq, bias):
     if status != CLOSED:
         return status
     for i in range(n):
-        vectors[_SPEED, i] = place.dq[i]
+        vectors[_SPEED, i], vectors[POSITION, i] = place.dq[i], place.q[i]
     bias_torque(
         tree.parent, tree.prismatic, tree.gravity, place.pose, inertia, place.dq, place.drift,
         run.motion, run.force, vectors[_BIAS],
@@ -112,6 +113,7 @@ def closed_bias(run, q, dq, bias):
         friction.linear, friction.term_index, friction.term_value, friction.pair_index,
         friction.pair_value, vectors, _SPEED, _FRICTION, run.slopes, 0,
     )  # fmt: skip
+    position_torque(friction.path_index, friction.path_value, vectors, POSITION, _FRICTION)
     for a in range(m):
         bias[a] = 0.0
     for i in range(n):

@@ -17,12 +17,13 @@ from typing import NamedTuple
 import numpy as np
 
 from pivident.compiled import inner
-from pivident.dynamics.closed_chains.closed_dynamics import ClosedModel, tree_torque
+from pivident.dynamics.closed_chains.closed_dynamics import POSITION, ClosedModel, tree_torque
 from pivident.dynamics.closed_chains.closure_slopes import (
     ClosureSlopes,
     closure_slopes,
     find_closure_slopes,
 )
+from pivident.dynamics.closed_chains.passive_springs import position_slopes
 from pivident.dynamics.kernels import composite_mass_matrix
 from pivident.dynamics.rigid_body_slopes import (
     inertial_masses,
@@ -78,6 +79,10 @@ def bias_slopes(run, slopes, links, body, by_position, by_speed):
         slopes.by_speed[i, i] += run.slopes[0, i]
         for j in range(i):
             run.mass[j, i] = run.mass[i, j]
+    friction = run.model.friction
+    position_slopes(
+        friction.path_index, friction.path_value, run.vectors, POSITION, slopes.by_position
+    )
     turned, of_q, of_dq = slopes.turned[0], slopes.turned[1], slopes.turned[2]
     for c in range(m):
         for i in range(n):
