@@ -66,7 +66,7 @@ from pivident.simulation.path_integration import (
     path_stiffness,
     rate_at_reversals,
 )
-from pivident.simulation.step_tangent import product_tangent
+from pivident.simulation.rigid_body_tangent import product_tangent
 
 _COSINE = int(FrictionColumn.COSINE)
 
@@ -91,7 +91,7 @@ def friction_after_tangent(
     linear, term_index, term_value, pair_index, pair_value, path_index, path_value, path, at,
     vectors, slopes, row, torque, elapsed, longer, travel, speed, out,
     own, of_travel, of_speed, of_out, of_slopes, of_path, times, constants, constant_slope,
-    curvature, partials,
+    columns, bends, partials,
 ):  # fmt: skip
     """As ``path_integration.friction_after``, with the tangents of friction, D, K, and states.
 
@@ -106,7 +106,7 @@ def friction_after_tangent(
     )
     friction_tangent(
         term_index, term_value, pair_index, pair_value, constants, constant_slope,
-        vectors, speed, slopes, row, own, of_speed, of_out, of_slopes, row, curvature,
+        vectors, speed, slopes, row, own, of_speed, of_out, of_slopes, row, columns, bends,
     )  # fmt: skip
     for j in range(n):
         for d in range(directions):
@@ -145,7 +145,7 @@ def friction_after_tangent(
 def copy_state(
     linear, term_index, term_value, pair_index, pair_value, path_index, path_value, path,
     vectors, slopes, torque, path_copy, vectors_copy, slopes_copy, known,
-    own, of_slopes, of_path, times, constants, constant_slope, curvature, partials,
+    own, of_slopes, of_path, times, constants, constant_slope, columns, bends, partials,
 ):  # fmt: skip
     """Copy the state before a step; with the tangents of friction where they are not ``known``."""
     for k in range(path.shape[0]):
@@ -162,7 +162,7 @@ def copy_state(
             linear, term_index, term_value, pair_index, pair_value, path_index, path_value,
             path_copy, AHEAD, vectors_copy, slopes_copy, NOW, torque, 0.0, 0.0, STILL, V, FRICTION,
             own, STILL_TANGENT, V, FRICTION, of_slopes, of_path, times, constants, constant_slope,
-            curvature, partials,
+            columns, bends, partials,
         )  # fmt: skip
         _accept(path_copy, of_path)
 
@@ -306,7 +306,7 @@ def _linear_tangent(
 def path_step_tangent(
     linear, term_index, term_value, pair_index, pair_value, path_index, path_value, path,
     vectors, matrices, slopes, torque, h,
-    own, flat, layers, times, of_slopes, of_path, constants, constant_slope, curvature, partials,
+    own, flat, layers, times, of_slopes, of_path, constants, constant_slope, columns, bends, partials,
 ):  # fmt: skip
     """Carry the tangents over the step that ``advance_on_path`` has taken.
 
@@ -334,7 +334,7 @@ def path_step_tangent(
         linear, term_index, term_value, pair_index, pair_value, path_index, path_value, path, AHEAD,
         vectors, slopes, THEN, torque, h, 1.0, _X, _AHEAD, _REST,
         own, _X_T, _AHEAD_T, _F_T, of_slopes, of_path, times, constants, constant_slope,
-        curvature, partials,
+        columns, bends, partials,
     )  # fmt: skip
     turning = rate_at_reversals(pair_index, pair_value, matrices, slopes, vectors, V, _AHEAD)
     sudden = turning * h > NONLINEAR_STIFFNESS
@@ -350,14 +350,14 @@ def path_step_tangent(
         simpson = _simpson_tangent(
             linear, term_index, term_value, pair_index, pair_value, path_index, path_value, path,
             vectors, slopes, matrices, torque, h, feedback,
-            own, flat, layers, times, of_slopes, of_path, constants, constant_slope, curvature,
+            own, flat, layers, times, of_slopes, of_path, constants, constant_slope, columns, bends,
             partials,
         )  # fmt: skip
     if not small and not simpson:
         _nonlinear_tangent(
             linear, term_index, term_value, pair_index, pair_value, path_index, path_value, path,
             vectors, matrices, slopes, torque, h,
-            own, flat, layers, times, of_slopes, of_path, constants, constant_slope, curvature,
+            own, flat, layers, times, of_slopes, of_path, constants, constant_slope, columns, bends,
             partials,
         )  # fmt: skip
         return
@@ -399,7 +399,7 @@ def path_step_tangent(
 def _simpson_tangent(
     linear, term_index, term_value, pair_index, pair_value, path_index, path_value, path,
     vectors, slopes, matrices, torque, h, feedback,
-    own, flat, layers, times, of_slopes, of_path, constants, constant_slope, curvature, partials,
+    own, flat, layers, times, of_slopes, of_path, constants, constant_slope, columns, bends, partials,
 ):  # fmt: skip
     """Correction by Simpson's rule with its tangents; whether the simulation took it."""
     n, width = own.shape[1], flat.shape[1]
@@ -425,7 +425,7 @@ def _simpson_tangent(
         MIDWAY, vectors, slopes, _BETWEEN, torque, 0.5 * h, 0.5,
         _MIDWAY_TRAVEL, _MIDWAY_SPEED, _MIDWAY_REST,
         own, _MIDWAY_TRAVEL_T, _MIDWAY_SPEED_T, _MIDWAY_REST_T, of_slopes, of_path, times,
-        constants, constant_slope, curvature, partials,
+        constants, constant_slope, columns, bends, partials,
     )  # fmt: skip
     change(pair_index, pair_value, slopes, NOW, vectors, _W, _MIDWAY_TRAVEL, _T)
     _change_tangent(
@@ -457,7 +457,7 @@ def _simpson_tangent(
 def _nonlinear_tangent(
     linear, term_index, term_value, pair_index, pair_value, path_index, path_value, path,
     vectors, matrices, slopes, torque, h,
-    own, flat, layers, times, of_slopes, of_path, constants, constant_slope, curvature, partials,
+    own, flat, layers, times, of_slopes, of_path, constants, constant_slope, columns, bends, partials,
 ):  # fmt: skip
     """Runge–Kutta 4 on travel and speed with its tangents."""
     n, width = own.shape[1], flat.shape[1]
@@ -500,7 +500,7 @@ def _nonlinear_tangent(
                 linear, term_index, term_value, pair_index, pair_value, path_index, path_value,
                 path, AHEAD, vectors, slopes, THEN, torque, weight * step, longer, travel, trial, f,
                 own, travel_t, trial_t, _F_T, of_slopes, of_path, times, constants, constant_slope,
-                curvature, partials,
+                columns, bends, partials,
             )  # fmt: skip
             rate, square = path_stiffness(pair_index, pair_value, matrices, slopes, THEN)
             rate = max(
@@ -541,7 +541,7 @@ def _nonlinear_tangent(
             linear, term_index, term_value, pair_index, pair_value, path_index, path_value, path,
             AHEAD, vectors, slopes, THEN, torque, step, longer, travel, trial, f,
             own, travel_t, trial_t, _F_T, of_slopes, of_path, times, constants, constant_slope,
-            curvature, partials,
+            columns, bends, partials,
         )  # fmt: skip
         _accept(path, of_path)
         for i in range(n):
