@@ -126,13 +126,13 @@ def renew_tangent(
             for i in range(n):
                 total = nothing()
                 for k in range(n):
-                    total += matrices[INVERSE, i, k] * load(block, (_MASS, k, j), 0)
-                store(block, (_TURNED, i, j), 0, total)
+                    total += matrices[INVERSE, i, k] * load(block, (_MASS, k, j), None)
+                store(block, (_TURNED, i, j), None, total)
         for i in range(n):
             for j in range(i + 1):
                 fresh = nothing()
                 for k in range(n):
-                    fresh -= matrices[INVERSE, j, k] * load(block, (_TURNED, i, k), 0)
+                    fresh -= matrices[INVERSE, j, k] * load(block, (_TURNED, i, k), None)
                 if known:
                     change = rate * (fresh - load(layers, (RENEWED_TANGENT, i, j), at))
                     if old[DELAYED] != 0.0:
@@ -152,8 +152,8 @@ def _mass_block(own, columns, of_mass, tree, block, at):
             mass = load(columns, (i, j), at)
             for k in range(j + 1 if tree else 0, n):
                 mass += of_mass[i, j, k] * load(own, (Q, k), at)
-            store(block, (_MASS, i, j), 0, mass)
-            store(block, (_MASS, j, i), 0, mass)
+            store(block, (_MASS, i, j), None, mass)
+            store(block, (_MASS, j, i), None, mass)
 
 
 @_inline
@@ -171,6 +171,7 @@ def middle_block(matrices, layers, times, middle, timed, out_of, out, there, at)
                 longer = load(times, (SINCE_TANGENT,), at) + 0.5 * load(times, (LENGTH,), at)
                 moved += matrices[CHANGE, i, j] * longer
             store(out_of, (out, i, j), there, moved)
+            store(out_of, (out, j, i), there, moved)
 
 
 @_inline
@@ -183,7 +184,7 @@ def product_row(matrices, vectors, x, tangents, of_x, middle, layer, i, at):
     first, second = nothing(), nothing()
     for j in range(matrices.shape[1]):
         first += matrices[MIDDLE, i, j] * load(tangents, (of_x, j), at)
-        second += vectors[x, j] * load(middle, (layer, max(i, j), min(i, j)), at)
+        second += vectors[x, j] * load(middle, (layer, i, j), at)
     return first + second
 
 

@@ -167,24 +167,24 @@ def linear_tangent(
     for s in range(count):
         _horner_stages(pair_index, pair_value, vectors, matrices, slopes, step)
         for at in range(0, own.shape[2], LANES):
-            middle_block(matrices, layers, times, middle, timed, matrix_block, _MIDDLE_BLOCK, 0, at)
+            middle_block(matrices, layers, times, middle, timed, matrix_block, _MIDDLE_BLOCK, None, at)
             if s == 0:
                 for i in range(n):
                     net = _net_row(vectors, own, commanded, which, times, old, weight, h, i, at)
-                    store(block, (_B_NET, i), 0, net - load(own, (FRICTION, i), at))
-                    store(block, (_B_Y, i), 0, nothing())
-                    store(block, (_B_X, i), 0, nothing())
+                    store(block, (_B_NET, i), None, net - load(own, (FRICTION, i), at))
+                    store(block, (_B_Y, i), None, nothing())
+                    store(block, (_B_X, i), None, nothing())
                 for i in range(n):
                     a = product_row(
-                        matrices, vectors, _NET, block, _B_NET, matrix_block, _MIDDLE_BLOCK, i, 0
+                        matrices, vectors, _NET, block, _B_NET, matrix_block, _MIDDLE_BLOCK, i, None
                     )
-                    store(block, (_B_A, i), 0, a)
+                    store(block, (_B_A, i), None, a)
                     store(own, (_A0_T, i), at, a)
             else:
                 for i in range(n):
-                    store(block, (_B_A, i), 0, load(own, (_A_T, i), at))
-                    store(block, (_B_Y, i), 0, load(own, (_Y_T, i), at))
-                    store(block, (_B_X, i), 0, load(own, (_X_T, i), at))
+                    store(block, (_B_A, i), None, load(own, (_A_T, i), at))
+                    store(block, (_B_Y, i), None, load(own, (_Y_T, i), at))
+                    store(block, (_B_X, i), None, load(own, (_X_T, i), at))
             _taylor_block(
                 pair_index, pair_value, vectors, matrices, slopes, step, count, timed, own,
                 of_slopes, times, before, block, matrix_block, at,
@@ -192,16 +192,16 @@ def linear_tangent(
             # D y, for the next inner step, or for the correction
             slope_times_block(
                 pair_index, pair_value, slopes, _WAS, of_slopes, NOW, vectors, _NEXT,
-                block, _B_Y, _B_Z, 0, at,
+                block, _B_Y, _B_Z, None, at,
             )  # fmt: skip
             if s < count - 1:
                 for i in range(n):
                     product = product_row(
-                        matrices, vectors, _Z, block, _B_Z, matrix_block, _MIDDLE_BLOCK, i, 0
+                        matrices, vectors, _Z, block, _B_Z, matrix_block, _MIDDLE_BLOCK, i, None
                     )
                     store(own, (_A_T, i), at, load(own, (_A0_T, i), at) - product)
-                    store(own, (_Y_T, i), at, load(block, (_B_Y, i), 0))
-                    store(own, (_X_T, i), at, load(block, (_B_X, i), 0))
+                    store(own, (_Y_T, i), at, load(block, (_B_Y, i), None))
+                    store(own, (_X_T, i), at, load(block, (_B_X, i), None))
             else:
                 _corrected_block(
                     pair_index, pair_value, vectors, matrices, slopes, h, timed, own, of_slopes,
@@ -234,30 +234,30 @@ def _taylor_block(
     for m in range(3):
         slope_times_block(
             pair_index, pair_value, slopes, _WAS, of_slopes, NOW, vectors, _STAGE + m,
-            block, _B_A if m == 0 else _B_W, _B_Z, 0, at,
+            block, _B_A if m == 0 else _B_W, _B_Z, None, at,
         )  # fmt: skip
         part = step / (4 - m)
         for i in range(n):
             product = product_row(
-                matrices, vectors, _BRAKED + m, block, _B_Z, matrix_block, _MIDDLE_BLOCK, i, 0
+                matrices, vectors, _BRAKED + m, block, _B_Z, matrix_block, _MIDDLE_BLOCK, i, None
             )
-            w = load(block, (_B_A, i), 0) - part * product
+            w = load(block, (_B_A, i), None) - part * product
             if timed:
                 moved = moved_by(matrices, vectors, _BRAKED + m, i)
                 w -= (moved / ((4 - m) * count)) * length
-            store(block, (_B_W, i), 0, w)
+            store(block, (_B_W, i), None, w)
             if m == 1:
-                speed = load(own, (V, i), at) + load(block, (_B_Y, i), 0) + (0.5 * step) * w
-                x = load(block, (_B_X, i), 0) + step * speed
+                speed = load(own, (V, i), at) + load(block, (_B_Y, i), None) + (0.5 * step) * w
+                x = load(block, (_B_X, i), None) + step * speed
                 if timed:
                     way = before[SPEED_BEFORE, i] + vectors[_Y, i]
                     x += ((way + step * vectors[_STAGE + 2, i]) / count) * length
-                store(block, (_B_X, i), 0, x)
+                store(block, (_B_X, i), None, x)
     for i in range(n):
-        y = load(block, (_B_Y, i), 0) + step * load(block, (_B_W, i), 0)
+        y = load(block, (_B_Y, i), None) + step * load(block, (_B_W, i), None)
         if timed:
             y += (vectors[_STAGE + 3, i] / count) * length
-        store(block, (_B_Y, i), 0, y)
+        store(block, (_B_Y, i), None, y)
 
 
 @_inline
@@ -268,31 +268,31 @@ def _corrected_block(
     """Tangents of state and friction at the end of the step, corrected by what D y misses."""
     n, length = own.shape[1], load(times, (LENGTH,), at)
     for i in range(n):
-        store(block, (_B_AHEAD, i), 0, load(own, (V, i), at) + load(block, (_B_Y, i), 0))
+        store(block, (_B_AHEAD, i), None, load(own, (V, i), at) + load(block, (_B_Y, i), None))
     friction_block(
-        pair_index, pair_value, slopes, THEN, columns, bends, block, _B_AHEAD, 0,
+        pair_index, pair_value, slopes, THEN, columns, bends, block, _B_AHEAD, None,
         block, _B_F, of_slopes, THEN, at,
     )  # fmt: skip
     for i in range(n):
-        rest = load(block, (_B_F, i), 0) - load(own, (FRICTION, i), at)
-        store(block, (_B_W, i), 0, rest - load(block, (_B_Z, i), 0))
+        rest = load(block, (_B_F, i), None) - load(own, (FRICTION, i), at)
+        store(block, (_B_W, i), None, rest - load(block, (_B_Z, i), None))
     for i in range(n):
         gain = (-h / 3.0) * product_row(
-            matrices, vectors, _REST, block, _B_W, matrix_block, _MIDDLE_BLOCK, i, 0
+            matrices, vectors, _REST, block, _B_W, matrix_block, _MIDDLE_BLOCK, i, None
         )
-        way = load(own, (Q, i), at) + load(block, (_B_X, i), 0)
+        way = load(own, (Q, i), at) + load(block, (_B_X, i), None)
         if timed:
             gain -= (moved_by(matrices, vectors, _REST, i) / 3.0) * length
             way += (0.25 * vectors[_GAIN, i]) * length
-        store(block, (_B_A, i), 0, gain)
-        store(own, (V, i), at, load(block, (_B_AHEAD, i), 0) + gain)
+        store(block, (_B_A, i), None, gain)
+        store(own, (V, i), at, load(block, (_B_AHEAD, i), None) + gain)
         store(own, (Q, i), at, way + (0.25 * h) * gain)
     slope_times_block(
         pair_index, pair_value, slopes, THEN, of_slopes, THEN, vectors, _GAIN,
-        block, _B_A, _B_Z, 0, at,
+        block, _B_A, _B_Z, None, at,
     )  # fmt: skip
     for i in range(n):
-        store(own, (FRICTION, i), at, load(block, (_B_F, i), 0) + load(block, (_B_Z, i), 0))
+        store(own, (FRICTION, i), at, load(block, (_B_F, i), None) + load(block, (_B_Z, i), None))
     for k in range(n + pair_index.shape[0]):
         store(of_slopes, (NOW, k), at, load(of_slopes, (THEN, k), at))
 
