@@ -96,12 +96,12 @@ def _everywhere(builder: Any, number: Any) -> Any:
 
 
 def _parts(builder: Any, block: Any) -> list[Any]:
-    """The vectors of a block …"""
+    """The vectors of a block."""
     return [builder.extract_value(block, k) for k in range(_VECTORS)]
 
 
 def _together(builder: Any, vectors: list[Any]) -> Any:
-    """… and the block of vectors."""
+    """The block of vectors."""
     block = ir.Constant(_BLOCK, ir.Undefined)
     for k, vector in enumerate(vectors):
         block = builder.insert_value(block, vector, k)

@@ -138,7 +138,7 @@ def constant_torque(term_index, term_value, table, k, column, dq):
     return joint, torque
 
 
-@inner
+@inlined
 def _by_constant(term_index, term_value, k, column, v):
     """∂f/∂p and ∂²f/∂v∂p of a term for a column of ``term_value``."""
     code, sign, value = term_index[k, 1], term_index[k, 2], term_value[k, 0]

@@ -43,14 +43,15 @@ from pivident.simulation.integration import (
 )
 from pivident.simulation.law_tangent import law_columns, law_tangent, record_tangent
 from pivident.simulation.loop_tangent import DELAYED, remember_start, switch_tangent
+from pivident.simulation.nonlinear_tangent import nonlinear_tangent
+from pivident.simulation.path_friction_tangent import copy_state
 from pivident.simulation.path_integration import SLOPE_ROWS, advance_on_path
-from pivident.simulation.path_tangent import copy_state, path_step_tangent
+from pivident.simulation.path_tangent import path_step_tangent
 from pivident.simulation.rigid_body_tangent import bias_tangent, renew_tangent
 from pivident.simulation.step_tangent import (
     freeze_tangent,
     length_tangent,
     linear_tangent,
-    nonlinear_tangent,
 )
 
 #: What may happen: nothing, M(q) is indefinite, a joint is too far off, a joint is too fast, a
@@ -400,7 +401,7 @@ def run_loop(
                         nonlinear_tangent(
                             linear, term_index, term_value, pair_index, pair_value,
                             vectors, matrices, slopes, torque, step,
-                            own, flat, layers, times, of_slopes, constants, constant_slope,
+                            own, layers, times, of_slopes, constants, constant_slope,
                             before_step, of_friction, bends, old[DELAYED] != 0.0,
                         )  # fmt: skip
                     else:

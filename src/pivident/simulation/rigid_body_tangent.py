@@ -32,7 +32,6 @@ from pivident.simulation.integration import (
     LAST_STEP,
     MIDDLE,
     RENEWALS,
-    STEPS,
     STILL,
     Q,
     V,

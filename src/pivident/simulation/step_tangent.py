@@ -14,12 +14,10 @@ import numpy as np
 
 from pivident.compiled import inlined as _inline
 from pivident.compiled import inner, rows
-from pivident.dynamics.friction_table import friction_torque
 from pivident.dynamics.lanes import LANES, load, nothing, store
 from pivident.simulation.friction_tangent import (
     friction_block,
     friction_columns,
-    friction_tangent,
     slope_times_block,
 )
 from pivident.simulation.integration import (
@@ -27,19 +25,14 @@ from pivident.simulation.integration import (
     FRICTION,
     LAST_BIAS,
     MAX_INNER_STEPS,
-    MIDDLE,
     MIDDLE_BIAS,
-    NONLINEAR_STIFFNESS,
     NOW,
-    PASSED_OVER,
     RENEWALS,
     STIFFNESS_PER_STEP,
     THEN,
     Q,
     V,
-    apply_matrix,
     damping_rate,
-    rate_at_reversals,
     slope_times,
     subtract_product,
 )
@@ -55,13 +48,11 @@ from pivident.simulation.loop_tangent import (
     SINCE_TANGENT,
     SLOPE_BEFORE,
     SPEED_BEFORE,
-    STILL_TANGENT,
 )
 from pivident.simulation.rigid_body_tangent import (
     middle_block,
     moved_by,
     product_row,
-    product_tangent,
 )
 
 # Scratch rows of the simulation's ``vectors``, as the step that was taken has left them …
@@ -167,7 +158,9 @@ def linear_tangent(
     for s in range(count):
         _horner_stages(pair_index, pair_value, vectors, matrices, slopes, step)
         for at in range(0, own.shape[2], LANES):
-            middle_block(matrices, layers, times, middle, timed, matrix_block, _MIDDLE_BLOCK, None, at)
+            middle_block(
+                matrices, layers, times, middle, timed, matrix_block, _MIDDLE_BLOCK, None, at
+            )
             if s == 0:
                 for i in range(n):
                     net = _net_row(vectors, own, commanded, which, times, old, weight, h, i, at)
@@ -295,97 +288,3 @@ def _corrected_block(
         store(own, (FRICTION, i), at, load(block, (_B_F, i), None) + load(block, (_B_Z, i), None))
     for k in range(n + pair_index.shape[0]):
         store(of_slopes, (NOW, k), at, load(of_slopes, (THEN, k), at))
-
-
-@inner
-def _stage_tangent(
-    term_index, term_value, pair_index, pair_value, vectors, matrices, slopes, torque, f, speed,
-    of_speed, out, own, flat, layers, times, of_slopes, constants, constant_slope, columns, bends,
-):  # fmt: skip
-    """Tangent of M⁻¹ (τ - h - f(v)) at one stage, friction ``f`` and its slopes known there."""
-    friction_tangent(
-        term_index, term_value, pair_index, pair_value, constants, constant_slope,
-        vectors, speed, slopes, THEN, own, of_speed, _REST_T, of_slopes, THEN, columns, bends,
-    )  # fmt: skip
-    for i in range(own.shape[1]):
-        vectors[_NET, i] = torque[i] - vectors[MIDDLE_BIAS, i] - vectors[f, i]
-    for c in range(flat.shape[1]):
-        flat[_REST_T, c] = flat[_NET_T, c] - flat[_REST_T, c]
-    product_tangent(
-        matrices, vectors, _NET, own, layers, _REST_T, -1.0, 0.0, times,
-        STILL_TANGENT, out,
-    )  # fmt: skip
-
-
-@inner
-def nonlinear_tangent(
-    linear, term_index, term_value, pair_index, pair_value, vectors, matrices, slopes, torque, h,
-    own, flat, layers, times, of_slopes, constants, constant_slope, before, columns, bends, timed,
-):  # fmt: skip
-    """Carry them over a nonlinear step: Runge–Kutta 4 once more, with its tangents."""
-    n, directions, width = own.shape[1], own.shape[2], flat.shape[1]
-    k1, k2, k3, k4, trial, f, v = _A0, _A, _Y, _REST, _Z, _W, _AHEAD
-    k1_t, k2_t, k3_t, k4_t, trial_t = _A0_T, _A_T, _Y_T, _X_T, _Z_T
-    for i in range(n):
-        vectors[v, i] = before[SPEED_BEFORE, i]
-    left, shortest = h, h / MAX_INNER_STEPS
-    while left > 1e-9 * h:
-        friction_torque(
-            linear, term_index, term_value, pair_index, pair_value, vectors, v, f, slopes, THEN
-        )
-        stiffness = damping_rate(pair_index, pair_value, matrices, slopes, THEN)
-        step = left / np.ceil(max(stiffness * left / NONLINEAR_STIFFNESS, 1e-3))
-        step = min(max(step, shortest), left)
-        apply_matrix(matrices, MIDDLE, vectors, torque, MIDDLE_BIAS, f, k1)
-        _stage_tangent(
-            term_index, term_value, pair_index, pair_value, vectors, matrices, slopes, torque, f,
-            v, V, k1_t, own, flat, layers, times, of_slopes, constants, constant_slope, columns, bends,
-        )  # fmt: skip
-        stage = 1
-        while stage < 4:
-            last = k1 if stage == 1 else (k2 if stage == 2 else k3)
-            last_t = k1_t if stage == 1 else (k2_t if stage == 2 else k3_t)
-            weight = 1.0 if stage == 3 else 0.5
-            for i in range(n):
-                vectors[trial, i] = vectors[v, i] + weight * step * vectors[last, i]
-            friction_torque(
-                linear, term_index, term_value, pair_index, pair_value, vectors, trial, f, slopes,
-                THEN,
-            )  # fmt: skip
-            ahead = damping_rate(pair_index, pair_value, matrices, slopes, THEN)
-            turning = rate_at_reversals(pair_index, pair_value, matrices, slopes, vectors, v, trial)
-            if turning * step > PASSED_OVER:
-                ahead = max(ahead, turning)
-            if ahead * step > 1.5 * NONLINEAR_STIFFNESS and step > shortest:
-                step = max(NONLINEAR_STIFFNESS / ahead, shortest)
-                stage = 1
-                continue
-            target = k2 if stage == 1 else (k3 if stage == 2 else k4)
-            target_t = k2_t if stage == 1 else (k3_t if stage == 2 else k4_t)
-            apply_matrix(matrices, MIDDLE, vectors, torque, MIDDLE_BIAS, f, target)
-            for c in range(width):
-                flat[trial_t, c] = flat[V, c] + weight * step * flat[last_t, c]
-            for i in range(n if timed else 0):
-                longer = weight * step / h * vectors[last, i]
-                for d in range(directions):
-                    own[trial_t, i, d] += longer * times[LENGTH, d]
-            _stage_tangent(
-                term_index, term_value, pair_index, pair_value, vectors, matrices, slopes, torque,
-                f, trial, trial_t, target_t, own, flat, layers, times, of_slopes, constants,
-                constant_slope, columns, bends,
-            )  # fmt: skip
-            stage += 1
-        for c in range(width):
-            within = flat[k2_t, c] + flat[k3_t, c]
-            flat[Q, c] += step * (flat[V, c] + step / 6.0 * (flat[k1_t, c] + within))
-            flat[V, c] += step / 6.0 * (flat[k1_t, c] + 2.0 * within + flat[k4_t, c])
-        for i in range(n):
-            inside = vectors[k2, i] + vectors[k3, i]
-            gained = (vectors[k1, i] + 2.0 * inside + vectors[k4, i]) / 6.0
-            travelled = vectors[v, i] + step / 3.0 * (vectors[k1, i] + inside)
-            if timed:
-                for d in range(directions):
-                    own[Q, i, d] += step / h * times[LENGTH, d] * travelled
-                    own[V, i, d] += step / h * times[LENGTH, d] * gained
-            vectors[v, i] += step * gained
-        left -= step

@@ -44,7 +44,7 @@ from pivident.simulation.step_tangent import BLOCK_ROWS
 from pivident.simulation.tangent_entries import LawEntries, ModelEntries, law_slope
 
 #: Samples of a block: their tangents stay in the processor's cache.
-TANGENT_BLOCK = 128
+TANGENT_BLOCK = 256
 
 #: Relative step of the central differences of a Python law's loop.
 DIFFERENCE = 1e-6
