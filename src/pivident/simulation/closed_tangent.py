@@ -10,9 +10,9 @@ from pivident.compiled import inner
 from pivident.dynamics.closed_chains.closed_dynamics import ClosedModel
 from pivident.dynamics.closed_chains.closed_slopes import ClosedSlopes, closed_slopes
 from pivident.dynamics.closed_chains.passive_springs import position_partial
+from pivident.dynamics.lanes import row_array
 from pivident.dynamics.rigid_body_slopes import inertial_columns
 from pivident.simulation.friction_tangent import PATH, constant_torque
-from pivident.simulation.row_sums import row_array
 
 
 class ClosedTangent(NamedTuple):

@@ -77,7 +77,7 @@ BIAS, LAST_BIAS, MIDDLE_BIAS = rows(5, 6, 7)  # h now, one step before, extrapol
 (RENEWED_AT,) = rows(8)  # positions at which M⁻¹ was computed last
 _A0, _A, _Y, _X, _Z, _W, _AHEAD, _REST = rows(9, 10, 11, 12, 13, 14, 15, 16)
 (STILL,) = rows(17)  # no travel
-ROWS = 24  # more scratch, see ``path_integration``
+ROWS = 26  # more scratch, see ``path_integration`` and ``step_tangent``
 _Z0, _DZ = MIDWAY, MIDWAY + 1  # rows of ``path``, where the oracle keeps states meanwhile
 # Rows of ``slopes``: at the start of the step, at its end, of a robot at rest.
 NOW, THEN, AT_REST = rows(0, 1, 3)

@@ -20,6 +20,7 @@ from pivident.dynamics.friction_table import (
 )
 from pivident.robot.friction import FrictionColumn
 from pivident.simulation.controllers import TAPS, SampledLaw
+from pivident.simulation.friction_tangent import friction_tangent
 from pivident.simulation.gravity_compensation import PLACE, gravity_torques
 from pivident.simulation.integration import (
     AT_REST,
@@ -31,27 +32,26 @@ from pivident.simulation.integration import (
     LAYERS,
     LEVEL,
     MIDDLE_BIAS,
+    NOW,
     ROWS,
+    STEPS,
     Q,
     V,
     advance,
     advance_runge_kutta,
     evaluate,
 )
-from pivident.simulation.loop_tangent import (
-    DELAYED,
-    evaluate_tangent,
-    law_tangent,
-    read_tangent,
-    record_tangent,
-    switch_tangent,
-)
+from pivident.simulation.law_tangent import law_columns, law_tangent, record_tangent
+from pivident.simulation.loop_tangent import DELAYED, remember_start, switch_tangent
+from pivident.simulation.nonlinear_tangent import nonlinear_tangent
+from pivident.simulation.path_friction_tangent import copy_state
 from pivident.simulation.path_integration import SLOPE_ROWS, advance_on_path
-from pivident.simulation.path_tangent import copy_state, path_step_tangent
+from pivident.simulation.path_tangent import path_step_tangent
+from pivident.simulation.rigid_body_tangent import bias_tangent, renew_tangent
 from pivident.simulation.step_tangent import (
     freeze_tangent,
+    length_tangent,
     linear_tangent,
-    nonlinear_tangent,
 )
 
 #: What may happen: nothing, M(q) is indefinite, a joint is too far off, a joint is too fast, a
@@ -205,18 +205,18 @@ def run_loop(
             tangent.vectors, tangent.matrices, tangent.slopes, tangent.times
         )  # fmt: skip
         of_commanded, of_integral, of_past = tangent.commanded, tangent.integral, tangent.past
-        encoder, weight_slope, record = tangent.encoder, tangent.weight_slope, tangent.record
         # joints and directions on one axis, for loops that pass through all of them
-        flat, flat_layers = own.reshape(own.shape[0], -1), layers.reshape(layers.shape[0], -1)
-        flat_commanded = of_commanded.reshape(late + 2, -1)
-        flat_past, flat_integral = of_past.reshape(TAPS, -1), of_integral.reshape(-1)
-        flat_encoder, flat_record = encoder.reshape(-1), record.reshape(3, record.shape[1], -1)
-        passed = tangent.passed
+        flat = own.reshape(own.shape[0], -1)
+        encoder, passed, record = tangent.encoder, tangent.passed, tangent.record
+        weight_slope = tangent.weight_slope
         law_index, law_slope = tangent.law_index, tangent.law_slope
         law_reference, inertial = tangent.law_reference, tangent.inertial
         rotor_index, rotor_slope = tangent.rotor, tangent.rotor_slope
         constants, constant_slope = tangent.friction, tangent.friction_slope
-        before_step, old, curvature = tangent.before, tangent.clock, tangent.curvature
+        before_step, old, bends = tangent.before, tangent.clock, tangent.bends
+        of_law, of_torque = tangent.law_columns, tangent.torque_columns
+        of_inertia, of_friction = tangent.mass_columns, tangent.friction_columns
+        block, matrix_block = tangent.block, tangent.matrix_block
         by_position, by_speed, of_mass = tangent.by_position, tangent.by_speed, tangent.of_mass
         links, body = tangent.links, tangent.body
         of_path, partials, path_copy = tangent.path, tangent.partials, tangent.path_copy
@@ -241,10 +241,6 @@ def run_loop(
                 parent, prismatic, rotation, translation, gravity, masses, measured, pose, place,
                 weight,
             )  # fmt: skip
-        if tangent is not None:
-            read_tangent(
-                parent, prismatic, gravity, masses, place, own, flat, flat_encoder, weight_slope
-            )
         for j in range(n):
             w = measured[j]
             for m in range(1, TAPS):
@@ -275,17 +271,22 @@ def run_loop(
                 passed[j, 1] = 1.0 if u == held else 0.0
                 passed[j, 2] = 1.0 if (u - held) * growth <= 0.0 else 0.0
         if tangent is not None:
+            law_columns(
+                integral_gain, integrand_reference, past, period, inputs, channels[_COMMAND, row],
+                k, given, passed, law_reference, law_index, law_slope, of_law,
+            )  # fmt: skip
             law_tangent(
-                feedback, pole, integrand, integral_gain, integrand_reference, past, period,
-                limits[GAIN], inputs, channels[_COMMAND, row], k, given, late, passed,
-                own, flat, of_past, flat_past, flat_integral, of_commanded, flat_commanded,
-                law_reference, law_index, law_slope,
+                parent, prismatic, gravity, masses, place, feedback, pole, integrand,
+                integral_gain, period, limits[GAIN], k == 0, late, passed, own, encoder,
+                weight_slope, of_law, of_past, of_integral, of_commanded,
             )  # fmt: skip
         for turn in range(2 * steps):
             before = turn < steps  # the torque of the sample before is still acting
             if before and waiting == 0.0:
                 continue
             step = (waiting if before else period - waiting) / steps
+            # how much longer the step is for a longer delay
+            share = 0.0 if waiting == 0.0 else (1.0 if before else -1.0) / steps
             for j in range(n):
                 torque[j] = commanded[late + 1 if before else late, j]
             joint = evaluate(
@@ -317,29 +318,37 @@ def run_loop(
                     for entry in range(path.shape[1]):
                         path_record[row, entry] = path[STATE, entry]
                 if tangent is not None:
-                    record_tangent(
-                        flat, flat_commanded, flat_record, row, late + 1 if before else late
-                    )
+                    record_tangent(own, of_commanded, record, row, late + 1 if before else late)
             if tangent is not None:
                 if turn == steps and waiting == 0.0 and old[DELAYED] != 0.0:
                     switch_tangent(
                         pair_index, pair_value, vectors, matrices, slopes, commanded, late,
-                        own, of_slopes, times, curvature,
+                        own, of_slopes, times, bends,
                     )  # fmt: skip
-                evaluate_tangent(
-                    parent, prismatic, gravity, inertia, term_index, term_value,
-                    pair_index, pair_value, path_index, path_value,
-                    vectors, matrices, slopes, clock, pose,
-                    own, flat, layers, flat_layers, times, of_slopes, constants, constant_slope,
-                    inertial, rotor_index, rotor_slope, before_step, old, curvature, by_position,
-                    by_speed, of_mass, links, body, closed, tangent.loops,
+                bias_tangent(
+                    parent, prismatic, gravity, inertia, path_index, path_value, vectors, pose,
+                    own, constants, constant_slope, inertial, of_torque, by_position, by_speed,
+                    links, body, closed, tangent.loops,
                 )  # fmt: skip
+                if clock[STEPS] == 0.0:
+                    renew_tangent(
+                        parent, matrices, clock, own, layers, times, inertial, rotor_index,
+                        rotor_slope, old, of_inertia, matrix_block, of_mass, links, body, closed,
+                        tangent.loops,
+                    )  # fmt: skip
+                if path is None and clock[FRICTION_KNOWN] == 0.0:
+                    friction_tangent(
+                        term_index, term_value, pair_index, pair_value, constants, constant_slope,
+                        vectors, V, slopes, NOW, own, V, FRICTION, of_slopes, NOW, of_friction,
+                        bends,
+                    )  # fmt: skip
+                remember_start(vectors, slopes, clock, before_step, old)
                 if path is not None:
                     copy_state(
                         linear, term_index, term_value, pair_index, pair_value, path_index,
                         path_value, path, vectors, slopes, torque, path_copy, vectors_copy,
                         slopes_copy, clock[FRICTION_KNOWN] != 0.0, own, of_slopes, of_path, times,
-                        constants, constant_slope, curvature, partials,
+                        constants, constant_slope, of_friction, bends, partials,
                     )  # fmt: skip
             if oracle is not None:  # decided by its type: the oracle is compiled when asked for
                 joint = advance_runge_kutta(
@@ -364,11 +373,10 @@ def run_loop(
                     vectors, matrices, slopes, clock, torque, step,
                 )  # fmt: skip
                 if tangent is not None:
+                    length_tangent(times, share, old)
                     freeze_tangent(
-                        vectors, matrices, slopes, clock, step,
-                        0.0 if waiting == 0.0 else (1.0 if before else -1.0) / steps,
-                        late + 1 if before else late,
-                        own, flat, layers, flat_layers, times, flat_commanded, before_step, old,
+                        vectors, matrices, clock, step, late + 1 if before else late,
+                        own, layers, times, of_commanded, old,
                     )  # fmt: skip
                     for i in range(n):
                         vectors_copy[MIDDLE_BIAS, i] = vectors[MIDDLE_BIAS, i]
@@ -376,7 +384,7 @@ def run_loop(
                         linear, term_index, term_value, pair_index, pair_value, path_index,
                         path_value, path_copy, vectors_copy, matrices, slopes_copy, torque, step,
                         own, flat, layers, times, of_slopes, of_path, constants, constant_slope,
-                        curvature, partials,
+                        of_friction, bends, partials,
                     )  # fmt: skip
             else:
                 advance(
@@ -384,24 +392,24 @@ def run_loop(
                     vectors, matrices, slopes, clock, torque, step,
                 )  # fmt: skip
                 if tangent is not None:
-                    freeze_tangent(
-                        vectors, matrices, slopes, clock, step,
-                        0.0 if waiting == 0.0 else (1.0 if before else -1.0) / steps,
-                        late + 1 if before else late,
-                        own, flat, layers, flat_layers, times, flat_commanded, before_step, old,
-                    )  # fmt: skip
+                    length_tangent(times, share, old)
                     if clock[FRICTION_KNOWN] == 0.0:
+                        freeze_tangent(
+                            vectors, matrices, clock, step, late + 1 if before else late,
+                            own, layers, times, of_commanded, old,
+                        )  # fmt: skip
                         nonlinear_tangent(
                             linear, term_index, term_value, pair_index, pair_value,
                             vectors, matrices, slopes, torque, step,
-                            own, flat, layers, times, of_slopes, constants, constant_slope,
-                            before_step, curvature, old[DELAYED] != 0.0,
+                            own, layers, times, of_slopes, constants, constant_slope,
+                            before_step, of_friction, bends, old[DELAYED] != 0.0,
                         )  # fmt: skip
                     else:
                         linear_tangent(
                             term_index, term_value, pair_index, pair_value,
-                            vectors, matrices, slopes, torque, step, old[DELAYED] != 0.0,
-                            own, flat, layers, times, of_slopes, constants, constant_slope,
-                            before_step, curvature,
+                            vectors, matrices, slopes, clock, torque, step,
+                            late + 1 if before else late, own, layers, times, of_slopes,
+                            of_commanded, constants, constant_slope, before_step, old,
+                            of_friction, bends, block, matrix_block,
                         )  # fmt: skip
     return DONE, -1, -1

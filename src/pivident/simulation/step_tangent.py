@@ -3,6 +3,9 @@
 The step's own scheme is differentiated, term by term. Of the nonlinear step the lengths of the
 inner steps count as fixed shares of the step: they follow the stiffness of friction, and what
 another length would change is the error of Runge–Kutta's method.
+
+Almost every step is linear. There all that does not depend on the direction is computed first, and
+a block of directions is then carried through the whole step, while its numbers are at hand.
 """
 
 from __future__ import annotations
@@ -11,32 +14,29 @@ import numpy as np
 
 from pivident.compiled import inlined as _inline
 from pivident.compiled import inner, rows
-from pivident.dynamics.friction_table import friction_torque
-from pivident.simulation.friction_tangent import friction_tangent, slope_times_tangent
+from pivident.dynamics.lanes import LANES, load, nothing, store
+from pivident.simulation.friction_tangent import (
+    friction_block,
+    friction_columns,
+    slope_times_block,
+)
 from pivident.simulation.integration import (
     BIAS,
-    CHANGE,
     FRICTION,
     LAST_BIAS,
     MAX_INNER_STEPS,
-    MIDDLE,
     MIDDLE_BIAS,
-    NONLINEAR_STIFFNESS,
     NOW,
-    PASSED_OVER,
     RENEWALS,
     STIFFNESS_PER_STEP,
     THEN,
     Q,
     V,
-    apply_matrix,
     damping_rate,
-    rate_at_reversals,
     slope_times,
     subtract_product,
 )
 from pivident.simulation.loop_tangent import (
-    CHANGE_TANGENT,
     DELAY,
     DELAYED,
     FRICTION_BEFORE,
@@ -44,292 +44,247 @@ from pivident.simulation.loop_tangent import (
     LAST_TANGENT,
     LENGTH,
     MIDDLE_TANGENT,
-    RENEWED_TANGENT,
     SINCE_BEFORE,
     SINCE_TANGENT,
     SLOPE_BEFORE,
     SPEED_BEFORE,
-    STILL_TANGENT,
 )
-from pivident.simulation.row_sums import add_rows_twice
+from pivident.simulation.rigid_body_tangent import (
+    middle_block,
+    moved_by,
+    product_row,
+)
 
-# Scratch rows of the simulation's ``vectors``, as the step that was taken has left them.
-_A0, _A, _Y, _Z, _W, _AHEAD, _REST, _NET = rows(9, 10, 11, 13, 14, 15, 16, 18)
+# Scratch rows of the simulation's ``vectors``, as the step that was taken has left them …
+_A0, _A, _Y, _Z, _W, _AHEAD, _REST = rows(9, 10, 11, 13, 14, 15, 16)
+
+# … and more: y at the end of an inner step, the speed that its end is corrected by, the net torque,
+# Horner's a, w₃, w₂ and w₁, and D a, D w₃ and D w₂.
+_NEXT, _GAIN, _NET, _STAGE, _BRAKED = rows(12, 14, 18, 19, 23)
 
 # Scratch rows of the tangents' ``vectors``.
-_NET_T, _A0_T, _A_T, _Y_T, _X_T, _Z_T, _W_T, _AHEAD_T, _REST_T = rows(
-    11, 12, 13, 14, 15, 16, 17, 18, 19
-)
+_NET_T, _A0_T, _A_T, _Y_T, _X_T, _Z_T, _REST_T = rows(11, 12, 13, 14, 15, 16, 19)
+
+# Rows of ``block``, scratch of one block of directions, shape (BLOCK_ROWS, joints, LANES).
+_B_A, _B_W, _B_Z, _B_Y, _B_X, _B_F, _B_AHEAD, _B_NET = rows(0, 1, 2, 3, 4, 5, 6, 7)
+BLOCK_ROWS = 8
+
+#: Layer of ``matrix_block`` that receives δM⁻¹ in the middle of the step.
+(_MIDDLE_BLOCK,) = rows(0)
 
 #: Row of ``slopes`` that holds those at the start of the step.
 (_WAS,) = rows(2)
 
 
 @_inline
-def product_tangent(matrices, vectors, x, own, layers, of_x, scale, rate, times, base, out):
-    """Tangent of base - scale · M⁻¹ x, M⁻¹ that of the middle: rows of ``own``.
-
-    ``rate``: change of ``scale`` with the length of the step, zero where no direction has one.
-    """
-    n, directions = own.shape[1], own.shape[2]
-    for i in range(n):
-        inverse, row = (MIDDLE * n + i) * n, out * n + i
-        add_rows_twice(
-            own, row, own, base * n + i, -scale, n,
-            matrices, inverse, own, of_x * n, 1,
-            vectors, x * n, layers, (MIDDLE_TANGENT * n + i) * n, 1,
-        )  # fmt: skip
-        if rate != 0.0:
-            moved = 0.0
-            for j in range(n):
-                moved += rate * matrices[MIDDLE, i, j] * vectors[x, j]
-            for d in range(directions):
-                own[out, i, d] -= moved * times[LENGTH, d]
+def length_tangent(times, share, old):
+    """Tangent of the step's length; ``share``: its change with the drive's delay."""
+    if old[DELAYED] != 0.0:
+        for d in range(times.shape[1]):
+            times[LENGTH, d] = share * times[DELAY, d]
 
 
 @_inline
-def freeze_tangent(
-    vectors, matrices, slopes, clock, h, share, which, own, flat, layers, flat_layers, times,
-    flat_commanded, before, old,
-):  # fmt: skip
-    """Tangents of the length of the step, of τ - h and of M⁻¹ in its middle.
+def _bias_weight(clock, h, old):
+    """Weight of the last change of h in the middle of the step."""
+    return 0.0 if clock[RENEWALS] < 2.0 else 0.5 * (h / old[LAST_STEP_BEFORE])
 
-    ``share``: change of the step's length with the drive's delay; ``which``: row of the torque in
-    ``commanded``. The friction of the step is not yet in what ``_NET_T`` receives.
+
+@_inline
+def _net_row(vectors, own, commanded, which, times, old, weight, h, i, at):
+    """Tangent of τ - h in the middle of the step of one joint; friction is not yet in it."""
+    bias = load(own, (BIAS, i), at)
+    change = bias - load(own, (LAST_BIAS, i), at)
+    net = load(commanded, (which, i), at) - bias - weight * change
+    if old[DELAYED] != 0.0 and weight > 0.0:
+        stretch = (1.0 / h) * load(times, (LENGTH,), at)
+        stretch -= (1.0 / old[LAST_STEP_BEFORE]) * load(times, (LAST_TANGENT,), at)
+        net -= weight * (vectors[BIAS, i] - vectors[LAST_BIAS, i]) * stretch
+    return net
+
+
+@_inline
+def _pass_time(times, old, at):
+    """Add the length of the step to the time since M⁻¹ was computed; the step is the last one."""
+    if old[DELAYED] != 0.0:
+        length = load(times, (LENGTH,), at)
+        store(times, (SINCE_TANGENT,), at, load(times, (SINCE_TANGENT,), at) + length)
+        store(times, (LAST_TANGENT,), at, length)
+
+
+@inner
+def freeze_tangent(vectors, matrices, clock, h, which, own, layers, times, commanded, old):
+    """Tangents of τ - h and of M⁻¹ in the middle of the step, for all directions.
+
+    ``which``: row of the torque in ``commanded``. The friction of the step is not yet in what
+    ``_NET_T`` receives.
     """
-    n, directions = own.shape[1], own.shape[2]
-    for k in range(before.shape[1]):
-        slopes[_WAS, k] = before[SLOPE_BEFORE, k]
-    last = old[LAST_STEP_BEFORE]
-    weight = 0.0 if clock[RENEWALS] < 2.0 else 0.5 * (h / last)
-    for c in range(flat.shape[1]):
-        change = flat[BIAS, c] - flat[LAST_BIAS, c]
-        flat[_NET_T, c] = flat_commanded[which, c] - flat[BIAS, c] - weight * change
-    middle = old[SINCE_BEFORE] + 0.5 * h
-    for c in range(flat_layers.shape[1]):
-        flat_layers[MIDDLE_TANGENT, c] = (
-            flat_layers[RENEWED_TANGENT, c] + middle * flat_layers[CHANGE_TANGENT, c]
-        )
-    if old[DELAYED] == 0.0:
-        return
-    for d in range(directions):
-        times[LENGTH, d] = share * times[DELAY, d]
-    for i in range(n):
-        if weight > 0.0:
-            change = vectors[BIAS, i] - vectors[LAST_BIAS, i]
-            for d in range(directions):
-                stretch = times[LENGTH, d] / h - times[LAST_TANGENT, d] / last
-                own[_NET_T, i, d] -= weight * stretch * change
-        for j in range(n):
-            change = matrices[CHANGE, i, j]
-            for d in range(directions):
-                layers[MIDDLE_TANGENT, i, j, d] += change * (
-                    times[SINCE_TANGENT, d] + 0.5 * times[LENGTH, d]
-                )
-    for d in range(directions):
-        times[SINCE_TANGENT, d] += times[LENGTH, d]
-        times[LAST_TANGENT, d] = times[LENGTH, d]
+    weight, middle = _bias_weight(clock, h, old), old[SINCE_BEFORE] + 0.5 * h
+    timed = old[DELAYED] != 0.0
+    for at in range(0, own.shape[2], LANES):
+        for i in range(own.shape[1]):
+            net = _net_row(vectors, own, commanded, which, times, old, weight, h, i, at)
+            store(own, (_NET_T, i), at, net)
+        middle_block(matrices, layers, times, middle, timed, layers, MIDDLE_TANGENT, at, at)
+        _pass_time(times, old, at)
 
 
 @_inline
 def linear_tangent(
-    term_index, term_value, pair_index, pair_value, vectors, matrices, slopes, torque, h, timed,
-    own, flat, layers, times, of_slopes, constants, constant_slope, before, curvature,
+    term_index, term_value, pair_index, pair_value, vectors, matrices, slopes, clock, torque, h,
+    which, own, layers, times, of_slopes, commanded, constants, constant_slope, before, old,
+    columns, bends, block, matrix_block,
 ):  # fmt: skip
     """Carry the tangents over the linear step that ``integration.advance`` has just taken.
 
-    ``timed``: whether a direction changes the length of the step.
+    ``which``: row of the torque in ``commanded``; ``columns bends``: see ``friction_columns``;
+    ``block matrix_block``: scratch of a block of directions.
     """
-    n, directions, width = own.shape[1], own.shape[2], flat.shape[1]
+    n, slope_rows = own.shape[1], own.shape[1] + pair_index.shape[0]
+    friction_columns(
+        term_index, term_value, pair_index, pair_value, constants, constant_slope,
+        vectors, _AHEAD, columns, bends,
+    )  # fmt: skip
+    for k in range(slope_rows):
+        slopes[_WAS, k] = before[SLOPE_BEFORE, k]
     for i in range(n):
         vectors[_NET, i] = torque[i] - vectors[MIDDLE_BIAS, i] - before[FRICTION_BEFORE, i]
-    for c in range(width):
-        flat[_NET_T, c] -= flat[FRICTION, c]
-    product_tangent(
-        matrices, vectors, _NET, own, layers, _NET_T, -1.0, 0.0, times, STILL_TANGENT, _A0_T
-    )
-    _taylor_tangent(
-        pair_index, pair_value, vectors, matrices, slopes, h, timed, own, flat, layers, of_slopes,
-        times, before,
-    )  # fmt: skip
-    slope_times_tangent(
-        pair_index, pair_value, slopes, _WAS, of_slopes, NOW, vectors, _Y, own, _Y_T, _Z_T
-    )
-    for c in range(width):
-        flat[_AHEAD_T, c] = flat[V, c] + flat[_Y_T, c]
-    friction_tangent(
-        term_index, term_value, pair_index, pair_value, constants, constant_slope,
-        vectors, _AHEAD, slopes, THEN, own, _AHEAD_T, _W_T, of_slopes, THEN, curvature,
-    )  # fmt: skip
-    for c in range(width):
-        flat[_REST_T, c] = flat[_W_T, c] - flat[FRICTION, c] - flat[_Z_T, c]
-    product_tangent(
-        matrices, vectors, _REST, own, layers, _REST_T, h / 3.0, 1.0 / 3.0 if timed else 0.0, times,
-        _AHEAD_T, V,
-    )  # fmt: skip
-    for c in range(width):
-        flat[_A_T, c] = flat[V, c] - flat[_AHEAD_T, c]
-        flat[Q, c] += flat[_X_T, c] + 0.25 * h * flat[_A_T, c]
-    for i in range(n):
-        vectors[_A, i] = vectors[V, i] - vectors[_AHEAD, i]
-        if timed:
-            for d in range(directions):
-                own[Q, i, d] += 0.25 * times[LENGTH, d] * vectors[_A, i]
-    slope_times_tangent(
-        pair_index, pair_value, slopes, THEN, of_slopes, THEN, vectors, _A, own, _A_T, _Z_T
-    )
-    for c in range(width):
-        flat[FRICTION, c] = flat[_W_T, c] + flat[_Z_T, c]
-    for k in range(n + pair_index.shape[0]):
-        for d in range(directions):
-            of_slopes[NOW, k, d] = of_slopes[THEN, k, d]
+        vectors[_Y, i], vectors[_STAGE, i] = 0.0, vectors[_A0, i]
+        vectors[_GAIN, i] = vectors[V, i] - vectors[_AHEAD, i]
+    stiffness = damping_rate(pair_index, pair_value, matrices, slopes, _WAS)
+    count = int(np.ceil(min(max(stiffness * h / STIFFNESS_PER_STEP, 1e-3), MAX_INNER_STEPS)))
+    step, weight, middle = h / count, _bias_weight(clock, h, old), old[SINCE_BEFORE] + 0.5 * h
+    timed = old[DELAYED] != 0.0
+    for s in range(count):
+        _horner_stages(pair_index, pair_value, vectors, matrices, slopes, step)
+        for at in range(0, own.shape[2], LANES):
+            middle_block(
+                matrices, layers, times, middle, timed, matrix_block, _MIDDLE_BLOCK, None, at
+            )
+            if s == 0:
+                for i in range(n):
+                    net = _net_row(vectors, own, commanded, which, times, old, weight, h, i, at)
+                    store(block, (_B_NET, i), None, net - load(own, (FRICTION, i), at))
+                    store(block, (_B_Y, i), None, nothing())
+                    store(block, (_B_X, i), None, nothing())
+                for i in range(n):
+                    a = product_row(
+                        matrices, vectors, _NET, block, _B_NET, matrix_block, _MIDDLE_BLOCK, i, None
+                    )
+                    store(block, (_B_A, i), None, a)
+                    store(own, (_A0_T, i), at, a)
+            else:
+                for i in range(n):
+                    store(block, (_B_A, i), None, load(own, (_A_T, i), at))
+                    store(block, (_B_Y, i), None, load(own, (_Y_T, i), at))
+                    store(block, (_B_X, i), None, load(own, (_X_T, i), at))
+            _taylor_block(
+                pair_index, pair_value, vectors, matrices, slopes, step, count, timed, own,
+                of_slopes, times, before, block, matrix_block, at,
+            )  # fmt: skip
+            # D y, for the next inner step, or for the correction
+            slope_times_block(
+                pair_index, pair_value, slopes, _WAS, of_slopes, NOW, vectors, _NEXT,
+                block, _B_Y, _B_Z, None, at,
+            )  # fmt: skip
+            if s < count - 1:
+                for i in range(n):
+                    product = product_row(
+                        matrices, vectors, _Z, block, _B_Z, matrix_block, _MIDDLE_BLOCK, i, None
+                    )
+                    store(own, (_A_T, i), at, load(own, (_A0_T, i), at) - product)
+                    store(own, (_Y_T, i), at, load(block, (_B_Y, i), None))
+                    store(own, (_X_T, i), at, load(block, (_B_X, i), None))
+            else:
+                _corrected_block(
+                    pair_index, pair_value, vectors, matrices, slopes, h, timed, own, of_slopes,
+                    times, columns, bends, block, matrix_block, at,
+                )  # fmt: skip
+                _pass_time(times, old, at)
+        for i in range(n):
+            vectors[_Y, i] = vectors[_NEXT, i]
+        subtract_product(matrices, vectors, _Z, 1.0, _A0, _STAGE)
 
 
 @_inline
-def _taylor_tangent(
-    pair_index, pair_value, vectors, matrices, slopes, h, timed, own, flat, layers, of_slopes,
-    times, before,
+def _horner_stages(pair_index, pair_value, vectors, matrices, slopes, step):
+    """The stages of an inner step and D times each, y at its end, and D y."""
+    for m in range(3):
+        slope_times(pair_index, pair_value, slopes, _WAS, vectors, _STAGE + m, _BRAKED + m)
+        subtract_product(matrices, vectors, _BRAKED + m, step / (4 - m), _STAGE, _STAGE + m + 1)
+    for i in range(vectors.shape[1]):
+        vectors[_NEXT, i] = vectors[_Y, i] + step * vectors[_STAGE + 3, i]
+    slope_times(pair_index, pair_value, slopes, _WAS, vectors, _NEXT, _Z)
+
+
+@_inline
+def _taylor_block(
+    pair_index, pair_value, vectors, matrices, slopes, step, count, timed, own, of_slopes, times,
+    before, block, matrix_block, at,
 ):  # fmt: skip
     """Tangents of the changes y of speed and x of position, by the polynomial of the step."""
-    n, directions, width = own.shape[1], own.shape[2], flat.shape[1]
-    stiffness = damping_rate(pair_index, pair_value, matrices, slopes, _WAS)
-    count = int(np.ceil(min(max(stiffness * h / STIFFNESS_PER_STEP, 1e-3), MAX_INNER_STEPS)))
-    step = h / count
-    for i in range(n):
-        vectors[_Y, i], vectors[_A, i] = 0.0, vectors[_A0, i]
-    for c in range(width):
-        flat[_Y_T, c], flat[_X_T, c] = 0.0, 0.0
-    of_a = _A0_T
-    for s in range(count):
-        for i in range(n):
-            vectors[_W, i] = vectors[_A, i]
-        of_w = of_a
-        for order in range(4, 1, -1):
-            slope_times(pair_index, pair_value, slopes, _WAS, vectors, _W, _Z)
-            slope_times_tangent(
-                pair_index, pair_value, slopes, _WAS, of_slopes, NOW, vectors, _W, own, of_w, _Z_T
-            )
-            product_tangent(
-                matrices, vectors, _Z, own, layers, _Z_T, step / order,
-                1.0 / (order * count) if timed else 0.0, times, of_a, _W_T,
-            )  # fmt: skip
-            of_w = _W_T
-            subtract_product(matrices, vectors, _Z, step / order, _A, _W)
-            if order == 3:
-                for c in range(width):
-                    flat[_X_T, c] += step * (
-                        flat[V, c] + flat[_Y_T, c] + 0.5 * step * flat[_W_T, c]
-                    )
-                for i in range(n if timed else 0):
-                    speed = before[SPEED_BEFORE, i] + vectors[_Y, i] + step * vectors[_W, i]
-                    for d in range(directions):
-                        own[_X_T, i, d] += times[LENGTH, d] / count * speed
-        for c in range(width):
-            flat[_Y_T, c] += step * flat[_W_T, c]
-        for i in range(n):
-            if timed:
-                for d in range(directions):
-                    own[_Y_T, i, d] += times[LENGTH, d] / count * vectors[_W, i]
-            vectors[_Y, i] += step * vectors[_W, i]
-        if s < count - 1:
-            slope_times(pair_index, pair_value, slopes, _WAS, vectors, _Y, _Z)
-            slope_times_tangent(
-                pair_index, pair_value, slopes, _WAS, of_slopes, NOW, vectors, _Y, own, _Y_T, _Z_T
-            )
-            product_tangent(matrices, vectors, _Z, own, layers, _Z_T, 1.0, 0.0, times, _A0_T, _A_T)
-            subtract_product(matrices, vectors, _Z, 1.0, _A0, _A)
-            of_a = _A_T
-
-
-@inner
-def _stage_tangent(
-    term_index, term_value, pair_index, pair_value, vectors, matrices, slopes, torque, f, speed,
-    of_speed, out, own, flat, layers, times, of_slopes, constants, constant_slope, curvature,
-):  # fmt: skip
-    """Tangent of M⁻¹ (τ - h - f(v)) at one stage, friction ``f`` and its slopes known there."""
-    friction_tangent(
-        term_index, term_value, pair_index, pair_value, constants, constant_slope,
-        vectors, speed, slopes, THEN, own, of_speed, _REST_T, of_slopes, THEN, curvature,
-    )  # fmt: skip
-    for i in range(own.shape[1]):
-        vectors[_NET, i] = torque[i] - vectors[MIDDLE_BIAS, i] - vectors[f, i]
-    for c in range(flat.shape[1]):
-        flat[_REST_T, c] = flat[_NET_T, c] - flat[_REST_T, c]
-    product_tangent(
-        matrices, vectors, _NET, own, layers, _REST_T, -1.0, 0.0, times,
-        STILL_TANGENT, out,
-    )  # fmt: skip
-
-
-@inner
-def nonlinear_tangent(
-    linear, term_index, term_value, pair_index, pair_value, vectors, matrices, slopes, torque, h,
-    own, flat, layers, times, of_slopes, constants, constant_slope, before, curvature, timed,
-):  # fmt: skip
-    """Carry them over a nonlinear step: Runge–Kutta 4 once more, with its tangents."""
-    n, directions, width = own.shape[1], own.shape[2], flat.shape[1]
-    k1, k2, k3, k4, trial, f, v = _A0, _A, _Y, _REST, _Z, _W, _AHEAD
-    k1_t, k2_t, k3_t, k4_t, trial_t = _A0_T, _A_T, _Y_T, _X_T, _Z_T
-    for i in range(n):
-        vectors[v, i] = before[SPEED_BEFORE, i]
-    left, shortest = h, h / MAX_INNER_STEPS
-    while left > 1e-9 * h:
-        friction_torque(
-            linear, term_index, term_value, pair_index, pair_value, vectors, v, f, slopes, THEN
-        )
-        stiffness = damping_rate(pair_index, pair_value, matrices, slopes, THEN)
-        step = left / np.ceil(max(stiffness * left / NONLINEAR_STIFFNESS, 1e-3))
-        step = min(max(step, shortest), left)
-        apply_matrix(matrices, MIDDLE, vectors, torque, MIDDLE_BIAS, f, k1)
-        _stage_tangent(
-            term_index, term_value, pair_index, pair_value, vectors, matrices, slopes, torque, f,
-            v, V, k1_t, own, flat, layers, times, of_slopes, constants, constant_slope, curvature,
+    n, length = own.shape[1], load(times, (LENGTH,), at)
+    for m in range(3):
+        slope_times_block(
+            pair_index, pair_value, slopes, _WAS, of_slopes, NOW, vectors, _STAGE + m,
+            block, _B_A if m == 0 else _B_W, _B_Z, None, at,
         )  # fmt: skip
-        stage = 1
-        while stage < 4:
-            last = k1 if stage == 1 else (k2 if stage == 2 else k3)
-            last_t = k1_t if stage == 1 else (k2_t if stage == 2 else k3_t)
-            weight = 1.0 if stage == 3 else 0.5
-            for i in range(n):
-                vectors[trial, i] = vectors[v, i] + weight * step * vectors[last, i]
-            friction_torque(
-                linear, term_index, term_value, pair_index, pair_value, vectors, trial, f, slopes,
-                THEN,
-            )  # fmt: skip
-            ahead = damping_rate(pair_index, pair_value, matrices, slopes, THEN)
-            turning = rate_at_reversals(pair_index, pair_value, matrices, slopes, vectors, v, trial)
-            if turning * step > PASSED_OVER:
-                ahead = max(ahead, turning)
-            if ahead * step > 1.5 * NONLINEAR_STIFFNESS and step > shortest:
-                step = max(NONLINEAR_STIFFNESS / ahead, shortest)
-                stage = 1
-                continue
-            target = k2 if stage == 1 else (k3 if stage == 2 else k4)
-            target_t = k2_t if stage == 1 else (k3_t if stage == 2 else k4_t)
-            apply_matrix(matrices, MIDDLE, vectors, torque, MIDDLE_BIAS, f, target)
-            for c in range(width):
-                flat[trial_t, c] = flat[V, c] + weight * step * flat[last_t, c]
-            for i in range(n if timed else 0):
-                longer = weight * step / h * vectors[last, i]
-                for d in range(directions):
-                    own[trial_t, i, d] += longer * times[LENGTH, d]
-            _stage_tangent(
-                term_index, term_value, pair_index, pair_value, vectors, matrices, slopes, torque,
-                f, trial, trial_t, target_t, own, flat, layers, times, of_slopes, constants,
-                constant_slope, curvature,
-            )  # fmt: skip
-            stage += 1
-        for c in range(width):
-            within = flat[k2_t, c] + flat[k3_t, c]
-            flat[Q, c] += step * (flat[V, c] + step / 6.0 * (flat[k1_t, c] + within))
-            flat[V, c] += step / 6.0 * (flat[k1_t, c] + 2.0 * within + flat[k4_t, c])
+        part = step / (4 - m)
         for i in range(n):
-            inside = vectors[k2, i] + vectors[k3, i]
-            gained = (vectors[k1, i] + 2.0 * inside + vectors[k4, i]) / 6.0
-            travelled = vectors[v, i] + step / 3.0 * (vectors[k1, i] + inside)
+            product = product_row(
+                matrices, vectors, _BRAKED + m, block, _B_Z, matrix_block, _MIDDLE_BLOCK, i, None
+            )
+            w = load(block, (_B_A, i), None) - part * product
             if timed:
-                for d in range(directions):
-                    own[Q, i, d] += step / h * times[LENGTH, d] * travelled
-                    own[V, i, d] += step / h * times[LENGTH, d] * gained
-            vectors[v, i] += step * gained
-        left -= step
+                moved = moved_by(matrices, vectors, _BRAKED + m, i)
+                w -= (moved / ((4 - m) * count)) * length
+            store(block, (_B_W, i), None, w)
+            if m == 1:
+                speed = load(own, (V, i), at) + load(block, (_B_Y, i), None) + (0.5 * step) * w
+                x = load(block, (_B_X, i), None) + step * speed
+                if timed:
+                    way = before[SPEED_BEFORE, i] + vectors[_Y, i]
+                    x += ((way + step * vectors[_STAGE + 2, i]) / count) * length
+                store(block, (_B_X, i), None, x)
+    for i in range(n):
+        y = load(block, (_B_Y, i), None) + step * load(block, (_B_W, i), None)
+        if timed:
+            y += (vectors[_STAGE + 3, i] / count) * length
+        store(block, (_B_Y, i), None, y)
+
+
+@_inline
+def _corrected_block(
+    pair_index, pair_value, vectors, matrices, slopes, h, timed, own, of_slopes, times,
+    columns, bends, block, matrix_block, at,
+):  # fmt: skip
+    """Tangents of state and friction at the end of the step, corrected by what D y misses."""
+    n, length = own.shape[1], load(times, (LENGTH,), at)
+    for i in range(n):
+        store(block, (_B_AHEAD, i), None, load(own, (V, i), at) + load(block, (_B_Y, i), None))
+    friction_block(
+        pair_index, pair_value, slopes, THEN, columns, bends, block, _B_AHEAD, None,
+        block, _B_F, of_slopes, THEN, at,
+    )  # fmt: skip
+    for i in range(n):
+        rest = load(block, (_B_F, i), None) - load(own, (FRICTION, i), at)
+        store(block, (_B_W, i), None, rest - load(block, (_B_Z, i), None))
+    for i in range(n):
+        gain = (-h / 3.0) * product_row(
+            matrices, vectors, _REST, block, _B_W, matrix_block, _MIDDLE_BLOCK, i, None
+        )
+        way = load(own, (Q, i), at) + load(block, (_B_X, i), None)
+        if timed:
+            gain -= (moved_by(matrices, vectors, _REST, i) / 3.0) * length
+            way += (0.25 * vectors[_GAIN, i]) * length
+        store(block, (_B_A, i), None, gain)
+        store(own, (V, i), at, load(block, (_B_AHEAD, i), None) + gain)
+        store(own, (Q, i), at, way + (0.25 * h) * gain)
+    slope_times_block(
+        pair_index, pair_value, slopes, THEN, of_slopes, THEN, vectors, _GAIN,
+        block, _B_A, _B_Z, None, at,
+    )  # fmt: skip
+    for i in range(n):
+        store(own, (FRICTION, i), at, load(block, (_B_F, i), None) + load(block, (_B_Z, i), None))
+    for k in range(n + pair_index.shape[0]):
+        store(of_slopes, (NOW, k), at, load(of_slopes, (THEN, k), at))

@@ -15,6 +15,7 @@ import numpy as np
 
 from pivident.dynamics.forward import Model
 from pivident.dynamics.friction_table import PATH_ROWS, slopes_width
+from pivident.dynamics.lanes import LANES, row_array
 from pivident.dynamics.path_partials import partials_scratch
 from pivident.dynamics.rigid_body_slopes import slope_scratch
 from pivident.robot.friction import FrictionColumn
@@ -24,6 +25,7 @@ from pivident.simulation.controllers import TAPS, PythonController, SampledLaw
 from pivident.simulation.direction import Direction, ParametrisedLoop
 from pivident.simulation.friction_tangent import PAIR
 from pivident.simulation.integration import ROWS, Q, V
+from pivident.simulation.law_tangent import LAW_COLUMNS
 from pivident.simulation.loop_tangent import (
     BEFORE,
     CLOCK_ENTRIES,
@@ -37,7 +39,8 @@ from pivident.simulation.loop_tangent import (
     LoopTangent,
 )
 from pivident.simulation.path_integration import SLOPE_ROWS
-from pivident.simulation.row_sums import row_array
+from pivident.simulation.rigid_body_tangent import BLOCK_LAYERS
+from pivident.simulation.step_tangent import BLOCK_ROWS
 from pivident.simulation.tangent_entries import LawEntries, ModelEntries, law_slope
 
 #: Samples of a block: a few MiB of tangents, so that what is done once a block hardly counts.
@@ -291,7 +294,13 @@ def _initial_tangent(
         friction_slope=constant_slope,
         before=np.zeros((BEFORE, n + couplings)),
         clock=clock,
-        curvature=np.zeros(n),
+        bends=np.zeros(n + couplings),
+        law_columns=row_array(LAW_COLUMNS, n, count),
+        torque_columns=row_array(n, count),
+        mass_columns=row_array(n, n, count),
+        friction_columns=row_array(2 * n + couplings, count),
+        block=row_array(BLOCK_ROWS, n, LANES),
+        matrix_block=row_array(BLOCK_LAYERS, n, n, LANES),
         by_position=np.zeros((n, n)),
         by_speed=np.zeros((n, n)),
         of_mass=np.zeros((n, n, n)),
