@@ -4,8 +4,7 @@
 
 The dependent joints are led from the posture before to second order, q_d + N Δq_a + γ Δt²/2, and
 closed from there by Newton's method. While the gap is small the L and U of the posture before serve
-it; whether they do is seen in the gap that is left. N and γ are those of the last posture at which
-the gap was looked at, no further than ``GAP`` from the closed one, which comes from one step more.
+it; whether they do is seen in the gap that is left.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ CLOSED, OPEN, SINGULAR = 0, 1, 2
 
 #: Largest gap of a closed loop [m, rad], that of one which Newton's method can close no further,
 #: and its steps.
-GAP, LAST_GAP, MAX_STEPS = 1e-11, 1e-10, 30
+GAP, LAST_GAP, MAX_STEPS = 1e-13, 1e-10, 30
 
 #: Largest gap that L and U of a posture before may close, and the share of it that they may leave.
 SMALL_GAP, LEFT = 1e-8, 0.02
