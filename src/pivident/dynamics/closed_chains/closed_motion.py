@@ -37,7 +37,10 @@ class ClosedMotion(NamedTuple):
 
 
 def closed_place(
-    table: ClosureTable, q: np.ndarray, joint_names: Sequence[str] = ()
+    table: ClosureTable,
+    q: np.ndarray,
+    joint_names: Sequence[str] = (),
+    sample: int | None = None,
 ) -> ClosureWork:
     """A mechanism at independent positions, followed from the posture of its description.
 
@@ -45,6 +48,7 @@ def closed_place(
         table: its constraints.
         q: independent positions [rad or m], shape (joints,).
         joint_names: of the independent joints, for the error.
+        sample: of the record, likewise.
 
     Raises:
         LoopNotClosed: on the way the loops do not close, or the mechanism is singular.
@@ -52,7 +56,7 @@ def closed_place(
     work, goal = closure_work(table), np.array(q, dtype=float)
     status = approach(table, work, goal, np.zeros((2, goal.size)))
     if status != CLOSED:
-        raise LoopNotClosed(status, goal, joint_names)
+        raise LoopNotClosed(status, goal, joint_names, sample)
     return work
 
 
@@ -78,7 +82,9 @@ class ClosedChains:
         """
         return closed_place(self.table, q, self.robot.joint_names)
 
-    def motion(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> ClosedMotion:
+    def motion(
+        self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, begin: int = 0
+    ) -> ClosedMotion:
         """Motion of all joints, ddq = N ddq_a + γ.
 
         Args:
@@ -86,6 +92,7 @@ class ClosedChains:
                 from the one before is approached from the posture of the description.
             dq: their speeds [rad/s or m/s], likewise.
             ddq: their accelerations [rad/s² or m/s²], likewise.
+            begin: number of the first sample in its record.
 
         Raises:
             LoopNotClosed: names the sample.
@@ -98,13 +105,14 @@ class ClosedChains:
         ends = [0, *far.tolist(), samples] if samples else []
         for first, stop in pairwise(ends):
             part = np.s_[..., first:stop]
-            work = self.start(q[:, first])
+            number = begin + first or None  # a record that begins out of reach has no sample
+            work = closed_place(self.table, q[:, first], self.robot.joint_names, number)
             given = (np.ascontiguousarray(x[part]) for x in (q, dq, ddq))
             made = [x if len(ends) == 2 else np.ascontiguousarray(x[part]) for x in (*whole, gain)]
             status, sample = follow(self.table, work, *given, *made)
             if status != CLOSED:
                 sample += first
-                raise LoopNotClosed(status, q[:, sample], self.robot.joint_names, sample)
+                raise LoopNotClosed(status, q[:, sample], self.robot.joint_names, begin + sample)
             if len(ends) > 2:
                 for all_of_it, own in zip((*whole, gain), made, strict=True):
                     all_of_it[part] = own

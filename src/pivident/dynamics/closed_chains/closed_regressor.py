@@ -14,20 +14,43 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pivident.compiled import kernel
-from pivident.dynamics.closed_chains.closed_motion import ClosedChains, ClosedMotion, moved_joints
+from pivident.dynamics.closed_chains.closed_motion import ClosedChains, moved_joints
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import RobotDescriptionError
 from pivident.robot.description import Robot
+from pivident.scratch import working_array
+from pivident.threads import run_in_threads
+
+#: Samples that are followed at a time by a thread: as many as a block of the normal equations has.
+BLOCK = 4096
 
 
 @kernel
-def _project(term, gain, packed, out):
-    """Out[row] = Σ N_ia Y_i: rows of ``term`` are row of out, entry of the tree, joint i, a."""
+def _project(term, place, gain, packed, out, start):
+    """Rows ``place`` of out, from sample ``start`` on, = Σ N_ia Y_i.
+
+    Rows of ``term`` are row of the entry, entry of the tree, joint of the tree i, independent a.
+    """
+    samples = packed.shape[1]
+    for k in range(place.size):
+        for t in range(samples):
+            out[place[k], start + t] = 0.0
     for k in range(term.shape[0]):
-        row, entry, i, a = term[k, 0], term[k, 1], term[k, 2], term[k, 3]
-        for t in range(out.shape[1]):
-            out[row, t] += gain[i, a, t] * packed[entry, t]
+        row, entry, i, a = place[term[k, 0]], term[k, 1], term[k, 2], term[k, 3]
+        for t in range(samples):
+            out[row, start + t] += gain[i, a, t] * packed[entry, t]
+
+
+@kernel
+def _project_torque(gain, torque, out, start):
+    """Row t + ``start`` of out (samples, joints) = Nᵀ τ, τ of all joints (samples, joints)."""
+    for t in range(torque.shape[0]):
+        for a in range(out.shape[1]):
+            total = 0.0
+            for i in range(torque.shape[1]):
+                total += gain[i, a, t] * torque[t, i]
+            out[start + t, a] = total
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,13 +110,6 @@ class ClosedRegressor(Regressor):
             term=np.array(term, dtype=np.int64).reshape(-1, 4),
         )
 
-    def _packed_tree(self, motion: ClosedMotion) -> np.ndarray:
-        """Entries of Nᵀ Y, time last."""
-        packed = self.tree.packed(motion.q, motion.dq, motion.ddq)
-        out = np.zeros((self.entries, motion.q.shape[1]))
-        _project(self.term, motion.gain, packed, out)
-        return out
-
     def packed(
         self,
         q: np.ndarray,
@@ -105,10 +121,15 @@ class ClosedRegressor(Regressor):
     ) -> np.ndarray:
         """As `Regressor.packed`; samples follow one another."""
         self._check_motion(np.transpose(q), np.transpose(dq), np.transpose(ddq))
-        entries = self._packed_tree(self.chains.motion(q, dq, ddq))
-        out, place = self._packed_out(out, place, entries.shape[1])
-        out[place] = entries
-        return out
+        made, place = self._packed_out(out, place, np.shape(q)[1])
+
+        def block(part: slice) -> None:
+            motion = self.chains.motion(q[:, part], dq[:, part], ddq[:, part], part.start)
+            packed = self.tree.packed(motion.q, motion.dq, motion.ddq)
+            _project(self.term, place, motion.gain, packed, made, part.start)
+
+        run_in_threads(block, _blocks(made.shape[1]))
+        return made
 
     def matrix(
         self,
@@ -121,14 +142,27 @@ class ClosedRegressor(Regressor):
         """As `Regressor.matrix`; samples follow one another."""
         self._check_motion(q, dq, ddq)
         out = self._dense_out(out, q.shape[0])
-        out[:, self.row, self.column] = self._packed_tree(self.chains.motion(q.T, dq.T, ddq.T)).T
+        out[:, self.row, self.column] = self.packed(q.T, dq.T, ddq.T).T
         return out
 
     def _weighted_sum(
         self, weights: np.ndarray, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, inner: np.ndarray
     ) -> np.ndarray:
-        """Sum of each joint's entries with given weights, shape (samples, joints)."""
-        packed = self._packed_tree(self.chains.motion(q.T, dq.T, ddq.T))
-        tau = np.zeros((self.robot.size, len(q)))
-        np.add.at(tau, self.row, weights[:, None] * packed)
-        return np.ascontiguousarray(tau.T)
+        """Sum of each joint's entries with given weights, shape (samples, joints).
+
+        Nᵀ (Y θ), θ from the entries' weights: one product for each joint in place of each entry.
+        """
+        tau, theta = working_array(q.shape), np.zeros(len(self.parameters))
+        theta[self.column] = weights
+
+        def block(part: slice) -> None:
+            motion = self.chains.motion(q[part].T, dq[part].T, ddq[part].T, part.start)
+            torque = self.tree.torque(motion.q.T, motion.dq.T, motion.ddq.T, theta)
+            _project_torque(motion.gain, torque, tau, part.start)
+
+        run_in_threads(block, _blocks(len(q)))
+        return tau
+
+
+def _blocks(samples: int) -> list[slice]:
+    return [slice(k, min(k + BLOCK, samples)) for k in range(0, samples, BLOCK)]

@@ -18,7 +18,7 @@ from pivident.dynamics.closed_chains.closure_equations import (
     find_slopes,
     place_closures,
 )
-from pivident.dynamics.elimination import factor, solve
+from pivident.dynamics.elimination import SIDE_BY_SIDE, factor, solve, solve_all
 
 #: What may happen: nothing, the loops cannot be closed, the mechanism is singular.
 CLOSED, OPEN, SINGULAR = 0, 1, 2
@@ -59,10 +59,10 @@ def _close_gaps(table, work):
         fresh = work.held[0] == 0 or gap > SMALL_GAP or gap > LEFT * before
         if closed or fresh:
             find_slopes(table, work)
-            for row in range(r):
-                for k in range(r):
-                    work.square[row, k] = work.jacobian[row, table.others[k]]
-            if not factor(work.square, work.order):
+            for e in range(table.slope.shape[0]):
+                row, k = table.slope[e, 0], table.slope[e, 1]
+                work.factors.matrix[row, k] = work.jacobian[row, table.others[k]]
+            if not factor(work.factors):
                 work.held[0] = 0
                 return SINGULAR
             work.held[0] = 1
@@ -70,10 +70,10 @@ def _close_gaps(table, work):
             return CLOSED
         before = gap
         for row in range(r):
-            work.step[row, 0] = -work.gap[0, row]
-        solve(work.square, work.order, work.step)
+            work.step[row] = -work.gap[0, row]
+        solve(work.factors, work.step)
         for k in range(r):
-            work.q[table.others[k]] += work.step[k, 0]
+            work.q[table.others[k]] += work.step[work.factors.row[k]]
     return OPEN
 
 
@@ -87,32 +87,32 @@ def close_loops(table, work):
     status = _close_gaps(table, work)
     if status != CLOSED:
         return status
-    for row in range(r):
-        for a in range(m):
-            work.right[row, a] = -work.jacobian[row, table.places[a]]
-        work.right[row, m] = -work.gap[0, row]
-    solve(work.square, work.order, work.right)
-    for a in range(m):
-        for b in range(m):
-            work.gain[table.places[a], b] = 1.0 if a == b else 0.0
-        work.drift[table.places[a]] = 0.0
+    for a in range(m + 1):
+        right, column = work.right[a // SIDE_BY_SIDE], a % SIDE_BY_SIDE
+        for row in range(r):
+            own = work.jacobian[row, table.places[a]] if a < m else work.gap[0, row]
+            right[row, column] = -own
+    solve_all(work.factors, work.right)
     for k in range(r):
-        i = table.others[k]
-        speed = 0.0
-        for a in range(m):
-            share = work.right[k, a]
+        work.dq[table.others[k]] = 0.0
+    for a in range(m):
+        right, column = work.right[a // SIDE_BY_SIDE], a % SIDE_BY_SIDE
+        speed = work.dq[table.places[a]]
+        for k in range(r):
+            i, share = table.others[k], right[work.factors.row[k], column]
             if not abs(share) < FASTEST:
                 return SINGULAR
             work.gain[i, a] = share
-            speed += share * work.dq[table.places[a]]
-        work.dq[i] = speed
-        work.q[i] += work.right[k, m]  # what the smallest of gaps leaves
+            work.dq[i] += share * speed
+    right, column = work.right[m // SIDE_BY_SIDE], m % SIDE_BY_SIDE
+    for k in range(r):  # what the smallest of gaps leaves
+        work.q[table.others[k]] += right[work.factors.row[k], column]
     find_drifts(table, work)
     for row in range(r):
-        work.step[row, 0] = -work.gap[1, row]
-    solve(work.square, work.order, work.step)
+        work.step[row] = -work.gap[1, row]
+    solve(work.factors, work.step)
     for k in range(r):
-        work.drift[table.others[k]] = work.step[k, 0]
+        work.drift[table.others[k]] = work.step[work.factors.row[k]]
     return CLOSED
 
 
@@ -129,38 +129,37 @@ def lead_on(table, work, q):
     its N gives dN/dt. A way that is not along the speeds goes N Δq.
     """
     m = q.size
+    change, bend = work.lead[0], work.lead[1]
     length, along, square = 0.0, 0.0, 0.0
     for a in range(m):
         i = table.places[a]
-        way = q[a] - work.q[i]
-        length += way * way
-        along += way * work.dq[i]
+        change[a] = q[a] - work.q[i]
+        length += change[a] * change[a]
+        along += change[a] * work.dq[i]
         square += work.dq[i] * work.dq[i]
     ahead = abs(along) < square and along * along > PARALLEL * length * square
     time = along / square if ahead else 0.0
     ratio = time / work.time[0] if work.time[0] != 0.0 else 0.0
-    known = LEAST_RATIO < ratio < 1.0 / LEAST_RATIO
+    if not LEAST_RATIO < ratio < 1.0 / LEAST_RATIO:
+        ratio = 0.0
+    second, third = 0.5 * time * time, ratio * time * time / 6.0
+    for a in range(m):
+        i = table.places[a]
+        faster = work.dq[i] - work.before[i, m + 1]
+        bend[a] = ratio * (change[a] - time * work.dq[i] - ratio * time * faster / 3.0)
+        work.before[i, m + 1] = work.dq[i]
+        work.q[i] = q[a]
     for k in range(table.others.size):
         i = table.others[k]
-        way = 0.5 * time * time * work.drift[i]
-        if known:
-            way += ratio * time * time / 6.0 * (work.drift[i] - work.before[i, m])
+        drift, before = work.drift[i], work.before[i]
+        way = second * drift + third * (drift - before[m])
         for a in range(m):
-            j = table.places[a]
-            change = q[a] - work.q[j]
-            way += work.gain[i, a] * change
-            if known:
-                turned = work.gain[i, a] - work.before[i, a]
-                faster = work.dq[j] - work.before[j, m + 1]
-                way += ratio * turned * (change - time * work.dq[j] - ratio * time * faster / 3.0)
+            gain = work.gain[i, a]
+            way += gain * change[a] + (gain - before[a]) * bend[a]
+            before[a] = gain
+        before[m] = drift
         work.q[i] += way
-    for i in range(work.q.size):
-        for a in range(m):
-            work.before[i, a] = work.gain[i, a]
-        work.before[i, m], work.before[i, m + 1] = work.drift[i], work.dq[i]
     work.time[0] = time
-    for a in range(m):
-        work.q[table.places[a]] = q[a]
 
 
 @kernel

@@ -171,8 +171,8 @@ def _third_derivative(table, work, slopes):
                 for c in range(3):
                     third += a[9 + c] * b[c] + a[c] * b[9 + c]
                     third += 3.0 * (a[6 + c] * b[3 + c] + a[3 + c] * b[6 + c])
-        work.step[row, 0] = -third
-    solve(work.square, work.order, work.step)
+        work.step[row] = -third
+    solve(work.factors, work.step)
 
 
 @inner
@@ -182,8 +182,8 @@ def _second_derivative(table, work, a, b):
         work.dq[i] = work.gain[i, a] + (work.gain[i, b] if b != a else 0.0)
     find_drifts(table, work)
     for row in range(table.others.size):
-        work.step[row, 0] = -work.gap[1, row]
-    solve(work.square, work.order, work.step)
+        work.step[row] = -work.gap[1, row]
+    solve(work.factors, work.step)
 
 
 @inner
@@ -198,7 +198,7 @@ def find_closure_slopes(table, work, slopes):
             b = a - way
             _second_derivative(table, work, a, b)
             for k in range(r):
-                i, bend = table.others[k], work.step[k, 0]
+                i, bend = table.others[k], work.step[work.factors.row[k]]
                 if a != b:
                     bend = 0.5 * (bend - slopes.gain[i, a, a] - slopes.gain[i, b, b])
                 slopes.gain[i, a, b] = slopes.gain[i, b, a] = bend
@@ -213,6 +213,6 @@ def find_closure_slopes(table, work, slopes):
             _third_derivative(table, work, slopes)
             weight = -1.0 / 3.0 if turn == 2 else sign / 6.0
             for k in range(r):
-                slopes.drift[table.others[k], c] += weight * work.step[k, 0]
+                slopes.drift[table.others[k], c] += weight * work.step[work.factors.row[k]]
     for i in range(n):
         work.dq[i] = slopes.dq[i]
