@@ -85,7 +85,7 @@ class _Folder:
             "error": "",
         }
         write_json(self.folder / SIGNALS, plain(content))
-        picture = {"error": "There is no robot that can be drawn."}
+        picture: dict[str, Any] = {"error": "There is no robot that can be drawn."}
         if robot is not None:
             fixed = robot.on_fixed_base
             picture = (
