@@ -24,7 +24,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from tests.seven_axis_arm import seven_axis_log
 from tests.studio.browsing import browsing, served
 
-from pivident.studio.drafting import draft
 from pivident.studio.example import ROBOT, write_log
 
 PAINT = "() => performance.getEntriesByName('first-contentful-paint')[0]?.startTime ?? -1"
@@ -110,7 +109,6 @@ def main() -> None:
         (root / "example").mkdir()
         (root / "example" / "experiment.toml").write_text(f'robot = "{ROBOT}"\n', encoding="utf-8")
         write_log(root / "example")
-        draft(root / "example", ["log.csv"], ROBOT, {}, (), (), lambda line: None)
         long_project(root / "long", asked.samples, asked.joints)
         with served(root) as server, browsing() as page:
             page.goto(server.address)

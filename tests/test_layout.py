@@ -45,9 +45,9 @@ MAX_LINES = 141_000
 #: loops whose law reads whole counts, noise of the equations, eight that the simulator's kernel
 #: carries tangents with, the fit of simulations with nineteen of its own, two for logs without
 #: torque, eleven for regressions, thirteen for filters, four for algebraic signals and the lines of
-#: periodic motions, thirteen for mechanisms with closed loops, three for force sensors and feet, one
-#: for a base that forces move, one for derivatives kept in blocks, two for joints and channels that
-#: have files of their own, one for work that methods share, five for tangents carried in blocks.
+#: periodic motions, thirteen for mechanisms with closed loops, three for force sensors and feet,
+#: one for a base that forces move, one for derivatives kept in blocks, two for joints and channels
+#: that have files of their own, one for work that methods share, five for tangents carried in blocks.
 MAX_MODULES_OF_IDENTIFY = 194
 
 #: Subpackages with a budget of their own.

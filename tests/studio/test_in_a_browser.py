@@ -31,12 +31,12 @@ def arm(tmp_path_factory):
     return folder
 
 
-def ready(page, mark):
-    """Wait until a step of the list has its mark."""
+def ready(page):
+    """Wait until nothing hinders a run."""
     page.wait_for_function(
         "([part, text]) => document.querySelector(`[data-mark=${part}].mark`).textContent.trim()"
         ".startsWith(text)",
-        arg=["run", mark],
+        arg=["run", "ready"],
         timeout=240_000,
     )
 
@@ -52,7 +52,7 @@ def test_two_files_to_a_verdict(arm, tmp_path, width, colour):
         page.locator("#bring").set_input_files([arm / "ur10e_like.urdf", arm / "rtde_log.csv"])
         page.locator(".replay canvas").wait_for(timeout=120_000)
         answer_questions(page)
-        ready(page, "✓")
+        ready(page)
         assert fits(page)
         page.locator("#checks .headline").wait_for()
         page.get_by_role("button", name="Run", exact=True).click()
@@ -100,7 +100,7 @@ def test_by_keyboard_alone(planar):
         reach(page, "a", "arm")
         page.keyboard.press("Enter")
         page.wait_for_url("**/p/arm")
-        ready(page, "✓")
+        ready(page)
         reach(page, "button", "Run")
         page.keyboard.press("Enter")
         page.locator("article.run .headline").wait_for(timeout=240_000)
@@ -125,7 +125,7 @@ def test_a_change_redraws_the_signals_and_can_be_undone(planar):
     with served(planar.parent) as server, browsing() as page:
         page.goto(server.address)
         page.goto(f"{server.base}/p/arm")
-        ready(page, "✓")
+        ready(page)
         field = page.locator("[id='row-recording.0.units.q-value']")
         assert "deg" in field.input_value()
         highest = (
@@ -146,7 +146,7 @@ def test_a_change_redraws_the_signals_and_can_be_undone(planar):
         )
         assert page.get_by_role("button", name="Run", exact=True).is_disabled()
         page.get_by_role("button", name="Undo the last change").click()
-        ready(page, "✓")
+        ready(page)
         assert "deg" in field.input_value()
 
 
@@ -156,8 +156,8 @@ def test_two_tabs_show_the_same(planar):
         page.goto(f"{server.base}/p/arm")
         other = page.context.new_page()
         other.goto(f"{server.base}/p/arm")
-        ready(page, "✓")
-        ready(other, "✓")
+        ready(page)
+        ready(other)
         row = "[id='row-controller.kp-value']"
         page.locator(row).fill("[5000, 2500]")
         page.locator(row).press("Enter")
@@ -182,7 +182,7 @@ def test_a_killed_server_takes_nothing_along(planar):
     with served(planar.parent) as server, browsing() as page:
         page.goto(server.address)
         page.goto(f"{server.base}/p/arm")
-        ready(page, "✓")
+        ready(page)
         page.get_by_role("button", name="Run", exact=True).click()
         page.locator("article.run.running").wait_for()
         server.stop(signal.SIGKILL)
@@ -202,7 +202,7 @@ def test_contrast(planar, colour):
         for address in (server.address, f"{server.base}/p/arm"):
             page.goto(address)
             if "/p/" in address:
-                ready(page, "✓")
+                ready(page)
             assert page.evaluate(CONTRAST) == []
 
 
@@ -245,7 +245,7 @@ def test_an_archive_goes_to_another_machine(planar, tmp_path):
         page.get_by_label("Archive").set_input_files(tmp_path / "arm.zip")
         page.get_by_role("button", name="Open").click()
         page.wait_for_url("**/p/arm")
-        ready(page, "✓")
+        ready(page)
     shutil.rmtree(planar / ".pivident-studio")
     for name in ("experiment.toml", "log.csv"):
         there = (tmp_path / "other" / "arm" / name).read_bytes()

@@ -185,14 +185,14 @@ def _motion(view: View) -> dict[str, Any]:
 def _assumptions(view: View) -> dict[str, Any]:
     """Lines of the experiment file beside the signals that they are about."""
     if not view.text:
-        return {"groups": [], "raw": "", "undo": view.studio.projects.can_undo(view.project)}
+        return {"groups": [], "raw": "", "undo": view.studio.can_undo(view.project)}
     assumed = sum(row.sure == "assumed" for row in view.rows)
     many = {0: "Nothing is assumed.", 1: "1 line is an assumption, please check it."}
     return {
         "groups": row_groups(view.rows, view.signals),
         "addable": addable(view.text) if view.rows else (),
         "counted": many.get(assumed, f"{assumed} lines are assumptions, please check them."),
-        "undo": view.studio.projects.can_undo(view.project),
+        "undo": view.studio.can_undo(view.project),
         "raw": view.text,
     }
 
@@ -265,8 +265,9 @@ def _check_mark(view: View) -> str:
 
 def _runs_mark(view: View) -> str:
     """Whether something is running."""
-    active = sum(run["state"] in ("running", "waiting") for run in view.runs)
-    return f"{active} running" if active else ""
+    active = sum(run["state"] == "running" for run in view.runs)
+    done = sum(run["state"] == "done" for run in view.runs)
+    return f"{active} running" if active else f"({done})" if done else ""
 
 
 #: The steps in their order.
@@ -318,7 +319,7 @@ PIECES = {
             "run",
             lambda v: [v.version, v.hindrance, (v.check.get("plan") or {}).get("seconds")],
             _run,
-            lambda v: "✓" if not v.hindrance else "",
+            lambda v: "ready" if not v.hindrance else "",
         ),
         Piece(
             "results",

@@ -224,9 +224,10 @@ class Projects:
                 (build / EXPERIMENT).write_bytes(earlier[-1].read_bytes())
             earlier[-1].unlink()
 
-    def can_undo(self, project: Project) -> bool:
-        """Whether there is an earlier text."""
-        return bool(self._earlier(project))
+    def earlier_text(self, project: Project) -> str:
+        """The text before the last change; empty without one."""
+        earlier = self._earlier(project)
+        return earlier[-1].read_bytes().decode("utf-8") if earlier else ""
 
     @staticmethod
     def _earlier(project: Project) -> list[Path]:

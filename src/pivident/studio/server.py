@@ -294,7 +294,9 @@ async def _bring(request: Request) -> Response:
 
 @_threaded
 def _remove_file(request: Request) -> Response:
-    uploads.remove(_project_of(request), request.path_params["path"])
+    project = _project_of(request)
+    uploads.remove(project, request.path_params["path"])
+    _studio(request).removed(project)
     return _done()
 
 
@@ -328,7 +330,7 @@ async def _text(request: Request) -> Response:
 
 @_threaded
 def _undo(request: Request) -> Response:
-    _studio(request).projects.undo(_project_of(request))
+    _studio(request).undo(_project_of(request))
     return _done()
 
 
@@ -353,8 +355,10 @@ def _window(request: Request) -> Response:
             float(query["to"]) if "to" in query else None,
             min(int(query.get("points", "1500")), 20_000),
         )
-    except (ValueError, KeyError, IndexError, OSError) as error:
+    except ValueError as error:
         raise ProjectError(f"there is no such signal: {error}") from None
+    except (KeyError, OSError):
+        found = None  # signals that are being read anew
     content = json.dumps(found, allow_nan=False, separators=(",", ":"))
     return Response(content, media_type="application/json")
 

@@ -214,6 +214,27 @@ class Studio:
             raise Changed("the check has another result by now; it is shown as it is") from None
         self.projects.write(project, applied(text, fix), version)
 
+    def can_undo(self, project: Project) -> bool:
+        """Whether the last change can be taken back; a draft itself cannot: it is made again."""
+        earlier = self.projects.earlier_text(project)
+        was, now = Content(earlier).has_recording, Content(project.text).has_recording
+        return bool(earlier) and (was or not now)
+
+    def undo(self, project: Project) -> None:
+        """Take the last change of the experiment file back.
+
+        Raises:
+            ProjectError: there is none.
+        """
+        if not self.can_undo(project):
+            raise ProjectError("there is no change of the experiment file to take back")
+        self.projects.undo(project)
+
+    def removed(self, project: Project) -> None:
+        """A file has been removed: a draft that failed, perhaps because of it, is made anew."""
+        if self.drafted(project).get("error"):
+            (project.hidden / DRAFT).unlink(missing_ok=True)
+
     def hindrance(self, project: Project) -> str:
         """Why nothing may be run yet; empty where nothing would stop or mislead."""
         if not Content(project.text).has_recording:
@@ -225,9 +246,9 @@ class Studio:
             return "The check has not finished yet."
         check = json_of(self.looks.folder(project.folder) / "findings" / "check.json")
         if check.get("error"):
-            return "The experiment file cannot be read; see *Checks*."
+            return "The experiment file cannot be read; see Checks."
         if check.get("refused") or check.get("severity") == "error":
-            return "First fix what is marked × under *Checks*: it would stop or mislead a run."
+            return "First fix what is marked × under Checks: it would stop or mislead a run."
         return ""
 
     def run(self, project: Project, step: str, arguments: Mapping[str, Any]) -> str:
@@ -244,6 +265,8 @@ class Studio:
             raise ProjectError(f"there is no step {step!r}")
         if step == "identify" and (reason := self.hindrance(project)):
             raise ProjectError(reason)
+        if step == "identify" and arguments.get("method") == []:
+            raise ProjectError("no method is chosen; tick at least one")
         return self.runs.add(project.folder, step, arguments)
 
     @staticmethod

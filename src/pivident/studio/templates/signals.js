@@ -25,7 +25,8 @@ const signals = (() => {
       query.set("to", shown[1] + own.start);
     }
     const response = await fetch(`${address}/window?${query}`);
-    return response.ok ? { content, own, data: await response.json() } : null;
+    const data = response.ok ? await response.json() : null;
+    return data && { content, own, data };
   }
 
   async function draw(figure) {
