@@ -47,7 +47,7 @@ MAX_LINES = 141_000
 #: torque, eleven for regressions, thirteen for filters, four for algebraic signals and the lines of
 #: periodic motions, thirteen for mechanisms with closed loops, three for force sensors and feet,
 #: one for a base that forces move, one for derivatives kept in blocks, two for joints and channels
-#: that have files of their own, one for work that methods share, five for tangents carried in blocks.
+#: that have files of their own, one for work that methods share, five for tangents in blocks.
 MAX_MODULES_OF_IDENTIFY = 194
 
 #: Subpackages with a budget of their own.
