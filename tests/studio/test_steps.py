@@ -171,6 +171,14 @@ def test_the_verdict_asks_for_instruments_first(project):
     assert first["arguments"]["method"] == ["ls", "iv-full-rate", "piv"]
 
 
+def test_loads_and_gains_are_offered_where_the_file_describes_them(project):
+    write_verdict(project, "001-identify")
+    assert not {"payload", "gains"} & {o["step"] for o in offers(project, "001-identify")}
+    text = EXPERIMENT + "[[payload.recording]]\nfiles = 'loaded.csv'\n[gains]\n"
+    (project / "experiment.toml").write_text(text)
+    assert {"payload", "gains"} <= {o["step"] for o in offers(project, "001-identify")}
+
+
 def test_causes_friction_and_motion_follow_from_statements(project):
     said = [
         statement("model", "gear ratio"),

@@ -74,6 +74,7 @@ def _after_identification(project: Path, folder: Path, name: str) -> Iterator[Of
             "Simulators need parameters that a real machine can have.",
             result=name,
         )
+    yield from _of_tables(project)
     others = _other_results(project, folder)
     if others:
         yield _offer(
@@ -92,7 +93,7 @@ def _better_estimates(
 ) -> Iterator[Offer]:
     """Identifications that answer a reservation."""
     if reason := _is_said(statements, "feedback", "no instruments"):
-        more = ["iv-full-rate", "piv"] if _has_loop(project) else ["iv-full-rate"]
+        more = ["iv-full-rate", "piv"] if "controller" in _tables(project) else ["iv-full-rate"]
         wanted = list(dict.fromkeys([*methods, *more]))
         yield _offer("identify", f"Identify with {listed(more)} too", reason, method=wanted)
     if reason := _is_said(statements, "prediction", "nothing held out"):
@@ -157,13 +158,23 @@ def _is_said(
     return ""
 
 
-def _has_loop(project: Path) -> bool:
-    """Whether the experiment file describes the control loop."""
+def _tables(project: Path) -> dict[str, Any]:
+    """Tables of the experiment file; none where it cannot be read."""
     try:
-        content = tomllib.loads((project / EXPERIMENT).read_text(encoding="utf-8"))
+        return tomllib.loads((project / EXPERIMENT).read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        return False
-    return "controller" in content
+        return {}
+
+
+def _of_tables(project: Path) -> Iterator[Offer]:
+    """What tables of the experiment file describe beside the identification."""
+    tables = _tables(project)
+    if "payload" in tables:
+        reason = "The experiment file describes records with a load."
+        yield _offer("payload", "Identify the payload", reason)
+    if "gains" in tables:
+        reason = "The experiment file says what is known of the drives."
+        yield _offer("gains", "Find drive gains", reason)
 
 
 def _other_results(project: Path, folder: Path) -> list[str]:
