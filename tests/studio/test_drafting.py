@@ -6,14 +6,14 @@ import numpy as np
 
 from pivident.init.draft import draft_experiment
 from pivident.studio.drafting import DRAFT, draft
-from pivident.studio.looks import DERIVED
+from pivident.studio.projects import HIDDEN
 from tests.planar_log import HEADER, planar_log, write_log
 
 
 def drafted(project, *arguments):
     lines = []
     draft(project, *arguments, lines.append)
-    content = json.loads((project / DERIVED / DRAFT).read_text("utf-8"))
+    content = json.loads((project / HIDDEN / DRAFT).read_text("utf-8"))
     return content, lines
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from pivident.errors import PividentError
 from pivident.files import atomic_folder
 from pivident.init.draft import draft_experiment
-from pivident.studio.looks import DERIVED, EXPERIMENT
+from pivident.studio.projects import EXPERIMENT, HIDDEN
 from pivident.text.plain_values import plain, write_json
 
 #: The draft, in the folder of what is derived.
@@ -62,7 +62,7 @@ def draft(
             "explained": made.explained,
             "assumptions": [asdict(line) for line in made.assumptions],
         }
-    with atomic_folder(project / DERIVED) as build:
+    with atomic_folder(project / HIDDEN) as build:
         write_json(build / DRAFT, plain(content))
 
 

@@ -45,7 +45,7 @@ TITLES = {
 MOTION = "motion.json"
 
 #: Gaps in the clock that are listed: more than so many intervals and so long [s], the longest ones.
-GAP, SHORTEST_GAP, MOST_GAPS = 3.0, 0.01, 200
+GAP, SHORTEST_GAP, MAX_GAPS = 3.0, 0.01, 200
 
 
 class _Folder:
@@ -292,7 +292,7 @@ def _gaps(t: np.ndarray) -> list[list[float]]:
     steps = np.diff(t)
     usual = float(np.median(steps)) if steps.size else 0.0
     wide = np.flatnonzero(steps > max(GAP * usual, SHORTEST_GAP))
-    longest = np.sort(wide[np.argsort(-steps[wide])][:MOST_GAPS])
+    longest = np.sort(wide[np.argsort(-steps[wide])][:MAX_GAPS])
     return [[float(t[k]), float(t[k + 1])] for k in longest]
 
 

@@ -44,7 +44,7 @@ _TABLES = ("robot", "recording", "wrench", "contact")
 _WITH_RECORDINGS = ("validation", "gains", "payload")
 
 #: Most files of a pattern or a bag that are looked at.
-_MOST_FILES = 2000
+_MAX_FILES = 2000
 
 
 def look_key(experiment: Path) -> str:
@@ -172,9 +172,9 @@ def _stamps(folder: Path, text: str) -> Iterator[str]:
         with suppress(OSError, ValueError):
             path = folder / value
             if any(c in value for c in "*?"):
-                named |= {Path(p) for p in glob.glob(str(path))[:_MOST_FILES]}
+                named |= {Path(p) for p in glob.glob(str(path))[:_MAX_FILES]}
             elif path.is_dir():
-                named |= set(sorted(path.iterdir())[:_MOST_FILES])
+                named |= set(sorted(path.iterdir())[:_MAX_FILES])
             elif path.is_file():
                 named |= {path, path.parent / DESIGN_FILE}
     for path in sorted(named):

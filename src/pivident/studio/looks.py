@@ -8,10 +8,8 @@ from pathlib import Path
 from typing import Literal
 
 from pivident.studio.look import STAGES, is_complete, look, look_key, remove_unfinished
+from pivident.studio.projects import EXPERIMENT, HIDDEN
 from pivident.studio.tasks import Tasks
-
-#: The experiment file of a project, and what is derived from it.
-EXPERIMENT, DERIVED = "experiment.toml", ".pivident-studio"
 
 #: Looks of a project that are kept: the current one, and the one before, to which people go back.
 KEPT = 2
@@ -93,7 +91,7 @@ class Looks:
 
     @staticmethod
     def _folder(project: Path, key: str) -> Path:
-        return project / DERIVED / "looks" / key
+        return project / HIDDEN / "looks" / key
 
     @staticmethod
     def _task(project: Path, key: str) -> str:

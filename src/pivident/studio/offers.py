@@ -7,13 +7,14 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from pivident.studio.run_folder import EXPERIMENT, RESULTS, read_object, result_folders
+from pivident.studio.projects import EXPERIMENT, RESULTS
+from pivident.studio.run_folder import read_object, result_folders
 from pivident.text.lists import listed
 
 Offer = dict[str, Any]
 
 #: Most parameters that a designed motion names.
-MOST_NAMED = 12
+MAX_NAMED = 12
 
 #: Causes of model error that the verdict names and `identify` corrects.
 CORRECTED = (
@@ -119,7 +120,7 @@ def _wanted_motion(
     if not names and not reason:
         return None
     reason = reason or f"Another motion would determine {listed(names, 6)}."
-    if len(names) <= MOST_NAMED and names and not any("," in one for one in names):
+    if len(names) <= MAX_NAMED and names and not any("," in one for one in names):
         return _offer("excite", "Design the next motion", reason, result=name, parameters=names)
     return _offer("excite", "Design the next motion", reason, result=name)
 

@@ -9,7 +9,7 @@ from typing import BinaryIO
 from pivident.text.printable import escaped
 
 #: Bytes of a stream that are kept from its beginning, and from its end where it is longer.
-MOST, LAST = 1_000_000, 64_000
+MAX_BYTES, LAST = 1_000_000, 64_000
 
 #: Characters of it that a page shows.
 SHOWN = 200_000
@@ -27,7 +27,7 @@ class KeptStream:
         trouble: why not all of it could be written, in words; empty where it could.
     """
 
-    def __init__(self, path: Path, most: int = MOST, last: int = LAST) -> None:
+    def __init__(self, path: Path, most: int = MAX_BYTES, last: int = LAST) -> None:
         self._most, self._last = most, last
         self._size = 0
         self._end = b""

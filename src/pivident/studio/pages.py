@@ -29,7 +29,8 @@ from pivident.studio.projects import (
 from pivident.studio.results_list import result_context
 from pivident.studio.row_groups import row_groups
 from pivident.studio.rows import Row, addable, experiment_rows
-from pivident.studio.studio import Content, Studio, json_of
+from pivident.studio.run_folder import read_object
+from pivident.studio.studio import Content, Studio
 from pivident.studio.uploads import is_log
 from pivident.text.plain_values import strict_json
 from pivident.text.sizes import bytes_in_words
@@ -60,12 +61,12 @@ class View:
     @cached_property
     def signals(self) -> dict[str, Any]:
         """What signals there are; empty before they have been read."""
-        return json_of(self.folder / "signals" / "signals.json") if self.has("signals") else {}
+        return read_object(self.folder / "signals" / "signals.json") if self.has("signals") else {}
 
     @cached_property
     def check(self) -> dict[str, Any]:
         """What the check has found; empty before it has ended."""
-        return json_of(self.folder / "findings" / "check.json") if self.has("findings") else {}
+        return read_object(self.folder / "findings" / "check.json") if self.has("findings") else {}
 
     @cached_property
     def rows(self) -> tuple[Row, ...]:
@@ -164,7 +165,7 @@ def _files(view: View) -> dict[str, Any]:
 
 def _motion(view: View) -> dict[str, Any]:
     """The arm, moved as logged or joint by joint."""
-    found = json_of(view.folder / "signals" / "motion.json") if view.has("signals") else {}
+    found = read_object(view.folder / "signals" / "motion.json") if view.has("signals") else {}
     busy = view.look["line"] if view.look["signals"] == "running" else ""
     error = view.signals.get("error", "") if not found.get("joints") else ""
     error = error or (view.look["error"] if view.look["signals"] == "failed" else "")

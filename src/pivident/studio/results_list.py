@@ -8,8 +8,8 @@ from urllib.parse import quote
 
 from pivident.check.plan import in_words
 from pivident.studio.projects import Project
+from pivident.studio.run_folder import read_object
 from pivident.studio.steps import STEPS, offered
-from pivident.studio.studio import json_of
 from pivident.text.sizes import bytes_in_words
 
 #: Less than this is not worth a word [s].
@@ -34,7 +34,9 @@ def result_context(project: Project, runs: list[dict[str, Any]], address: str) -
 def _shown(project: Project, run: dict[str, Any], address: str) -> dict[str, Any]:
     """A run as the page shows it."""
     step, progress = STEPS.get(run["step"]), run.get("progress") or {}
-    verdict = json_of(project.folder / run["results"] / "verdict.json") if run["results"] else {}
+    verdict = (
+        read_object(project.folder / run["results"] / "verdict.json") if run["results"] else {}
+    )
     statements = verdict.get("statements", [])
     against = [s for s in statements if s["severity"] in ("error", "warning")]
     left = progress.get("left_s")

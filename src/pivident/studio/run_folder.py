@@ -30,13 +30,8 @@ from typing import Any, Literal
 
 from pivident.errors import PividentError
 from pivident.studio.lock import is_held
+from pivident.studio.projects import EXPERIMENT, HIDDEN, RESULTS
 from pivident.text.plain_values import strict_json
-
-#: Derived files of a project, and its results.
-STATE, RESULTS = ".pivident-studio", "results"
-
-#: The state of a project.
-EXPERIMENT = "experiment.toml"
 
 #: Files that the supervisor adds to the results of a run.
 ACCOUNT, OUTPUT = "run.json", "output.txt"
@@ -91,7 +86,7 @@ class RunFolder:
     @property
     def state(self) -> Path:
         """Folder of what is known of the run."""
-        return self.project / STATE / "runs" / self.id
+        return self.project / HIDDEN / "runs" / self.id
 
     @property
     def copy(self) -> Path:
@@ -175,9 +170,9 @@ def new_run(project: Path, record: Mapping[str, Any], experiment: bytes | None) 
     Raises:
         RunError: the state cannot be written, on a full disk for instance.
     """
-    runs = project / STATE / "runs"
+    runs = project / HIDDEN / "runs"
     run: RunFolder | None = None
-    for folder in (project / STATE, project / RESULTS):
+    for folder in (project / HIDDEN, project / RESULTS):
         if folder.is_symlink():
             raise RunError(f"{folder} is a link; put a folder in its place")
     try:
@@ -207,7 +202,7 @@ def new_run(project: Path, record: Mapping[str, Any], experiment: bytes | None) 
 def run_numbers(project: Path) -> list[str]:
     """Numbers of all runs of a project in their order, also where only results are left."""
     try:
-        names = os.listdir(project / STATE / "runs")
+        names = os.listdir(project / HIDDEN / "runs")
     except OSError:
         names = []
     found = {name for name in names if _RUN.fullmatch(name)} | set(result_folders(project))

@@ -8,11 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from pivident.studio.output import cleaned, shown
+from pivident.studio.projects import EXPERIMENT, RESULTS
 from pivident.studio.run_folder import (
     ACCOUNT,
-    EXPERIMENT,
     OUTPUT,
-    RESULTS,
     RunFolder,
     iso,
     read_object,
@@ -22,7 +21,7 @@ from pivident.studio.run_folder import (
 from pivident.studio.run_progress import RunProgress
 
 #: Most files of a run that are listed.
-MOST_FILES = 500
+MAX_FILES = 500
 
 #: Titles of pages by their names.
 TITLES = {
@@ -139,7 +138,7 @@ def _files(folder: Path) -> list[dict[str, Any]]:
         folders.sort()
         for name in sorted(names):
             path = Path(place, name)
-            if not path.is_symlink() and len(found) < MOST_FILES:
+            if not path.is_symlink() and len(found) < MAX_FILES:
                 size = path.stat().st_size
                 found.append({"path": path.relative_to(folder).as_posix(), "bytes": size})
     return found

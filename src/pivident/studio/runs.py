@@ -18,14 +18,8 @@ from threading import Condition, Thread
 from typing import Any
 
 from pivident.studio.lock import take
-from pivident.studio.run_folder import (
-    EXPERIMENT,
-    RESULTS,
-    RunError,
-    RunFolder,
-    new_run,
-    run_numbers,
-)
+from pivident.studio.projects import EXPERIMENT, RESULTS
+from pivident.studio.run_folder import RunError, RunFolder, new_run, run_numbers
 from pivident.studio.run_listing import RunListing
 from pivident.studio.steps import step_named
 from pivident.text.plain_values import plain
@@ -34,13 +28,13 @@ from pivident.text.plain_values import plain
 BUSY, IDLE = 0.2, 2.0
 
 #: A run that was killed is started once more.
-MOST_ATTEMPTS = 2
+MAX_ATTEMPTS = 2
 
 #: How often a supervisor is started that ends before it has begun.
-MOST_STARTS = 5
+MAX_STARTS = 5
 
 #: Largest experiment file [bytes].
-MOST_BYTES = 4_000_000
+MAX_BYTES = 4_000_000
 
 #: Messages of runs that were killed at every attempt, and that could not be started.
 KILLED = (
@@ -197,9 +191,9 @@ class Runs:
     def _end_without_supervisor(self, run: RunFolder) -> bool:
         """Write the outcome of a run that is to stop or failed too often; whether it was needed."""
         message = ""
-        if int(run.started().get("attempt", 0)) >= MOST_ATTEMPTS:
+        if int(run.started().get("attempt", 0)) >= MAX_ATTEMPTS:
             message = KILLED
-        elif self._starts[run] >= MOST_STARTS:
+        elif self._starts[run] >= MAX_STARTS:
             message = NOT_STARTED
         if not message and not run.is_to_stop:
             return False
@@ -241,13 +235,13 @@ def _content(path: Path) -> bytes | None:
     """Content of the experiment file; None where there is none."""
     try:
         with path.open("rb") as file:
-            content = file.read(MOST_BYTES + 1)
+            content = file.read(MAX_BYTES + 1)
     except FileNotFoundError:
         return None
     except OSError as error:
         raise RunError(f"{path} cannot be read: {error.strerror}") from error
-    if len(content) > MOST_BYTES:
-        raise RunError(f"{path} has more than {MOST_BYTES} bytes, which no experiment file has")
+    if len(content) > MAX_BYTES:
+        raise RunError(f"{path} has more than {MAX_BYTES} bytes, which no experiment file has")
     return content
 
 

@@ -16,7 +16,7 @@ from typing import Any, Literal
 from pivident.consistency.consistent_files import CONSISTENT_FILE
 from pivident.errors import PividentError
 from pivident.estimation.methods import METHODS
-from pivident.studio.run_folder import RESULTS
+from pivident.studio.projects import RESULTS
 
 Kind = Literal["choice", "choices", "number", "integer", "flag", "result", "results", "names"]
 
@@ -24,7 +24,7 @@ Kind = Literal["choice", "choices", "number", "integer", "flag", "result", "resu
 RESULT_FILES = ("identification.json", CONSISTENT_FILE, "verdict.json")
 
 #: Most entries of a list.
-MOST = 40
+MAX_ENTRIES = 40
 
 _RESULT = re.compile(r"(?:results/)?([0-9]{3,6}-[a-z]+)(?:/([a-z0-9-]+))?")
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+:-]{0,63}")
@@ -79,8 +79,8 @@ class Argument:
             return [self.option, f"{self._number(value)}{self.unit}"]
         several = self.kind in ("choices", "results", "names")
         values = _listed(value) if several else [value]
-        if len(values) > MOST:
-            raise StepError(f"{self.label}: {len(values)} values; give at most {MOST}")
+        if len(values) > MAX_ENTRIES:
+            raise StepError(f"{self.label}: {len(values)} values; give at most {MAX_ENTRIES}")
         words = dict.fromkeys(self._word(one) for one in values)
         checked = [self._text(project, word) for word in words]
         return [self.option, ",".join(checked)] if self.option else checked

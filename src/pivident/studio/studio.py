@@ -7,7 +7,6 @@ change of a line ─▶ look again                ─▶ run (as `pivident ident
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -31,6 +30,7 @@ from pivident.studio.projects import (
     is_robot,
     version_of,
 )
+from pivident.studio.run_folder import read_object
 from pivident.studio.runs import Runs
 from pivident.studio.steps import STEPS
 from pivident.studio.tasks import Tasks
@@ -171,7 +171,7 @@ class Studio:
 
     def drafted(self, project: Project) -> dict[str, Any]:
         """The last draft with its questions; empty without one."""
-        return json_of(project.hidden / DRAFT)
+        return read_object(project.hidden / DRAFT)
 
     def write(self, project: Project, text: str, version: str) -> None:
         """Replace the experiment file, whatever it says: its check says what is wrong."""
@@ -207,7 +207,7 @@ class Studio:
             version: of the text that the page shows.
         """
         text = _unchanged(project, version)
-        found = json_of(self.looks.folder(project.folder) / "findings" / "check.json")
+        found = read_object(self.looks.folder(project.folder) / "findings" / "check.json")
         try:
             fix = of_json(found["remarks"][remark]["fixes"][number])
         except (KeyError, IndexError):
@@ -244,7 +244,7 @@ class Studio:
             return f"The check has failed: {look['error']}"
         if look["findings"] != "ready":
             return "The check has not finished yet."
-        check = json_of(self.looks.folder(project.folder) / "findings" / "check.json")
+        check = read_object(self.looks.folder(project.folder) / "findings" / "check.json")
         if check.get("error"):
             return "The experiment file cannot be read; see Checks."
         if check.get("refused") or check.get("severity") == "error":
@@ -310,15 +310,6 @@ class Content:
         table = self.content.get("identify")
         named = table.get("methods") if isinstance(table, dict) else None
         return [m for m in named if isinstance(m, str)] if isinstance(named, list) else []
-
-
-def json_of(path: Path) -> dict[str, Any]:
-    """A JSON object of our own making; empty where it is not there."""
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return found if isinstance(found, dict) else {}
 
 
 def _unchanged(project: Project, version: str) -> str:

@@ -24,7 +24,8 @@ from pivident.files import atomic_folder, clear_up
 from pivident.studio.experiment_copy import with_title
 from pivident.studio.lock import take
 from pivident.studio.output import KeptStream, last_line, shown
-from pivident.studio.run_folder import ACCOUNT, EXPERIMENT, OUTPUT, RunFolder, write_whole
+from pivident.studio.projects import EXPERIMENT
+from pivident.studio.run_folder import ACCOUNT, OUTPUT, RunFolder, write_whole
 from pivident.text.plain_values import write_json
 
 #: Exit codes of commands that have done what was asked, with reservations or without.
