@@ -53,7 +53,8 @@ def test_the_arm_moves_as_it_was_logged(planar):
 
 def test_findings_are_those_of_check_and_audit(planar):
     _, folder, (_, check) = planar
-    assert check["severity"] in ("ok", "note", "warning") and check["plan"]["robot"] == "planar_2r"
+    assert check["severity"] in ("ok", "note", "warning")
+    assert check["plan"]["robot"] == "planar 2R"
     audit = json.loads((folder / "findings" / "audit.json").read_text("utf-8"))
     assert [a["name"] for a in audit["audits"]] == ["log.csv"]
     page = (folder / "findings" / "audit.html").read_text("utf-8")
