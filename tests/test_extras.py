@@ -160,6 +160,18 @@ def mujoco_door(folder):
     load_robot(folder / "arm.xml")
 
 
+def rerun_door(folder):
+    from pivident.export.rerun_recording import write_rerun
+
+    write_rerun([], folder / "motion.rrd")
+
+
+def studio_door(folder):
+    from pivident.studio.serve import serve
+
+    serve(folder, at_once=0)  # what is missing is said first
+
+
 DOORS = {
     "sympy": sympy_door,
     "matplotlib": matplotlib_door,
@@ -172,6 +184,9 @@ DOORS = {
     "lz4": lz4_door,
     "coal": coal_door,
     "mujoco": mujoco_door,
+    "starlette": studio_door,
+    "uvicorn": studio_door,
+    "rerun": rerun_door,
     "dask": dask_door,
     "distributed": dask_door,
 }

@@ -17,7 +17,6 @@ from pivident.recording import with_wrenches
 from pivident.robot import WrenchSensor, with_floating_base, with_wrench_sensors
 from pivident.robot.refusals import without_loops, without_wrenches
 from pivident.simulators import fit_simulator
-from pivident.symbolic import symbolic_models
 
 FLOOR, TOOL = WrenchSensor("floor", "base"), WrenchSensor("tool", "2")
 LOOP = pv.Loop(pv.PD(kp=[6000.0, 2500.0], kd=[180.0, 60.0]))
@@ -96,7 +95,6 @@ def test_frequency_payload_and_simulators(problems, name):
 def test_everything_else_that_needs_a_fixed_base(problems, name):
     robot, still = ROBOTS[name], np.zeros((1, 8))
     for refused in (
-        lambda: symbolic_models(robot),
         lambda: outline_of(robot),
         lambda: design_motion(robot),
         lambda: export_model(runnable_model(robot), "urdf"),

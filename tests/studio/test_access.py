@@ -34,10 +34,10 @@ def test_with_token_and_own_origin():
         assert getattr(client(origin=BASE), method)("/p/x").text == "inside"
 
 
-@pytest.mark.parametrize("token", ["", "a-secret-of-this-tess", "A-SECRET-OF-THIS-TEST", "ä"])
+@pytest.mark.parametrize("token", ["", "a-secret-of-this-tess", "A-SECRET-OF-THIS-TEST", "%C3%A4"])
 def test_nothing_without_the_token(token):
     for path in ("/", "/static/studio.js", "/p/x/state", "/nowhere"):
-        found = client(token=token and token.encode("utf-8").decode("latin-1")).get(path)
+        found = client(token=token).get(path)
         assert found.status_code == 401 and "inside" not in found.text
     assert client(token=token and "x", origin=BASE).post("/p/x").status_code == 401
 
