@@ -49,7 +49,9 @@ class Plan:
         """Plain values."""
         return plain(asdict(self))
 
-    def __str__(self) -> str:
+    @property
+    def lines(self) -> list[tuple[str, str]]:
+        """What it says, in words, by what it is about."""
         runs = "; ".join(
             f"{name}: {samples} samples at {rate:.6g} Hz, {seconds:.4g} s"
             for name, samples, rate, seconds in self.recordings
@@ -63,8 +65,10 @@ class Plan:
             ("judged on", ", ".join(self.held_out) or self._blocks()),
             ("expected time", self._time()),
         ]
-        shown = [(key, text) for key, text in lines if key != "controller" or self.controller]
-        return "\n".join(f"  {key:<14} {text}" for key, text in shown)
+        return [(key, text) for key, text in lines if key != "controller" or self.controller]
+
+    def __str__(self) -> str:
+        return "\n".join(f"  {key:<14} {text}" for key, text in self.lines)
 
     def _named(self) -> str:
         names = self.parameters

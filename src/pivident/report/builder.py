@@ -34,6 +34,7 @@ PAGE_SCRIPTS = (
     "inflate.js",
     "figures.js",
     "zoom.js",
+    "instant.js",
     "time.js",
     "tables.js",
     "downloads.js",

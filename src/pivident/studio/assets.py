@@ -18,6 +18,7 @@ PARTS = {
         "theme.js",
         "contents.js",
         "talk.js",
+        "instant.js",
         "signals.js",
         "arm.js",
         "replay.js",

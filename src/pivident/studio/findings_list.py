@@ -23,7 +23,7 @@ def check_context(
     """What the section of checks shows.
 
     Args:
-        rows: its lines.
+        rows: lines of the experiment file.
         check: content of ``check.json``; empty before there is one.
         look: state of the look.
         folder: of the look.
@@ -88,9 +88,7 @@ def _plan(stored: dict[str, Any] | None) -> list[tuple[str, str]]:
     """The plan as lines of a key and its words."""
     if not stored:
         return []
-    plan = Plan(**{k: _tuples(v) for k, v in stored.items()})
-    lines = (line.strip().partition("  ") for line in str(plan).splitlines())
-    return [(key, words.strip()) for key, _, words in lines]
+    return Plan(**{k: _tuples(v) for k, v in stored.items()}).lines
 
 
 def _tuples(value: Any) -> Any:

@@ -6,7 +6,6 @@ import hashlib
 import shlex
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -14,7 +13,6 @@ from typing import Any
 from markupsafe import Markup
 
 from pivident.check.plan import in_words
-from pivident.errors import ExperimentError
 from pivident.robot.gallery import gallery_names
 from pivident.studio.assets import templates
 from pivident.studio.findings_list import check_context
@@ -24,88 +22,20 @@ from pivident.studio.projects import (
     Project,
     ProjectError,
     is_robot,
-    version_of,
 )
 from pivident.studio.results_list import result_context
 from pivident.studio.row_groups import row_groups
-from pivident.studio.rows import Row, addable, experiment_rows
+from pivident.studio.rows import addable
 from pivident.studio.run_folder import read_object
 from pivident.studio.studio import Content, Studio
 from pivident.studio.uploads import is_log
+from pivident.studio.view import View
 from pivident.text.plain_values import strict_json
 from pivident.text.sizes import bytes_in_words
 from pivident.version import __version__
 
 #: Names for new examples.
 EXAMPLE = "example"
-
-
-class View:
-    """A project as it is at one moment; what several pieces need is read once."""
-
-    def __init__(self, studio: Studio, project: Project) -> None:
-        self.studio, self.project = studio, project
-        self.address = studio.address(project)
-        self.draft_task = studio.settle(project)
-        self.text = project.text
-        self.version = version_of(self.text)
-        self.content = Content(self.text)
-        self.look = studio.looks.state(project.folder)
-        self.folder = studio.looks.folder(project.folder)
-
-    @cached_property
-    def draft(self) -> dict[str, Any]:
-        """The last draft."""
-        return self.studio.drafted(self.project)
-
-    @cached_property
-    def signals(self) -> dict[str, Any]:
-        """What signals there are; empty before they have been read."""
-        return read_object(self.folder / "signals" / "signals.json") if self.has("signals") else {}
-
-    @cached_property
-    def check(self) -> dict[str, Any]:
-        """What the check has found; empty before it has ended."""
-        return read_object(self.folder / "findings" / "check.json") if self.has("findings") else {}
-
-    @cached_property
-    def rows(self) -> tuple[Row, ...]:
-        """Lines of the experiment file; none where it is no TOML, which the check says."""
-        try:
-            return experiment_rows(self.text)
-        except ExperimentError:
-            return ()
-
-    @cached_property
-    def runs(self) -> list[dict[str, Any]]:
-        """All runs, the last one first."""
-        return self.studio.runs.listed(self.project.folder)
-
-    @cached_property
-    def files(self) -> list[tuple[str, int, int]]:
-        """Path, size and time of the files that were brought."""
-        found = []
-        for path in self.project.inputs():
-            about = path.stat()
-            name = path.relative_to(self.project.folder).as_posix()
-            found.append((name, about.st_size, about.st_mtime_ns))
-        return found
-
-    @cached_property
-    def hindrance(self) -> str:
-        """Why nothing may be run yet."""
-        return self.studio.hindrance(self.project)
-
-    def has(self, stage: str) -> bool:
-        """Whether a stage of the look has ended."""
-        return self.look[stage] == "ready"
-
-    @property
-    def is_busy(self) -> bool:
-        """Whether the page is going to change of itself."""
-        looking = "running" in (self.look["signals"], self.look["findings"])
-        running = any(run["state"] in ("running", "waiting") for run in self.runs)
-        return looking or running or self.draft_task["state"] == "running"
 
 
 @dataclass(frozen=True)
@@ -149,7 +79,6 @@ def _files(view: View) -> dict[str, Any]:
             }
             for name, size, _ in view.files
         ],
-        "choose_robot": True,
         "robot": robot,
         "robots": [name for name, _, _ in view.files if is_robot(Path(name))],
         "gallery": gallery_names(),

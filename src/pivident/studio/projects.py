@@ -77,6 +77,23 @@ class Project:
                 "read"
             ) from error
 
+    def text_of(self, version: str) -> str:
+        """Text of the experiment file, as long as it is the one that somebody has seen.
+
+        Args:
+            version: `version_of` that text.
+
+        Raises:
+            Changed: the file has another text by now.
+        """
+        text = self.text
+        if version_of(text) != version:
+            raise Changed(
+                f"{EXPERIMENT} was changed meanwhile, in another tab or by an editor; it is shown "
+                "as it is now, make the change again"
+            )
+        return text
+
     def inputs(self) -> list[Path]:
         """Files that were brought, by name; without the experiment file, results and hidden ones.
 
@@ -192,12 +209,7 @@ class Projects:
             ProjectError: it cannot be written.
         """
         with self._locks[project.name]:
-            now = project.text
-            if version_of(now) != version:
-                raise Changed(
-                    f"{EXPERIMENT} was changed meanwhile, in another tab or by an editor; it is "
-                    "shown as it is now, make the change again"
-                )
+            now = project.text_of(version)
             if text == now:
                 return
             earlier = self._earlier(project)

@@ -68,6 +68,7 @@ def _socket(port: int) -> socket.socket:
     listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listening.bind((HOST, port))
+        listening.listen()  # who opens the address before the server is ready waits for it
     except (OSError, OverflowError) as error:
         listening.close()
         raise PividentError(

@@ -16,7 +16,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ValidationError
 from starlette.applications import Starlette
 from starlette.background import BackgroundTask
 from starlette.concurrency import run_in_threadpool
@@ -32,6 +32,15 @@ from pivident.studio.archive import open_archive, pack
 from pivident.studio.assets import ASSETS, asset
 from pivident.studio.pages import front_page, one_piece, project_page, state
 from pivident.studio.projects import Changed, Project, ProjectError
+from pivident.studio.request_bodies import (
+    DraftRequest,
+    Edit,
+    FixRequest,
+    NewProject,
+    RobotChoice,
+    RunRequest,
+    Text,
+)
 from pivident.studio.signals import window
 from pivident.studio.studio import Studio
 
@@ -46,60 +55,6 @@ WRITTEN_PAGE = (
 )
 
 Body = TypeVar("Body", bound=BaseModel)
-
-
-class _Body(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True)
-
-
-class NewProject(_Body):
-    """Name of a project to make."""
-
-    name: str
-
-
-class RobotChoice(_Body):
-    """A robot of the gallery or a file that was brought."""
-
-    model: str
-    version: str
-
-
-class DraftRequest(_Body):
-    """Draft the experiment file anew."""
-
-    answers: dict[str, str] = {}
-    column_names: str = ""
-
-
-class Edit(_Body):
-    """A new value of a key as TOML; None takes the key away."""
-
-    place: list[str | int]
-    value: str | None
-    version: str
-
-
-class Text(_Body):
-    """The whole experiment file."""
-
-    text: str
-    version: str
-
-
-class FixRequest(_Body):
-    """The fix of a finding, by their numbers."""
-
-    remark: int
-    fix: int
-    version: str
-
-
-class RunRequest(_Body):
-    """A step of the way, with its arguments."""
-
-    step: str
-    arguments: dict[str, Any] = {}
 
 
 def application(studio: Studio, token: str, port: int) -> Starlette:
@@ -141,15 +96,15 @@ def _routes() -> list[Route]:
         Route(f"{one}/part/{{part}}", _part),
         Route(f"{one}/files/{{path:path}}", _bring, methods=["PUT"]),
         Route(f"{one}/files/{{path:path}}", _remove_file, methods=["DELETE"]),
-        Route(f"{one}/robot", _robot, methods=["POST"]),
-        Route(f"{one}/draft", _draft, methods=["POST"]),
-        Route(f"{one}/edit", _edit, methods=["POST"]),
-        Route(f"{one}/text", _text, methods=["POST"]),
+        Route(f"{one}/robot", _changing(RobotChoice, _choose_robot), methods=["POST"]),
+        Route(f"{one}/draft", _changing(DraftRequest, _draft), methods=["POST"]),
+        Route(f"{one}/edit", _changing(Edit, _edit), methods=["POST"]),
+        Route(f"{one}/text", _changing(Text, _write), methods=["POST"]),
         Route(f"{one}/undo", _undo, methods=["POST"]),
-        Route(f"{one}/fix", _fix, methods=["POST"]),
+        Route(f"{one}/fix", _changing(FixRequest, _fix), methods=["POST"]),
         Route(f"{one}/window", _window),
         Route(f"{one}/audit.html", _audit_page),
-        Route(f"{one}/run", _run, methods=["POST"]),
+        Route(f"{one}/run", _changing(RunRequest, _run), methods=["POST"]),
         Route(f"{one}/runs/{{run}}/cancel", _cancel, methods=["POST"]),
         Route(f"{one}/runs/{{run}}", _remove_run, methods=["DELETE"]),
         Route(f"{one}/results/{{path:path}}", _result),
@@ -213,6 +168,18 @@ def _threaded(answer: Callable[[Request], Response]) -> Answer:
         return await run_in_threadpool(answer, request)
 
     return threaded
+
+
+def _changing(kind: type[Body], act: Callable[[Studio, Project, Body], object]) -> Answer:
+    """An answer that reads a body of some kind and changes a project by it."""
+
+    async def changing(request: Request) -> Response:
+        body = await _body(request, kind)
+        project = await run_in_threadpool(_project_of, request)
+        await run_in_threadpool(act, _studio(request), project, body)
+        return _done()
+
+    return changing
 
 
 @_threaded
@@ -300,44 +267,33 @@ def _remove_file(request: Request) -> Response:
     return _done()
 
 
-async def _robot(request: Request) -> Response:
-    studio, body = _studio(request), await _body(request, RobotChoice)
-    project = await run_in_threadpool(_project_of, request)
-    await run_in_threadpool(studio.choose_robot, project, body.model, body.version)
-    return _done()
+def _choose_robot(studio: Studio, project: Project, body: RobotChoice) -> None:
+    studio.choose_robot(project, body.model, body.version)
 
 
-async def _draft(request: Request) -> Response:
-    studio, body = _studio(request), await _body(request, DraftRequest)
-    project = await run_in_threadpool(_project_of, request)
-    await run_in_threadpool(studio.draft, project, body.answers, body.column_names)
-    return _done()
+def _draft(studio: Studio, project: Project, body: DraftRequest) -> None:
+    studio.draft(project, body.answers, body.column_names)
 
 
-async def _edit(request: Request) -> Response:
-    studio, body = _studio(request), await _body(request, Edit)
-    project = await run_in_threadpool(_project_of, request)
-    await run_in_threadpool(studio.edit, project, tuple(body.place), body.value, body.version)
-    return _done()
+def _edit(studio: Studio, project: Project, body: Edit) -> None:
+    studio.edit(project, body.place, body.value, body.version)
 
 
-async def _text(request: Request) -> Response:
-    studio, body = _studio(request), await _body(request, Text)
-    project = await run_in_threadpool(_project_of, request)
-    await run_in_threadpool(studio.write, project, body.text, body.version)
-    return _done()
+def _write(studio: Studio, project: Project, body: Text) -> None:
+    studio.projects.write(project, body.text, body.version)
+
+
+def _fix(studio: Studio, project: Project, body: FixRequest) -> None:
+    studio.fix(project, body.remark, body.fix, body.version)
+
+
+def _run(studio: Studio, project: Project, body: RunRequest) -> None:
+    studio.run(project, body.step, body.arguments)
 
 
 @_threaded
 def _undo(request: Request) -> Response:
     _studio(request).undo(_project_of(request))
-    return _done()
-
-
-async def _fix(request: Request) -> Response:
-    studio, body = _studio(request), await _body(request, FixRequest)
-    project = await run_in_threadpool(_project_of, request)
-    await run_in_threadpool(studio.fix, project, body.remark, body.fix, body.version)
     return _done()
 
 
@@ -369,13 +325,6 @@ def _audit_page(request: Request) -> Response:
     if not path.is_file():
         raise ProjectError("the log has not been audited yet")
     return _written_page(path)
-
-
-async def _run(request: Request) -> Response:
-    studio, body = _studio(request), await _body(request, RunRequest)
-    project = await run_in_threadpool(_project_of, request)
-    run = await run_in_threadpool(studio.run, project, body.step, body.arguments)
-    return _done(run=run)
 
 
 @_threaded

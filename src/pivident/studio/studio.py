@@ -100,7 +100,8 @@ class Studio:
         elif view.robot != model:
             table = isinstance(view.content.get("robot"), dict)
             place = ("robot", "model") if table else ("robot",)
-            self.write(project, with_value(text, place, string_text(model)), version)
+            new = with_value(text, place, string_text(model))
+            self.projects.write(project, new, version)
 
     def brought(self, project: Project, path: Path) -> None:
         """A file has come: the first robot is taken, and a log that nobody has worked on redrafts.
@@ -173,10 +174,6 @@ class Studio:
         """The last draft with its questions; empty without one."""
         return read_object(project.hidden / DRAFT)
 
-    def write(self, project: Project, text: str, version: str) -> None:
-        """Replace the experiment file, whatever it says: its check says what is wrong."""
-        self.projects.write(project, text, version)
-
     def edit(
         self, project: Project, place: Sequence[str | int], value: str | None, version: str
     ) -> None:
@@ -192,7 +189,7 @@ class Studio:
             ExperimentError: the value cannot be one of this key.
             Changed: the file is no longer the one that the page shows.
         """
-        text = _unchanged(project, version)
+        text = project.text_of(version)
         place = tuple(place)
         new = without(text, place) if value is None else with_value(text, place, value)
         self.projects.write(project, new, version)
@@ -206,7 +203,7 @@ class Studio:
             number: of the fix.
             version: of the text that the page shows.
         """
-        text = _unchanged(project, version)
+        text = project.text_of(version)
         found = read_object(self.looks.folder(project.folder) / "findings" / "check.json")
         try:
             fix = of_json(found["remarks"][remark]["fixes"][number])
@@ -235,22 +232,6 @@ class Studio:
         if self.drafted(project).get("error"):
             (project.hidden / DRAFT).unlink(missing_ok=True)
 
-    def hindrance(self, project: Project) -> str:
-        """Why nothing may be run yet; empty where nothing would stop or mislead."""
-        if not Content(project.text).has_recording:
-            return "A robot and a log are needed first."
-        look = self.looks.state(project.folder)
-        if look["findings"] == "failed":
-            return f"The check has failed: {look['error']}"
-        if look["findings"] != "ready":
-            return "The check has not finished yet."
-        check = read_object(self.looks.folder(project.folder) / "findings" / "check.json")
-        if check.get("error"):
-            return "The experiment file cannot be read; see Checks."
-        if check.get("refused") or check.get("severity") == "error":
-            return "First fix what is marked × under Checks: it would stop or mislead a run."
-        return ""
-
     def run(self, project: Project, step: str, arguments: Mapping[str, Any]) -> str:
         """Queue a step of the way.
 
@@ -263,10 +244,13 @@ class Studio:
         """
         if step not in STEPS:
             raise ProjectError(f"there is no step {step!r}")
-        if step == "identify" and (reason := self.hindrance(project)):
-            raise ProjectError(reason)
-        if step == "identify" and arguments.get("method") == []:
-            raise ProjectError("no method is chosen; tick at least one")
+        if step == "identify":
+            look, folder = self.looks.state(project.folder), self.looks.folder(project.folder)
+            check = read_object(folder / "findings" / "check.json")
+            if reason := hindrance(Content(project.text), look, check):
+                raise ProjectError(reason)
+            if arguments.get("method") == []:
+                raise ProjectError("no method is chosen; tick at least one")
         return self.runs.add(project.folder, step, arguments)
 
     @staticmethod
@@ -312,16 +296,22 @@ class Content:
         return [m for m in named if isinstance(m, str)] if isinstance(named, list) else []
 
 
-def _unchanged(project: Project, version: str) -> str:
-    """The text that a page shows.
+def hindrance(content: Content, look: Mapping[str, str], check: Mapping[str, Any]) -> str:
+    """Why nothing may be run yet; empty where nothing would stop or mislead.
 
-    Raises:
-        Changed: it is another one by now.
+    Args:
+        content: of the experiment file.
+        look: state of the look at it.
+        check: content of its ``check.json``; empty before there is one.
     """
-    text = project.text
-    if version_of(text) != version:
-        raise Changed(
-            "experiment.toml was changed meanwhile, in another tab or by an editor; it is shown as "
-            "it is now, make the change again"
-        )
-    return text
+    if not content.has_recording:
+        return "A robot and a log are needed first."
+    if look["findings"] == "failed":
+        return f"The check has failed: {look['error']}"
+    if look["findings"] != "ready":
+        return "The check has not finished yet."
+    if check.get("error"):
+        return "The experiment file cannot be read; see Checks."
+    if check.get("refused") or check.get("severity") == "error":
+        return "First fix what is marked × under Checks: it would stop or mislead a run."
+    return ""

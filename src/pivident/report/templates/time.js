@@ -72,22 +72,9 @@ const time = (() => {
     show(shown.name, null);
   });
 
-  // The instant is a line over the figure: moving it redraws nothing.
   function point(plot) {
     const { instant } = groupOf(plot);
-    const axis = plot._fullLayout?.xaxis;
-    let line = plot.querySelector(".instant");
-    if (instant === null || !axis?._length) { line?.remove(); return; }
-    if (!line) {
-      line = document.createElement("div");
-      line.className = "instant";
-      line.setAttribute("aria-hidden", "true");
-      plot.append(line);
-    }
-    const x = axis.d2p(instant - start(plot));
-    const { _size } = plot._fullLayout;
-    line.hidden = !(x >= 0 && x <= axis._length);
-    line.style.cssText = `transform: translateX(${axis._offset + x}px); top: ${_size.t}px; height: ${_size.h}px`;
+    markInstant(plot, instant === null ? null : instant - start(plot));
   }
 
   /** Marks an instant [s, on the recording's clock] in all figures of a recording. */

@@ -107,23 +107,7 @@ const signals = (() => {
     }
   }, { rootMargin: "300px" });
 
-  // The instant that the arm shows is a line over each figure.
-  function point(figure) {
-    const plot = plotOf(figure);
-    const axis = plot._fullLayout?.xaxis;
-    let line = plot.querySelector(".instant");
-    if (instant === null || !axis?._length) { line?.remove(); return; }
-    if (!line) {
-      line = document.createElement("div");
-      line.className = "instant";
-      line.setAttribute("aria-hidden", "true");
-      plot.append(line);
-    }
-    const x = axis.d2p(instant);
-    const { _size } = plot._fullLayout;
-    line.hidden = !(x >= 0 && x <= axis._length);
-    line.style.cssText = `transform: translateX(${axis._offset + x}px); top: ${_size.t}px; height: ${_size.h}px`;
-  }
+  const point = (figure) => markInstant(plotOf(figure), instant);
 
   const callers = [];
   addEventListener("load", drawAll);
