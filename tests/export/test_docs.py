@@ -3,13 +3,13 @@
 import re
 import sys
 from pathlib import Path
-from typing import get_args
+from typing import get_args, get_type_hints
 
 import numpy as np
 import pytest
 
 from pivident.cli import main
-from pivident.export.formats import Format
+from pivident.cli.export import export
 from pivident.models.model_json import read_model
 from tests.synthetic_identification import synthetic_identification
 
@@ -18,7 +18,7 @@ TEXT = (Path(__file__).resolve().parents[2] / "docs" / "export.md").read_text("u
 
 def test_all_formats_are_in_the_table():
     rows = re.findall(r"^\| `(\w+)` \|", TEXT, flags=re.MULTILINE)
-    assert rows == list(get_args(Format))
+    assert rows == list(get_args(get_type_hints(export)["to"]))
 
 
 def test_python_blocks_run(tmp_path, monkeypatch, capsys):
