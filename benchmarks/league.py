@@ -47,10 +47,10 @@ def conditions(names: list[str], methods: list[str]) -> Iterator[Scenario]:
     for name in names:
         scenario = load_scenario(name).with_methods(methods)
         for condition in scenario.conditions:
-            if condition.condition.endswith("-d4"):
-                yield condition.with_methods([m for m in condition.methods if thins(METHODS[m])])
-            else:
+            if not condition.condition.endswith("-d4"):
                 yield condition
+            elif thinning := [m for m in condition.methods if thins(METHODS[m])]:
+                yield condition.with_methods(thinning)
 
 
 def thins(method: Method) -> bool:
