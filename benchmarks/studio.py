@@ -40,11 +40,10 @@ def long_project(folder: Path, samples: int, joints: int) -> None:
     phase = rng.uniform(0.0, 6.0, joints)
     speed = rng.uniform(0.3, 0.9, joints)
     q = 0.8 * np.sin(t[:, None] * speed + phase)
-    tau = 20.0 * np.cos(t[:, None] * speed + phase) + rng.normal(0.0, 1.0, q.shape)
-    np.savez(
-        folder / "log.npz", t=t, q=q + rng.normal(0.0, 1e-5, q.shape), dq=np.gradient(q, axis=0),
-        q_ref=q, tau=tau,
-    )  # fmt: skip
+    tau = 8.0 * np.sin(t[:, None] * 1.3 * speed + phase) + rng.normal(0.0, 1.0, q.shape)
+    dq = np.gradient(q, 1e-3, axis=0)
+    measured = q + rng.normal(0.0, 1e-5, q.shape)
+    np.savez(folder / "log.npz", t=t, q=measured, dq=dq, q_ref=q, tau=tau)
     (folder / "experiment.toml").write_text(
         'robot = "arm.urdf"\n\n[recording]\nfiles = "log.npz"\n'
         'columns = {t = "t", q = "q", q_ref = "q_ref", dq = "dq", tau = "tau"}\n'

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.signal import correlate
 
 from pivident.audit.standstill import STILL
 from pivident.audit.timing import Timing, at_equal_intervals
@@ -57,26 +58,41 @@ def compare(x: np.ndarray, dx: np.ndarray, rate: float) -> tuple[float, float, f
     slope = butterworth(slope_at_instants(central_difference(x, rate)), rate, band)
     logged = butterworth(dx, rate, band)
     reach = int(min(MAX_LAG * rate, len(x) // 10))
-    inside = np.arange(reach, len(x) - reach)
-    power = float(np.linalg.norm(slope[inside]))
-    if power == 0 or not np.linalg.norm(logged):
+    power = float(np.sum(slope[reach : len(x) - reach] ** 2))
+    if power == 0 or not np.any(logged):
         return None
-    spline = CubicSpline(np.arange(len(x)), logged)
+    lag, square, product = _best_lag(logged, slope, reach)
+    factor = product / power
+    return factor, lag / rate, float(np.sqrt(max(1.0 - factor * product / square, 0.0)))
 
-    def remainder(lag: float) -> tuple[float, float]:
-        moved = spline(inside + lag)
-        factor = float(moved @ slope[inside]) / power**2
-        return float(np.linalg.norm(moved - factor * slope[inside]) / np.linalg.norm(moved)), factor
 
-    lags = np.unique(np.round(np.linspace(-reach, reach, 161)))
-    coarse = float(lags[int(np.argmin([remainder(lag)[0] for lag in lags]))])
-    step = float(lags[1] - lags[0])
-    for _ in range(30):  # shrink the bracket around the lowest of three
-        trial = [coarse - step, coarse, coarse + step]
-        coarse = min(trial, key=lambda lag: remainder(lag)[0] if abs(lag) <= reach else 2.0)
-        step *= 0.6
-    error, factor = remainder(coarse)
-    return factor, coarse / rate, error
+def _best_lag(logged: np.ndarray, slope: np.ndarray, reach: int) -> tuple[float, float, float]:
+    """Lag s [samples] that makes m(k) = logged(k + s) most like the slope; |m|² and m·ẋ there.
+
+    The relative remainder is smallest where (m·ẋ)²/|m|² is largest. Whole lags are all compared in
+    one correlation. Between two of them the cubic spline is m(k + u) = Σ_i c_i(k) uⁱ, so that m·ẋ
+    and |m|² are polynomials of u, and the largest ratio is at a root of its derivative.
+    """
+    compared = slope[reach : len(slope) - reach]
+    products = correlate(logged, compared, "valid", "fft")  # of the lags -reach to reach
+    energy = np.concatenate([[0.0], np.cumsum(logged**2)])
+    squares = energy[len(compared) :] - energy[: 2 * reach + 1]
+    likeness = products**2 / np.maximum(squares, np.finfo(float).tiny)
+    whole = int(np.argmax(likeness))
+    best = (likeness[whole], whole - reach, squares[whole], products[whole])
+    spline = CubicSpline(np.arange(len(logged)), logged)
+    for first in (whole - 1, whole):
+        if not 0 <= first < 2 * reach:
+            continue
+        pieces = spline.c[:, first : first + len(compared)]  # highest power first
+        product, gram = np.poly1d(pieces @ compared), pieces @ pieces.T
+        square = np.poly1d([np.trace(gram[:, ::-1], 3 - power) for power in range(7)])
+        slopes = 2 * product.deriv() * square - product * square.deriv()
+        for u in slopes.roots[np.abs(slopes.roots.imag) < 1e-9].real:
+            if 0.0 < u < 1.0 and product(u) ** 2 / square(u) > best[0]:
+                likeness_there = product(u) ** 2 / square(u)
+                best = (likeness_there, first - reach + u, square(u), product(u))
+    return float(best[1]), float(best[2]), float(best[3])
 
 
 def _finding(

@@ -28,6 +28,7 @@ from pivident.experiment.schema import RecordingEntry
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.text.finding import Severity, merged, worst
+from pivident.text.lists import plural
 from pivident.threads import linear_algebra_in_one_thread
 
 
@@ -154,7 +155,7 @@ class _Check:
         self.remarks += check_robot(robot, self.content.robot.model)
         joints = robot.on_fixed_base.size
         self.looked_at.append(
-            f"robot {robot.name}: {joints} joint(s), limits, masses, inertias, gravity"
+            f"robot {robot.name}: {plural(joints, 'joint')}, limits, masses, inertias, gravity"
         )
         return robot
 

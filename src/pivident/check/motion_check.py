@@ -82,10 +82,14 @@ def _something_else(log: Log, q: np.ndarray, tau: np.ndarray, table: Place) -> I
     """A torque that is a position or a speed, and a position that is a speed."""
     place = (*table, "columns")
     speed = np.gradient(q, axis=0)
-    others = _other_columns(log)
+    others = {
+        name: (_correlations(np.gradient(column), q), np.abs(_correlations(column, q)))
+        for name, column in _other_columns(log).items()
+        if len(column) == len(q) and np.isfinite(column).all()
+    }
     for j, joint in enumerate(log.joint_names[: q.shape[1]]):
         for channel, signal in (("position", q[:, j]), ("speed", speed[:, j])):
-            if _correlation(tau[:, j], signal) > SAME:
+            if _correlations(tau[:, j], signal[:, None])[0] > SAME:
                 yield Remark(
                     "error",
                     "columns",
@@ -95,11 +99,8 @@ def _something_else(log: Log, q: np.ndarray, tau: np.ndarray, table: Place) -> I
                     "Another column was named for tau; name that of the torque.",
                     place=(*place, "tau"),
                 )
-        for name, column in others.items():
-            if len(column) != len(q) or not np.isfinite(column).all():
-                continue
-            moves = _correlation(np.gradient(column), q[:, j])
-            if moves > SAME and abs(_correlation(column, q[:, j])) < 0.9:
+        for name, (slope_like, alike) in others.items():
+            if slope_like[j] > SAME and alike[j] < 0.9:
                 text = (
                     f"The position of {joint} is the derivative of the column {name!r}, so it is "
                     "a speed."
@@ -116,11 +117,11 @@ def _other_columns(log: Log) -> Mapping[str, np.ndarray]:
     return {name: column for name, column in log.columns.items() if name not in log.clocks}
 
 
-def _correlation(x: np.ndarray, y: np.ndarray) -> float:
-    """Correlation of two signals, zero where one of them is constant."""
-    x, y = x - x.mean(), y - y.mean()
-    size = float(np.linalg.norm(x) * np.linalg.norm(y))
-    return float(x @ y) / size if size > 0 else 0.0
+def _correlations(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Correlation of a signal with each column of others, zero where one of the two is constant."""
+    x = x - x.mean()
+    size = np.linalg.norm(x) * np.sqrt(len(y)) * y.std(axis=0)
+    return np.divide(x @ y, size, out=np.zeros(y.shape[1]), where=size > 0)
 
 
 def _slow_rate(q: np.ndarray, rate: float, table: Place) -> Iterator[Remark]:

@@ -6,10 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from pivident.check.expected_time import expected_time, first_run
-from pivident.estimation.methods import Method
+from pivident.check.expected_time import expected_time, first_run, time_of_methods
+from pivident.estimation.methods import METHODS, Method
 from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
+from pivident.text.lists import plural
 from pivident.text.plain_values import plain
 
 
@@ -29,6 +30,7 @@ class Plan:
         folds: blocks that are held out in turn.
         seconds: expected processor time, held-out motion, tests and report included [s]; about
             right to a factor of two.
+        seconds_of: what each method there is adds to it [s], chosen or not.
         compiling: processor time on top of that which the first run needs to compile, where
             nothing of it is in the caches [s].
     """
@@ -43,6 +45,7 @@ class Plan:
     reference: str
     folds: int
     seconds: float
+    seconds_of: Mapping[str, float]
     compiling: float
 
     def as_json(self) -> dict[str, Any]:
@@ -56,8 +59,9 @@ class Plan:
             f"{name}: {samples} samples at {rate:.6g} Hz, {seconds:.4g} s"
             for name, samples, rate, seconds in self.recordings
         )
+        joints = plural(len(self.joints), "joint")
         lines = [
-            ("robot", f"{self.robot}, {len(self.joints)} joint(s): {', '.join(self.joints)}"),
+            ("robot", f"{self.robot}, {joints}: {', '.join(self.joints)}"),
             ("recordings", runs),
             ("parameters", f"{len(self.parameters)} base parameters: {self._named()}"),
             ("methods", ", ".join(self.methods)),
@@ -112,5 +116,6 @@ def plan_of(
         reference if controller else "",
         blocks,
         expected_time(problem, methods, blocks, law_unknown=controller == "identify"),
+        time_of_methods(problem, {**METHODS, **methods}, blocks),
         first_run(methods),
     )

@@ -11,6 +11,7 @@ import numpy as np
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
 from pivident.robot.description import Joint, Robot
 from pivident.robot.gallery import gallery_names, load_robot
+from pivident.text.lists import plural
 from pivident.text.plain_table import plain_table
 from pivident.text.printable import escaped
 
@@ -20,7 +21,7 @@ def gallery_text() -> str:
     robots = [(name, load_robot(name)) for name in gallery_names()]
     width = max(len(name) for name, _ in robots)
     lines = [
-        f"{name:<{width}}  {robot.on_fixed_base.size} joint(s): {robot.description}"
+        f"{name:<{width}}  {plural(robot.on_fixed_base.size, 'joint')}: {robot.description}"
         for name, robot in robots
     ]
     return "\n".join([*lines, "", "pivident robots NAME shows geometry and base parameters"])

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal, TypeVar
 
+from pivident.text.lists import plural
 from pivident.text.numbers import plus_minus
 from pivident.text.plain_values import plain
 
@@ -194,4 +195,4 @@ def counted(findings: Iterable[Finding]) -> str:
     """
     counts = Counter(finding.severity for finding in findings)
     named: tuple[Severity, ...] = ("error", "warning")
-    return ", ".join(f"{counts[s]} {s}{'' if counts[s] == 1 else 's'}" for s in named)
+    return ", ".join(plural(counts[s], s) for s in named)

@@ -15,6 +15,11 @@ def listed(names: Sequence[str], most: int = MAX_LISTED) -> str:
     return f"{', '.join(names[:most])} and {len(names) - most} more"
 
 
+def plural(number: int, thing: str) -> str:
+    """A number of things: 1 joint, 6 joints."""
+    return f"{number} {thing}{'' if number == 1 else 's'}"
+
+
 def separated(texts: Iterable[str]) -> list[str]:
     """Names of one text or several, with commas between them."""
     return [name for text in texts for name in map(str.strip, text.split(",")) if name]

@@ -13,6 +13,7 @@ from pivident.many.fleet.fleet_figures import chart_figure, overview_figure
 from pivident.many.fleet.judgement import Judgement, promise
 from pivident.many.fleet.wear import Rate
 from pivident.report.builder import page_environment, page_of
+from pivident.text.lists import plural
 from pivident.text.numbers import with_spread
 from pivident.text.toml import toml_lines
 
@@ -47,7 +48,7 @@ def render_page(judgement: Judgement) -> str:
         "digits": _digits,
         "percent_of": _percent,
         "alarm_numbers": _alarm_numbers,
-        "counted": _counted,
+        "counted": plural,
     }
     overview = overview_figure(judgement)
     content: dict[str, Any] = {
@@ -68,7 +69,7 @@ def render_page(judgement: Judgement) -> str:
             continue
         body = environment.get_template(f"fleet_{key}.html").render(content)
         sections.append((key, heading, Markup(body)))
-    counts = f"{_counted(len(fleet.robots), 'robot')}, {_counted(len(fleet.logs), 'log')}"
+    counts = f"{plural(len(fleet.robots), 'robot')}, {plural(len(fleet.logs), 'log')}"
     return page_of(environment, f"{fleet.template.experiment.title}: {counts}", sections)
 
 
@@ -108,12 +109,7 @@ def _headline(judgement: Judgement) -> str:
         return "No alarm: no watched parameter has changed significantly from its baseline."
     robots = [f"{robot} ({number})" for robot, number in count.most_common()]
     more = f" and {len(robots) - MAX_NAMED} more" if len(robots) > MAX_NAMED else ""
-    return f"{_counted(count.total(), 'alarm')}: {', '.join(robots[:MAX_NAMED])}{more}."
-
-
-def _counted(number: int, thing: str) -> str:
-    """A number of things."""
-    return f"{number} {thing}{'' if number == 1 else 's'}"
+    return f"{plural(count.total(), 'alarm')}: {', '.join(robots[:MAX_NAMED])}{more}."
 
 
 def _alarm_numbers(alarm: Alarm) -> tuple[str, str, str]:
