@@ -53,3 +53,15 @@ def test_why_there_is_no_draft(tmp_path):
     ):
         content, _ = drafted(tmp_path, logs, robot, {}, [], [])
         assert words in content["error"] and content["text"] == ""
+
+
+def test_a_log_that_cannot_be_read_does_not_stand_in_the_way(tmp_path):
+    write_log(tmp_path / "log.csv")
+    (tmp_path / "broken.npz").write_bytes(b"not an archive")
+    content, _ = drafted(tmp_path, ["broken.npz", "log.csv"], "planar_2r", {}, [], [])
+    alone, _ = drafted(tmp_path, ["log.csv"], "planar_2r", {}, [], [])
+    assert content["text"] == alone["text"] != "" and content["error"] == ""
+    (left_out,) = content["troubles"]
+    assert left_out.startswith("broken.npz is left out of the draft: ")
+    content, _ = drafted(tmp_path, ["broken.npz"], "planar_2r", {}, [], [])
+    assert "broken.npz" in content["error"] and content["text"] == ""

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from pivident.errors import ExperimentError
 from pivident.experiment.explained import plain_form
-from pivident.studio.edits import with_value, without
+from pivident.studio.edits import confirmed, with_value, without
 from pivident.studio.rows import experiment_rows
 from pivident.text.toml import parse_toml
 from tests.planar_log import EXPERIMENT
@@ -132,7 +132,10 @@ def test_a_key_is_removed_and_comes_back(text, data):
     new = without(text, row.place)
     expected = copy.deepcopy(content(text))
     at(expected, row.place[:-1]).pop(row.place[-1])
-    assert content(new) == expected
+    lonely = copy.deepcopy(expected)  # dotted keys take their table along
+    if at(lonely, row.place[:-1]) == {}:
+        at(lonely, row.place[:-2]).pop(row.place[-2])
+    assert content(new) in (expected, lonely)
     assert content(with_value(new, row.place, row.value)) == content(text)
 
 
@@ -209,3 +212,30 @@ def test_one_of_two_faults_can_be_corrected():
     text = EXPERIMENT.replace("[recording]", "[recording]\nrates = 3\nside2 = 1")
     new = without(text, ("recording", 0, "rates"))
     assert "# rates = 3\n" in new and "\nside2 = 1\n" in new
+
+
+def test_an_assumption_that_somebody_has_found_right():
+    place = ("recording", 0, "units", "tau")
+    text = (
+        'robot = "arm"\n\n[recording]\nfiles = "log.csv"\n'
+        "[recording.units]\n# ASSUMED, please check: the masses of the file. Or else.\n"
+        'tau = [{unit = "A", gain = 2.0, scale = "assumed"}, {unit = "A", gain = 3.0}]  # drives\n'
+        "# likely: seen.\nq = 'deg'\n"
+    )
+    new = confirmed(text, place)
+    assert new == text.replace(
+        "# ASSUMED, please check: the masses of the file. Or else.\n",
+        "# Confirmed by hand (ASSUMED, please check: the masses of the file. Or else).\n",
+    ).replace(', scale = "assumed"', "")
+    (row,) = [row for row in experiment_rows(new) if row.place == place]
+    assert row.sure == "given" and "the masses of the file" in row.reason
+    for other in (place, ("recording", 0, "units", "q"), ("recording", 0, "units", "t")):
+        with pytest.raises(ExperimentError, match="no assumption"):
+            confirmed(new, other)
+
+
+def test_the_last_dotted_key_takes_its_table_along():
+    text = 'robot = "arm"\n[recording]\nfiles = "log.csv"\nunits.tau = {unit = "A", gain = 2.0}\n'
+    new = without(text, ("recording", 0, "units", "tau"))
+    assert parse_toml(new) == {"robot": "arm", "recording": {"files": "log.csv"}}
+    assert '# units.tau = {unit = "A", gain = 2.0}' in new

@@ -55,8 +55,12 @@ def test_two_files_to_a_verdict(arm, tmp_path, width, colour):
         ready(page)
         assert fits(page)
         page.locator("#checks .headline").wait_for()
+        assert "These methods take about" in page.locator("#run output.time").inner_text()
         page.get_by_role("button", name="Run", exact=True).click()
         page.locator("article.run .headline").wait_for(timeout=300_000)
+        assert page.locator("#run-of-001").evaluate(
+            "e => e.getBoundingClientRect().top < innerHeight"
+        )
         verdict = page.locator("article.run .headline").first.inner_text()
         assert verdict.startswith(("Take the estimate of", "Do not use"))
         assert fits(page)
@@ -129,8 +133,8 @@ def test_a_change_redraws_the_signals_and_can_be_undone(planar):
         field = page.locator("[id='row-recording.0.units.q-value']")
         assert "deg" in field.input_value()
         highest = (
-            "() => { const { data } = document.querySelector('[data-channel=q] .plot');"
-            "return data ? Math.max(...data[0].y) : 0; }"
+            "() => { const plot = document.querySelector('[data-channel=q] .plot');"
+            "return plot?.data ? Math.max(...plot.data[0].y) : 0; }"  # none while it is read anew
         )
         page.locator("[data-channel=q]").scroll_into_view_if_needed()
         page.wait_for_function(f"() => ({highest})() > 0")
@@ -148,6 +152,23 @@ def test_a_change_redraws_the_signals_and_can_be_undone(planar):
         page.get_by_role("button", name="Undo the last change").click()
         ready(page)
         assert "deg" in field.input_value()
+
+
+def test_an_assumption_is_confirmed_with_one_button(planar):
+    path = planar / "experiment.toml"
+    text = path.read_text(encoding="utf-8")
+    assumed = "# ASSUMED, please check: it looks like degrees.\n"
+    line = next(one for one in text.splitlines() if one.startswith("units"))
+    path.write_text(text.replace(line, assumed + line), encoding="utf-8")
+    with served(planar.parent) as server, browsing() as page:
+        page.goto(server.address)
+        page.goto(f"{server.base}/p/arm")
+        page.locator(".row.assumed").first.wait_for()
+        page.get_by_role("button", name="is right").first.click()
+        page.locator(".row.assumed").first.wait_for(state="detached")
+    assert path.read_text(encoding="utf-8") == text.replace(
+        line, f"# Confirmed by hand ({assumed[2:-2]}).\n{line}"
+    )
 
 
 def test_two_tabs_show_the_same(planar):

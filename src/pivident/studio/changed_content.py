@@ -38,6 +38,16 @@ def content_without(content: dict[str, Any], place: Place) -> dict[str, Any]:
     return plain_form(new)
 
 
+def without_empty_tables(content: Any, place: Place) -> Any:
+    """The content without a table that is empty, nor those around it that are empty then."""
+    inner = content
+    for part in place:
+        inner = _inside(inner, part, place)
+    if inner or not place:
+        return content
+    return without_empty_tables(content_without(content, place), place[:-1])
+
+
 def _inside(table: Any, part: int | str, place: Place) -> Any:
     """A part of a table."""
     try:

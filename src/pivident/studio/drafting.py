@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from pivident.errors import PividentError
 from pivident.files import atomic_folder
 from pivident.init.draft import draft_experiment
+from pivident.logs.recognition.log_file import read_log_file
 from pivident.studio.projects import EXPERIMENT, HIDDEN
 from pivident.text.plain_values import plain, write_json
 
@@ -42,28 +44,51 @@ def draft(
     content: dict[str, Any] = {
         "text": "", "questions": [], "troubles": [], "explained": {}, "assumptions": [], "error": ""
     }  # fmt: skip
+    drafted = partial(
+        draft_experiment,
+        robot=_in_project(project, robot),
+        out=project / EXPERIMENT,
+        joints=joints,
+        column_names=column_names,
+        answers=dict(answers),
+        progress=say,
+    )
+    unread: dict[str, str] = {}
     try:
-        made = draft_experiment(
-            [project / log for log in logs],
-            _in_project(project, robot),
-            out=project / EXPERIMENT,
-            joints=joints,
-            column_names=column_names,
-            answers=dict(answers),
-            progress=say,
-        )
+        try:
+            made = drafted([project / log for log in logs])
+        except PividentError:  # a log that cannot be read does not stand in the way of the others
+            unread = _unreadable(project, logs, column_names)
+            if not unread or len(unread) == len(logs):
+                raise
+            made = drafted([project / log for log in logs if log not in unread])
     except (PividentError, OSError) as error:
         content["error"] = " ".join(str(error).split())
     else:
         content |= {
             "text": made.text,
             "questions": [asdict(question) for question in made.questions],
-            "troubles": list(made.troubles),
+            "troubles": [*_left_out(unread), *made.troubles],
             "explained": made.explained,
             "assumptions": [asdict(line) for line in made.assumptions],
         }
     with atomic_folder(project / HIDDEN) as build:
         write_json(build / DRAFT, plain(content))
+
+
+def _unreadable(project: Path, logs: Sequence[str], column_names: Sequence[str]) -> dict[str, str]:
+    """Logs that cannot be read by themselves, each with the reason."""
+    found = {}
+    for log in logs:
+        try:
+            read_log_file(project / log, (), column_names)
+        except (PividentError, OSError) as error:
+            found[log] = " ".join(str(error).split())
+    return found
+
+
+def _left_out(unread: Mapping[str, str]) -> list[str]:
+    return [f"{log} is left out of the draft: {why}" for log, why in unread.items()]
 
 
 def _in_project(project: Path, robot: str | None) -> str | None:

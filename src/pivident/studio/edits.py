@@ -26,8 +26,20 @@ from pivident.studio.added_keys import (
     is_head,
     with_ends,
 )
-from pivident.studio.changed_content import called, content_with, content_without
-from pivident.studio.comments import BY_HAND, comments, line_start, next_line
+from pivident.studio.changed_content import (
+    called,
+    content_with,
+    content_without,
+    without_empty_tables,
+)
+from pivident.studio.comments import (
+    BY_HAND,
+    Comment,
+    comments,
+    line_start,
+    next_line,
+    sureness,
+)
 from pivident.studio.key_words import numbered
 from pivident.studio.rows import checked_items, table_name
 from pivident.text.toml import parse_toml
@@ -35,6 +47,9 @@ from pivident.text.toml_places import Place, TomlItem, toml_items
 
 #: Longest old value that its comment repeats, in characters.
 MAX_VALUE = 200
+
+#: What the comment of a line says that somebody has found right, with the assumption behind it.
+CONFIRMED = "Confirmed by hand"
 
 #: What the comment of a key says that somebody has removed, which is then only suggested.
 REMOVED = "Removed by hand."
@@ -72,6 +87,32 @@ def without(text: str, place: Sequence[int | str]) -> str:
     return new
 
 
+def confirmed(text: str, place: Sequence[int | str]) -> str:
+    """The text with an assumption that somebody has found right: its comment says so.
+
+    A gain that is said to be ``scale = "assumed"`` is known from now on.
+
+    Args:
+        text: an experiment file.
+        place: tables and key of the assumption.
+
+    Raises:
+        ExperimentError: the text is not TOML, or there is no such assumption.
+    """
+    place = numbered(place)
+    items = checked_items(text)
+    item = find_item(text, items, place)
+    above = None if item is None else _comment_above(text, _line_of(items, item))
+    if above is None or sureness(above.text)[0] != "assumed":
+        raise ExperimentError(f"{called(place)} is no assumption any more; reload the page")
+    words = comment_lines(f"{CONFIRMED} ({above.text.rstrip('.')}).", text)
+    new = text[: above.start] + words + text[above.stop :]
+    new = _verified([new], plain_form(parse_toml(text)), place)
+    while (scale := _assumed_scale(new, place)) is not None:
+        new = changed(new, scale, None)
+    return new
+
+
 def changed(text: str, place: Sequence[int | str], value: str | None) -> str:
     """As `with_value`, or `without` where there is no value; the schema is not asked."""
     place = numbered(place)
@@ -104,6 +145,15 @@ def refuse_new_problems(old: str, new: str) -> None:
             raise ExperimentError(f"[{heading}] {problem.sentence}".removeprefix("[] "))
 
 
+def _assumed_scale(text: str, place: Place) -> Place | None:
+    """Where a value says of a gain in it that it is assumed."""
+    for item in toml_items(text):
+        inside = numbered(item.place)[: len(place)] == place
+        if inside and item.place[-1] == "scale" and "assumed" in text[item.value : item.stop]:
+            return item.place
+    return None
+
+
 def _removed(text: str, place: Place) -> str:
     """The text without what is at a place."""
     items = checked_items(text)
@@ -117,7 +167,11 @@ def _removed(text: str, place: Place) -> str:
         made = _without_inline(text, items, item)
     else:
         made = _suggested(text, items, item)
-    return _verified([made], content_without(plain_form(parse_toml(text)), place), place)
+    content = content_without(plain_form(parse_toml(text)), place)
+    try:
+        return _verified([made], content, place)
+    except ExperimentError:  # a table that only dotted keys have made is gone with the last one
+        return _verified([made], without_empty_tables(content, place[:-1]), place)
 
 
 def _checked_value(value: str, place: Place) -> str:
@@ -151,7 +205,7 @@ def _verified(made: Sequence[str], wanted: Any, place: Place) -> str:
 
 def _replaced(text: str, items: Sequence[TomlItem], item: TomlItem, value: str) -> str:
     """Another value, and a comment that says so above its line."""
-    line = next(x for x in items if not x.inline and x.start <= item.start < x.stop)
+    line = _line_of(items, item)
     key = _relative(item.place, line.place)
     old = _short(text[item.value : item.stop])
     changed = text[line.start : item.value] + value + text[item.stop : line.stop]
@@ -164,7 +218,7 @@ def _commented(text: str, line: TomlItem, key: str, old: str, changed: str) -> s
     Other comments stay; what stood there before the first change by hand is said, not every step.
     ``key``: what has changed within the value, empty for the whole.
     """
-    above = next(c for c in comments(text) if c.place == line.place and c.example is None)
+    above = _comment_above(text, line)
     start = line_start(text, line.start)
     words = f"{BY_HAND}{key}: {old}" if key else f"{BY_HAND}{old}"
     said_already = f"{BY_HAND}{key}: " in above.text if key else BY_HAND in above.text
@@ -179,9 +233,19 @@ def _commented(text: str, line: TomlItem, key: str, old: str, changed: str) -> s
     return text[: above.start] + kept + lines + indent + changed + text[line.stop :]
 
 
+def _line_of(items: Sequence[TomlItem], item: TomlItem) -> TomlItem:
+    """The key on a line of its own in whose value an entry stands."""
+    return next(x for x in items if not x.inline and x.start <= item.start < x.stop)
+
+
+def _comment_above(text: str, line: TomlItem) -> Comment:
+    """The comment of a key on a line of its own, empty where there is none."""
+    return next(c for c in comments(text) if c.place == line.place and c.example is None)
+
+
 def _suggested(text: str, items: Sequence[TomlItem], item: TomlItem) -> str:
     """A key as a comment below its reason, so that it can be taken back."""
-    above = next(c for c in comments(text) if c.place == item.place and c.example is None)
+    above = _comment_above(text, item)
     end = next_line(text, item.stop)
     tail = text[item.stop : end].strip()
     value = " ".join(text[item.value : item.stop].split())

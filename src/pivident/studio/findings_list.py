@@ -8,6 +8,7 @@ from typing import Any
 
 from pivident.check.plan import Plan
 from pivident.studio.rows import Row
+from pivident.text.lists import plural
 
 #: Severities from grave to harmless; what is right is not listed.
 SHOWN = ("error", "warning", "note")
@@ -32,17 +33,19 @@ def check_context(
     busy = look["findings"] == "running"
     remarks = check.get("remarks", [])
     places = {row.place for row in rows}
+    shown = [
+        _remark(number, remark, places)
+        for number, remark in enumerate(remarks)
+        if remark["severity"] in SHOWN
+    ]
     return {
         "applies": has_recording,
         "busy": (look["line"] or "starting") if busy else "",
         "error": check.get("error", "") or (look["error"] if look["findings"] == "failed" else ""),
         "headline": "" if check.get("error") else _headline(check),
         "severity": "error" if check.get("refused") else check.get("severity", "ok"),
-        "remarks": [
-            _remark(number, remark, places)
-            for number, remark in enumerate(remarks)
-            if remark["severity"] in SHOWN
-        ],
+        "remarks": shown,
+        "several_fixes": sum(bool(remark["fixes"]) for remark in shown) > 1,
         "audited": (folder / "findings" / "audit.html").is_file(),
         "plan": _plan(check.get("plan")),
     }
@@ -53,9 +56,7 @@ def _headline(check: dict[str, Any]) -> str:
     if not check:
         return ""
     counts = {s: sum(r["severity"] == s for r in check["remarks"]) for s in SHOWN}
-    counted = " and ".join(
-        f"{counts[s]} {s}{'' if counts[s] == 1 else 's'}" for s in ("error", "warning") if counts[s]
-    )
+    counted = " and ".join(plural(counts[s], s) for s in ("error", "warning") if counts[s])
     if check["refused"]:
         return f"A run would stop: {counted}."
     if counts["error"]:

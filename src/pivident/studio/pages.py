@@ -12,7 +12,6 @@ from typing import Any
 
 from markupsafe import Markup
 
-from pivident.check.plan import in_words
 from pivident.robot.gallery import gallery_names
 from pivident.studio.assets import templates
 from pivident.studio.findings_list import check_context
@@ -23,13 +22,14 @@ from pivident.studio.projects import (
     ProjectError,
     is_robot,
 )
-from pivident.studio.results_list import result_context
+from pivident.studio.results_list import clock, result_context
 from pivident.studio.row_groups import row_groups
 from pivident.studio.rows import addable
 from pivident.studio.run_folder import read_object
 from pivident.studio.studio import Content, Studio
 from pivident.studio.uploads import is_log
 from pivident.studio.view import View
+from pivident.text.lists import plural
 from pivident.text.plain_values import strict_json
 from pivident.text.sizes import bytes_in_words
 from pivident.version import __version__
@@ -137,6 +137,7 @@ def _run(view: View) -> dict[str, Any]:
     """Methods to choose from."""
     chosen = view.content.methods or list(DEFAULT)
     plan = view.check.get("plan") or {}
+    seconds_of = plan.get("seconds_of", {})
     known = {name for group in GROUPS for name in group.methods}
     others = {name: "named in the experiment file" for name in chosen if name not in known}
     groups = [
@@ -144,17 +145,24 @@ def _run(view: View) -> dict[str, Any]:
             "title": group.title,
             "folded": group.folded and not set(group.methods) & set(chosen),
             "methods": [
-                {"name": name, "words": words, "chosen": name in chosen}
+                {
+                    "name": name,
+                    "words": words,
+                    "chosen": name in chosen,
+                    "seconds": seconds_of.get(name.removeprefix("pc-"), ""),
+                }
                 for name, words in {**group.methods, **({} if group.folded else others)}.items()
             ],
         }
         for group in GROUPS
     ]
-    time = f"The methods of the file take about {in_words(plan['seconds'])}." if plan else ""
     return {
         "hindrance": view.hindrance,
         "groups": groups if view.content.has_recording else [],
-        "time": time,
+        # What no method changes, or nothing before the check has ended.
+        "seconds": plan["seconds"] - sum(seconds_of[name] for name in plan["methods"])
+        if plan
+        else "",
     }
 
 
@@ -254,8 +262,8 @@ PIECES = {
         Piece(
             "results",
             "results",
-            lambda v: [v.runs],
-            lambda v: result_context(v.project, v.runs, v.address),
+            lambda v: [v.runs, v.version],
+            lambda v: result_context(v.project, v.runs, v.address, v.text),
             _runs_mark,
         ),
         Piece("share", "share", lambda v: [v.files, v.runs, v.content.robot], _share),
@@ -336,6 +344,7 @@ def front_page(studio: Studio) -> str:
                 "name": project.name,
                 "address": studio.address(project),
                 "words": ", ".join(_about(project)),
+                "changed": clock(project.changed),
             }
             for project in studio.projects.listed()
         ],
@@ -352,7 +361,7 @@ def _about(project: Project) -> Iterator[str]:
     yield robot or "no robot yet"
     results = project.folder / RESULTS
     many = sum(p.is_dir() for p in results.iterdir()) if results.is_dir() else 0
-    yield f"{many} result{'' if many == 1 else 's'}"
+    yield plural(many, "result")
 
 
 def _quoted(name: str) -> str:

@@ -77,6 +77,12 @@ class Project:
                 "read"
             ) from error
 
+    @property
+    def changed(self) -> float:
+        """When its experiment file was changed last, or its folder without one [s since 1970]."""
+        place = self.experiment if self.experiment.exists() else self.folder
+        return place.stat().st_mtime
+
     def text_of(self, version: str) -> str:
         """Text of the experiment file, as long as it is the one that somebody has seen.
 
@@ -150,7 +156,8 @@ class Projects:
         if self.is_single:
             return [Project(self.root, self.root.name)]
         folders = [p for p in self.root.iterdir() if p.is_dir() and self._is_project(p)]
-        return [Project(p, p.name) for p in sorted(folders, key=_changed, reverse=True)]
+        found = [Project(p, p.name) for p in folders]
+        return sorted(found, key=lambda project: project.changed, reverse=True)
 
     def _is_project(self, folder: Path) -> bool:
         made = (folder / EXPERIMENT).is_file() or (folder / HIDDEN).is_dir()
@@ -273,9 +280,3 @@ def is_robot(path: Path) -> bool:
 
 def _number(earlier: list[Path]) -> int:
     return int(earlier[-1].stem) if earlier else 0
-
-
-def _changed(folder: Path) -> float:
-    """When a project was changed last [s]."""
-    experiment = folder / EXPERIMENT
-    return (experiment if experiment.exists() else folder).stat().st_mtime

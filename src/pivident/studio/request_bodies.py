@@ -39,6 +39,13 @@ class Edit(_Body):
     version: str
 
 
+class Confirmation(_Body):
+    """An assumption that is right."""
+
+    place: list[str | int]
+    version: str
+
+
 class Text(_Body):
     """The whole experiment file."""
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import tomllib
 from datetime import datetime
 from typing import Any
 from urllib.parse import quote
 
 from pivident.check.plan import in_words
-from pivident.studio.projects import Project
+from pivident.estimation.methods import METHODS
+from pivident.studio.projects import EXPERIMENT, Project
 from pivident.studio.run_folder import read_object
 from pivident.studio.steps import STEPS, offered
 from pivident.text.sizes import bytes_in_words
@@ -16,19 +18,44 @@ from pivident.text.sizes import bytes_in_words
 SHORT = 3.0
 
 
-def result_context(project: Project, runs: list[dict[str, Any]], address: str) -> dict[str, Any]:
+def result_context(
+    project: Project, runs: list[dict[str, Any]], address: str, text: str
+) -> dict[str, Any]:
     """What the section of results shows.
 
     Args:
         project: whose.
         runs: its runs, the last one first.
         address: of the project's page.
+        text: of the experiment file as it is now.
     """
-    shown = [_shown(project, run, address) for run in runs]
+    now = _meaning(text.encode("utf-8"))
+    shown = [
+        _shown(project, run, address) | {"outdated": _is_outdated(project, run, now)}
+        for run in runs
+    ]
     return {
         "runs": shown,
         "comparable": [r for r in shown if r["step"] == "identify" and r["state"] == "done"],
     }
+
+
+def _is_outdated(project: Project, run: dict[str, Any], now: object) -> bool:
+    """Whether the experiment file says something else by now than when the run was added."""
+    if run["step"] != "identify" or not run["results"]:
+        return False
+    try:
+        return _meaning((project.folder / run["results"] / EXPERIMENT).read_bytes()) != now
+    except OSError:
+        return False
+
+
+def _meaning(text: bytes) -> object:
+    """What a text says without its comments; the text itself where it is no TOML."""
+    try:
+        return tomllib.loads(text.decode("utf-8"))
+    except ValueError:
+        return text
 
 
 def _shown(project: Project, run: dict[str, Any], address: str) -> dict[str, Any]:
@@ -44,8 +71,8 @@ def _shown(project: Project, run: dict[str, Any], address: str) -> dict[str, Any
     return {
         **run,
         "title": step.title if step else run["step"],
-        "words": ", ".join(run.get("methods") or ()) or (step.words if step else ""),
-        "created": _clock(run["created"]),
+        "words": "; ".join(map(_method, run.get("methods") or ())) or (step.words if step else ""),
+        "created": clock(_seconds(run["created"])) if run["created"] else "",
         "took": _took(run),
         "stage": progress.get("stage", ""),
         "number": progress.get("number", 0),
@@ -107,16 +134,24 @@ def _offer(offer: dict[str, Any]) -> dict[str, Any]:
     return {**offer, "fields": fields}
 
 
-def _clock(stamp: str | None) -> str:
-    """A time of the log of runs as the reader's clock shows it."""
-    if not stamp:
-        return ""
-    return datetime.fromisoformat(stamp).astimezone().strftime("%Y-%m-%d %H:%M")
+def clock(seconds: float) -> str:
+    """A time since 1970 [s] as the reader's clock shows it."""
+    return datetime.fromtimestamp(seconds).astimezone().strftime("%Y-%m-%d %H:%M")
+
+
+def _method(name: str) -> str:
+    """A method as it is chosen, and as the verdict and reports call it."""
+    method = METHODS.get(name.removeprefix("pc-"))
+    return f"{name}: {method.label}" if method else name
 
 
 def _took(run: dict[str, Any]) -> str:
     """How long it took, once it has ended."""
     if not (run.get("started") and run.get("ended")):
         return ""
-    seconds = datetime.fromisoformat(run["ended"]) - datetime.fromisoformat(run["started"])
-    return in_words(seconds.total_seconds())
+    return in_words(_seconds(run["ended"]) - _seconds(run["started"]))
+
+
+def _seconds(stamp: str) -> float:
+    """A time of the account of a run [s since 1970]."""
+    return datetime.fromisoformat(stamp).timestamp()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from pivident.studio.row_labels import label_of
 from pivident.studio.rows import Row
 
 #: Groups in their order: name, heading, and the channels that are drawn beside it.
@@ -81,6 +82,7 @@ def _shown(row: Row) -> dict[str, Any]:
     """A line as its form shows it."""
     known = {name: getattr(row, name) for name in row.__dataclass_fields__}
     return known | {
+        "label": label_of(row.place),
         "place": list(row.place),
         "shown": ".".join(str(p) for p in row.place[1:] if not isinstance(p, int)) or row.key,
         "words": SURE[row.sure],

@@ -33,6 +33,7 @@ from pivident.studio.assets import ASSETS, asset
 from pivident.studio.pages import front_page, one_piece, project_page, state
 from pivident.studio.projects import Changed, Project, ProjectError
 from pivident.studio.request_bodies import (
+    Confirmation,
     DraftRequest,
     Edit,
     FixRequest,
@@ -99,6 +100,7 @@ def _routes() -> list[Route]:
         Route(f"{one}/robot", _changing(RobotChoice, _choose_robot), methods=["POST"]),
         Route(f"{one}/draft", _changing(DraftRequest, _draft), methods=["POST"]),
         Route(f"{one}/edit", _changing(Edit, _edit), methods=["POST"]),
+        Route(f"{one}/confirm", _changing(Confirmation, _confirm), methods=["POST"]),
         Route(f"{one}/text", _changing(Text, _write), methods=["POST"]),
         Route(f"{one}/undo", _undo, methods=["POST"]),
         Route(f"{one}/fix", _changing(FixRequest, _fix), methods=["POST"]),
@@ -170,14 +172,16 @@ def _threaded(answer: Callable[[Request], Response]) -> Answer:
     return threaded
 
 
-def _changing(kind: type[Body], act: Callable[[Studio, Project, Body], object]) -> Answer:
-    """An answer that reads a body of some kind and changes a project by it."""
+def _changing(
+    kind: type[Body], act: Callable[[Studio, Project, Body], dict[str, str] | None]
+) -> Answer:
+    """An answer that reads a body of some kind and changes a project by it; it says what is new."""
 
     async def changing(request: Request) -> Response:
         body = await _body(request, kind)
         project = await run_in_threadpool(_project_of, request)
-        await run_in_threadpool(act, _studio(request), project, body)
-        return _done()
+        made = await run_in_threadpool(act, _studio(request), project, body)
+        return _done(**(made or {}))
 
     return changing
 
@@ -279,6 +283,10 @@ def _edit(studio: Studio, project: Project, body: Edit) -> None:
     studio.edit(project, body.place, body.value, body.version)
 
 
+def _confirm(studio: Studio, project: Project, body: Confirmation) -> None:
+    studio.confirm(project, body.place, body.version)
+
+
 def _write(studio: Studio, project: Project, body: Text) -> None:
     studio.projects.write(project, body.text, body.version)
 
@@ -287,8 +295,8 @@ def _fix(studio: Studio, project: Project, body: FixRequest) -> None:
     studio.fix(project, body.remark, body.fix, body.version)
 
 
-def _run(studio: Studio, project: Project, body: RunRequest) -> None:
-    studio.run(project, body.step, body.arguments)
+def _run(studio: Studio, project: Project, body: RunRequest) -> dict[str, str]:
+    return {"run": studio.run(project, body.step, body.arguments)}
 
 
 @_threaded

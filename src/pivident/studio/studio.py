@@ -18,7 +18,7 @@ from pivident.init.experiment_text import string_text
 from pivident.robot.gallery import gallery_names
 from pivident.robot.naming import nearest
 from pivident.studio.drafting import DRAFT, draft
-from pivident.studio.edits import with_value, without
+from pivident.studio.edits import confirmed, with_value, without
 from pivident.studio.example import ROBOT, draft_example
 from pivident.studio.fixes import applied, of_json
 from pivident.studio.looks import Looks
@@ -193,6 +193,20 @@ class Studio:
         place = tuple(place)
         new = without(text, place) if value is None else with_value(text, place, value)
         self.projects.write(project, new, version)
+
+    def confirm(self, project: Project, place: Sequence[str | int], version: str) -> None:
+        """Note that an assumption is right.
+
+        Args:
+            project: whose.
+            place: tables and key.
+            version: of the text that the page shows.
+
+        Raises:
+            ExperimentError: this is no assumption.
+            Changed: the file is no longer the one that the page shows.
+        """
+        self.projects.write(project, confirmed(project.text_of(version), tuple(place)), version)
 
     def fix(self, project: Project, remark: int, number: int, version: str) -> None:
         """Apply a fix of a finding.

@@ -42,8 +42,27 @@
   function begin(piece) {
     piece.querySelectorAll(".replay").forEach(replay);
     if (piece.querySelector("figure.signal")) signals.drawAll();
-    const mark = document.querySelector(`[data-mark="${piece.dataset.part}"].mark`);
-    if (mark && piece.dataset.mark !== undefined && piece.dataset.mark !== "-") mark.textContent = piece.dataset.mark;
+    note(piece);
+  }
+
+  /** What the list of steps and the form of methods show of a piece. */
+  function note(piece) {
+    const { part, mark: words } = piece.dataset;
+    const mark = document.querySelector(`[data-mark="${part}"].mark`);
+    if (mark && words !== undefined && words !== "-") {
+      mark.textContent = words;
+      mark.dataset.kind = words.startsWith("×") ? "bad" : words.startsWith("✓") || words === "ready" ? "good" : "";
+    }
+    piece.querySelectorAll("form[data-seconds]").forEach(estimate);
+  }
+
+  /** The time that the ticked methods take, as the check expects it. */
+  function estimate(form) {
+    const ticked = [...form.querySelectorAll("[name=method]:checked")];
+    const seconds = ticked.reduce((sum, { dataset }) => sum + Number(dataset.seconds), Number(form.dataset.seconds));
+    const known = form.dataset.seconds && ticked.length;
+    const words = seconds < 90 ? `${Math.max(1, Math.round(seconds))} s` : `${Math.round(seconds / 60)} min`;
+    form.querySelector("output.time").textContent = known ? `These methods take about ${words}.` : "";
   }
 
   async function poll(force = false) {
@@ -76,12 +95,18 @@
   talk.whenAnswered(async (sender, answer) => {
     while (polling) await new Promise((done) => setTimeout(done, 30));
     await poll(answer !== null);
+    const run = answer?.run && document.getElementById(`run-of-${answer.run}`);
+    if (run) { // results are read where they appear
+      run.scrollIntoView({ block: "start" });
+      run.querySelector("h3").focus({ preventScroll: true });
+    }
   });
   bring.whenBrought(() => poll(true));
   addEventListener("visibilitychange", () => { if (!document.hidden) poll(); });
 
   // A value that was changed is sent when the reader is done with it.
   addEventListener("change", ({ target }) => {
+    if (target.form?.dataset.seconds !== undefined) estimate(target.form);
     const form = target.closest(".row form");
     if (form && target.name === "value") form.requestSubmit();
   });
@@ -106,9 +131,6 @@
     location.assign(`${event.target.action}?${query}`);
   });
 
-  pieces().forEach((piece) => {
-    const mark = document.querySelector(`[data-mark="${piece.dataset.part}"].mark`);
-    if (mark && piece.dataset.mark !== "-") mark.textContent = piece.dataset.mark;
-  });
+  pieces().forEach(note);
   poll();
 })();
