@@ -136,6 +136,20 @@ def test_run_is_not_offered_while_something_would_mislead(client, arm):
     wait_for(client, lambda: "Ready to run" in client.get("/p/arm/part/checks").text)
 
 
+def test_the_example_is_simulated_and_may_be_simulated_again(client, tmp_path):
+    assert client.post("/projects/example", json={"name": "ex"}).json()["to"] == "/p/ex"
+    wait_for(client, lambda: client.get("/p/ex/state") and "recording" in text_of(tmp_path / "ex"))
+    assert client.post("/p/ex/example").status_code == 422  # it has a log
+    assert client.delete("/p/ex/files/log.csv").status_code == 200
+    assert "Simulate a log" in client.get("/p/ex/part/files").text
+    assert client.post("/p/ex/example").status_code == 200
+    wait_for(client, lambda: (tmp_path / "ex" / "log.csv").is_file())
+
+
+def text_of(project):
+    return (project / "experiment.toml").read_text(encoding="utf-8")
+
+
 def corpus():
     """Broken logs and robots, of which readers must say what is wrong."""
     return {

@@ -167,7 +167,7 @@ class Experiment:
         if controller is not None:
             found = controller.type == "identify" or controller.source == "reconstruct"
             if found:
-                say("finding out about the control loop")
+                say("identifying the control loop")
             try:
                 with errors_name(self.path, "[controller]"):
                     recordings, loop = loop_of(controller, robot, recordings)

@@ -85,13 +85,14 @@ def scale_sentences(scales: Sequence[TorqueScale]) -> tuple[str, ...]:
         found.append(
             f"The torque of {_joints(assumed)} is in units of the log ({_units(assumed)}), and the "
             "scale to N m is an assumption: so are the sizes of all parameters, whatever their "
-            'intervals say; torque errors in per cent hold. Write "N m" where the log has that.'
+            "intervals say; relative errors of the torque do not depend on it. Write "
+            '"N m" where the log has that.'
         )
     if masses:
         found.append(
             f"The scale of the torque of {_joints(masses)} ({_units(masses)}) was taken from the "
             "masses of the robot's description: parameters are as wrong as these, whatever their "
-            "intervals say; torque errors in per cent hold."
+            "intervals say; relative errors of the torque do not depend on it."
         )
     found = [*found[:-1], f"{found[-1]} {_ENTER}."] if found else []
     if output := [s for s in dict.fromkeys(scales) if s.basis == OUTPUT]:

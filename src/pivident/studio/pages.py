@@ -14,6 +14,7 @@ from markupsafe import Markup
 
 from pivident.robot.gallery import gallery_names
 from pivident.studio.assets import templates
+from pivident.studio.example import ROBOT
 from pivident.studio.findings_list import check_context
 from pivident.studio.methods import DEFAULT, GROUPS
 from pivident.studio.projects import (
@@ -87,6 +88,7 @@ def _files(view: View) -> dict[str, Any]:
         "troubles": draft.get("troubles", []) if untouched and not busy else [],
         "questions": draft.get("questions", []) if untouched and not busy else [],
         "may_draft": bool(robot and logs) and not busy,
+        "may_simulate": robot == ROBOT and not logs and not busy,
         "has_recording": view.content.has_recording,
         "edited": view.content.has_recording and not untouched,
     }

@@ -98,6 +98,7 @@ def _routes() -> list[Route]:
         Route(f"{one}/files/{{path:path}}", _bring, methods=["PUT"]),
         Route(f"{one}/files/{{path:path}}", _remove_file, methods=["DELETE"]),
         Route(f"{one}/robot", _changing(RobotChoice, _choose_robot), methods=["POST"]),
+        Route(f"{one}/example", _simulate_log, methods=["POST"]),
         Route(f"{one}/draft", _changing(DraftRequest, _draft), methods=["POST"]),
         Route(f"{one}/edit", _changing(Edit, _edit), methods=["POST"]),
         Route(f"{one}/confirm", _changing(Confirmation, _confirm), methods=["POST"]),
@@ -297,6 +298,12 @@ def _fix(studio: Studio, project: Project, body: FixRequest) -> None:
 
 def _run(studio: Studio, project: Project, body: RunRequest) -> dict[str, str]:
     return {"run": studio.run(project, body.step, body.arguments)}
+
+
+@_threaded
+def _simulate_log(request: Request) -> Response:
+    _studio(request).simulate_log(_project_of(request))
+    return _done()
 
 
 @_threaded

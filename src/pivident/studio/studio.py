@@ -75,9 +75,20 @@ class Studio:
         """
         project = self.projects.create(name)
         self.choose_robot(project, ROBOT, version_of(""))
-        self._drafted_from[project.folder] = version_of(project.text)
-        self.tasks.start(self._task(project), draft_example, project.folder)
+        self.simulate_log(project)
         return project
+
+    def simulate_log(self, project: Project) -> None:
+        """Simulate a log of the example's arm beside the server, and draft the experiment file.
+
+        Raises:
+            ProjectError: the project has another robot, or a log.
+        """
+        text = project.text
+        if Content(text).robot != ROBOT or self.logs(project):
+            raise ProjectError(f"a log is simulated for {ROBOT} alone, and where there is none yet")
+        self._drafted_from[project.folder] = version_of(text)
+        self.tasks.start(self._task(project), draft_example, project.folder)
 
     def choose_robot(self, project: Project, model: str, version: str) -> None:
         """Take a robot; without an experiment file one is begun with it.

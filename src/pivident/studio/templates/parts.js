@@ -25,6 +25,7 @@
     const open = new Map([...old.querySelectorAll("details")].map((details) => [summaryOf(details), details.open]));
     const focused = old.contains(document.activeElement) ? document.activeElement : null;
     const { id, selectionStart } = focused ?? {};
+    keepFigures(old, fresh);
     old.replaceWith(fresh);
     for (const details of fresh.querySelectorAll("details")) {
       const before = open.get(summaryOf(details));
@@ -37,6 +38,16 @@
       try { again.setSelectionRange?.(selectionStart, selectionStart); } catch { /* no text field */ }
     }
     begin(fresh);
+  }
+
+  /** While signals are read anew, the old ones stay where they were, so that nothing jumps. */
+  function keepFigures(old, fresh) {
+    for (const figures of old.querySelectorAll(".group > .beside > .signals")) {
+      const place = fresh.querySelector(`#${figures.closest(".group").id} > .beside`);
+      if (!place || place.querySelector(".signals")) continue;
+      figures.classList.add("stale");
+      place.append(figures);
+    }
   }
 
   function begin(piece) {
@@ -77,6 +88,7 @@
       if (lost) talk.say("");
       lost = false;
       busy = state.busy;
+      if (!busy) document.querySelectorAll(".stale").forEach((figures) => figures.remove());
       for (const piece of pieces()) {
         if (state.keys[piece.dataset.piece] !== piece.dataset.key) await swap(piece, force);
       }
