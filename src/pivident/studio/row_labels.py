@@ -58,6 +58,8 @@ def label_of(place: Place) -> str:
     """A key in words; empty for one that goes by its name."""
     names = [part for part in place if isinstance(part, str)]
     table, key = names[-2:] if len(names) > 1 else ("", names[0])
-    if table in ("columns", "units") and key in SIGNALS:
-        return f"{'Columns' if table == 'columns' else 'Unit'} of {SIGNALS[key]}"
+    if table == "units" and key in SIGNALS:
+        return f"Unit of {SIGNALS[key]}"
+    if table == "columns" and key in SIGNALS:
+        return f"Column{'' if key == 't' else 's'} of {SIGNALS[key]}"
     return LABELS.get(".".join(names), "")
