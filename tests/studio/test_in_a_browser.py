@@ -171,6 +171,46 @@ def test_an_assumption_is_confirmed_with_one_button(planar):
     )
 
 
+def test_one_change_is_one_request(planar):
+    """A field that is left for its button is sent once; so is a button that is pressed twice."""
+    sent = []
+    with served(planar.parent) as server, browsing() as page:
+        page.goto(server.address)
+        page.goto(f"{server.base}/p/arm")
+        ready(page)
+        page.on("request", lambda r: r.method == "POST" and sent.append(r.url.rpartition("/")[2]))
+        page.get_by_role("button", name="Run", exact=True).dblclick()
+        page.locator("article.run").first.wait_for()
+        assert sent == ["run"]
+        row = page.locator("[id='row-controller.kp']")
+        row.locator("[name=value]").fill("[5000, 2500]")
+        row.get_by_role("button", name="Change").click()
+        page.wait_for_function(
+            "() => document.querySelector(\"[id='row-controller.kp-value']\").defaultValue"
+            ".includes('5000')"
+        )
+        assert sent == ["run", "edit"] and page.locator("#said").is_hidden()
+
+
+def test_files_that_are_dropped_on_the_front_page(tmp_path):
+    write_log(tmp_path / "log.csv")
+    content = (tmp_path / "log.csv").read_text(encoding="utf-8")
+    (tmp_path / "root").mkdir()
+    with served(tmp_path / "root") as server, browsing() as page:
+        page.goto(server.address)
+        page.evaluate(
+            """(content) => {
+                const transfer = new DataTransfer();
+                transfer.items.add(new File([content], "my arm.csv"));
+                dispatchEvent(new DragEvent("drop", {dataTransfer: transfer, cancelable: true}));
+            }""",
+            content,
+        )
+        page.wait_for_url("**/p/my%20arm")
+        page.locator("[data-file='my arm.csv']").wait_for()
+    assert (tmp_path / "root" / "my arm" / "my arm.csv").read_text(encoding="utf-8") == content
+
+
 def test_two_tabs_show_the_same(planar):
     with served(planar.parent) as server, browsing() as page:
         page.goto(server.address)

@@ -74,8 +74,9 @@ def test_the_experiment_is_that_of_the_time_when_the_run_was_added(project, runs
     outputs = [ended(runs, project, run)["output"] for run in (first, second, third)]
     assert ["planar_2r" in text for text in outputs] == [True, True, False]
     assert ["changed" in text for text in outputs] == [False, False, True]
-    # The title of pages is the project's; the name of the copy is nobody's concern.
-    assert all('title = "elbow 1"' in t and t.endswith("experiment.toml\n") for t in outputs)
+    # The title of pages is the project's with the run; the name of the copy is nobody's concern.
+    for k, text in enumerate(outputs, 1):
+        assert f'title = "elbow 1, run 00{k}"' in text and text.endswith("experiment.toml\n")
     assert not any(".experiment-" in text for text in outputs)
     shas = [entry(runs, project, run)["experiment"] for run in (first, second, third)]
     assert shas[0] == shas[1] != shas[2]

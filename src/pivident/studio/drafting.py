@@ -42,7 +42,8 @@ def draft(
         say: called with one line at each stage.
     """
     content: dict[str, Any] = {
-        "text": "", "questions": [], "troubles": [], "explained": {}, "assumptions": [], "error": ""
+        "text": "", "questions": [], "troubles": [], "explained": {}, "assumptions": [],
+        "left_out": {}, "error": ""
     }  # fmt: skip
     drafted = partial(
         draft_experiment,
@@ -68,7 +69,8 @@ def draft(
         content |= {
             "text": made.text,
             "questions": [asdict(question) for question in made.questions],
-            "troubles": [*_left_out(unread), *made.troubles],
+            "troubles": list(made.troubles),
+            "left_out": unread,
             "explained": made.explained,
             "assumptions": [asdict(line) for line in made.assumptions],
         }
@@ -85,10 +87,6 @@ def _unreadable(project: Path, logs: Sequence[str], column_names: Sequence[str])
         except (PividentError, OSError) as error:
             found[log] = " ".join(str(error).split())
     return found
-
-
-def _left_out(unread: Mapping[str, str]) -> list[str]:
-    return [f"{log} is left out of the draft: {why}" for log, why in unread.items()]
 
 
 def _in_project(project: Path, robot: str | None) -> str | None:

@@ -184,8 +184,8 @@ def _checked_value(value: str, place: Place) -> str:
     except ValueError as error:
         reason = str(error)
     raise ExperimentError(
-        f"{called(place)}: {value[:60]} is not a value of TOML ({reason}); texts stand in "
-        'quotation marks, lists in brackets: "rad", [1.0, 2.0]'
+        f"{called(place)}: {_short(value)} is not a value of TOML ({reason}); texts stand in "
+        'quotation marks, lists in brackets, numbers have a point: "rad", [1.5, 2.0]'
     )
 
 

@@ -138,7 +138,7 @@ def _after_friction(project: Path, folder: Path, name: str) -> Iterator[Offer]:
 def _exports(result: str) -> Iterator[Offer]:
     """Files for simulators."""
     for to, title in (("urdf", "URDF"), ("mjcf", "MuJoCo"), ("c", "C")):
-        reason = f"The parameters are physically consistent, as {title} needs them."
+        reason = "The parameters are physically consistent, as simulators need them."
         yield _offer("export", f"Export for {title}", reason, result=result, to=to)
 
 

@@ -21,9 +21,10 @@ from pivident.studio.projects import (
     RESULTS,
     Project,
     ProjectError,
+    is_named,
     is_robot,
 )
-from pivident.studio.results_list import clock, result_context
+from pivident.studio.results_list import clock, result_context, seconds_taken
 from pivident.studio.row_groups import row_groups
 from pivident.studio.rows import addable
 from pivident.studio.run_folder import read_object
@@ -76,7 +77,7 @@ def _files(view: View) -> dict[str, Any]:
                 "path": name,
                 "size": bytes_in_words(size),
                 "kind": "robot" if is_robot(Path(name)) else "log" if is_log(name) else "other",
-                "used": f'"{name}"' in view.text or f'"{name.partition("/")[0]}"' in view.text,
+                "used": is_named(name, view.text),
             }
             for name, size, _ in view.files
         ],
@@ -85,13 +86,27 @@ def _files(view: View) -> dict[str, Any]:
         "gallery": gallery_names(),
         "drafting": (view.draft_task["line"] or "starting") if busy else "",
         "draft_error": "" if busy else failed or draft.get("error", ""),
-        "troubles": draft.get("troubles", []) if untouched and not busy else [],
+        "troubles": _troubles(view) if untouched and not busy else [],
         "questions": draft.get("questions", []) if untouched and not busy else [],
         "may_draft": bool(robot and logs) and not busy,
         "may_simulate": robot == ROBOT and not logs and not busy,
         "has_recording": view.content.has_recording,
         "edited": view.content.has_recording and not untouched,
     }
+
+
+def _troubles(view: View) -> list[str]:
+    """What the draft could not settle; logs that were left out as long as they are there."""
+    there = {name for name, _, _ in view.files}
+    left_out = view.draft.get("left_out", {})
+    return [
+        *(
+            f"{log} is left out of the draft: {why}"
+            for log, why in left_out.items()
+            if log in there
+        ),
+        *view.draft.get("troubles", []),
+    ]
 
 
 def _motion(view: View) -> dict[str, Any]:
@@ -109,6 +124,7 @@ def _motion(view: View) -> dict[str, Any]:
         "motion": shown,
         "robot": robot,
         "logged": bool(found.get("logged")),
+        "drafting": view.draft_task["state"] == "running",
         "busy": busy or ("reading" if view.look["signals"] == "running" else ""),
         "error": error if view.text else "",
     }
@@ -161,11 +177,24 @@ def _run(view: View) -> dict[str, Any]:
     return {
         "hindrance": view.hindrance,
         "groups": groups if view.content.has_recording else [],
-        # What no method changes, or nothing before the check has ended.
-        "seconds": plan["seconds"] - sum(seconds_of[name] for name in plan["methods"])
-        if plan
-        else "",
+        "seconds": _common_time(plan) if plan else "",
+        "factor": _slowness(view, plan) if plan else 1.0,
     }
+
+
+def _common_time(plan: dict[str, Any]) -> float:
+    """What an identification takes beside its methods [s]."""
+    return plan["seconds"] - sum(plan["seconds_of"][name] for name in plan["methods"])
+
+
+def _slowness(view: View, plan: dict[str, Any]) -> float:
+    """How many times as long as expected the last identification took; 1 before there is one."""
+    for run in view.runs:
+        names = [name.removeprefix("pc-") for name in run["methods"]]
+        if run["step"] == "identify" and run["state"] == "done" and run["started"]:
+            expected = _common_time(plan) + sum(plan["seconds_of"].get(n, 0.0) for n in names)
+            return seconds_taken(run) / expected
+    return 1.0
 
 
 def _share(view: View) -> dict[str, Any]:
@@ -177,9 +206,11 @@ def _share(view: View) -> dict[str, Any]:
     logs = sum(size for name, size, _ in view.files if is_log(name))
     commands = []
     if view.content.has_recording:
-        names = " ".join(_quoted(name) for name in view.studio.logs(view.project))
+        used = [n for n in view.studio.logs(view.project) if is_named(n, view.text)]
+        changed = view.text != view.draft.get("text")
         commands = [
-            f"pivident init {names} --robot {_quoted(view.content.robot)}",
+            f"pivident init {' '.join(map(_quoted, used))} --robot {_quoted(view.content.robot)}",
+            *["# the experiment file was changed by hand after this"] * changed,
             "pivident check experiment.toml",
             *reversed([run["command"] for run in view.runs if run["state"] == "done"]),
         ]
@@ -206,8 +237,7 @@ def _check_mark(view: View) -> str:
 def _runs_mark(view: View) -> str:
     """Whether something is running."""
     active = sum(run["state"] == "running" for run in view.runs)
-    done = sum(run["state"] == "done" for run in view.runs)
-    return f"{active} running" if active else f"({done})" if done else ""
+    return f"{active} running" if active else f"({len(view.runs)})" if view.runs else ""
 
 
 #: The steps in their order.
@@ -236,6 +266,7 @@ PIECES = {
             "assumptions",
             lambda v: (
                 [_signals_key(v), v.look["signals"], v.content.robot, v.look["error"]]
+                + [v.draft_task["state"]]
                 + ([v.look["line"]] if v.look["signals"] == "running" else [])
             ),
             _motion,
@@ -257,18 +288,23 @@ PIECES = {
         Piece(
             "run",
             "run",
-            lambda v: [v.version, v.hindrance, (v.check.get("plan") or {}).get("seconds")],
+            lambda v: [
+                v.version,
+                v.hindrance,
+                (v.check.get("plan") or {}).get("seconds"),
+                [run["id"] for run in v.runs if run["state"] == "done"],
+            ],
             _run,
             lambda v: "ready" if not v.hindrance else "",
         ),
         Piece(
             "results",
             "results",
-            lambda v: [v.runs, v.version],
+            lambda v: [v.runs, v.version, v.files],
             lambda v: result_context(v.project, v.runs, v.address, v.text),
             _runs_mark,
         ),
-        Piece("share", "share", lambda v: [v.files, v.runs, v.content.robot], _share),
+        Piece("share", "share", lambda v: [v.files, v.runs, v.version], _share),
     )
 }
 

@@ -79,9 +79,10 @@ class Project:
 
     @property
     def changed(self) -> float:
-        """When its experiment file was changed last, or its folder without one [s since 1970]."""
-        place = self.experiment if self.experiment.exists() else self.folder
-        return place.stat().st_mtime
+        """When its experiment file was changed or a result came last [s since 1970]."""
+        places = [self.experiment, self.folder / RESULTS]
+        there = [p for p in places if p.exists()] or [self.folder]
+        return max(place.stat().st_mtime for place in there)
 
     def text_of(self, version: str) -> str:
         """Text of the experiment file, as long as it is the one that somebody has seen.
@@ -276,6 +277,11 @@ def version_of(text: str) -> str:
 def is_robot(path: Path) -> bool:
     """Whether a file describes a robot, by its ending; an experiment file does not."""
     return path.name.lower().endswith(ROBOT_FILES) and path.name != EXPERIMENT
+
+
+def is_named(name: str, text: str) -> bool:
+    """Whether an experiment file names a file of its project, or the bag that it is of."""
+    return any(f'"{one}"' in text or f"'{one}'" in text for one in (name, name.partition("/")[0]))
 
 
 def _number(earlier: list[Path]) -> int:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import tomllib
+from contextlib import suppress
 from datetime import datetime
 from typing import Any
 from urllib.parse import quote
 
 from pivident.check.plan import in_words
 from pivident.estimation.methods import METHODS
-from pivident.studio.projects import EXPERIMENT, Project
+from pivident.studio.projects import EXPERIMENT, Project, is_named
 from pivident.studio.run_folder import read_object
-from pivident.studio.steps import STEPS, offered
+from pivident.studio.steps import EXPORTED, STEPS, offered
 from pivident.text.sizes import bytes_in_words
 
 #: Less than this is not worth a word [s].
@@ -29,25 +30,38 @@ def result_context(
         address: of the project's page.
         text: of the experiment file as it is now.
     """
-    now = _meaning(text.encode("utf-8"))
+    outdated = {run["results"]: _outdated(project, run, text) for run in runs}
     shown = [
-        _shown(project, run, address) | {"outdated": _is_outdated(project, run, now)}
+        _shown(project, run, address)
+        | {"outdated": outdated.get(_source(run)) or outdated[run["results"]]}
         for run in runs
     ]
     return {
         "runs": shown,
+        "newest": next((run["id"] for run in shown if run["offered"]), ""),
         "comparable": [r for r in shown if r["step"] == "identify" and r["state"] == "done"],
     }
 
 
-def _is_outdated(project: Project, run: dict[str, Any], now: object) -> bool:
-    """Whether the experiment file says something else by now than when the run was added."""
+def _source(run: dict[str, Any]) -> str:
+    """The identification that a run follows from, ``results/001-identify``; empty for others."""
+    result = str(run["arguments"].get("result", ""))
+    return "/".join(result.split("/")[:2])
+
+
+def _outdated(project: Project, run: dict[str, Any], text: str) -> str:
+    """What an identification was made from and is something else by now; empty if nothing."""
     if run["step"] != "identify" or not run["results"]:
-        return False
-    try:
-        return _meaning((project.folder / run["results"] / EXPERIMENT).read_bytes()) != now
-    except OSError:
-        return False
+        return ""
+    with suppress(OSError):
+        then = (project.folder / run["results"] / EXPERIMENT).read_bytes()
+        if _meaning(then) != _meaning(text.encode("utf-8")):
+            return "The experiment file has changed since."
+        for path in project.inputs():
+            name = path.relative_to(project.folder).as_posix()
+            if is_named(name, text) and path.stat().st_mtime > _seconds(run["created"]):
+                return f"{name} has changed since."
+    return ""
 
 
 def _meaning(text: bytes) -> object:
@@ -68,10 +82,21 @@ def _shown(project: Project, run: dict[str, Any], address: str) -> dict[str, Any
     against = [s for s in statements if s["severity"] in ("error", "warning")]
     left = progress.get("left_s")
     place = f"{address}/{quote(run['results'])}"
+    files = [
+        {
+            "path": file["path"],
+            "size": bytes_in_words(file["bytes"]),
+            "address": f"{place}/{quote(file['path'])}?download",
+        }
+        for file in run["files"]
+    ]
     return {
         **run,
         "title": step.title if step else run["step"],
-        "words": "; ".join(map(_method, run.get("methods") or ())) or (step.words if step else ""),
+        "words": _words(run) or (step.words if step else ""),
+        "best": verdict.get("name", ""),
+        "best_results": best_results(run, verdict),
+        "downloads": [file for file in files if file["path"].startswith(EXPORTED)],
         "created": clock(_seconds(run["created"])) if run["created"] else "",
         "took": _took(run),
         "stage": progress.get("stage", ""),
@@ -87,14 +112,7 @@ def _shown(project: Project, run: dict[str, Any], address: str) -> dict[str, Any
             {"title": page["title"], "address": f"{place}/{quote(page['path'])}"}
             for page in run["pages"]
         ],
-        "files": [
-            {
-                "path": file["path"],
-                "size": bytes_in_words(file["bytes"]),
-                "address": f"{place}/{quote(file['path'])}?download",
-            }
-            for file in run["files"]
-        ],
+        "files": files,
         "offered": [_offer(o) for o in (*offered(project.folder, run), *_always(run, verdict))],
     }
 
@@ -103,18 +121,40 @@ def _always(run: dict[str, Any], verdict: dict[str, Any]) -> list[dict[str, Any]
     """What can be done with every identification."""
     if run["step"] != "identify" or not run["results"] or not verdict.get("name"):
         return []
-    several = len(run.get("methods") or ()) > 1
-    best = f"{run['results']}/{verdict['name']}" if several else run["results"]
     return [
         {
             "step": "export",
-            "arguments": {"result": best, "free": True},
+            "arguments": {"result": best_results(run, verdict), "free": True},
             "words": "Export the estimate",
             "reason": "As it is; simulators may refuse parameters that no machine can have.",
         },
         {"step": "friction", "arguments": {}, "words": "Show friction", "reason": ""},
         {"step": "laws", "arguments": {}, "words": "Choose friction laws", "reason": ""},
     ]
+
+
+def best_results(run: dict[str, Any], verdict: dict[str, Any]) -> str:
+    """The results of the method that the verdict takes, where there are several."""
+    several = len(run.get("methods") or ()) > 1
+    return (
+        f"{run['results']}/{verdict['name']}" if several and verdict.get("name") else run["results"]
+    )
+
+
+def _words(run: dict[str, Any]) -> str:
+    """What was asked: methods, corrections, format, and the result that it is about."""
+    given = run["arguments"]
+    words = ["; ".join(map(_method, run.get("methods") or ()))] if run["step"] == "identify" else []
+    if free := given.get("free"):
+        words += (
+            [f"corrected with the estimate: {', '.join(free)}"]
+            if free is not True
+            else ["free estimate"]
+        )
+    words += [str(given["to"])] if isinstance(given.get("to"), str) else []
+    of = [given["result"]] if given.get("result") else given.get("results", [])
+    words += [f"of {', '.join(str(one).removeprefix('results/') for one in of)}"] if of else []
+    return " · ".join(filter(None, words))
 
 
 def _offer(offer: dict[str, Any]) -> dict[str, Any]:
@@ -149,7 +189,12 @@ def _took(run: dict[str, Any]) -> str:
     """How long it took, once it has ended."""
     if not (run.get("started") and run.get("ended")):
         return ""
-    return in_words(_seconds(run["ended"]) - _seconds(run["started"]))
+    return in_words(seconds_taken(run))
+
+
+def seconds_taken(run: dict[str, Any]) -> float:
+    """How long a run took that has ended [s]."""
+    return _seconds(run["ended"]) - _seconds(run["started"])
 
 
 def _seconds(stamp: str) -> float:

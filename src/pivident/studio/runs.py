@@ -83,7 +83,7 @@ class Runs:
         project, chosen = project.resolve(), step_named(step)
         out = f"{RESULTS}/{{id}}-{step}"
         argv = chosen.command(project, arguments, out)
-        experiment = _content(project / EXPERIMENT)
+        experiment = _content(project / EXPERIMENT) if EXPERIMENT in argv else None
         record = {
             "step": step,
             "title": chosen.title,

@@ -116,7 +116,7 @@ def _begin_anew(run: RunFolder, results: Path) -> None:
     (run.state / "progress").unlink(missing_ok=True)
     if (run.state / EXPERIMENT).exists():
         text = (run.state / EXPERIMENT).read_text(encoding="utf-8", errors="surrogateescape")
-        write_whole(run.copy, with_title(text, run.project.name))
+        write_whole(run.copy, with_title(text, f"{run.project.name}, run {run.id}"))
 
 
 def _command(run: RunFolder, record: dict[str, Any], lock: int) -> subprocess.Popen[bytes]:

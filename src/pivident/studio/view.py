@@ -66,6 +66,8 @@ class View:
     @cached_property
     def hindrance(self) -> str:
         """Why nothing may be run yet."""
+        if self.draft_task["state"] == "running" and not self.content.has_recording:
+            return "The experiment file is being drafted."
         return hindrance(self.content, self.look, self.check)
 
     def has(self, stage: str) -> bool:

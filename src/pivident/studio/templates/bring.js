@@ -23,7 +23,11 @@ const bring = (() => {
   /** Brings files, given as pairs of a path and a file; a bag is a folder. */
   async function all(form, files) {
     const progress = form.querySelector("progress");
-    const address = document.getElementById("project").dataset.address;
+    const there = [...document.querySelectorAll("[data-file]")].map(({ dataset }) => dataset.file);
+    const taken = files.map(([path]) => path).filter((path) => there.includes(path));
+    if (taken.length && !confirm(`Replace ${taken.join(", ")}?`)) return;
+    const address = document.getElementById("project")?.dataset.address ?? await created(files);
+    if (!address) return;
     talk.say("");
     progress.hidden = false;
     for (const [path, file] of files) {
@@ -31,7 +35,16 @@ const bring = (() => {
       await put(file, `${address}/files/${encoded(path)}`, progress);
     }
     progress.hidden = true;
-    listeners.forEach((listener) => listener());
+    if (document.getElementById("project")) listeners.forEach((listener) => listener());
+    else location.assign(address);
+  }
+
+  /** Address of a new project for files that were dropped where there is none yet. */
+  async function created(files) {
+    const field = document.getElementById("new-name");
+    const robot = files.find(([path]) => /\.(urdf|xml|mjcf|toml)(\.gz)?$/i.test(path)) ?? files[0];
+    const stem = robot[0].split("/").pop().replace(/\..*$/, "");
+    return (await talk.send("POST", "/projects", { name: field.value.trim() || stem }))?.to;
   }
 
   /** Files of what was dropped, those of folders with the folder's name. */
@@ -57,7 +70,7 @@ const bring = (() => {
 
   addEventListener("change", async (event) => {
     const form = event.target.closest("[data-bring]");
-    if (!form) return;
+    if (!form || event.target.type !== "file") return;
     const files = [...event.target.files].map((file) => [file.name, file]);
     event.target.value = "";
     await all(form, files);
@@ -72,7 +85,8 @@ const bring = (() => {
     event.preventDefault();
     away();
     const form = document.querySelector("[data-bring]");
-    if (form) await all(form, await dropped(event.dataTransfer));
+    const files = form ? await dropped(event.dataTransfer) : [];
+    if (files.length) await all(form, files);
   });
 
   addEventListener("submit", async (event) => {

@@ -70,7 +70,8 @@
   /** The time that the ticked methods take, as the check expects it. */
   function estimate(form) {
     const ticked = [...form.querySelectorAll("[name=method]:checked")];
-    const seconds = ticked.reduce((sum, { dataset }) => sum + Number(dataset.seconds), Number(form.dataset.seconds));
+    const expected = ticked.reduce((sum, { dataset }) => sum + Number(dataset.seconds), Number(form.dataset.seconds));
+    const seconds = expected * Number(form.dataset.factor);
     const known = form.dataset.seconds && ticked.length;
     const words = seconds < 90 ? `${Math.max(1, Math.round(seconds))} s` : `${Math.round(seconds / 60)} min`;
     form.querySelector("output.time").textContent = known ? `These methods take about ${words}.` : "";

@@ -2,6 +2,7 @@
 const signals = (() => {
   const address = document.getElementById("project").dataset.address;
   const COLOURS = {{ method_colours | length }};
+  const NARROW = 500; // below this names are read at the curves, the legend would hide them [px]
   const WAIT = 120; // until a window that is being drawn is final [ms]
   let shown = null; // window of time that all signals show [s from the start]; null: all of it
   let recording = 0;
@@ -49,7 +50,7 @@ const signals = (() => {
     const axis = { gridcolor: colour("--grid"), zerolinecolor: colour("--line"), linecolor: colour("--line") };
     const layout = {
       margin: { l: 58, r: 8, t: 6, b: 34 },
-      showlegend: content.joints.length > 1,
+      showlegend: content.joints.length > 1 && plotOf(figure).clientWidth > NARROW,
       legend: { orientation: "h", y: 1.02, yanchor: "bottom" },
       font: { family: getComputedStyle(document.body).fontFamily, size: 12, color: colour("--soft") },
       paper_bgcolor: "rgba(0,0,0,0)",

@@ -58,14 +58,16 @@ const talk = (() => {
   }
 
   const listeners = [];
+  const AGAIN = 700; // what follows sooner is the second half of a double click [ms]
   async function act(sender) {
+    if (sender.hasAttribute("aria-busy")) return; // a change and its button, or a double click
     if (sender.dataset.confirm && !confirm(sender.dataset.confirm)) return;
     sender.setAttribute("aria-busy", "true");
     const method = sender.dataset.send;
     const answer = await send(method, sender.dataset.to, method === "DELETE" ? undefined : body(sender));
-    sender.removeAttribute("aria-busy");
     if (answer?.to) location.assign(answer.to);
     else for (const listener of listeners) await listener(sender, answer);
+    setTimeout(() => sender.removeAttribute("aria-busy"), AGAIN);
   }
 
   addEventListener("submit", (event) => {
