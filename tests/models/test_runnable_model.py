@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from pivident.models.exported import Verification, compared, random_states
 from pivident.models.runnable_model import RunnableModel, runnable_model
 from pivident.robot.gallery import load_robot
 from pivident.robot.inertia import from_center_of_mass
+from pivident.text.finding import Finding
 from tests.synthetic_identification import synthetic_identification
 
 
@@ -35,6 +38,17 @@ def test_consistent_model_keeps_its_values_and_intervals():
     low, high = model.intervals.T
     slack = 1e-3 * np.maximum(np.abs(model.values), 0.1)
     assert (low <= model.values + slack).all() and (model.values <= high + slack).all()
+
+
+def test_a_scale_that_is_an_assumption_is_said_with_every_model(tmp_path):
+    """Also of an estimate that was loaded, whose recordings are not there."""
+    said = "the scale to N m is an assumption"
+    warning = Finding("warning", "torque scale", "assumed", said)
+    free = replace(synthetic_identification(), warnings=(warning,))
+    save_identification(free, tmp_path / "identification.json")
+    for one in (free, load_identification(tmp_path / "identification.json")):
+        assert said in runnable_model(one).notes
+        assert said in runnable_model(make_consistent(one)).notes
 
 
 def test_a_loaded_identification_is_as_good(tmp_path):

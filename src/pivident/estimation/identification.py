@@ -159,6 +159,11 @@ class Identification:
         return tuple(dict.fromkeys(s for r in self.recordings for s in r.torque_scale))
 
     @property
+    def scale_warnings(self) -> tuple[str, ...]:
+        """What unverified scales mean for parameters, sentences for whatever is made of them."""
+        return tuple(w.message for w in self.warnings if w.topic == "torque scale")
+
+    @property
     def fitted_range(self) -> MotionRange | None:
         """Range of the fitted motion; None where neither signals nor their range are known."""
         return MotionRange.of(self.recordings) if self.recordings else self.motion

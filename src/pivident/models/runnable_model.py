@@ -182,6 +182,7 @@ def _lifted(free: Identification, digest: str) -> RunnableModel:
     notes = (
         "The values are the free estimate, expressed as standard parameters of the same torques; "
         "single values are not determined by the record, and links need not be physical.",
+        *free.scale_warnings,
     )
     return RunnableModel(
         robot=free.robot,
