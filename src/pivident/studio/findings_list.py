@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from pivident.check.plan import Plan
-from pivident.studio.rows import Row
+from pivident.studio.rows import Row, channel_of
 from pivident.text.lists import plural
+from pivident.text.toml_places import Place
 
 #: Severities from grave to harmless; what is right is not listed.
 SHOWN = ("error", "warning", "note")
@@ -32,9 +33,8 @@ def check_context(
     """
     busy = look["findings"] == "running"
     remarks = check.get("remarks", [])
-    places = {row.place for row in rows}
     shown = [
-        _remark(number, remark, places)
+        _remark(number, remark, rows)
         for number, remark in enumerate(remarks)
         if remark["severity"] in SHOWN
     ]
@@ -64,16 +64,20 @@ def _headline(check: dict[str, Any]) -> str:
     return f"Ready to run, with {counted}." if counted else "Ready to run."
 
 
-def _remark(
-    number: int, remark: dict[str, Any], places: set[tuple[str | int, ...]]
-) -> dict[str, Any]:
+def _line(place: Place, rows: Sequence[Row]) -> Place:
+    """The line that is nearest to a place: itself, one around it, of its signal, of its table."""
+    places = [row.place for row in rows]
+    for size in range(len(place), 0, -1):
+        if place[:size] in places:
+            return place[:size]
+    channel = channel_of(place) if place else ""
+    near = [row.place for row in rows if channel and row.channel == channel]
+    return next(iter(near + [p for p in places if place and p[0] == place[0]]), Place())
+
+
+def _remark(number: int, remark: dict[str, Any], rows: Sequence[Row]) -> dict[str, Any]:
     """A finding with its number, buttons, and the line to go to."""
-    place = tuple(remark["place"])
-    while place and place not in places:
-        place = place[:-1]
-    if not place:  # the first line of its table
-        inside = [p for p in places if remark["place"] and p[:1] == tuple(remark["place"][:1])]
-        place = min(inside, default=(), key=lambda p: tuple(map(str, p)))
+    place = _line(tuple(remark["place"]), rows)
     return {
         **remark,
         "number": number,

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import json
+import re
 import types
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,6 +28,13 @@ SHORT_FORMS: dict[Place, Place] = {
     ("controller", "type"): ("controller",),
     ("controller", "reference"): ("reference",),
 }
+
+
+#: Where the manual sends its reader, which the page cannot.
+_ELSEWHERE = re.compile(
+    r"[,;]? see (\*[^*]+\*|`[^`]+\.md`|the list below|without torque|torque sensors|force sensors"
+    r"|controllers that nobody knows|joint limits|how to|causes of model error)"
+)
 
 
 @dataclass(frozen=True)
@@ -131,7 +139,7 @@ def _words(model: type[BaseModel], name: str, annotation: Any) -> KeyWords:
         said.get("type", ""),
         said.get("default", ""),
         said.get("unit", ""),
-        said.get("meaning", ""),
+        _ELSEWHERE.sub("", said.get("meaning", "")),
         tuple(value_text(choice) for choice in choices),
         is_table=_is_table(annotation),
     )

@@ -163,12 +163,12 @@ def _row(
         known.unit,
         known.kind,
         known.choices,
-        _channel(place),
+        channel_of(place),
     )
 
 
-def _channel(place: Place) -> str:
-    """The signal that a key is about."""
+def channel_of(place: Place) -> str:
+    """The signal that a key is about; empty for none."""
     names = [part for part in place if isinstance(part, str)]
     if "recording" in names:
         below = names[names.index("recording") + 1 :]
