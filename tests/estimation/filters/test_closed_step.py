@@ -128,7 +128,7 @@ def test_where_loops_do_not_close_the_mechanism_stays_where_it_was():
     mechanism = Mechanism("five_bar")
     n, (q, dq, tau) = mechanism.robot.size, mechanism.state(5)
     expected = mechanism.step(mechanism.theta, q, dq, tau, 1e-3)
-    apart = mechanism.rest + np.array([np.pi, 0.0])  # the elbows are too far from each other
+    apart = np.array([np.pi, 0.0])  # the cranks point away from each other
     ahead = np.zeros((2, n))
     failed = _step(
         mechanism.equations, mechanism.work, mechanism.theta, apart, dq, tau, 1e-3, ahead

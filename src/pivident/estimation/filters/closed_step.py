@@ -10,6 +10,7 @@ joints and are counted there.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -60,7 +61,9 @@ class ClosedStep(NamedTuple):
     columns: np.ndarray  # Φ of the tree, (tree joints, parameters)
 
 
-def closed_step(model: ClosedModel, parameters: int, q: np.ndarray | None = None) -> ClosedStep:
+def closed_step(
+    model: ClosedModel, parameters: int, q: np.ndarray | None, joint_names: Sequence[str]
+) -> ClosedStep:
     """A mechanism near independent positions, (joints,), or at the posture of its description.
 
     Raises:
@@ -68,7 +71,7 @@ def closed_step(model: ClosedModel, parameters: int, q: np.ndarray | None = None
     """
     table = model.table
     n, m = table.posture.size, table.places.size
-    place = closure_work(table) if q is None else closed_place(table, q)
+    place = closure_work(table) if q is None else closed_place(table, q, joint_names)
     return ClosedStep(
         closed_run(model, place), closed_slopes(model), np.zeros((_ROWS, n)), np.zeros((m, m)),
         np.zeros((n, parameters)),

@@ -132,7 +132,7 @@ def _particles(
     shrinkage = (3.0 * method.discount - 1.0) / (2.0 * method.discount)
     found = []
     for stretch in stretches:
-        work = step_work(equations, stretch.q[0])
+        work = step_work(equations, stretch.q[0], problem.robot.joint_names)
         cloud[:, :n], cloud[:, n : 2 * n] = stretch.q[0], stretch.dq[0]
         motion = np.diag(np.concatenate([setup.encoder**2, stretch.dq_std**2]))
         q, tau = (np.ascontiguousarray(x) for x in stretch.part(1, len(stretch.q)))

@@ -21,6 +21,7 @@ its independent joints (``closed_step``). The simulator's own step carries memor
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -89,7 +90,9 @@ class StepWork(NamedTuple):
     closed: ClosedStep | None  # of a mechanism with closed loops
 
 
-def step_work(equations: RobotEquations, q: np.ndarray | None = None) -> StepWork:
+def step_work(
+    equations: RobotEquations, q: np.ndarray | None = None, joint_names: Sequence[str] = ()
+) -> StepWork:
     """Scratch for a robot, a mechanism with closed loops near the positions ``q``, (joints,).
 
     Raises:
@@ -98,7 +101,7 @@ def step_work(equations: RobotEquations, q: np.ndarray | None = None) -> StepWor
     n, links, p = equations.joints, len(equations.tree.parent), len(equations.floor)
     inertia, closed = np.zeros((links, 10)), None
     if equations.loops is not None:
-        closed = closed_step(equations.loops._replace(inertia=inertia), p, q)
+        closed = closed_step(equations.loops._replace(inertia=inertia), p, q, joint_names)
     return StepWork(
         np.zeros((9, n)), np.zeros((6, n, n)), inertia, np.zeros((links, links)), np.zeros(p),
         np.zeros((links, 12)), np.zeros((links, 9)), np.zeros((links, 6)), np.zeros((links, 10)),

@@ -132,7 +132,8 @@ class KalmanFilter:
             state.factor[:] = np.linalg.cholesky(whole)
         state.step.vectors[:], state.accelerations[:] = 0.0, 0.0
         if state.step.closed is not None:
-            self._state = state._replace(step=step_work(self._equations, state.x[:n]))
+            place = step_work(self._equations, state.x[:n], self.robot.joint_names)
+            self._state = state._replace(step=place)
         self._started = True
 
     def update(self, q: ArrayLike, tau: ArrayLike) -> None:

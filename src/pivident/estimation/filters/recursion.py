@@ -165,7 +165,7 @@ class Recursion:
         at = self._motion[0]
         far = self.samples == 0 or np.abs(at - before).max() > JUMP
         if self._work is None or (far and self._equations.loops is not None):
-            self._work = step_work(self._equations, at)
+            self._work = step_work(self._equations, at, self._names)
         if not _columns(self._equations, self._work, self._work.closed, self._motion, out):
             raise LoopNotClosed(OPEN, at, self._names, self.samples + 1)
 
