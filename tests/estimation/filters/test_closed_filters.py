@@ -32,7 +32,7 @@ def scene():
     base = base_parameters(robot)
     theta = base.values(nominal_values(robot, base.standard))
     rest = np.array(robot.constraints.posture)[list(robot.places)]
-    w, phase = np.array([9.0, 13.0]), np.array([0.3, 1.1])
+    w, phase = np.linspace(9.0, 13.0, robot.size), np.linspace(0.3, 1.1, robot.size)
 
     def motion(t):
         at = w * t[:, None] + phase
@@ -84,6 +84,6 @@ def test_a_filter_says_where_loops_do_not_close(scene):
     _, made, _ = filtered(scene, ExtendedKalman())
     with pytest.raises(LoopNotClosed, match="left"):
         made.start(np.array([np.pi, 0.0]))
-    made.start(np.array([0.95 * np.pi, 0.02 * np.pi]), np.array([400.0, -400.0]), 1e-3)
+    made.start(q[0], np.array([1500.0, -1500.0]), 1e-3)  # half a turn in a period, apart
     with pytest.raises(FilterDiverged, match="loops of the mechanism do not close"):
         made.run(q[1:], tau[1:])

@@ -24,17 +24,17 @@ from pivident.robot import FrictionLaw, coulomb, spring, viscous
 from pivident.robot.gallery import load_robot
 
 
-@njit
+@njit(cache=True)
 def _step(equations, work, theta, q, dq, tau, h, ahead):
     return midpoint_step(equations, work, theta, q, dq, tau, h, ahead[0], ahead[1])
 
 
-@njit
+@njit(cache=True)
 def _tangent(equations, work, h):
     return step_tangent(equations, work, h)
 
 
-@njit
+@njit(cache=True)
 def _beside(equations, work, theta, dq, tau, h, a):
     return beside(equations, work, theta, dq, tau, h, a)
 
