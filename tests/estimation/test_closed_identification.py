@@ -63,8 +63,10 @@ def test_the_truth_lies_within_the_standard_errors(results, made, name):
     assert np.all(np.abs(off) < 4.0 * np.maximum(found.std, found.robust_std))
 
 
-@pytest.mark.parametrize("name", ["wls", "irls", "ridge", "map", "tls", "ml-ls", "iv-full-rate"])
-def test_other_methods_of_the_equations_take_closed_loops(problem, made, name):
+@pytest.mark.parametrize(
+    "name", ["wls", "irls", "ridge", "map", "tls", "ml-ls", "iv-full-rate", "ekf"]
+)
+def test_other_methods_take_closed_loops(problem, made, name):
     found, truth = pv.identify(problem, name), made[1].truth
     heaviest = found.names.index("mxr[left_elbow]")
     assert found.theta[heaviest] == pytest.approx(truth["mxr[left_elbow]"], rel=0.05)

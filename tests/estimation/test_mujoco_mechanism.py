@@ -19,7 +19,13 @@ from pivident.simulation.controllers import PD
 
 @pytest.mark.parametrize(
     ("name", "method"),
-    [("five_bar", "piv"), ("orthoglide", "piv"), ("five_bar", "cloe"), ("five_bar", "ml")],
+    [
+        ("five_bar", "piv"),
+        ("orthoglide", "piv"),
+        ("five_bar", "cloe"),
+        ("five_bar", "ml"),
+        ("five_bar", "ekf"),
+    ],
 )
 def test_methods_find_what_mujoco_was_given(name, method):
     robot = load_robot(name)

@@ -8,7 +8,11 @@ import numpy as np
 
 from pivident.compiled import inner
 from pivident.dynamics.closed_chains.closed_dynamics import ClosedModel
-from pivident.dynamics.closed_chains.closed_slopes import ClosedSlopes, closed_slopes
+from pivident.dynamics.closed_chains.closed_slopes import (
+    ClosedSlopes,
+    closed_slopes,
+    project_columns,
+)
 from pivident.dynamics.closed_chains.passive_springs import position_partial
 from pivident.dynamics.lanes import row_array
 from pivident.dynamics.rigid_body_slopes import inertial_columns
@@ -41,9 +45,8 @@ def closed_tangent(
 @inner
 def parameter_torques(run, tangent, inertial, links, out):
     """∂h_a/∂θ = Nᵀ ∂u/∂θ, added to ``out``, (joints, directions); after ``bias_slopes``."""
-    columns, gain, friction = tangent.columns, run.place.gain, run.model.friction
-    n, m = gain.shape
-    for i in range(n):
+    columns, friction = tangent.columns, run.model.friction
+    for i in range(columns.shape[0]):
         for d in range(columns.shape[1]):
             columns[i, d] = 0.0
     inertial_columns(run.model.table.tree.parent, inertial, links, columns)
@@ -59,8 +62,4 @@ def parameter_torques(run, tangent, inertial, links, out):
                 friction.term_index, friction.term_value, table, row, column, run.place.dq
             )
         columns[joint, tangent.friction[e, 4]] += tangent.friction_slope[e] * torque
-    for i in range(n):
-        for a in range(m):
-            if gain[i, a] != 0.0:
-                for d in range(columns.shape[1]):
-                    out[a, d] += gain[i, a] * columns[i, d]
+    project_columns(run.place.gain, columns, out)

@@ -28,7 +28,7 @@ from pivident.dynamics.parameters import Parameter
 from pivident.robot.description import Robot
 
 # Rows of ``ClosedRun.vectors``: of all joints speeds, friction, h + M γ, a row of M N, positions.
-_SPEED, _FRICTION, _BIAS, _CARRIED, POSITION, _ROWS = 0, 1, 2, 3, 4, 5
+_SPEED, FRICTION, BIAS, _CARRIED, POSITION, _ROWS = 0, 1, 2, 3, 4, 5
 
 
 class ClosedModel(NamedTuple):
@@ -88,7 +88,7 @@ def closed_run(model: ClosedModel, place: ClosureWork) -> ClosedRun:
 @inlined
 def tree_torque(run, i):
     """H + M γ + f_p in a joint of the tree, where ``closed_bias`` has been."""
-    return run.vectors[_BIAS, i] + run.vectors[_FRICTION, i]
+    return run.vectors[BIAS, i] + run.vectors[FRICTION, i]
 
 
 @inlined
@@ -107,13 +107,13 @@ def closed_bias(run, q, dq, bias):
         vectors[_SPEED, i], vectors[POSITION, i] = place.dq[i], place.q[i]
     bias_torque(
         tree.parent, tree.prismatic, tree.gravity, place.pose, inertia, place.dq, place.drift,
-        run.motion, run.force, vectors[_BIAS],
+        run.motion, run.force, vectors[BIAS],
     )  # fmt: skip
     friction_torque(
         friction.linear, friction.term_index, friction.term_value, friction.pair_index,
-        friction.pair_value, vectors, _SPEED, _FRICTION, run.slopes, 0,
+        friction.pair_value, vectors, _SPEED, FRICTION, run.slopes, 0,
     )  # fmt: skip
-    position_torque(friction.path_index, friction.path_value, vectors, POSITION, _FRICTION)
+    position_torque(friction.path_index, friction.path_value, vectors, POSITION, FRICTION)
     for a in range(m):
         bias[a] = 0.0
     for i in range(n):

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pivident.compiled import inner
+from pivident.compiled import inlined, inner
 from pivident.dynamics.closed_chains.closed_dynamics import POSITION, ClosedModel, tree_torque
 from pivident.dynamics.closed_chains.closure_slopes import (
     ClosureSlopes,
@@ -64,25 +64,43 @@ def bias_slopes(run, slopes, links, body, by_position, by_speed):
 
     ``links body``: scratch of ``rigid_body_slopes`` for the tree, which receives its motion.
     """
-    table, place, closure = run.model.table, run.place, slopes.closure
-    tree, gain = table.tree, place.gain
-    n, m = gain.shape
-    find_closure_slopes(table, place, closure)
+    tree_slopes(run, slopes, run.place.drift, links, body)
+    for i in range(run.mass.shape[0]):
+        slopes.by_speed[i, i] += run.slopes[0, i]
+    friction = run.model.friction
+    position_slopes(
+        friction.path_index, friction.path_value, run.vectors, POSITION, slopes.by_position
+    )
+    project_slopes(run, slopes, by_position, by_speed)
+
+
+@inner
+def tree_slopes(run, slopes, ddq, links, body):
+    """∂N/∂q_a and ∂γ/∂q_a, and of the tree M, ∂u/∂q and ∂u/∂dq without friction, at ``ddq``.
+
+    ``ddq``: accelerations of all joints; ``links body``: as for ``bias_slopes``.
+    """
+    table, place = run.model.table, run.place
+    tree = table.tree
+    find_closure_slopes(table, place, slopes.closure)
     place_links(tree.parent, tree.prismatic, place.pose, run.model.inertia, links, body)
-    move_links(tree.parent, tree.gravity, place.dq, place.drift, links, body)
+    move_links(tree.parent, tree.gravity, place.dq, ddq, links, body)
     torque_slopes(tree.parent, tree.gravity, links, body, slopes.by_position, slopes.by_speed)
     composite_mass_matrix(
         tree.parent, tree.prismatic, place.pose, run.model.inertia, run.no_rotor, run.composite,
         run.mass,
     )  # fmt: skip
-    for i in range(n):
-        slopes.by_speed[i, i] += run.slopes[0, i]
+    for i in range(run.mass.shape[0]):
         for j in range(i):
             run.mass[j, i] = run.mass[i, j]
-    friction = run.model.friction
-    position_slopes(
-        friction.path_index, friction.path_value, run.vectors, POSITION, slopes.by_position
-    )
+
+
+@inner
+def project_slopes(run, slopes, by_position, by_speed):
+    """∂/∂q_a and ∂/∂dq_a of Nᵀ u, (joints, joints), from those of the tree; see above."""
+    table, place, closure = run.model.table, run.place, slopes.closure
+    gain = place.gain
+    n, m = gain.shape
     turned, of_q, of_dq = slopes.turned[0], slopes.turned[1], slopes.turned[2]
     for c in range(m):
         for i in range(n):
@@ -103,6 +121,16 @@ def bias_slopes(run, slopes, links, body, by_position, by_speed):
                 by_position[a, c] += gain[i, a] * of_q[i]
                 by_position[a, c] += closure.gain[i, a, c] * tree_torque(run, i)
                 by_speed[a, c] += gain[i, a] * of_dq[i]
+
+
+@inlined
+def project_columns(gain, columns, out):
+    """Nᵀ times columns of all joints, added to ``out``, (joints, columns)."""
+    for i in range(gain.shape[0]):
+        for a in range(gain.shape[1]):
+            if gain[i, a] != 0.0:
+                for d in range(columns.shape[1]):
+                    out[a, d] += gain[i, a] * columns[i, d]
 
 
 @inner

@@ -107,13 +107,32 @@ def close_loops(table, work):
     right, column = work.right[m // SIDE_BY_SIDE], m % SIDE_BY_SIDE
     for k in range(r):  # what the smallest of gaps leaves
         work.q[table.others[k]] += right[work.factors.row[k], column]
+    _find_accelerations(table, work)
+    return CLOSED
+
+
+@inlined
+def _find_accelerations(table, work):
+    """γ at the present posture and speeds."""
     find_drifts(table, work)
-    for row in range(r):
+    for row in range(table.others.size):
         work.step[row] = -work.gap[1, row]
     solve(work.factors, work.step)
-    for k in range(r):
+    for k in range(table.others.size):
         work.drift[table.others[k]] = work.step[work.factors.row[k]]
-    return CLOSED
+
+
+@inlined
+def move_closed(table, work, dq):
+    """Speeds of all joints and γ at other independent speeds, where ``close_loops`` has been."""
+    for a in range(dq.size):
+        work.dq[table.places[a]] = dq[a]
+    for k in range(table.others.size):
+        i = table.others[k]
+        work.dq[i] = 0.0
+        for a in range(dq.size):
+            work.dq[i] += work.gain[i, a] * dq[a]
+    _find_accelerations(table, work)
 
 
 @inlined

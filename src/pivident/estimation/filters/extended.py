@@ -15,7 +15,7 @@ from __future__ import annotations
 from pivident.compiled import kernel, summing
 from pivident.estimation.filters.filter_state import (
     DONE,
-    INDEFINITE,
+    refused,
     torque_variance,
     update_positions,
     worst,
@@ -99,7 +99,8 @@ def extended_samples(equations, state, noise, h, tau, y, innovations):
     for k in range(y.shape[0]):
         joint = midpoint_step(equations, work, theta, q, dq, tau[k], h, motion[0], motion[1])
         if joint >= 0 or not step_tangent(equations, work, h):
-            return INDEFINITE, max(joint, 0), k
+            status, joint = refused(joint, n)
+            return status, joint, k
         torque_variance(equations.couplings, noise, dq, motion[1], state.torque)
         propagate(covariance, state.rows, work.solved, state.torque, noise.drift, h, state.small)
         for i in range(n):

@@ -121,7 +121,6 @@ def _particles(
     """One pass of the particle filter."""
     n, count = problem.robot.size, method.particles
     equations = robot_equations(problem.robot, problem.regressor.parameters)
-    work = step_work(equations)
     noise = FilterNoise(
         setup.encoder**2, setup.torque**2, setup.still**2, setup.limits, setup.drift**2
     )
@@ -133,6 +132,7 @@ def _particles(
     shrinkage = (3.0 * method.discount - 1.0) / (2.0 * method.discount)
     found = []
     for stretch in stretches:
+        work = step_work(equations, stretch.q[0], problem.robot.joint_names)
         cloud[:, :n], cloud[:, n : 2 * n] = stretch.q[0], stretch.dq[0]
         motion = np.diag(np.concatenate([setup.encoder**2, stretch.dq_std**2]))
         q, tau = (np.ascontiguousarray(x) for x in stretch.part(1, len(stretch.q)))

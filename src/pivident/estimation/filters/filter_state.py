@@ -27,8 +27,9 @@ from pivident.estimation.filters.midpoint_step import StepWork, step_work
 from pivident.estimation.filters.robot_equations import RobotEquations
 from pivident.estimation.filters.triangular import lower_factor
 
-#: What may happen: nothing; no mass matrix, covariance or innovation that a filter can go on with.
-DONE, INDEFINITE, NOT_POSITIVE, FAR = range(4)
+#: What may happen: nothing; no mass matrix, covariance, innovation or loops that a filter can go on
+#: with.
+DONE, INDEFINITE, NOT_POSITIVE, FAR, OPEN = range(5)
 
 #: Innovation, in standard deviations, at which a filter has diverged.
 MAX_INNOVATION = 100.0
@@ -66,7 +67,7 @@ class FilterState(NamedTuple):
 
 def filter_state(equations: RobotEquations, sigma_points: bool) -> FilterState:
     """Empty state for a robot; sigma points take most of its memory."""
-    n, p = len(equations.tree.parent), len(equations.floor)
+    n, p = equations.joints, len(equations.floor)
     size = 2 * n + p
     own = size if sigma_points else 0
     return FilterState(
@@ -77,6 +78,14 @@ def filter_state(equations: RobotEquations, sigma_points: bool) -> FilterState:
         np.zeros((own, 3 * own)), np.zeros((n + own, n + own)),
         step_work(equations),
     )  # fmt: skip
+
+
+@inlined
+def refused(joint, n):
+    """Status and joint of a step that was not made, from what ``midpoint_step`` has returned."""
+    if joint == n:
+        return OPEN, 0
+    return INDEFINITE, max(joint, 0)
 
 
 @inlined

@@ -14,17 +14,19 @@ are left to convergence. The rule for implicit functions gives the exact tangent
 with Φ, K = ∂ID/∂q and B = ∂ID/∂dq at (q_m, dq + h/2 a, a), by the recursions of
 ``rigid_body_slopes``: ∂a/∂θ = -A⁻¹Φ is that of the forward dynamics for h → 0. With other
 parameters the same motion has another a. Steps A⁻¹(τ - ID) lead there, each of which leaves of the
-error the share by which M and B differ. The simulator's own step carries memory from step to step
+error the share by which M and B differ. ID, M and Φ of a mechanism with closed loops are those of
+its independent joints (``closed_step``). The simulator's own step carries memory from step to step
 (M⁻¹ is extrapolated), which the state (q, dq, θ) of a filter does not hold.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from pivident.compiled import inner
+from pivident.compiled import inlined, inner
 from pivident.dynamics.elimination import eliminate
 from pivident.dynamics.kernels import bias_torque, composite_mass_matrix, link_poses
 from pivident.dynamics.rigid_body_slopes import (
@@ -33,6 +35,16 @@ from pivident.dynamics.rigid_body_slopes import (
     place_links,
     slope_scratch,
     torque_slopes,
+)
+from pivident.estimation.filters.closed_step import (
+    ClosedStep,
+    closed_columns,
+    closed_masses,
+    closed_step,
+    closed_torque_slopes,
+    closed_torques,
+    place_closed,
+    take_rotors,
 )
 from pivident.estimation.filters.robot_equations import (
     RobotEquations,
@@ -64,8 +76,8 @@ class StepWork(NamedTuple):
 
     vectors: np.ndarray  # see above, (9, joints)
     matrices: np.ndarray  # see above, (6, joints, joints)
-    inertia: np.ndarray  # ten inertial parameters of every link, (joints, 10)
-    rotor: np.ndarray  # (joints, joints)
+    inertia: np.ndarray  # ten inertial parameters of every link, (tree joints, 10)
+    rotor: np.ndarray  # (tree joints, tree joints)
     used: np.ndarray  # parameters as the dynamics take them, (parameters,)
     pose: np.ndarray  # scratch of the rigid body, likewise the next five
     motion: np.ndarray
@@ -75,32 +87,50 @@ class StepWork(NamedTuple):
     body: np.ndarray
     #: A⁻¹ times K, B, Φ and the unit matrix, (joints, 3 joints + parameters).
     solved: np.ndarray
+    closed: ClosedStep | None  # of a mechanism with closed loops
 
 
-def step_work(equations: RobotEquations) -> StepWork:
-    """Scratch for a robot."""
-    n, p = len(equations.tree.parent), len(equations.floor)
+def step_work(
+    equations: RobotEquations, q: np.ndarray | None = None, joint_names: Sequence[str] = ()
+) -> StepWork:
+    """Scratch for a robot, a mechanism with closed loops near the positions ``q``, (joints,).
+
+    Raises:
+        LoopNotClosed: the loops do not close there.
+    """
+    n, links, p = equations.joints, len(equations.tree.parent), len(equations.floor)
+    inertia, closed = np.zeros((links, 10)), None
+    if equations.loops is not None:
+        closed = closed_step(equations.loops._replace(inertia=inertia), p, q, joint_names)
     return StepWork(
-        np.zeros((9, n)), np.zeros((6, n, n)), np.zeros((n, 10)), np.zeros((n, n)), np.zeros(p),
-        np.zeros((n, 12)), np.zeros((n, 9)), np.zeros((n, 6)), np.zeros((n, 10)),
-        *slope_scratch(n), np.zeros((n, 3 * n + p)),
+        np.zeros((9, n)), np.zeros((6, n, n)), inertia, np.zeros((links, links)), np.zeros(p),
+        np.zeros((links, 12)), np.zeros((links, 9)), np.zeros((links, 6)), np.zeros((links, 10)),
+        *slope_scratch(links), np.zeros((n, 3 * n + p)), closed,
     )  # fmt: skip
 
 
 @inner
-def _residual(parent, prismatic, gravity, local_index, local_value, used, v, a, dq, tau, h, work):
+def _residual(
+    parent, prismatic, gravity, local_index, local_value, used, v, a, dq, tau, h, work, closed
+):
     """τ - ID at the acceleration in row ``a``: its size Σ r²/M_jj."""
     vectors, matrices, n = work.vectors, work.matrices, tau.size
     for i in range(n):
         v[i] = dq[i] + 0.5 * h * a[i]
-    bias_torque(
-        parent, prismatic, gravity, work.pose, work.inertia, v, None, work.motion, work.force,
-        vectors[_BIAS],
-    )  # fmt: skip
-    local_torques(
-        local_index, local_value, used, vectors[MIDDLE], v, vectors[_STILL], vectors[_LOCAL],
-        matrices[_POSITION], matrices[_SPEED],
-    )  # fmt: skip
+    if closed is None:  # decided by its type, here and below
+        bias_torque(
+            parent, prismatic, gravity, work.pose, work.inertia, v, None, work.motion, work.force,
+            vectors[_BIAS],
+        )  # fmt: skip
+        local_torques(
+            local_index, local_value, used, vectors[MIDDLE], v, vectors[_STILL], vectors[_LOCAL],
+            matrices[_POSITION], matrices[_SPEED],
+        )  # fmt: skip
+    else:
+        closed_torques(
+            closed, local_index, local_value, used, v, None, vectors[_BIAS], vectors[_LOCAL],
+            matrices[_SPEED],
+        )  # fmt: skip
     size = 0.0
     for i in range(n):
         r = tau[i] - vectors[_BIAS, i] - vectors[_LOCAL, i]
@@ -112,10 +142,26 @@ def _residual(parent, prismatic, gravity, local_index, local_value, used, v, a, 
 
 
 @inner
+def _place(tree, middle, dq, rotor, mass, work, closed):
+    """Posture of the middle and its mass matrix; whether the loops close there."""
+    if closed is None:
+        link_poses(tree.prismatic, tree.rotation, tree.translation, middle, work.pose)
+        composite_mass_matrix(
+            tree.parent, tree.prismatic, work.pose, work.inertia, rotor, work.composite, mass
+        )
+    else:
+        if not place_closed(closed, middle, dq):
+            return False
+        closed_masses(closed, rotor, mass)
+    return True
+
+
+@inner
 def midpoint_step(equations, work, theta, q, dq, tau, h, q_next, dq_next):
     """Advance (q, dq), each (joints,), by the time h under the torque ``tau``; see above.
 
-    Returns -1, or the joint whose pivot of the mass matrix is not positive.
+    Returns -1, the joint whose pivot of the mass matrix is not positive, or their number where the
+    loops of a mechanism do not close.
     """
     tree, local_index, local_value = equations.tree, equations.local_index, equations.local_value
     parent, prismatic, gravity = tree.parent, tree.prismatic, tree.gravity
@@ -128,10 +174,8 @@ def midpoint_step(equations, work, theta, q, dq, tau, h, q_next, dq_next):
     mass, total, factor, step = matrices[_MASS], matrices[_SUM], matrices[FACTOR], vectors[_STEP]
     for i in range(n):
         middle[i] = q[i] + 0.5 * h * dq[i]
-    link_poses(prismatic, tree.rotation, tree.translation, middle, work.pose)
-    composite_mass_matrix(
-        parent, prismatic, work.pose, work.inertia, work.rotor, work.composite, mass
-    )
+    if not _place(tree, middle, dq, work.rotor, mass, work, work.closed):
+        return n
     for i in range(n):
         for j in range(i):
             mass[j, i] = mass[i, j]
@@ -139,8 +183,9 @@ def midpoint_step(equations, work, theta, q, dq, tau, h, q_next, dq_next):
     if joint >= 0:
         return joint
     size = _residual(
-        parent, prismatic, gravity, local_index, local_value, used, v, a, dq, tau, h, work
-    )
+        parent, prismatic, gravity, local_index, local_value, used, v, a, dq, tau, h, work,
+        work.closed,
+    )  # fmt: skip
     for _ in range(MAX_ITERATIONS):
         for i in range(n):
             step[i] = vectors[_RESIDUAL, i]
@@ -163,7 +208,7 @@ def midpoint_step(equations, work, theta, q, dq, tau, h, q_next, dq_next):
                 tried[i] = a[i] + share * step[i]
             now = _residual(
                 parent, prismatic, gravity, local_index, local_value, used, v, tried, dq, tau, h,
-                work,
+                work, work.closed,
             )  # fmt: skip
             if now <= size:
                 break
@@ -179,27 +224,44 @@ def midpoint_step(equations, work, theta, q, dq, tau, h, q_next, dq_next):
 
 
 @inner
+def _slopes_and_columns(equations, work, by_position, by_speed, phi, closed):
+    """K, B and Φ of the step just taken; Φ is added to ``phi``, (joints, parameters)."""
+    tree, local_index, local_value = equations.tree, equations.local_index, equations.local_value
+    vectors, links, body = work.vectors, work.links, work.body
+    middle, v, a = vectors[MIDDLE], vectors[SPEED], vectors[ACCELERATION]
+    if closed is None:
+        place_links(tree.parent, tree.prismatic, work.pose, work.inertia, links, body)
+        move_links(tree.parent, tree.gravity, v, a, links, body)
+        torque_slopes(tree.parent, tree.gravity, links, body, by_position, by_speed)
+        add_local_slopes(
+            local_index, local_value, work.used, middle, v, vectors[_STILL], vectors[_LOCAL],
+            by_position, by_speed,
+        )  # fmt: skip
+        inertial_columns(tree.parent, equations.inertial, links, phi)
+        add_local_columns(local_index, local_value, middle, v, a, phi)
+    else:
+        closed_torques(
+            closed, local_index, local_value, work.used, v, a, vectors[_BIAS], vectors[_LOCAL],
+            by_speed,
+        )  # fmt: skip
+        closed_torque_slopes(
+            closed, local_index, local_value, work.used, a, links, body, by_position, by_speed
+        )
+        closed_columns(closed, equations.inertial, local_index, local_value, links, phi)
+
+
+@inner
 def step_tangent(equations, work, h):
     """A⁻¹ times [K B Φ 1] of the step just taken, into ``solved``; False: A is singular."""
-    tree, local_index, local_value = equations.tree, equations.local_index, equations.local_value
     vectors, matrices, solved = work.vectors, work.matrices, work.solved
-    n = tree.parent.size
+    n = vectors.shape[1]
     by_position, by_speed, whole = matrices[_POSITION], matrices[_SPEED], matrices[_WHOLE]
-    middle, v, a = vectors[MIDDLE], vectors[SPEED], vectors[ACCELERATION]
-    place_links(tree.parent, tree.prismatic, work.pose, work.inertia, work.links, work.body)
-    move_links(tree.parent, tree.gravity, v, a, work.links, work.body)
-    torque_slopes(tree.parent, tree.gravity, work.links, work.body, by_position, by_speed)
-    add_local_slopes(
-        local_index, local_value, work.used, middle, v, vectors[_STILL], vectors[_LOCAL],
-        by_position, by_speed,
-    )  # fmt: skip
     phi = solved[:, 2 * n : solved.shape[1] - n]
     for i in range(n):
         for c in range(solved.shape[1]):
             solved[i, c] = 0.0
         solved[i, solved.shape[1] - n + i] = 1.0
-    inertial_columns(tree.parent, equations.inertial, work.links, phi)
-    add_local_columns(local_index, local_value, middle, v, a, phi)
+    _slopes_and_columns(equations, work, by_position, by_speed, phi, work.closed)
     for i in range(n):
         for j in range(n):
             solved[i, j], solved[i, n + j] = by_position[i, j], by_speed[i, j]
@@ -208,13 +270,45 @@ def step_tangent(equations, work, h):
 
 
 @inner
+def _left(tree, local_index, local_value, v, a, tau, work, closed):
+    """τ - ID at speeds and accelerations, (joints,), where the step has been."""
+    vectors, matrices = work.vectors, work.matrices
+    if closed is None:
+        bias_torque(
+            tree.parent, tree.prismatic, tree.gravity, work.pose, work.inertia, v, a, work.motion,
+            work.force, vectors[_BIAS],
+        )  # fmt: skip
+        local_torques(
+            local_index, local_value, work.used, vectors[MIDDLE], v, vectors[_STILL],
+            vectors[_LOCAL], matrices[_POSITION], matrices[_SPEED],
+        )  # fmt: skip
+        _subtract(vectors, work.rotor, a, tau)
+    else:
+        closed_torques(
+            closed, local_index, local_value, work.used, v, a, vectors[_BIAS], vectors[_LOCAL],
+            matrices[_SPEED],
+        )  # fmt: skip
+        take_rotors(closed, work.rotor)  # those of other parameters than the step's
+        _subtract(vectors, closed.rotor, a, tau)
+
+
+@inlined
+def _subtract(vectors, rotor, a, tau):
+    """The residual of torques that have been found."""
+    for i in range(tau.size):
+        vectors[_RESIDUAL, i] = tau[i] - vectors[_BIAS, i] - vectors[_LOCAL, i]
+        for j in range(tau.size):
+            vectors[_RESIDUAL, i] -= rotor[i, j] * a[j]
+
+
+@inner
 def beside(equations, work, theta, dq, tau, h, a):
     """Acceleration of the parameters ``theta`` in the step whose tangent was just made.
 
     ``a``: (joints,), a first value, receives it. False: those of the step are too far.
     """
-    tree, local_index, local_value = equations.tree, equations.local_index, equations.local_value
-    vectors, matrices, solved, n = work.vectors, work.matrices, work.solved, tau.size
+    local_index, local_value = equations.local_index, equations.local_value
+    vectors, solved, n = work.vectors, work.solved, tau.size
     v, residual, inverse = vectors[SPEED], vectors[_RESIDUAL], solved[:, solved.shape[1] - n :]
     take_parameters(
         equations.inertial, local_index, local_value, equations.floor, theta, work.inertia,
@@ -224,18 +318,7 @@ def beside(equations, work, theta, dq, tau, h, a):
     for _ in range(MAX_CHORDS):
         for i in range(n):
             v[i] = dq[i] + 0.5 * h * a[i]
-        bias_torque(
-            tree.parent, tree.prismatic, tree.gravity, work.pose, work.inertia, v, a, work.motion,
-            work.force, vectors[_BIAS],
-        )  # fmt: skip
-        local_torques(
-            local_index, local_value, work.used, vectors[MIDDLE], v, vectors[_STILL],
-            vectors[_LOCAL], matrices[_POSITION], matrices[_SPEED],
-        )  # fmt: skip
-        for i in range(n):
-            residual[i] = tau[i] - vectors[_BIAS, i] - vectors[_LOCAL, i]
-            for j in range(n):
-                residual[i] -= work.rotor[i, j] * a[j]
+        _left(equations.tree, local_index, local_value, v, a, tau, work, work.closed)
         largest, change = 0.0, 0.0
         for i in range(n):
             step = 0.0

@@ -20,9 +20,11 @@ from pivident.estimation.filters.filter_state import (
     DONE,
     INDEFINITE,
     NOT_POSITIVE,
+    OPEN,
     FilterNoise,
     filter_state,
 )
+from pivident.estimation.filters.midpoint_step import step_work
 from pivident.estimation.filters.robot_equations import robot_equations
 from pivident.estimation.filters.sigma_points import sigma_samples
 from pivident.robot.description import Robot
@@ -33,6 +35,7 @@ KalmanMethod = ExtendedKalman | UnscentedKalman | CentralDifferenceKalman
 CAUSES = {
     INDEFINITE: "the mass matrix of its parameters is not positive definite",
     NOT_POSITIVE: "its covariance is not positive definite any more",
+    OPEN: "the loops of the mechanism do not close at the positions that it believes in",
 }
 
 
@@ -111,6 +114,9 @@ class KalmanFilter:
             dq: speeds, shape (joints,) [rad/s or m/s]; None: zero.
             dq_std: their standard deviation, shape (joints,) or one for all.
             q_std: that of the positions; None: that of the encoder.
+
+        Raises:
+            LoopNotClosed: the loops of a mechanism do not close there.
         """
         n, state = self.robot.size, self._state
         theta, covariance = self._estimate()
@@ -125,6 +131,9 @@ class KalmanFilter:
         if self._rooted:
             state.factor[:] = np.linalg.cholesky(whole)
         state.step.vectors[:], state.accelerations[:] = 0.0, 0.0
+        if state.step.closed is not None:
+            place = step_work(self._equations, state.x[:n], self.robot.joint_names)
+            self._state = state._replace(step=place)
         self._started = True
 
     def update(self, q: ArrayLike, tau: ArrayLike) -> None:

@@ -25,6 +25,7 @@ from pivident.estimation.filters.filter_state import (
     FAR,
     INDEFINITE,
     MAX_INNOVATION,
+    refused,
     torque_variance,
 )
 from pivident.estimation.filters.midpoint_step import midpoint_step, step_tangent
@@ -209,7 +210,8 @@ def particle_samples(
             motion[1],
         )  # fmt: skip
         if joint >= 0 or not step_tangent(equations, work, h):
-            return INDEFINITE, max(joint, 0), k
+            status, joint = refused(joint, n)
+            return status, joint, k
         torque_variance(equations.couplings, noise, mean[n : 2 * n], motion[1], noise_torque)
         forward, added = _transition(work.solved, noise_torque, h)
         covariance[:] = forward @ covariance @ forward.T + added

@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pivident.compiled import kernel
+from pivident.dynamics.closed_chains.closed_motion import JUMP
+from pivident.dynamics.closed_chains.closure_kernels import OPEN
 from pivident.dynamics.kernels import link_poses
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.rigid_body_slopes import inertial_columns, move_links, place_links
-from pivident.errors import IdentificationError
+from pivident.errors import IdentificationError, LoopNotClosed
+from pivident.estimation.filters.closed_step import (
+    closed_columns,
+    move_closed_links,
+    place_closed,
+)
 from pivident.estimation.filters.midpoint_step import StepWork, step_work
 from pivident.estimation.filters.robot_equations import (
     RobotEquations,
@@ -23,19 +31,32 @@ from pivident.robot.description import Robot
 
 
 @kernel
-def _columns(equations, work, motion, phi):
-    """Φ of one instant, (joints, parameters); ``motion``: q, dq and ddq, (3, joints)."""
+def _columns(equations, work, closed, motion, phi):
+    """Φ of one instant, (joints, parameters); ``motion``: q, dq and ddq, (3, joints).
+
+    ``closed``: that of ``work``. False: its loops do not close.
+    """
     tree = equations.tree
-    link_poses(tree.prismatic, tree.rotation, tree.translation, motion[0], work.pose)
-    place_links(tree.parent, tree.prismatic, work.pose, work.inertia, work.links, work.body)
-    move_links(tree.parent, tree.gravity, motion[1], motion[2], work.links, work.body)
     for i in range(phi.shape[0]):
         for k in range(phi.shape[1]):
             phi[i, k] = 0.0
-    inertial_columns(tree.parent, equations.inertial, work.links, phi)
-    add_local_columns(
-        equations.local_index, equations.local_value, motion[0], motion[1], motion[2], phi
-    )
+    if closed is None:  # decided by its type
+        link_poses(tree.prismatic, tree.rotation, tree.translation, motion[0], work.pose)
+        place_links(tree.parent, tree.prismatic, work.pose, work.inertia, work.links, work.body)
+        move_links(tree.parent, tree.gravity, motion[1], motion[2], work.links, work.body)
+        inertial_columns(tree.parent, equations.inertial, work.links, phi)
+        add_local_columns(
+            equations.local_index, equations.local_value, motion[0], motion[1], motion[2], phi
+        )
+    else:
+        if not place_closed(closed, motion[0], motion[1]):
+            return False
+        move_closed_links(closed, motion[2], work.links, work.body)
+        closed_columns(
+            closed, equations.inertial, equations.local_index, equations.local_value, work.links,
+            phi,
+        )  # fmt: skip
+    return True
 
 
 @kernel
@@ -102,6 +123,7 @@ class Recursion:
         self._tau, self._motion = np.zeros(joints), np.zeros((3, joints))
         self._equations: RobotEquations | None = None
         self._work: StepWork | None = None
+        self._names: Sequence[str] = ()
 
     @classmethod
     def of_robot(
@@ -125,17 +147,27 @@ class Recursion:
         """
         made = cls(robot.size, len(parameters), torque_std=torque_std, forgetting=forgetting)
         made._equations = robot_equations(robot, tuple(parameters), simulated=False)
-        made._work = step_work(made._equations)
+        made._names = robot.joint_names
         return made
 
     def _take(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, out: np.ndarray) -> None:
-        """Φ of one instant into ``out``."""
+        """Φ of one instant into ``out``.
+
+        Raises:
+            IdentificationError: no robot is known, or its loops do not close.
+        """
         if self._equations is None:
             raise IdentificationError(
                 "this recursion knows no robot; make it with of_robot, or give update(phi, tau)"
             )
+        before = self._motion[0].copy()
         self._motion[0], self._motion[1], self._motion[2] = q, dq, ddq
-        _columns(self._equations, self._work, self._motion, out)
+        at = self._motion[0]
+        far = self.samples == 0 or np.abs(at - before).max() > JUMP
+        if self._work is None or (far and self._equations.loops is not None):
+            self._work = step_work(self._equations, at, self._names)
+        if not _columns(self._equations, self._work, self._work.closed, self._motion, out):
+            raise LoopNotClosed(OPEN, at, self._names, self.samples + 1)
 
     def _check(self) -> None:
         """Refuse what would stay in the estimate for ever."""

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pivident.compiled import inlined, inner
+from pivident.dynamics.closed_chains.closed_dynamics import ClosedModel, closed_model
 from pivident.dynamics.elementary import sine_and_cosine
 from pivident.dynamics.entry_plan import ACCELERATION, has_inner_signal, joint_entry
 from pivident.dynamics.friction_kernels import friction_value_and_slope
@@ -24,7 +25,7 @@ from pivident.errors import ExperimentError
 from pivident.robot.description import INERTIAL, Robot
 from pivident.robot.friction import FrictionColumn
 from pivident.robot.friction_term import SignFunction
-from pivident.robot.refusals import without_loops
+from pivident.robot.refusals import without_base
 
 _OFFSET, _VISCOUS = int(FrictionColumn.OFFSET), int(FrictionColumn.VISCOUS)
 _SPRING, _STRUT = int(FrictionColumn.SPRING), int(FrictionColumn.STRUT)
@@ -43,7 +44,10 @@ _FACTOR, _RATIO, _GAMMA, _FIRST, _SECOND = 0, 1, 2, 3, 4
 
 
 class RobotEquations(NamedTuple):
-    """A robot and the parameters that a filter estimates, in their order."""
+    """A robot and the parameters that a filter estimates, in their order.
+
+    Tree and entries are those of all joints, couplings those of the independent ones.
+    """
 
     tree: Tree
     inertial: np.ndarray  # link, kind and parameter of each inertial one, links in order, (k, 3)
@@ -51,6 +55,12 @@ class RobotEquations(NamedTuple):
     local_value: np.ndarray  # factor, c, γ and four constants, (entries, 7)
     floor: np.ndarray  # least value of a parameter that the dynamics take, (parameters,)
     couplings: np.ndarray  # motor, joint and ratio of motors with dry friction, (couplings, 3)
+    loops: ClosedModel | None  # what closes loops, without its friction; None: a tree
+
+    @property
+    def joints(self) -> int:
+        """Number of independent joints, those of a filter's state."""
+        return len(self.tree.parent) if self.loops is None else len(self.loops.table.places)
 
 
 def robot_equations(
@@ -62,9 +72,12 @@ def robot_equations(
 
     Raises:
         ExperimentError: friction with a memory or of the load, which (q, dq, θ) does not hold.
-        RobotDescriptionError: a robot with closed loops.
+        RobotDescriptionError: a robot on a measured base.
     """
-    without_loops(robot, "a filter of the robot's state")
+    without_base(robot, "a filter of the robot's state")
+    tree, loops = robot.tree, None
+    if robot.constraints is not None:
+        loops = closed_model(robot, (), np.zeros(0), np.zeros((tree.size, 10)))
     inertial, index, value = [], [], []
     floor = np.full(len(parameters), -np.inf)
     for k, p in enumerate(parameters):
@@ -82,19 +95,20 @@ def robot_equations(
             floor[k] = 0.0
         joints = (p.joint,) if p.coupling is None else (p.coupling.joint, p.coupling.motor)
         for joint in joints:
-            (function, sign, a, b), numbers = joint_entry(robot, p, joint, simulated)
+            (function, sign, a, b), numbers = joint_entry(tree, p, joint, simulated)
             if sign == _HARD and not simulated:
                 sign, numbers = _TANH, (*numbers[:2], HARD, *numbers[3:])
             index.append((joint, function, sign, a, b, k))
             value.append(numbers)
     dry = [(c.motor, c.joint, c.ratio) for c in robot.couplings if c.coulomb]
     return RobotEquations(
-        tree_of(robot),
+        tree_of(tree),
         np.array(sorted(inertial), dtype=np.int64).reshape(-1, 3),
         np.array(index, dtype=np.int64).reshape(-1, 6),
         np.array(value, dtype=float).reshape(-1, 7),
         floor,
         np.array(dry, dtype=float).reshape(-1, 3),
+        loops,
     )
 
 

@@ -28,8 +28,8 @@ import math
 from pivident.compiled import inner, kernel, summing
 from pivident.estimation.filters.filter_state import (
     DONE,
-    INDEFINITE,
     NOT_POSITIVE,
+    refused,
     torque_variance,
     update_positions,
     update_positions_of_factor,
@@ -215,7 +215,8 @@ def sigma_samples(
         _place_points(x, factor, scale, points)
         joint = _move(equations, work, points[0], middle, tau[k], h, motion)
         if joint >= 0 or not step_tangent(equations, work, h):
-            return INDEFINITE, max(joint, 0), k
+            status, joint = refused(joint, n)
+            return status, joint, k
         torque_variance(equations.couplings, noise, x[n : 2 * n], motion[1], state.torque)
         _invert(work.matrices[FACTOR], inverse)
         joint = _move_points(
@@ -223,7 +224,8 @@ def sigma_samples(
             state.rows[1, :n],
         )  # fmt: skip
         if joint >= 0:
-            return INDEFINITE, joint, k
+            status, joint = refused(joint, n)
+            return status, joint, k
         weight = _weigh(x, points, scale, central, alpha, beta, wide, gain)
         columns = _add_noise(wide, 2 * size, inverse, state.torque, noise.drift, h)
         if square_root:
