@@ -15,7 +15,6 @@ from pivident.dynamics.parameters import standard_parameters
 from pivident.dynamics.regressor_derivatives import RegressorDerivatives
 from pivident.dynamics.robot_regressor import regressor_of
 from pivident.errors import RobotDescriptionError
-from pivident.estimation.filters.robot_equations import robot_equations
 from pivident.excitation import design_motion
 from pivident.experiment.room_keys import RoomEntry
 from pivident.export import export_model, to_urdf
@@ -126,19 +125,6 @@ def test_gravity_in_the_control_law(robot, problem):
         GravityModel(robot, np.zeros((2, 2, 4)))
     with pytest.raises(RobotDescriptionError, match=REFUSED):
         pv.simulate(robot, pv.Loop(GAINS, feed_forward="gravity_measured"))
-
-
-@pytest.mark.parametrize("method", ["ekf", "ukf", "cdkf", "particle"])
-def test_methods(problem, method):
-    said = []
-    with pytest.raises(RobotDescriptionError, match=REFUSED):
-        pv.identify(problem, method, said.append)
-    assert not said
-
-
-def test_equations_of_filters(robot):
-    with pytest.raises(RobotDescriptionError, match=REFUSED):
-        robot_equations(robot, standard_parameters(robot))
 
 
 def test_derivatives_of_the_inverse_dynamics(robot):
