@@ -145,7 +145,7 @@ def _exports(result: str) -> Iterator[Offer]:
 def _methods(folder: Path, verdict: Mapping[str, Any]) -> list[str]:
     """Short names of the methods of a folder."""
     several = [p.parent.name for p in sorted(folder.glob("*/identification.json"))]
-    return several or [str(verdict["name"])] * ("name" in verdict)
+    return several or ([str(verdict["name"])] if "name" in verdict else [])
 
 
 def _is_said(

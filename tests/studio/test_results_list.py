@@ -1,0 +1,42 @@
+"""A result says what has changed since it was made, and so does what is derived from it."""
+
+import os
+
+from pivident.studio.projects import Project
+from pivident.studio.results_list import result_context
+
+TEXT = 'robot = "arm.urdf"\n[recording]\nfiles = "log.csv"\n'
+CREATED = "2026-01-01T00:00:00.000Z"
+BEFORE, AFTER = 1.7e9, 1.8e9  # [s since 1970]
+
+
+def entry(number, step, **arguments):
+    results = f"results/{number}-{step}"
+    nothing = {"pages": [], "files": [], "methods": [], "progress": {}, "started": "", "ended": ""}
+    return nothing | {
+        "id": number, "step": step, "state": "done", "results": results, "created": CREATED,
+        "arguments": arguments,
+    }  # fmt: skip
+
+
+def outdated(folder, text):
+    runs = [entry("002", "consistent", result="results/001-identify/piv"), entry("001", "identify")]
+    shown = result_context(Project(folder, "arm"), runs, "/p/arm", text)["runs"]
+    assert shown[0]["outdated"] == shown[1]["outdated"]
+    return shown[1]["outdated"]
+
+
+def test_results_that_are_older_than_what_they_were_made_from(tmp_path):
+    for name in ("arm.urdf", "log.csv", "other.csv"):
+        (tmp_path / name).write_text("x", encoding="utf-8")
+        os.utime(tmp_path / name, (BEFORE, BEFORE))
+    for step in ("001-identify", "002-consistent"):
+        (tmp_path / "results" / step).mkdir(parents=True)
+    (tmp_path / "results" / "001-identify" / "experiment.toml").write_text(TEXT, encoding="utf-8")
+    assert outdated(tmp_path, TEXT) == ""
+    assert outdated(tmp_path, f"# a comment\n{TEXT}") == ""
+    assert outdated(tmp_path, TEXT + "delay = 0.01\n") == "The experiment file has changed since."
+    os.utime(tmp_path / "other.csv", (AFTER, AFTER))  # which no line names
+    assert outdated(tmp_path, TEXT) == ""
+    os.utime(tmp_path / "log.csv", (AFTER, AFTER))
+    assert outdated(tmp_path, TEXT) == "log.csv has changed since."
