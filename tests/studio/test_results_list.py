@@ -2,8 +2,10 @@
 
 import os
 
+from pivident.studio.named_files import named_files
 from pivident.studio.projects import Project
 from pivident.studio.results_list import result_context
+from pivident.text.toml import parse_toml
 
 TEXT = 'robot = "arm.urdf"\n[recording]\nfiles = "log.csv"\n'
 CREATED = "2026-01-01T00:00:00.000Z"
@@ -21,7 +23,12 @@ def entry(number, step, **arguments):
 
 def outdated(folder, text):
     runs = [entry("002", "consistent", result="results/001-identify/piv"), entry("001", "identify")]
-    shown = result_context(Project(folder, "arm"), runs, "/p/arm", text)["runs"]
+    content = parse_toml(text)
+    named = {
+        path.relative_to(folder).as_posix(): path.stat().st_mtime
+        for path in named_files(folder, content)
+    }
+    shown = result_context(Project(folder, "arm"), runs, "/p/arm", content, named)["runs"]
     assert shown[0]["outdated"] == shown[1]["outdated"]
     return shown[1]["outdated"]
 

@@ -7,8 +7,9 @@ import pytest
 
 from pivident.cli.app import app
 from pivident.export.formats import FORMATS
+from pivident.studio.offers import offered
 from pivident.studio.step_arguments import StepError
-from pivident.studio.steps import CAUSES, ENDINGS, STEPS, offered, step_named
+from pivident.studio.steps import CAUSES, ENDINGS, STEPS, step_named
 from tests.studio.projects import EXPERIMENT
 
 OUT = "results/009-x"

@@ -10,7 +10,7 @@ from typing import Any
 
 from pivident.errors import PividentError
 from pivident.files import atomic_folder
-from pivident.init.draft import draft_experiment
+from pivident.init.draft import Draft, draft_experiment
 from pivident.logs.recognition.log_file import read_log_file
 from pivident.studio.projects import EXPERIMENT, HIDDEN
 from pivident.text.plain_values import plain, write_json
@@ -54,15 +54,8 @@ def draft(
         answers=dict(answers),
         progress=say,
     )
-    unread: dict[str, str] = {}
     try:
-        try:
-            made = drafted([project / log for log in logs])
-        except PividentError:  # a log that cannot be read does not stand in the way of the others
-            unread = _unreadable(project, logs, column_names)
-            if not unread or len(unread) == len(logs):
-                raise
-            made = drafted([project / log for log in logs if log not in unread])
+        made, left_out = _of_readable(drafted, project, logs, column_names)
     except (PividentError, OSError) as error:
         content["error"] = " ".join(str(error).split())
     else:
@@ -70,12 +63,28 @@ def draft(
             "text": made.text,
             "questions": [asdict(question) for question in made.questions],
             "troubles": list(made.troubles),
-            "left_out": unread,
+            "left_out": left_out,
             "explained": made.explained,
             "assumptions": [asdict(line) for line in made.assumptions],
         }
     with atomic_folder(project / HIDDEN) as build:
         write_json(build / DRAFT, plain(content))
+
+
+def _of_readable(
+    drafted: Callable[[list[Path]], Draft],
+    project: Path,
+    logs: Sequence[str],
+    column_names: Sequence[str],
+) -> tuple[Draft, dict[str, str]]:
+    """The draft from all logs, or else from those that can be read; the others with the reason."""
+    try:
+        return drafted([project / log for log in logs]), {}
+    except PividentError:
+        unread = _unreadable(project, logs, column_names)
+        if not unread or len(unread) == len(logs):
+            raise
+    return drafted([project / log for log in logs if log not in unread]), unread
 
 
 def _unreadable(project: Path, logs: Sequence[str], column_names: Sequence[str]) -> dict[str, str]:

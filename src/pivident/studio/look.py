@@ -9,7 +9,6 @@ whole or not at all.
 
 from __future__ import annotations
 
-import glob
 import hashlib
 import json
 import os
@@ -21,12 +20,12 @@ from typing import Any
 
 from pivident.check.experiment_check import ExperimentCheck, check_experiment
 from pivident.errors import PividentError
-from pivident.experiment.recording_tables import DESIGN_FILE
 from pivident.extras import is_installed
 from pivident.files import BUILD, atomic_folder
 from pivident.studio.arm_picture import robot_picture as robot_picture
 from pivident.studio.fixes import as_json, fixes
 from pivident.studio.logged_signals import write_signals
+from pivident.studio.named_files import named_files
 from pivident.text.plain_values import plain, strict_json, write_json
 from pivident.text.toml import parse_toml
 
@@ -42,9 +41,6 @@ _SIGNALS_KEY = "key"
 #: Tables of the file that say what the signals are, and those that hold recordings of their own.
 _TABLES = ("robot", "recording", "wrench", "contact")
 _WITH_RECORDINGS = ("validation", "gains", "payload")
-
-#: Most files of a pattern or a bag that are looked at.
-_MAX_FILES = 2000
 
 
 def look_key(experiment: Path) -> str:
@@ -165,31 +161,10 @@ def _stamps(folder: Path, text: str) -> Iterator[str]:
         content = parse_toml(text)
     except ValueError:
         return
-    named: set[Path] = set()
-    for value in _texts(content):
-        if len(value) > 1000 or "\0" in value:
-            continue
-        with suppress(OSError, ValueError):
-            path = folder / value
-            if any(c in value for c in "*?"):
-                named |= {Path(p) for p in glob.glob(str(path))[:_MAX_FILES]}
-            elif path.is_dir():
-                named |= set(sorted(path.iterdir())[:_MAX_FILES])
-            elif path.is_file():
-                named |= {path, path.parent / DESIGN_FILE}
-    for path in sorted(named):
+    for path in named_files(folder, content):
         with suppress(OSError):
             about = path.stat()
             yield strict_json([str(path), about.st_size, about.st_mtime_ns])
-
-
-def _texts(value: Any) -> Iterator[str]:
-    """Every text in a value."""
-    if isinstance(value, str):
-        yield value
-    elif isinstance(value, (dict, list)):
-        for inner in value.values() if isinstance(value, dict) else value:
-            yield from _texts(inner)
 
 
 def remove_unfinished(folder: Path) -> None:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from pivident.studio.projects import EXPERIMENT, RESULTS
 from pivident.studio.run_folder import read_object, result_folders
 from pivident.text.lists import listed
+from pivident.text.toml import parse_toml
 
 Offer = dict[str, Any]
 
@@ -65,7 +65,7 @@ def _after_identification(project: Path, folder: Path, name: str) -> Iterator[Of
         yield _offer("friction", "Show friction", friction)
     if motion := _wanted_motion(verdict, statements, name):
         yield motion
-    best = f"{name}/{verdict.get('name')}" if len(methods) > 1 else name
+    best = best_result(name, methods, verdict)
     if (project / best / "consistent.json").is_file():
         yield from _exports(best)
     elif verdict.get("severity") != "error":
@@ -87,6 +87,11 @@ def _after_identification(project: Path, folder: Path, name: str) -> Iterator[Of
     if len(methods) > 1:
         text = f"Shows where {listed(methods)} differ significantly."
         yield _offer("compare", "Compare the methods", text, results=[name])
+
+
+def best_result(name: str, methods: Sequence[str], verdict: Mapping[str, Any]) -> str:
+    """The result of the method that a verdict takes, in a folder of one or of several."""
+    return f"{name}/{verdict['name']}" if len(methods) > 1 and "name" in verdict else name
 
 
 def _better_estimates(
@@ -162,7 +167,7 @@ def _is_said(
 def _tables(project: Path) -> dict[str, Any]:
     """Tables of the experiment file; none where it cannot be read."""
     try:
-        return tomllib.loads((project / EXPERIMENT).read_text(encoding="utf-8"))
+        return parse_toml((project / EXPERIMENT).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
 

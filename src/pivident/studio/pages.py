@@ -16,15 +16,14 @@ from pivident.robot.gallery import gallery_names
 from pivident.studio.assets import templates
 from pivident.studio.example import ROBOT
 from pivident.studio.findings_list import check_context
-from pivident.studio.methods import DEFAULT, GROUPS
+from pivident.studio.methods_list import method_context
 from pivident.studio.projects import (
     RESULTS,
     Project,
     ProjectError,
-    is_named,
     is_robot,
 )
-from pivident.studio.results_list import clock, result_context, seconds_taken
+from pivident.studio.results_list import clock, result_context
 from pivident.studio.row_groups import row_groups
 from pivident.studio.rows import addable
 from pivident.studio.run_folder import read_object
@@ -77,7 +76,7 @@ def _files(view: View) -> dict[str, Any]:
                 "path": name,
                 "size": bytes_in_words(size),
                 "kind": "robot" if is_robot(Path(name)) else "log" if is_log(name) else "other",
-                "used": is_named(name, view.text),
+                "used": name in view.named,
             }
             for name, size, _ in view.files
         ],
@@ -100,11 +99,7 @@ def _troubles(view: View) -> list[str]:
     there = {name for name, _, _ in view.files}
     left_out = view.draft.get("left_out", {})
     return [
-        *(
-            f"{log} is left out of the draft: {why}"
-            for log, why in left_out.items()
-            if log in there
-        ),
+        *(f"{log} is left out: {why}" for log, why in left_out.items() if log in there),
         *view.draft.get("troubles", []),
     ]
 
@@ -151,52 +146,6 @@ def _assumed(view: View) -> str:
     return f"{assumed} to check" if assumed else ""
 
 
-def _run(view: View) -> dict[str, Any]:
-    """Methods to choose from."""
-    chosen = view.content.methods or list(DEFAULT)
-    plan = view.check.get("plan") or {}
-    seconds_of = plan.get("seconds_of", {})
-    known = {name for group in GROUPS for name in group.methods}
-    others = {name: "named in the experiment file" for name in chosen if name not in known}
-    groups = [
-        {
-            "title": group.title,
-            "folded": group.folded and not set(group.methods) & set(chosen),
-            "methods": [
-                {
-                    "name": name,
-                    "words": words,
-                    "chosen": name in chosen,
-                    "seconds": seconds_of.get(name.removeprefix("pc-"), ""),
-                }
-                for name, words in {**group.methods, **({} if group.folded else others)}.items()
-            ],
-        }
-        for group in GROUPS
-    ]
-    return {
-        "hindrance": view.hindrance,
-        "groups": groups if view.content.has_recording else [],
-        "seconds": _common_time(plan) if plan else "",
-        "factor": _slowness(view, plan) if plan else 1.0,
-    }
-
-
-def _common_time(plan: dict[str, Any]) -> float:
-    """What an identification takes beside its methods [s]."""
-    return plan["seconds"] - sum(plan["seconds_of"][name] for name in plan["methods"])
-
-
-def _slowness(view: View, plan: dict[str, Any]) -> float:
-    """How many times as long as expected the last identification took; 1 before there is one."""
-    for run in view.runs:
-        names = [name.removeprefix("pc-") for name in run["methods"]]
-        if run["step"] == "identify" and run["state"] == "done" and run["started"]:
-            expected = _common_time(plan) + sum(plan["seconds_of"].get(n, 0.0) for n in names)
-            return seconds_taken(run) / expected
-    return 1.0
-
-
 def _share(view: View) -> dict[str, Any]:
     """The archive, and the commands that do the same."""
     results = view.project.folder / RESULTS
@@ -206,7 +155,7 @@ def _share(view: View) -> dict[str, Any]:
     logs = sum(size for name, size, _ in view.files if is_log(name))
     commands = []
     if view.content.has_recording:
-        used = [n for n in view.studio.logs(view.project) if is_named(n, view.text)]
+        used = [n for n in view.studio.logs(view.project) if n in view.named]
         changed = view.text != view.draft.get("text")
         commands = [
             f"pivident init {' '.join(map(_quoted, used))} --robot {_quoted(view.content.robot)}",
@@ -294,14 +243,14 @@ PIECES = {
                 (v.check.get("plan") or {}).get("seconds"),
                 [run["id"] for run in v.runs if run["state"] == "done"],
             ],
-            _run,
+            lambda v: {"hindrance": v.hindrance} | method_context(v.content, v.check, v.runs),
             lambda v: "ready" if not v.hindrance else "",
         ),
         Piece(
             "results",
             "results",
             lambda v: [v.runs, v.version, v.files],
-            lambda v: result_context(v.project, v.runs, v.address, v.text),
+            lambda v: result_context(v.project, v.runs, v.address, v.content.content, v.named),
             _runs_mark,
         ),
         Piece("share", "share", lambda v: [v.files, v.runs, v.version], _share),

@@ -279,10 +279,5 @@ def is_robot(path: Path) -> bool:
     return path.name.lower().endswith(ROBOT_FILES) and path.name != EXPERIMENT
 
 
-def is_named(name: str, text: str) -> bool:
-    """Whether an experiment file names a file of its project, or the bag that it is of."""
-    return any(f'"{one}"' in text or f"'{one}'" in text for one in (name, name.partition("/")[0]))
-
-
 def _number(earlier: list[Path]) -> int:
     return int(earlier[-1].stem) if earlier else 0

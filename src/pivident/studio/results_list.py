@@ -2,25 +2,30 @@
 
 from __future__ import annotations
 
-import tomllib
-from contextlib import suppress
+from collections.abc import Mapping
 from datetime import datetime
 from typing import Any
 from urllib.parse import quote
 
 from pivident.check.plan import in_words
 from pivident.estimation.methods import METHODS
-from pivident.studio.projects import EXPERIMENT, Project, is_named
+from pivident.studio.offers import best_result, offered
+from pivident.studio.projects import EXPERIMENT, Project
 from pivident.studio.run_folder import read_object
-from pivident.studio.steps import EXPORTED, STEPS, offered
+from pivident.studio.steps import EXPORTED, STEPS
 from pivident.text.sizes import bytes_in_words
+from pivident.text.toml import parse_toml
 
 #: Less than this is not worth a word [s].
 SHORT = 3.0
 
 
 def result_context(
-    project: Project, runs: list[dict[str, Any]], address: str, text: str
+    project: Project,
+    runs: list[dict[str, Any]],
+    address: str,
+    content: dict[str, Any],
+    named: Mapping[str, float],
 ) -> dict[str, Any]:
     """What the section of results shows.
 
@@ -28,9 +33,10 @@ def result_context(
         project: whose.
         runs: its runs, the last one first.
         address: of the project's page.
-        text: of the experiment file as it is now.
+        content: what the experiment file says now.
+        named: files that it names, and when they came [s since 1970].
     """
-    outdated = {run["results"]: _outdated(project, run, text) for run in runs}
+    outdated = {run["results"]: _outdated(project, run, content, named) for run in runs}
     shown = [
         _shown(project, run, address)
         | {"outdated": outdated.get(_source(run)) or outdated[run["results"]]}
@@ -49,27 +55,20 @@ def _source(run: dict[str, Any]) -> str:
     return "/".join(result.split("/")[:2])
 
 
-def _outdated(project: Project, run: dict[str, Any], text: str) -> str:
+def _outdated(
+    project: Project, run: dict[str, Any], content: dict[str, Any], named: Mapping[str, float]
+) -> str:
     """What an identification was made from and is something else by now; empty if nothing."""
     if run["step"] != "identify" or not run["results"]:
         return ""
-    with suppress(OSError):
-        then = (project.folder / run["results"] / EXPERIMENT).read_bytes()
-        if _meaning(then) != _meaning(text.encode("utf-8")):
-            return "The experiment file has changed since."
-        for path in project.inputs():
-            name = path.relative_to(project.folder).as_posix()
-            if is_named(name, text) and path.stat().st_mtime > _seconds(run["created"]):
-                return f"{name} has changed since."
-    return ""
-
-
-def _meaning(text: bytes) -> object:
-    """What a text says without its comments; the text itself where it is no TOML."""
     try:
-        return tomllib.loads(text.decode("utf-8"))
-    except ValueError:
-        return text
+        then = (project.folder / run["results"] / EXPERIMENT).read_text(encoding="utf-8")
+        if parse_toml(then) != content:
+            return "The experiment file has changed since."
+    except (OSError, ValueError):
+        return ""  # a result that was brought from elsewhere
+    later = (name for name, time in named.items() if time > _seconds(run["created"]))
+    return next((f"{name} has changed since." for name in later), "")
 
 
 def _shown(project: Project, run: dict[str, Any], address: str) -> dict[str, Any]:
@@ -95,7 +94,7 @@ def _shown(project: Project, run: dict[str, Any], address: str) -> dict[str, Any
         "title": step.title if step else run["step"],
         "words": _words(run) or (step.words if step else ""),
         "best": verdict.get("name", ""),
-        "best_results": best_results(run, verdict),
+        "best_results": best_result(run["results"], run["methods"], verdict),
         "downloads": [file for file in files if file["path"].startswith(EXPORTED)],
         "created": clock(_seconds(run["created"])) if run["created"] else "",
         "took": _took(run),
@@ -124,7 +123,10 @@ def _always(run: dict[str, Any], verdict: dict[str, Any]) -> list[dict[str, Any]
     return [
         {
             "step": "export",
-            "arguments": {"result": best_results(run, verdict), "free": True},
+            "arguments": {
+                "result": best_result(run["results"], run["methods"], verdict),
+                "free": True,
+            },
             "words": "Export the estimate",
             "reason": "As it is; simulators may refuse parameters that no machine can have.",
         },
@@ -133,27 +135,18 @@ def _always(run: dict[str, Any], verdict: dict[str, Any]) -> list[dict[str, Any]
     ]
 
 
-def best_results(run: dict[str, Any], verdict: dict[str, Any]) -> str:
-    """The results of the method that the verdict takes, where there are several."""
-    several = len(run.get("methods") or ()) > 1
-    return (
-        f"{run['results']}/{verdict['name']}" if several and verdict.get("name") else run["results"]
-    )
-
-
 def _words(run: dict[str, Any]) -> str:
-    """What was asked: methods, corrections, format, and the result that it is about."""
-    given = run["arguments"]
-    words = ["; ".join(map(_method, run.get("methods") or ()))] if run["step"] == "identify" else []
-    if free := given.get("free"):
-        words += (
-            [f"corrected with the estimate: {', '.join(free)}"]
-            if free is not True
-            else ["free estimate"]
-        )
-    words += [str(given["to"])] if isinstance(given.get("to"), str) else []
-    of = [given["result"]] if given.get("result") else given.get("results", [])
-    words += [f"of {', '.join(str(one).removeprefix('results/') for one in of)}"] if of else []
+    """What was asked: methods and corrections, or a format, and the results that it is about."""
+    given, identified = run["arguments"], run["step"] == "identify"
+    of = [given["result"]] if "result" in given else given.get("results", [])
+    words = [
+        "; ".join(map(_method, run["methods"])) if identified else "",
+        f"corrected with the estimate: {', '.join(given['free'])}"
+        if identified and given.get("free")
+        else "",
+        str(given.get("to", "")),
+        f"of {', '.join(str(one).removeprefix('results/') for one in of)}" if of else "",
+    ]
     return " · ".join(filter(None, words))
 
 

@@ -9,7 +9,6 @@ from typing import Any
 
 from pivident.consistency.method_names import CONSISTENT_METHODS
 from pivident.estimation.methods import METHODS
-from pivident.studio.offers import offered as offered
 from pivident.studio.projects import EXPERIMENT
 from pivident.studio.step_arguments import Argument, StepError
 

@@ -6,6 +6,7 @@ from functools import cached_property
 from typing import Any
 
 from pivident.errors import ExperimentError
+from pivident.studio.named_files import named_files
 from pivident.studio.projects import Project, version_of
 from pivident.studio.rows import Row, experiment_rows
 from pivident.studio.run_folder import read_object
@@ -61,6 +62,20 @@ class View:
             about = path.stat()
             name = path.relative_to(self.project.folder).as_posix()
             found.append((name, about.st_size, about.st_mtime_ns))
+        return found
+
+    @cached_property
+    def named(self) -> dict[str, float]:
+        """Files of the project that the experiment file names, and when they came [s since 1970].
+
+        A bag is there as a folder too.
+        """
+        found: dict[str, float] = {}
+        for path in named_files(self.project.folder, self.content.content):
+            if path.is_relative_to(self.project.folder):
+                name, time = path.relative_to(self.project.folder), path.stat().st_mtime
+                for one in (name, *name.parents[:-1]):
+                    found[one.as_posix()] = max(time, found.get(one.as_posix(), time))
         return found
 
     @cached_property

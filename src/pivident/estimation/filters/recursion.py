@@ -160,11 +160,12 @@ class Recursion:
             raise IdentificationError(
                 "this recursion knows no robot; make it with of_robot, or give update(phi, tau)"
             )
-        before = self._motion[0].copy()
-        self._motion[0], self._motion[1], self._motion[2] = q, dq, ddq
         at = self._motion[0]
-        far = self.samples == 0 or np.abs(at - before).max() > JUMP
-        if self._work is None or (far and self._equations.loops is not None):
+        far = self._equations.loops is not None and (
+            self.samples == 0 or np.abs(np.subtract(q, at)).max() > JUMP
+        )
+        self._motion[0], self._motion[1], self._motion[2] = q, dq, ddq
+        if self._work is None or far:
             self._work = step_work(self._equations, at, self._names)
         if not _columns(self._equations, self._work, self._work.closed, self._motion, out):
             raise LoopNotClosed(OPEN, at, self._names, self.samples + 1)
