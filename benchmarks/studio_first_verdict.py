@@ -17,10 +17,11 @@ import tempfile
 import time
 from pathlib import Path
 
-REPOSITORY = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(REPOSITORY))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from tests.studio.browsing import browsing, served
+
+REPOSITORY = Path(__file__).resolve().parents[1]
 
 #: Longest wait for a step [ms].
 PATIENCE = 900_000

@@ -148,10 +148,7 @@ def _assumed(view: View) -> str:
 
 def _share(view: View) -> dict[str, Any]:
     """The archive, and the commands that do the same."""
-    results = view.project.folder / RESULTS
-    sizes = (
-        [p.stat().st_size for p in results.rglob("*") if p.is_file()] if results.is_dir() else []
-    )
+    results = sum(file["bytes"] for run in view.runs for file in run["files"])
     logs = sum(size for name, size, _ in view.files if is_log(name))
     commands = []
     if view.content.has_recording:
@@ -166,7 +163,7 @@ def _share(view: View) -> dict[str, Any]:
     return {
         "folder": str(view.project.folder),
         "logs_size": bytes_in_words(logs),
-        "results_size": bytes_in_words(sum(sizes)),
+        "results_size": bytes_in_words(results),
         "commands": commands,
     }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from functools import cached_property
 from typing import Any
 
@@ -59,9 +60,10 @@ class View:
         """Path, size and time of the files that were brought."""
         found = []
         for path in self.project.inputs():
-            about = path.stat()
-            name = path.relative_to(self.project.folder).as_posix()
-            found.append((name, about.st_size, about.st_mtime_ns))
+            with suppress(FileNotFoundError):  # removed at this moment
+                about = path.stat()
+                name = path.relative_to(self.project.folder).as_posix()
+                found.append((name, about.st_size, about.st_mtime_ns))
         return found
 
     @cached_property
@@ -72,7 +74,9 @@ class View:
         """
         found: dict[str, float] = {}
         for path in named_files(self.project.folder, self.content.content):
-            if path.is_relative_to(self.project.folder):
+            if not path.is_relative_to(self.project.folder):
+                continue
+            with suppress(FileNotFoundError):  # removed at this moment
                 name, time = path.relative_to(self.project.folder), path.stat().st_mtime
                 for one in (name, *name.parents[:-1]):
                     found[one.as_posix()] = max(time, found.get(one.as_posix(), time))
