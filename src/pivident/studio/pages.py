@@ -130,7 +130,8 @@ def _assumptions(view: View) -> dict[str, Any]:
     if not view.text:
         return {"groups": [], "raw": "", "undo": view.studio.can_undo(view.project)}
     assumed = sum(row.sure == "assumed" for row in view.rows)
-    many = {0: "Nothing is assumed.", 1: "1 line is an assumption, please check it."}
+    none = "Nothing is assumed." if view.content.has_recording else "The log is not described yet."
+    many = {0: none, 1: "1 line is an assumption, please check it."}
     return {
         "groups": row_groups(view.rows, view.signals),
         "addable": addable(view.text) if view.rows else (),
