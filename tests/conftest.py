@@ -11,8 +11,10 @@ from hypothesis import settings
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
 
-# A busy machine, or the first call of a library, is no fault of what is tested.
-settings.register_profile("patient", deadline=None)
+# A busy machine, or the first call of a library, is no fault of what is tested. A test that fails
+# has to fail again; `pytest --hypothesis-profile=searching` draws examples that nobody has tried.
+settings.register_profile("patient", deadline=None, derandomize=True)
+settings.register_profile("searching", deadline=None)
 settings.load_profile("patient")
 
 REPOSITORY = Path(__file__).resolve().parents[1]

@@ -72,19 +72,23 @@ def difference(loop, direction, step):
     return [(getattr(ahead, c) - getattr(behind, c)) / (2.0 * step) for c in ("q", "dq", "tau")]
 
 
-def deviation(loop, direction, found, measure=np.max):
-    """Largest difference of the tangents, relative, with the best of some steps."""
+def deviation(loop, direction, found, measure=np.max, enough=1e-7):
+    """Largest difference of the tangents, relative, with the best of some steps.
+
+    A long step passes a place where the scheme decides otherwise, a short one shows rounding; what
+    lies between may be less than a decade. No other step is tried after one that is good ``enough``.
+    """
     value = abs(loop.value(direction))
     scale = SCALES.get(direction.kind, value if direction.kind == "shape" else max(value, 0.05))
     # where the whole scale moves the signal by less than this, differences are rounding
     motion = motion_of(loop)
     least = [1e-4 * abs(getattr(motion, c)).max() / scale for c in ("q", "dq", "tau")]
     best = np.inf
-    for step in (1e-4, 1e-3, 1e-2, 1e-5, 1e-6):
+    for step in (1e-4, 1e-3, 1e-2, 1e-5, 1e-6, 3e-4, 3e-3, 3e-5, 3e-6):
         pairs = zip(found, difference(loop, direction, step * scale), least, strict=True)
         errors = [measure(abs(a - b)) / max(abs(b).max(), floor) for a, b, floor in pairs]
         best = min(best, max(errors))
-        if best < 1e-7:
+        if best < enough:
             break
     return best
 
@@ -96,7 +100,9 @@ def assert_tangents(loop, directions, tolerance=1e-6):
     for channel in CHANNELS:
         np.testing.assert_array_equal(getattr(found.motion, channel), getattr(plain, channel))
     worst = {
-        str(direction): deviation(loop, direction, [x[..., d] for x in found[2:]])
+        str(direction): deviation(
+            loop, direction, [x[..., d] for x in found[2:]], enough=0.3 * tolerance
+        )
         for d, direction in enumerate(directions)
     }
     assert {name: e for name, e in worst.items() if not e < tolerance} == {}

@@ -359,6 +359,18 @@ class BadCell(FileFormatError):
         super().__init__(f"{file}, {where}: {reason}; correct or remove that line")
 
 
+class NoSamples(FileFormatError):
+    """A table whose header no line of samples follows.
+
+    Attributes:
+        file: name of the file.
+    """
+
+    def __init__(self, file: str) -> None:
+        self.file = file
+        super().__init__(f"{file} has a header but no samples; export the log again")
+
+
 class ChecksumMismatch(FileFormatError):
     """A file of a public record whose content is not the published one.
 

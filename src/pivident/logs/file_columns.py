@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pivident.errors import BadCell, FileFormatError
+from pivident.errors import BadCell, FileFormatError, NoSamples
 from pivident.logs.tables.read_csv import read_csv_forgiving
 from pivident.logs.tables.tables import names_in, read_table
 
@@ -30,6 +30,8 @@ def lenient_table(path: Path, names: Sequence[str] | None = None) -> dict[str, n
         except FileFormatError:  # no table of text
             raise error from None
         return {n: v for n, v in table.items() if names is None or n in names}
+    except NoSamples:  # nor has any column
+        raise
     except FileFormatError:
         table = {}
         for name in names_in(path) if names is None else names:  # text stands between numbers

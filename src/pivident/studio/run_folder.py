@@ -51,7 +51,7 @@ class RunError(PividentError):
 
 def iso(seconds: float) -> str:
     """A time since 1970 [s] as ISO 8601, UTC."""
-    text = datetime.fromtimestamp(seconds, UTC).isoformat(timespec="milliseconds")
+    text = datetime.fromtimestamp(seconds, UTC).isoformat(timespec="microseconds")
     return text.replace("+00:00", "Z")
 
 

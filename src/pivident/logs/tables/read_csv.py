@@ -20,7 +20,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from pivident.errors import BadCell, FileFormatError
+from pivident.errors import BadCell, FileFormatError, NoSamples
 from pivident.logs.source_files import HARMLESS_SIZE, existing_file, refuse_bomb
 from pivident.logs.tables.dialect import (
     COMMENT,
@@ -55,7 +55,7 @@ def read_csv(path: str | Path, names: Sequence[str] | None = None) -> dict[str, 
         except ValueError:
             _explain(path, header, wanted, str(error).partition("\n")[0])
     if not len(table):
-        raise FileFormatError(f"{path.name} has a header but no samples; export the log again")
+        raise NoSamples(path.name)
     return dict(zip(wanted, np.ascontiguousarray(table.T), strict=True))
 
 
