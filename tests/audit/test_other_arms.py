@@ -90,11 +90,11 @@ def spikes(log: Log) -> set[str]:
 
 
 def test_weak_is_what_matters_in_full_motion_not_in_a_slow_one():
-    """What zz1r leaves open is 18 % of the torque of this motion, 7 % of that of full motion."""
+    """What zz1r leaves open is 18 % of the torque of this motion, 6 % of that of full motion."""
     made = make_log(594, Setting("regular", 250.0, 12.0, 2.0, 0.005, "none", 0.5))
     found = audit_log(log_of(made)).excitation
     k = found.names.index("zz1r")
-    assert found.used[k] < 0.1 and found.open_torque[k] < 0.1
+    assert found.used[k] < 0.2 and found.open_torque[k] < 0.1
 
 
 def test_stamps_that_tremble_make_no_outliers():

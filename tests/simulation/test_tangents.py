@@ -76,7 +76,7 @@ def deviation(loop, direction, found, measure=np.max, enough=1e-7):
     """Largest difference of the tangents, relative, with the best of some steps.
 
     A long step passes a place where the scheme decides otherwise, a short one shows rounding; what
-    lies between may be less than a decade. No other step is tried after one that is good ``enough``.
+    lies between may be less than a decade. None is tried after one that is good ``enough``.
     """
     value = abs(loop.value(direction))
     scale = SCALES.get(direction.kind, value if direction.kind == "shape" else max(value, 0.05))

@@ -8,14 +8,14 @@ it. A parameter is weak if that is a large share of the torque.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pivident.audit.inverse_model import OVERSAMPLING, InverseModel
 from pivident.dynamics.parameters import Parameter, nominal_values
-from pivident.dynamics.robot_regressor import closing_states, moving_joints, regressor_of
+from pivident.motion.wanted_motion import FullMotion, MotionLimits, motions_for
 from pivident.text.finding import Finding, Quantity, Severity
 
 #: Singular values below this, relative to the largest one, count as zero.
@@ -29,14 +29,6 @@ WEAK = 0.2
 
 #: Share of a column in full motion below which the parameter was hardly excited.
 UNUSED = 2e-3
-
-#: Time in which a joint reaches its rated speed, for want of a rated acceleration [s].
-RISE = 0.15
-
-#: Use of a joint's range below which more of it is recommended.
-LITTLE = 0.5
-
-QUANTITIES = ("posture", "speed", "acceleration")
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +65,10 @@ def check_excitation(models: Sequence[InverseModel]) -> Excitation:
     standard_error = np.sqrt(inverse.sum(axis=1) * OVERSAMPLING / 2.0) * scale
     standard_error[length == 0] = np.inf
     theta = scale * (vectors[:, seen] @ ((vectors[:, seen].T @ (scale * right)) / values[seen]))
-    full, parts, needed = _full_motion(models, theta)
+    motion = (np.concatenate([getattr(m, name) for m in models]) for name in ("q", "dq", "ddq"))
+    limits = MotionLimits.of(models[0].robot, *motion)
+    motions = FullMotion.within(models[0].robot, limits)
+    full, needed = _sizes(models[0], motions, theta)
     for own, most in zip(models[0].own, needed, strict=True):
         torque[own] = np.maximum(torque[own], most)
     found = Excitation(
@@ -84,10 +79,15 @@ def check_excitation(models: Sequence[InverseModel]) -> Excitation:
         singular[::-1] / largest,
         standard_error * full / torque,
         length / np.sqrt(max(rows, 1)) / np.maximum(full / noise, 1e-300),
-        _ranges(models),
+        limits.used,
     )
+
+    def advice(parameters: Sequence[Parameter]) -> list[str]:
+        wanted = [str(motion) for motion in motions_for(parameters, motions, limits)]
+        return [f"{text[0].upper()}{text[1:]}." for text in wanted]
+
     unseen = _sparse(vectors[:, ~seen])
-    return replace(found, findings=tuple(_findings(models, found, unseen, parts)))
+    return replace(found, findings=tuple(_findings(models, found, unseen, advice)))
 
 
 def _sparse(null: np.ndarray) -> list[np.ndarray]:
@@ -125,78 +125,33 @@ def _add_equations(
     return rows
 
 
-def _full_motion(models: Sequence[InverseModel], theta: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Rms in motions within all limits: of each column, of its three parts, and of each torque."""
-    robot, positions = models[0].robot, np.concatenate([model.q for model in models])
-    rng = np.random.default_rng(1988)
-    low, high = np.array(
-        [
-            j.position_limits or (float(q.min()) - 0.5, float(q.max()) + 0.5)
-            for j, q in zip(robot.joints, positions.T, strict=True)
-        ]
-    ).T
-    speed = _top_speed(models)
-    samples = 400
-    q = rng.uniform(low, high, (samples, robot.size))
-    dq = rng.uniform(-speed, speed, (samples, robot.size))
-    ddq = rng.uniform(-speed, speed, (samples, robot.size)) / RISE
-    q, dq, ddq = closing_states(robot, q, dq, ddq)
-    still = np.zeros_like(q)
-    regressor = regressor_of(robot, models[0].base.parameters)
-
-    def rms(phi: np.ndarray) -> np.ndarray:
-        return np.sqrt(np.mean(phi**2, axis=0).max(axis=0))
-
-    # friction with memory or load shows in steady motion, not at random states
-    level, none = regressor.levels(dq.T), regressor.levels(still.T)
-    rest = regressor.matrix(q, still, still, inner=none)
-    parts = np.column_stack(
-        [
-            rms(rest - rest.mean(axis=0)),
-            rms(regressor.matrix(q, dq, still, inner=level) - rest),
-            rms(regressor.matrix(q, still, ddq, inner=none) - rest),
-        ]
+def _sizes(
+    model: InverseModel, motions: FullMotion, theta: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rms in motions within all limits: of each column, and of each joint's torque."""
+    base = model.base
+    full, described = (
+        motions.columns(base.parameters),
+        base.values(nominal_values(model.robot, base.standard)),
     )
-    full, base = regressor.matrix(q, dq, ddq, inner=level), models[0].base
-    described = base.values(nominal_values(robot, base.standard))
     # Of fit and description the smaller: neither can be trusted where the motion is poor.
     torques = full @ np.column_stack([theta, described])
-    return rms(full), parts, np.sqrt(np.mean(torques**2, axis=0)).min(axis=1)
-
-
-def _top_speed(models: Sequence[InverseModel]) -> np.ndarray:
-    """Rated speeds; the fastest motion where one is not known."""
-    rated = models[0].robot.rated_speeds
-    fastest = np.max([np.abs(model.dq).max(axis=0) for model in models], axis=0)
-    speed = np.where(np.isfinite(rated), rated, fastest)
-    return np.where(speed > 0, speed, 1.0)
-
-
-def _ranges(models: Sequence[InverseModel]) -> np.ndarray:
-    """Share of the limits that the motion used, shape (joints, 3)."""
-    speed = _top_speed(models)
-    span = [
-        np.ptp(joint.position_limits)
-        if joint.position_limits
-        else (np.pi if joint.kind == "revolute" else 1.0)
-        for joint in models[0].robot.joints
-    ]
-    q, dq, ddq = (np.concatenate([getattr(m, n) for m in models]) for n in ("q", "dq", "ddq"))
-    return np.column_stack(
-        [
-            np.ptp(q, axis=0) / np.array(span),
-            np.abs(dq).max(axis=0) / speed,
-            np.abs(ddq).max(axis=0) / (speed / RISE),
-        ]
-    )
+    columns = np.sqrt(np.mean(full**2, axis=0).max(axis=0))
+    return columns, np.sqrt(np.mean(torques**2, axis=0)).min(axis=1)
 
 
 def _findings(
-    models: Sequence[InverseModel], found: Excitation, unseen: list[np.ndarray], parts: np.ndarray
+    models: Sequence[InverseModel],
+    found: Excitation,
+    unseen: list[np.ndarray],
+    advice: Callable[[Sequence[Parameter]], list[str]],
 ) -> list[Finding]:
-    """Rank, directions that were not seen, weak parameters and the use of the limits."""
+    """Rank, directions that were not seen, weak parameters and the use of the limits.
+
+    ``advice``: gives the motion that each of some parameters would need.
+    """
     model, names, parameters = models[0], found.names, models[0].base.parameters
-    rank, condition, ranges = found.rank, found.condition, found.ranges
+    rank, condition = found.rank, found.condition
     open_torque, used = found.open_torque, found.used
     who = "The motion separates"
     if len(models) > 1:
@@ -209,21 +164,20 @@ def _findings(
         step = "Add motions as below, or name fewer parameters under [identify]."
     evidence = {"condition": Quantity(condition, bound=CONDITION)}
     findings = [Finding(severity, "excitation", "rank", text, next_step=step, evidence=evidence)]
-    for vector in unseen:
-        first = np.argsort(-np.abs(vector))[:4]
-        group = [int(k) for k in first if abs(vector[k]) > 0.3 * np.abs(vector).max()]
+    groups = [_largest(vector) for vector in unseen]
+    steps = advice([parameters[group[0]] for group in groups])
+    for group, step in zip(groups, steps, strict=True):
         listed = ", ".join(names[k] for k in group)
         kind, words = "inseparable", f"{listed} cannot be separated"
         if len(group) == 1:
             kind, words = "no effect", f"{listed} has no effect"
-        advice = _motion(model, parameters[group[0]], parts[group[0]], ranges)
         findings.append(
-            Finding("error", "excitation", kind, f"{words} in this motion.", listed, advice)
+            Finding("error", "excitation", kind, f"{words} in this motion.", listed, step)
         )
     named = {k for vector in unseen for k in np.flatnonzero(np.abs(vector) > 0.3)}
-    for k in np.argsort(-open_torque):
-        if k in named or not (open_torque[k] > WEAK or used[k] < UNUSED):
-            continue
+    weak = (open_torque > WEAK) | (used < UNUSED)
+    chosen = [int(k) for k in np.argsort(-open_torque) if weak[k] and k not in named]
+    for k, step in zip(chosen, advice([parameters[k] for k in chosen]), strict=True):
         share = 100 * float(open_torque[k])
         findings.append(
             Finding(
@@ -234,7 +188,7 @@ def _findings(
                 f"full motion undetermined; its column in the log is {100 * used[k]:.2g} % of that "
                 "in full motion.",
                 names[k],
-                _motion(model, parameters[k], parts[k], ranges),
+                step,
                 evidence={"open torque": Quantity(share, "%", bound=100 * WEAK)},
             )
         )
@@ -242,7 +196,7 @@ def _findings(
         shares = ", ".join(
             f"{100 * r:.3g} % of its {what}"
             for r, what in zip(
-                ranges[j], ("range", "rated speed", "usual acceleration"), strict=True
+                found.ranges[j], ("range", "rated speed", "usual acceleration"), strict=True
             )
         )
         findings.append(
@@ -251,19 +205,7 @@ def _findings(
     return findings
 
 
-def _motion(
-    model: InverseModel, parameter: Parameter, parts: np.ndarray, ranges: np.ndarray
-) -> str:
-    """The motion in which a parameter acts most, and the joints that have room for it."""
-    joints = moving_joints(model.robot, parameter)
-    own = [j for j, place in enumerate(model.robot.places) if place == parameter.joint]
-    quantity = int(np.argmax(parts))
-    lazy = [j for j in joints if ranges[j, quantity] < LITTLE] or own or joints
-    names = ", ".join(model.robot.joints[j].name for j in lazy)
-    if parameter.friction is not None and parameter.friction.depends_on_position:
-        return f"Move {names} slowly through more of its range."
-    return {
-        "posture": f"Let {names} hold more postures against gravity, with slow moves between them.",
-        "speed": f"Move {names} faster, in both directions, together with the preceding joints.",
-        "acceleration": f"Accelerate {names} harder, in different postures.",
-    }[QUANTITIES[quantity]]
+def _largest(vector: np.ndarray) -> list[int]:
+    """At most four parameters that a direction is made of above all, the largest one first."""
+    size = np.abs(vector)
+    return [int(k) for k in np.argsort(-size)[:4] if size[k] > 0.3 * size.max()]

@@ -9,11 +9,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pivident.errors import ExperimentError
+from pivident.motion.wanted_motion import RISE
 from pivident.robot.description import Robot
 from pivident.text.lists import listed
-
-#: Time in which a joint is taken to reach its rated speed where no acceleration is given [s].
-RISE = 0.25
 
 #: Share of a limit that a motion is planned to use, and room that it keeps beyond clearances [m]:
 #: for what happens between the samples of the search, and a controller that follows not exactly.
