@@ -148,7 +148,9 @@ def test_a_change_redraws_the_signals_and_can_be_undone(planar):
         page.wait_for_function(
             "() => document.querySelector('[data-mark=checks].mark').textContent.includes('×')"
         )
-        page.get_by_role("button", name="Run", exact=True).and_(page.locator(":disabled")).wait_for()
+        page.get_by_role("button", name="Run", exact=True).and_(
+            page.locator(":disabled")
+        ).wait_for()
         page.get_by_role("button", name="Undo the last change").click()
         ready(page)
         assert "deg" in field.input_value()

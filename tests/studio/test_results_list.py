@@ -1,10 +1,12 @@
-"""A result says what has changed since it was made, and so does what is derived from it."""
+"""A result says what has changed since it was made, and leads to the lines that it rests on."""
 
+import json
 import os
 
 from pivident.studio.named_files import named_files
 from pivident.studio.projects import Project
 from pivident.studio.results_list import result_context
+from pivident.studio.rows import experiment_rows
 from pivident.text.toml import parse_toml
 
 TEXT = 'robot = "arm.urdf"\n[recording]\nfiles = "log.csv"\n'
@@ -28,7 +30,7 @@ def outdated(folder, text):
         path.relative_to(folder).as_posix(): path.stat().st_mtime
         for path in named_files(folder, content)
     }
-    shown = result_context(Project(folder, "arm"), runs, "/p/arm", content, named)["runs"]
+    shown = result_context(Project(folder, "arm"), runs, "/p/arm", content, named, ())["runs"]
     assert shown[0]["outdated"] == shown[1]["outdated"]
     return shown[1]["outdated"]
 
@@ -47,3 +49,21 @@ def test_results_that_are_older_than_what_they_were_made_from(tmp_path):
     assert outdated(tmp_path, TEXT) == ""
     os.utime(tmp_path / "log.csv", (AFTER, AFTER))
     assert outdated(tmp_path, TEXT) == "log.csv has changed since."
+
+
+def test_a_reservation_leads_to_the_line_that_it_rests_on(tmp_path):
+    folder = tmp_path / "results" / "001-identify"
+    folder.mkdir(parents=True)
+    statements = [
+        {"severity": "warning", "topic": topic, "message": "…", "next_step": "", "basis": ""}
+        for topic in ("torque scale", "law", "parameters")
+    ]
+    verdict = {"name": "piv", "headline": "Take it.", "severity": "warning"}
+    (folder / "verdict.json").write_text(json.dumps(verdict | {"statements": statements}))
+    text = f'{TEXT}units = {{tau = "A"}}\n[controller]\ntype = "identify"\n'
+    for shown, gains in ((text, "row-controller.type"), (TEXT, "")):
+        runs, rows = [entry("001", "identify")], experiment_rows(shown)
+        (run,) = result_context(Project(tmp_path, "arm"), runs, "", {}, {}, rows)["runs"]
+        scale, law, parameters = (statement["row"] for statement in run["against"])
+        assert scale.startswith("row-recording") and scale.endswith("units.tau" if gains else "")
+        assert (law, parameters) == (gains, "")

@@ -37,7 +37,13 @@ from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS, Method
 from pivident.estimation.parameter_rows import parameter_rows
 from pivident.estimation.problem import Problem
-from pivident.estimation.summary_tables import comparison_table, identification_table, rows_kind
+from pivident.estimation.summary_tables import (
+    comparison_table,
+    identification_table,
+    label_lines,
+    name_lines,
+    rows_kind,
+)
 from pivident.estimation.torque_sums import torque_sums
 from pivident.extras import is_installed
 from pivident.files import atomic_folder, check_output
@@ -268,7 +274,8 @@ def write_results(
             own = build / name if several else build
             if isinstance(estimate, ConsistentEstimate):
                 write_consistent(estimate, own, own / "identification.json")
-        save_verdict(verdict(results.diagnostics), build / VERDICT_FILE)
+        terms = [*label_lines(list(found.values())), *name_lines(list(found.values()))]
+        save_verdict(verdict(results.diagnostics), build / VERDICT_FILE, terms)
         if results.essential is not None:
             text = f"{results.essential}\n"
             (build / "essential_parameters.txt").write_text(text, encoding="utf-8")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +20,8 @@ VERDICT_FILE, SCHEMA = "verdict.json", 2
 RESULT = "identification.json"
 
 
-def save_verdict(found: Verdict, path: Path) -> None:
-    """Write a verdict as JSON."""
+def save_verdict(found: Verdict, path: Path, terms: Sequence[str] = ()) -> None:
+    """Write a verdict as JSON; ``terms``: what names and signs in it stand for, line by line."""
     content = {
         "schema": SCHEMA,
         "method": found.method,
@@ -28,6 +29,7 @@ def save_verdict(found: Verdict, path: Path) -> None:
         "severity": found.severity,
         "headline": found.headline,
         "statements": [s.as_json() for s in found.statements],
+        "terms": list(terms),
         "open": list(found.open),
         "held_out": {name: plain(errors.to_values()) for name, errors in found.held_out.items()},
     }

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from pivident.dynamics.parameter_names import names_in_words
 from pivident.estimation.identification import Identification
 from pivident.estimation.methods import Algebraic, Bandpass
 from pivident.estimation.parameter_rows import (
@@ -152,6 +153,12 @@ def label_lines(identifications: Sequence[Identification]) -> list[str]:
     if not any("(Ĉ)" in i.method for i in identifications):
         return []
     return ["(Ĉ): with instruments from a control law that was identified from the record"]
+
+
+def name_lines(identifications: Sequence[Identification]) -> list[str]:
+    """What the names of their parameters stand for."""
+    named = {n: p for i in identifications for n, p in zip(i.names, i.parameters, strict=True)}
+    return [names_in_words(named)] if named else []
 
 
 def _has_one_covariance(identification: Identification) -> bool:

@@ -75,17 +75,27 @@ def _line(place: Place, rows: Sequence[Row]) -> Place:
     return next(iter(near + [p for p in places if place and p[0] == place[0]]), Place())
 
 
+def line_to_go_to(place: Place, rows: Sequence[Row]) -> dict[str, str]:
+    """The line that is about a place of the experiment file, and its heading; both may be empty.
+
+    Args:
+        place: keys of tables, and numbers of their repetitions.
+        rows: lines of the file.
+    """
+    if not (place := _line(place, rows)):
+        return {"row": "", "heading": ""}
+    keys = ".".join(part for part in place[1:] if isinstance(part, str))
+    return {"row": "row-" + ".".join(map(str, place)), "heading": f"[{place[0]}] {keys}".rstrip()}
+
+
 def _remark(number: int, remark: dict[str, Any], rows: Sequence[Row]) -> dict[str, Any]:
     """A finding with its number, buttons, and the line to go to."""
-    place = _line(tuple(remark["place"]), rows)
+    fixes = [fix["words"] for fix in remark.get("fixes", ())]
     return {
         **remark,
         "number": number,
-        "fixes": [fix["words"] for fix in remark.get("fixes", ())],
-        "row": "row-" + ".".join(map(str, place)) if place else "",
-        "heading": f"[{place[0]}] {'.'.join(p for p in place[1:] if isinstance(p, str))}".rstrip()
-        if place
-        else "",
+        "fixes": fixes,
+        **line_to_go_to(tuple(remark["place"]), rows),
     }
 
 

@@ -248,7 +248,9 @@ PIECES = {
             "results",
             "results",
             lambda v: [v.runs, v.version, v.files],
-            lambda v: result_context(v.project, v.runs, v.address, v.content.content, v.named),
+            lambda v: result_context(
+                v.project, v.runs, v.address, v.content.content, v.named, v.rows
+            ),
             _runs_mark,
         ),
         Piece("share", "share", lambda v: [v.files, v.runs, v.version], _share),

@@ -2,22 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from typing import Any
 from urllib.parse import quote
 
 from pivident.check.plan import in_words
 from pivident.estimation.methods import METHODS
+from pivident.studio.findings_list import line_to_go_to
 from pivident.studio.offers import best_result, offered
 from pivident.studio.projects import EXPERIMENT, Project
+from pivident.studio.rows import Row
 from pivident.studio.run_folder import read_object
 from pivident.studio.steps import EXPORTED, STEPS
 from pivident.text.sizes import bytes_in_words
 from pivident.text.toml import parse_toml
+from pivident.text.toml_places import Place
 
 #: Less than this is not worth a word [s].
 SHORT = 3.0
+
+#: Where the experiment file says what statements of a verdict are about.
+LINES: dict[str, Place] = {
+    "torque scale": ("recording", 0, "units", "tau"),
+    "law": ("controller", "type"),
+}
 
 
 def result_context(
@@ -26,6 +35,7 @@ def result_context(
     address: str,
     content: dict[str, Any],
     named: Mapping[str, float],
+    rows: Sequence[Row],
 ) -> dict[str, Any]:
     """What the section of results shows.
 
@@ -35,10 +45,11 @@ def result_context(
         address: of the project's page.
         content: what the experiment file says now.
         named: files that it names, and when they came [s since 1970].
+        rows: its lines.
     """
     outdated = {run["results"]: _outdated(project, run, content, named) for run in runs}
     shown = [
-        _shown(project, run, address)
+        _shown(project, run, address, rows)
         | {"outdated": outdated.get(_source(run)) or outdated[run["results"]]}
         for run in runs
     ]
@@ -71,7 +82,9 @@ def _outdated(
     return next((f"{name} has changed since." for name in later), "")
 
 
-def _shown(project: Project, run: dict[str, Any], address: str) -> dict[str, Any]:
+def _shown(
+    project: Project, run: dict[str, Any], address: str, rows: Sequence[Row]
+) -> dict[str, Any]:
     """A run as the page shows it."""
     step, progress = STEPS.get(run["step"]), run.get("progress") or {}
     verdict = (
@@ -105,7 +118,7 @@ def _shown(project: Project, run: dict[str, Any], address: str) -> dict[str, Any
         "line": progress.get("line", "") or "starting",
         "kept": progress.get("kept", []),
         "verdict": verdict if verdict.get("headline") else None,
-        "against": against,
+        "against": [s | line_to_go_to(LINES.get(s["topic"], ()), rows) for s in against],
         "for": [s for s in statements if s not in against],
         "pages": [
             {"title": page["title"], "address": f"{place}/{quote(page['path'])}"}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from pivident.estimation.parameter_rows import parameter_rows
+from pivident.estimation.summary_tables import name_lines
 from pivident.report.intervals import interval_drawing
 from pivident.report.sections.base import Section
 
@@ -47,4 +48,5 @@ class ParametersSection(Section):
             "truth": bool(data.truth),
             "several": data.several,
             "held": held,
+            "name_lines": name_lines(data.identifications),
         }
