@@ -67,3 +67,17 @@ def test_a_reservation_leads_to_the_line_that_it_rests_on(tmp_path):
         scale, law, parameters = (statement["row"] for statement in run["against"])
         assert scale.startswith("row-recording") and scale.endswith("units.tau" if gains else "")
         assert (law, parameters) == (gains, "")
+
+
+def test_a_comparison_answers_in_a_sentence(tmp_path):
+    folder = tmp_path / "results" / "002-compare"
+    folder.mkdir(parents=True)
+    runs = [entry("002", "compare", results=["results/001-identify/ls"])]
+
+    def answers():
+        (run,) = result_context(Project(tmp_path, "arm"), runs, "", {}, {}, ())["runs"]
+        return run["answers"]
+
+    assert answers() == []
+    (folder / "comparison.json").write_text('{"findings": ["piv: none of 13 differs."]}')
+    assert answers() == ["piv: none of 13 differs."]

@@ -118,6 +118,7 @@ def _shown(
         "line": progress.get("line", "") or "starting",
         "kept": progress.get("kept", []),
         "verdict": verdict if verdict.get("headline") else None,
+        "answers": _answers(project, run),
         "against": [s | line_to_go_to(LINES.get(s["topic"], ()), rows) for s in against],
         "for": [s for s in statements if s not in against],
         "pages": [
@@ -127,6 +128,14 @@ def _shown(
         "files": files,
         "offered": [_offer(o) for o in (*offered(project.folder, run), *_always(run, verdict))],
     }
+
+
+def _answers(project: Project, run: dict[str, Any]) -> list[str]:
+    """What a comparison has found, a sentence for each result but the first."""
+    if run["step"] != "compare" or not run["results"]:
+        return []
+    found = read_object(project.folder / run["results"] / "comparison.json").get("findings", [])
+    return [str(sentence) for sentence in found] if isinstance(found, list) else []
 
 
 def _always(run: dict[str, Any], verdict: dict[str, Any]) -> list[dict[str, Any]]:
