@@ -130,21 +130,24 @@ class FullMotion:
         return np.column_stack([_rms(change) for change in changes])
 
     def parts_by_joint(self, parameters: Sequence[Parameter]) -> np.ndarray:
-        """Rms of what each joint alone changes in these parts, shape (parameters, 3, joints)."""
+        """Rms of what each joint alone changes in these parts, shape (parameters, 3, joints).
+
+        The loops of a mechanism do not close at every posture, least of all where one joint has
+        moved alone: there each joint counts as if it changed all of the posture's part.
+        """
         regressor, still = regressor_of(self.robot, parameters), np.zeros(self.q.shape)
         found = np.zeros((len(parameters), 3, self.robot.size))
         rest = _columns(regressor, self.q, still, still)
         moving = _columns(regressor, self.q, self.dq, still)
         for j in range(self.robot.size):
-            elsewhere = self.q.copy()
-            elsewhere[:, j] = np.roll(self.q[:, j], 1)
-            # the loops of a mechanism do not close everywhere
-            there, here = closing_states(self.robot, elsewhere, self.q)
-            turned = _columns(regressor, there, np.zeros(there.shape), np.zeros(there.shape))
-            from_here = _columns(regressor, here, np.zeros(here.shape), np.zeros(here.shape))
+            if self.robot.constraints is None:
+                elsewhere = self.q.copy()
+                elsewhere[:, j] = np.roll(self.q[:, j], 1)
+                found[:, POSTURE, j] = _rms(_columns(regressor, elsewhere, still, still) - rest)
+            else:
+                found[:, POSTURE, j] = _rms(rest - rest.mean(axis=0))
             others, alone = self.dq.copy(), still.copy()
             others[:, j], alone[:, j] = 0.0, self.ddq[:, j]
-            found[:, POSTURE, j] = _rms(turned - from_here)
             found[:, SPEED, j] = _rms(moving - _columns(regressor, self.q, others, still))
             found[:, ACCELERATION, j] = _rms(_columns(regressor, self.q, still, alone) - rest)
         return found
