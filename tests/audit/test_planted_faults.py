@@ -163,6 +163,17 @@ def test_radians_for_degrees():
     assert '"rad"' in next(f for f in audit.findings if f.kind == "angle unit").next_step
 
 
+@pytest.mark.parametrize("joint", [0, 1, 2])
+def test_one_joint_in_another_angle_unit(joint):
+    log = tx40()
+    q = log.channels["q"].copy()
+    q[:, joint] = np.deg2rad(q[:, joint])  # radians that were read as degrees
+    audit = audit_log(with_channels(log, q=q))
+    name = log.robot.joints[joint].name
+    assert ("error", "joint angle unit", name) in serious(audit)
+    assert name in next(f for f in audit.findings if f.kind == "joint angle unit").next_step
+
+
 def test_clipped_torque():
     log = planar()
     limit = 0.6 * np.abs(log.channels["tau"][:, 0]).max()

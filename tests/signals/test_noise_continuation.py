@@ -53,3 +53,9 @@ def test_a_level_that_a_filter_lowers_beyond_the_band_is_that_inside_it():
 
 def test_without_a_band_nothing_changes(covered):
     assert continued_into_band(covered, RATE, 0.0) is covered
+
+
+def test_a_band_that_no_grid_resolves_is_left_as_it_is():
+    """A clock in seconds that was taken for milliseconds makes half a megahertz of 500 Hz."""
+    model = fit_ar(np.random.default_rng(2).standard_normal(4000), 5)
+    assert continued_into_band(model, 500e3, 20.0) is model

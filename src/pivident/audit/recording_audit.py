@@ -1,8 +1,9 @@
 """What an audit has against recordings whose estimate is to be believed.
 
 A recording is checked where it is made, channel by channel. Here its channels are asked about one
-another: whether samples are lost, whether each torque belongs to its joint, with this sign and at
-this instant. Gains, loads and excitation are left out, since an estimate says more about them.
+another: whether samples are lost, whether angles are in their unit, whether each torque belongs to
+its joint, with this sign and at this instant. Gains, loads and excitation are left out, since an
+estimate says more about them.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from pivident.audit.inverse_model import build_inverse_model
 from pivident.audit.order import check_order
 from pivident.audit.power import check_power
 from pivident.audit.saturation import check_channels
+from pivident.audit.scale import another_position_unit
 from pivident.audit.timing import check_timing
 from pivident.errors import PividentError
 from pivident.logs.log import Log
@@ -32,6 +34,7 @@ KINDS: dict[str, tuple[str, ...]] = {
     "order": (),
     "delay": (),
     "power": ("sign",),
+    "scale": ("angle unit", "joint angle unit"),
 }
 
 
@@ -84,6 +87,9 @@ def _faults(robot: Robot, recording: Recording) -> list[Finding]:
         return serious(f for f in findings if _is_reservation(f))
     try:
         model = build_inverse_model(log, timing).delayed(-recording.drive_delay)
+        if (another := another_position_unit(log, model)) is not None:
+            finding, model = another
+            findings.append(finding)
         order = check_order(model)
         if any(f.severity == "error" for f in order.findings):
             model = model.reordered(order.torque_of)

@@ -204,10 +204,11 @@ def _one_value(name: str, tau: np.ndarray, q: np.ndarray) -> list[Finding]:
 def _wrapped(log: Log, name: str, q: np.ndarray, place: np.ndarray) -> list[Finding]:
     """Positions that jump by a full turn."""
     jump = np.diff(q)
-    usual = np.quantile(np.abs(jump), 0.999)
+    usual, whole = np.quantile(np.abs(jump), 0.999), np.ptp(q)
     for turn, unit in ((2 * math.pi, "2π"), (360.0, "360")):
         at = np.flatnonzero(np.abs(np.abs(jump) - turn) < 0.1 * turn)
-        if at.size and usual < 0.1 * turn and at.size < 0.001 * len(q):
+        # what is wrapped stays within its turn: 6.3 in a log of degrees is a step
+        if at.size and usual < 0.1 * turn and at.size < 0.001 * len(q) and whole < 1.5 * turn:
             k = int(place[at[0]])
             text = (
                 f"{name} jumps by a full turn ({unit}) {at.size} time(s), first after sample {k}."

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Container
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -49,6 +50,12 @@ NEAR = 1.4
 #: Another unit of the positions must leave at most this share of the error.
 BETTER = 0.5
 
+#: Factors between units of angles, the unit that was taken and the one that is meant.
+ANGLES = ((np.pi / 180.0, "rad", "deg"), (180.0 / np.pi, "deg", "rad"))
+
+#: What a joint may be turned at most, and its least range, for a unit to be possible [rad].
+FARTHEST, LEAST = 20.0, 0.05
+
 #: Times the rated speed that a joint may be logged to have.
 MAX_SPEED_RATIO = 3.0
 
@@ -76,7 +83,7 @@ def check_positions(
 ) -> tuple[list[Finding], InverseModel | None]:
     """Whether the positions can be what they are said to be, and a model in the right unit."""
     findings = check_reach(log, timing)
-    better = _another_position_unit(log, model)
+    better = another_position_unit(log, model)
     if better is None:
         return findings, None if findings else model
     finding, other = better
@@ -174,15 +181,16 @@ def _only(robot: Robot, joint: int) -> Robot:
     return replace(robot, joints=tuple(bare))
 
 
-def _another_position_unit(log: Log, model: InverseModel) -> tuple[Finding, InverseModel] | None:
+def another_position_unit(log: Log, model: InverseModel) -> tuple[Finding, InverseModel] | None:
     """A unit of the positions that fits much better, degrees for radians or the reverse."""
     here = _total_error(model)
     if not any(joint.kind == "revolute" for joint in model.robot.joints):
         return None
     if log.side == "motor":
         return _joint_side_already(log, model)
-    for factor, said, meant in ((np.pi / 180.0, "rad", "deg"), (180.0 / np.pi, "deg", "rad")):
-        if np.abs(model.q).max() * factor > 20.0 or np.ptp(model.q, axis=0).max() * factor < 0.05:
+    for factor, said, meant in ANGLES:
+        farthest, most = np.abs(model.q).max(), np.ptp(model.q, axis=0).max()
+        if farthest * factor > FARTHEST or most * factor < LEAST:
             continue
         other = inverse_model_of(log, model.signals, factor)
         there = _total_error(other)
@@ -195,7 +203,42 @@ def _another_position_unit(log: Log, model: InverseModel) -> tuple[Finding, Inve
             evidence = {"unexplained": Quantity(100 * here, "%", bound=100 * here * BETTER)}
             finding = Finding("error", "scale", "angle unit", text, "q", step, evidence)
             return finding, other
-    return None
+    return _joint_in_another_unit(log, model)
+
+
+def _joint_in_another_unit(log: Log, model: InverseModel) -> tuple[Finding, InverseModel] | None:
+    """A single joint in degrees beside others in radians, or the reverse.
+
+    Its own torque must be explained much better, and those of all joints together no worse. The
+    loops of a mechanism do not close with another angle of one joint.
+    """
+    robot, least, found = model.robot, _total_error(model), None
+    if robot.constraints is not None:
+        return None
+    for j, (factor, said, meant) in product(range(robot.size), ANGLES):
+        q = model.q[:, j] * factor
+        joint = robot.joints[j]
+        if joint.kind != "revolute" or joint.motion != "driven" or not model.usable(j):
+            continue
+        if np.abs(q).max() > FARTHEST or np.ptp(q) < LEAST:
+            continue
+        scale = np.ones(robot.size)
+        scale[j] = factor
+        other = inverse_model_of(log, model.signals, scale)
+        here, there = float(model.relative_errors[j]), float(other.relative_errors[j])
+        if there < BETTER * here and (total := _total_error(other)) < least:
+            least, found = total, (j, said, meant, here, there, other)
+    if found is None:
+        return None
+    j, said, meant, here, there, other = found
+    name = robot.joints[j].name
+    text = (
+        f"The positions of {name} seem to be in {meant} where {said} was taken: the inverse model "
+        f"then leaves {100 * there:.3g} % of its torque instead of {100 * here:.3g} %."
+    )
+    step = f'Give {name} its own unit, "{meant}", in a list q = [...] of units under [recording].'
+    evidence = {"unexplained": Quantity(100 * here, "%", bound=100 * here * BETTER)}
+    return Finding("error", "scale", "joint angle unit", text, name, step, evidence), other
 
 
 def _joint_side_already(log: Log, model: InverseModel) -> tuple[Finding, InverseModel] | None:

@@ -26,6 +26,7 @@ KEYS: dict[tuple[str, str], Place] = {
     ("scale", "reach"): ("units", "q"),
     ("scale", "speed"): ("units", "q"),
     ("scale", "angle unit"): ("units", "q"),
+    ("scale", "joint angle unit"): ("units", "q"),
     ("scale", "side"): ("side",),
     ("scale", "gain"): ("units", "tau"),
     ("scale", "assumed"): ("units", "tau"),

@@ -269,8 +269,9 @@ def _command(robot: Robot, found: Comparison, unit: str, reason: str) -> TorqueU
         for j, gain in enumerate(gains)
     ]
     if not np.isfinite(found.factors).any():
-        seen = f"{reason}, and no description gives N m per unit: all torques and parameters are "
-        seen += f"in units of {unit} until gains are set"
+        seen = f"{reason}, and N m per unit can be taken neither from the robot's description nor "
+        seen += f"from its masses: all torques and parameters are in units of {unit} until gains "
+        seen += "are set"
         correct = "Set gain = N m per unit for each joint, on the joint side, and leave scale out."
         return TorqueUnit(value, "assumed", seen, correct)
     seen = f"{reason}; N m per unit follow from the masses of the robot's description, whose own "

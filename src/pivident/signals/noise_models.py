@@ -199,6 +199,8 @@ def continued_into_band(
     gain = np.abs(np.fft.rfft(model.coefficients, 2 * points)) ** 2
     spectrum = 2 * model.innovation_variance / (rate * gain)
     edge = (frequency >= band) & (frequency <= 1.5 * band)
+    if not edge.any():  # the band is narrower than this grid resolves
+        return model
     inside = frequency < band
     level = (spectrum[edge] / passed(frequency[edge])).mean()
     spectrum[inside] = np.minimum(spectrum[inside], level * passed(frequency[inside]))
