@@ -236,6 +236,17 @@ def test_a_simulated_loop_that_misses_half_the_torque_is_a_reservation():
         assert good.severity == "ok" and "simulated loop" not in good.basis
 
 
+def test_predictions_that_are_farther_off_than_none_are_an_error():
+    diagnosed = diagnostics_with(2.0, 2.5)
+    judged = diagnosed.out_of_sample.results["piv"]
+    judged.prediction.total_in_band, judged.prediction.total_moving_in_band = 153.0, 150.0
+    said = next(prediction(diagnosed, "piv"))
+    assert (said.severity, said.kind) == ("error", "predicts nothing")
+    assert "no torque at all would be nearer" in said.message and "pivident audit" in said.next_step
+    judged.prediction.total_moving_in_band = 3.0  # the arm stands for most of the time
+    assert next(prediction(diagnosed, "piv")).severity == "warning"
+
+
 def test_a_loop_that_cannot_be_simulated_is_a_reservation():
     diagnosed = diagnostics_with(0.0, 2.0)
     judged = diagnosed.out_of_sample.results["piv"]

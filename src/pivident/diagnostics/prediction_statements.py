@@ -29,6 +29,9 @@ LITTLE_NOISE = 0.2
 #: Share of an rms error that is most of its power.
 MOSTLY = 0.71
 
+#: Error in the band beyond which predicted torques are farther off than none [%].
+NOTHING = 100.0
+
 #: Ratio of the errors on held-out and on fitted motion above which it is a reservation.
 WORSE = 1.5
 
@@ -66,6 +69,11 @@ def prediction(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
         severity, kind = "warning", "predicts worse"
         text += f", {grows:.1f} times that on the fitted motion"
         step = "Estimate fewer parameters, or record more motion."
+    # joints at rest are held by friction that no parameters know
+    if min(error.total_in_band, error.total_moving_in_band) > NOTHING:
+        severity, kind = "error", "predicts nothing"
+        text += ": no torque at all would be nearer"
+        step = "Ask pivident check and pivident audit what is wrong with the log, or record again."
     evidence = {
         "torque error": Quantity(error.total_in_band, "%"),
         "fitted motion": Quantity(fitted.total_in_band, "%"),
