@@ -31,7 +31,7 @@ TAKES_PART = 0.05
 #: Random motions from which a column's parts are judged.
 SAMPLES = 400
 
-#: Rows of ``ColumnParts``.
+#: Kinds of motion, and the columns of ``FullMotion.parts``.
 POSTURE, SPEED, ACCELERATION = 0, 1, 2
 
 #: Motion for ripple and springs, which posture shows, but not against gravity.
