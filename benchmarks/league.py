@@ -33,7 +33,7 @@ from pivident.many.study.summary import MethodSummary, Summary
 QUICK = ("all", "-particle", "-ukf", "-cdkf", "-set-membership")
 
 #: Runs that are added to a condition at a time.
-AT_A_TIME = 4
+AT_A_TIME = 26
 
 COLUMNS = (
     "scenario", "condition", "method", "runs", "error", "d_beta", "d_beta_of_mean", "d_tau",

@@ -7,6 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from pivident.consistency.significance import is_far
+from pivident.diagnostics.consistency_statements import consistency
 from pivident.diagnostics.diagnostics import diagnose, diagnose_one
 from pivident.diagnostics.estimate_statements import further_warnings
 from pivident.diagnostics.prediction_statements import prediction, simulated_loop
@@ -22,6 +24,7 @@ from pivident.experiment.simulated_tx40 import tx40_fine
 from pivident.signals.spectral_lines import SpectralLine
 from pivident.text.finding import Finding
 from pivident.text.numbers import with_spread
+from pivident.validation.held_out.prediction import PredictionError
 
 
 @pytest.fixture(scope="module")
@@ -204,6 +207,7 @@ def with_joints(error, wrist: float = 3.0, noise: float = 0.01, moving: float | 
     error.noise_in_band = np.array([0.01, noise])
     error.moving_in_band = np.array([1.9, wrist if moving is None else moving])
     error.total_moving_in_band = error.total_in_band
+    error.is_poor = False
     return error
 
 
@@ -362,3 +366,59 @@ def test_what_the_verdict_says_is_not_said_again():
         "piv": [scale, reference, law, finding("exogeneity", "e")],
     }
     assert beside_verdict(found, noticed) == [(("ls", "iv"), another), (("piv",), law)]
+
+
+def held_out(piv, rms, noise, torque=10.0):
+    """Diagnostics of an estimate whose held-out errors are given, the same for all joints."""
+    n = len(piv.joints)
+    same = {
+        "rms": rms, "torque": torque, "rms_in_band": rms, "torque_in_band": torque,
+        "noise_in_band": noise, "rest_in_band": 0.0,
+    }  # fmt: skip
+    error = PredictionError(
+        tuple(j.name for j in piv.joints),
+        ("N m",) * n,
+        **{key: np.full(n, value) for key, value in same.items()},
+        band=20.0,
+        samples=1000,
+    )
+    judged = SimpleNamespace(
+        prediction=error, training=error, replay=None, motion="held-out motion", where="5 blocks"
+    )
+    found = diagnose_one({"piv": piv})
+    return dataclasses.replace(found, out_of_sample=SimpleNamespace(results={"piv": judged}))
+
+
+@pytest.mark.parametrize(
+    ("rms", "noise", "kind"),
+    [(0.5, 0.1, "predicts"), (1.8, 0.1, "predicts poorly"), (1.8, 1.7, "predicts")],
+)
+def test_a_model_that_misses_much_of_the_torque_is_a_reservation(simulated, rms, noise, kind):
+    (said,) = prediction(held_out(simulated[1]["piv"], rms, noise), "piv")
+    assert said.kind == kind
+    assert said.severity == ("warning" if kind == "predicts poorly" else "ok")
+
+
+def nearest(distance, p_value, free, possible):
+    """A consistent model at some distance, of which the verdict needs these numbers."""
+    return SimpleNamespace(
+        was_consistent=distance == 0.0, least_distance=distance, p_value=p_value,
+        torque_error_free=free, torque_error=possible, active=(SimpleNamespace(subject="link_3"),),
+        is_far=is_far(p_value, free, possible),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("model", "severity", "words"),
+    [
+        ((0.0, 1.0, 0.05, 0.05), "ok", "physically possible"),
+        ((1.0, 0.6, 0.05, 0.05), "ok", "within the intervals"),
+        ((5.0, 1e-4, 0.05, 0.0502), "note", "outside the intervals"),
+        ((9.0, 1e-9, 0.05, 0.09), "warning", "No machine has these parameters"),
+    ],
+)
+def test_every_result_is_asked_whether_a_machine_can_have_it(simulated, model, severity, words):
+    found = diagnose_one({"piv": simulated[1]["piv"]})
+    (said,) = consistency(dataclasses.replace(found, nearest=nearest(*model)), "piv")
+    assert said.severity == severity and words in said.message and said.topic == "physics"
+    assert ("link_3" in said.next_step) == (severity == "warning")

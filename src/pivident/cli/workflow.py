@@ -263,7 +263,7 @@ def write_results(
     """
     with linear_algebra_in_one_thread():
         found = {
-            name: replace(result, torque_sums=torque_sums(result))  # once for all files
+            name: replace(result, torque_sums=result.torque_sums or torque_sums(result))
             for name, result in results.identifications.items()
         }
     several = len(found) > 1

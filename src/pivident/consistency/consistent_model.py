@@ -108,6 +108,11 @@ class ConsistentModel:
         return f"PC-{self.free.method}"
 
     @property
+    def is_far(self) -> bool:
+        """Whether the step to it is improbable and costs much torque: no machine is near."""
+        return is_far(self.p_value, self.torque_error_free, self.torque_error)
+
+    @property
     def torque_cost(self) -> float:
         """Relative growth of the torque error over that of the estimate."""
         return self.torque_error / self.torque_error_free - 1.0
@@ -398,7 +403,7 @@ def make_consistent(
         _space=space,
         _constraints=constraints,
     )
-    if is_far(p_value, *errors) and not accept_far:
+    if model.is_far and not accept_far:
         raise NoConsistentModelNear(
             model.least_distance,
             model.p_value,

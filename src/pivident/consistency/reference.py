@@ -122,7 +122,8 @@ def make_reference(
         values[k] = max(values[k], 0.0) if p.is_dissipative else values[k]
         # a rotor without a description may be as heavy as everything its joint moves: it, and not a
         # link with known inertia, absorbs the inertia in excess of the links
-        scales[k] = abs(values[k]) or (carried[p.joint] if p.stem in ("ia", "iam") else 1.0)
+        size = carried[p.joint] if p.stem in ("ia", "iam") else 1.0
+        scales[k] = abs(values[k]) or size or 1.0  # a joint may carry nothing
         if p.stem == "ia" and values[k] == 0.0:
             unknown.append(robot.joints[p.joint].name)
     if unknown:

@@ -9,7 +9,11 @@ from pivident.consistency.consistent_estimate import NoConsistentEstimate
 from pivident.consistency.significance import NOTABLE_COST
 from pivident.diagnostics.diagnostics import Diagnostics
 from pivident.text.finding import Finding, Quantity, Severity
-from pivident.text.numbers import format_significant
+from pivident.text.lists import listed
+from pivident.text.numbers import format_significant, percent
+
+#: Links and joints that are named where no machine has the parameters.
+MOST_HELD = 3
 
 #: A step to consistent parameters that is less probable lies outside the intervals.
 IMPROBABLE = 0.01
@@ -20,6 +24,7 @@ def consistency(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     made = diagnostics.consistent
     found = made.get(name) or next(reversed(list(made.values())), None)
     if found is None:
+        yield from _nearest_machine(diagnostics)
         return
     if isinstance(found, NoConsistentEstimate):
         message = f"{found.label}: {found.reason}."
@@ -74,3 +79,45 @@ def consistency(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
         )
         severity, kind = "warning", "consistent parameters predict worse"
     yield Finding(severity, "physics", kind, text, evidence=evidence, basis=basis)
+
+
+def _nearest_machine(diagnostics: Diagnostics) -> Iterator[Finding]:
+    """The same where no consistent estimate was asked for: how far the nearest machine is."""
+    model = diagnostics.nearest
+    if model is None:
+        return
+    if model.was_consistent:
+        text, basis = "These parameters are physically possible.", "0 σ from those of a machine"
+        yield Finding("ok", "physics", "consistent", text, basis=basis)
+        return
+    basis = (
+        f"least distance {format_significant(model.least_distance, 2)} σ, p = {model.p_value:.2g}"
+    )
+    evidence = {
+        "least distance": Quantity(model.least_distance, "σ"),
+        "p": Quantity(model.p_value),
+        "torque error": Quantity(100.0 * model.torque_error_free, "%"),
+        "of the nearest": Quantity(100.0 * model.torque_error, "%"),
+    }
+    if not model.is_far:
+        near = model.p_value > IMPROBABLE
+        where = "within" if near else "outside"
+        text = f"Parameters that a real machine can have lie {where} the intervals"
+        text += "." if near else ", which do not include all model error, but predict as well."
+        severity: Severity = "ok" if near else "note"
+        yield Finding(
+            severity, "physics", f"nearest {where} the intervals", text, "", "", evidence, basis
+        )
+        return
+    text = (
+        f"No machine has these parameters: the nearest possible ones lie "
+        f"{format_significant(model.least_distance, 2)} σ away and raise the torque error of the "
+        f"fitted record from {percent(100.0 * model.torque_error_free)} to "
+        f"{percent(100.0 * model.torque_error)}."
+    )
+    held = listed(list(dict.fromkeys(a.subject for a in model.active))[:MOST_HELD])
+    step = (
+        "Positions or torques of two joints may be exchanged, a sign, a unit or a length wrong, or "
+        f"samples lost: look at {held} first, and ask pivident check and pivident audit."
+    )
+    yield Finding("warning", "physics", "no machine", text, "", step, evidence, basis)

@@ -8,22 +8,28 @@ separation of noise from model error need the problem, since they go back to its
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pivident.audit.recording_audit import recording_faults
+from pivident.consistency.consistent_model import ConsistentModel, make_consistent
+from pivident.diagnostics.other_readings import Reading, better_readings
 from pivident.errors import ExperimentError, IdentificationError, PividentError
 from pivident.estimation.identification import Identification
 from pivident.estimation.methods import METHODS, Method
 from pivident.estimation.problem import Problem
+from pivident.estimation.torque_sums import torque_sums
+from pivident.logs.torque_scale import is_ratio
 from pivident.model_errors.named_causes import ModelErrors, named_causes
 from pivident.model_errors.wider_intervals import with_model_errors
 from pivident.recording.recording import Recording
 from pivident.text.finding import Finding
 from pivident.threads import linear_algebra_in_one_thread
+from pivident.validation.held_out.cross_validation import CrossValidation
 from pivident.validation.held_out.out_of_sample import OutOfSample, compare_out_of_sample
+from pivident.validation.held_out.prediction import JOINT_MISSES
 from pivident.validation.instruments.instrument_tests import InstrumentTests, instrument_tests
 from pivident.validation.residuals.model_error import ModelError, model_error
 from pivident.validation.residuals.residual_tests import ResidualTests, residual_tests
@@ -57,6 +63,10 @@ class Diagnostics:
         consistent: estimates that were made physically consistent, by short name of their method,
             or why they could not be.
         log: what an audit has against the recordings, warnings and errors.
+        nearest: physically possible parameters nearest to the recommended result; None where they
+            were not looked for: on measured bases, and from torques whose scales nobody knows.
+        readings: the log's joints as they are read, then as they fit the description better; empty
+            where nothing made one ask, or no other reading does.
     """
 
     identifications: Mapping[str, Identification]
@@ -71,6 +81,8 @@ class Diagnostics:
         default_factory=dict
     )
     log: tuple[Finding, ...] = ()
+    nearest: ConsistentModel | None = None
+    readings: tuple[Reading, ...] = ()
 
     @property
     def recommended(self) -> str:
@@ -167,6 +179,13 @@ def _diagnose(
     except PividentError as error:
         notes.append(f"Causes of model error were not looked for: {error}.")
     widened = own if causes is None else with_model_errors(own, causes)
+    say("asking whether a machine can have these parameters")
+    widened, nearest = _nearest_machine(widened)
+    readings: tuple[Reading, ...] = ()
+    doubtful = _misses(validation) or (nearest is not None and nearest.is_far)
+    if doubtful and not any(finding.severity == "error" for finding in log):
+        say("reading the joints of the log in other ways")
+        readings = better_readings(problem)
     return Diagnostics(
         {**identifications, name: widened},
         diagnostics.residuals,
@@ -177,7 +196,30 @@ def _diagnose(
         own.std,
         (*diagnostics.notes, *notes),
         log=log,
+        nearest=nearest,
+        readings=readings,
     )
+
+
+def _misses(validation: CrossValidation | None) -> bool:
+    """Whether an estimate misses much of the torque of all joints, or of one."""
+    if validation is None:
+        return False
+    error = validation.prediction
+    return error.is_poor or bool((error.moving_in_band > JOINT_MISSES).any())
+
+
+def _nearest_machine(
+    result: Identification,
+) -> tuple[Identification, ConsistentModel | None]:
+    """The physically possible parameters nearest to a result, which keeps its torque sums."""
+    if result.robot.base_joints or is_ratio(result.torque_scale):
+        return result, None
+    result = replace(result, torque_sums=torque_sums(result))
+    try:
+        return result, make_consistent(result, accept_far=True)
+    except PividentError:  # a covariance that is no metric; the verdict says why it is none
+        return result, None
 
 
 def diagnose_one(identifications: Mapping[str, Identification]) -> Diagnostics:

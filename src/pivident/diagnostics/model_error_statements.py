@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from pivident.diagnostics.diagnostics import Diagnostics
+from pivident.diagnostics.other_readings import Reading
 from pivident.model_errors.cause import Cause
 from pivident.model_errors.coupling_errors import COUPLED
 from pivident.model_errors.named_causes import MATTERS, ModelErrors, NamedCause
@@ -65,6 +66,49 @@ def log_faults(diagnostics: Diagnostics) -> Iterator[Finding]:
     for finding in diagnostics.log:
         if not (measured and finding.topic == "delay"):
             yield finding
+
+
+def another_reading(diagnostics: Diagnostics) -> Iterator[Finding]:
+    """That the joints of the log, read in another way, fit the description."""
+    if not diagnostics.readings:
+        return
+    given, best, *alike = diagnostics.readings
+    text = (
+        f"The joints of the log are not those of the description: with {_reading(best)} least "
+        f"squares misses {percent(best.error)} instead of {percent(given.error)} of the torque"
+    )
+    if not given.is_possible:
+        text += ", and a machine can have its parameters"
+    if alike:
+        others = "; or with ".join(_reading(own) for own in alike)
+        text += f". No torque tells this from a reading with {others}"
+    step = ""
+    if best.exchanged:
+        step += "Exchange the columns of q, tau and the reference. "
+    if best.reversed:
+        step += (
+            "Give q, tau and the reference of the joint the other sign (-1 in a list under units), "
+            "or turn its axis in the description. "
+        )
+    evidence = {
+        "as logged": Quantity(given.error, "%"),
+        "read otherwise": Quantity(best.error, "%"),
+    }
+    kind = "exchanged" if best.exchanged else "reversed"
+    yield Finding("error", "joints", kind, f"{text}.", "", step.rstrip(), evidence)
+
+
+def _reading(own: Reading) -> str:
+    """How it differs from the log."""
+    assert own.estimate is not None
+    names, changes = own.estimate.robot.joint_names, []
+    if own.exchanged:
+        pairs = [f"{names[j]} reading those of {names[own.column[j]]}" for j in own.exchanged]
+        changes.append(f"the columns exchanged ({listed(pairs)})")
+    if own.reversed:
+        turned = listed([names[j] for j in own.reversed])
+        changes.append(f"position and torque of {turned} of the other sign")
+    return " and ".join(changes)
 
 
 def _of_kind(found: ModelErrors, named: Sequence[NamedCause]) -> Finding:

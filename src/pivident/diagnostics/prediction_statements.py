@@ -11,23 +11,17 @@ from pivident.robot.measured_base import BASE_JOINTS
 from pivident.text.finding import Finding, Quantity, Severity
 from pivident.text.numbers import format_significant, percent
 from pivident.validation.held_out.cross_validation import CrossValidation
-from pivident.validation.held_out.prediction import at_rest
+from pivident.validation.held_out.prediction import JOINT_MISSES, MOSTLY, at_rest
 
 #: A simulated loop whose torque misses more than this of the measured one explains less than three
 #: quarters of its power (1 - 0.5²) and is a reservation [%].
 LOOP_MISSES = 50.0
-
-#: The same for the torque of one joint on the measured motion [%].
-JOINT_MISSES = 50.0
 
 #: The same for the force or moment on a measured base, whose rows have no friction [%], …
 BASE_MISSES = 10.0
 
 #: … where noise is at most this share of the rms error.
 LITTLE_NOISE = 0.2
-
-#: Share of an rms error that is most of its power.
-MOSTLY = 0.71
 
 #: Error in the band beyond which predicted torques are farther off than none [%].
 NOTHING = 100.0
@@ -69,6 +63,13 @@ def prediction(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
         severity, kind = "warning", "predicts worse"
         text += f", {grows:.1f} times that on the fitted motion"
         step = "Estimate fewer parameters, or record more motion."
+    elif error.is_poor:
+        severity, kind = "warning", "predicts poorly"
+        text += f", {percent(error.model_error_in_band)} without noise and standstill"
+        step = (
+            "Model or log do not match the machine: check the order of the joints, lengths, units "
+            "and delays (pivident audit), and the friction law (pivident laws)."
+        )
     # joints at rest are held by friction that no parameters know
     if min(error.total_in_band, error.total_moving_in_band) > NOTHING:
         severity, kind = "error", "predicts nothing"

@@ -32,6 +32,7 @@ from pivident.diagnostics.estimate_statements import (
 from pivident.diagnostics.instrument_statements import feedback_bias, strength
 from pivident.diagnostics.model_error_statements import (
     NOT_CHECKED,
+    another_reading,
     intervals,
     log_faults,
     model_errors,
@@ -149,6 +150,7 @@ def verdict(diagnostics: Diagnostics | Identification) -> Verdict:
     statements = [
         *choice(diagnostics, name),
         *log_faults(diagnostics),
+        *another_reading(diagnostics),
         *corrected(result),
         *torque_scale(result),
         *torque_side(result),

@@ -44,10 +44,13 @@ PLACES = 16
 #: Fewest of them in each recording.
 FEWEST_PLACES = 4
 
-#: Time over which the low-pass mixes rest and motion, in periods of the highest frequency.
+#: Time over which the low-pass mixes rest and motion, in periods of the highest frequency …
 MIXED = 1.0
 
-#: Share of the samples in use that has to be left without those that it mixes.
+#: … and over which weight and low-pass may still show what static friction holds at rest.
+SHOWN = 4.0
+
+#: Share of the samples in use that has to be left without those that are mixed.
 FEWEST = 0.25
 
 #: Time over which a filter remembers to either side [s].
@@ -128,7 +131,7 @@ class CauseRows:
         valid = getattr(motion, "valid", None)
         allowed = np.ones(rows.at.size, bool) if valid is None else valid[:: grid.stride][rows.at]
         used = self._used(number, kin)[:, :: grid.stride]
-        reach = int(np.ceil(MIXED * grid.rate / self.band))
+        reaches = [int(np.ceil(periods * grid.rate / self.band)) for periods in (MIXED, SHOWN)]
         rates = [cause.is_smooth for cause in self.causes for _ in range(cause.count)]
         out: list[JointRows | None] = [None] * self.problem.robot.size
 
@@ -136,7 +139,7 @@ class CauseRows:
             alive = [c for c, column in enumerate(measured[1]) if column[j].any()]
             smooth = np.array([rates[c] for c in alive], bool)
             own = slice(regressor.offsets[j], regressor.offsets[j + 1])
-            counts = allowed & without_neighbours(used[j], reach)[rows.at]
+            near, far = (without_neighbours(used[j], reach)[rows.at] for reach in reaches)
             gain = rows.gain(self._weight(j, rate, grid.rate))
 
             def passed(columns: Columns) -> np.ndarray:
@@ -144,15 +147,21 @@ class CauseRows:
                 for kind, fraction in ((smooth, grid.fraction), (~smooth, 1)):
                     chosen = [columns[1][c][j] for c, one in zip(alive, kind, strict=True) if one]
                     of_causes[kind] = rows.passed(chosen, gain, fraction)
-                return np.vstack([rows.passed(columns[0][own], gain), of_causes]) * counts
+                return np.vstack([rows.passed(columns[0][own], gain), of_causes])
 
             x = passed(measured)
             y = x if made is None else passed(made)
             index = np.concatenate(
                 [regressor.columns_of(j), len(self.found.theta) + np.array(alive, int)]
             )
-            tau = rows.passed(thinned(kin.tau[j][None], rate, grid.stride), gain)[0] * counts
-            out[j] = JointRows(index, x, y, tau, place)
+            torque = thinned(kin.tau[j][None], rate, grid.stride)
+            theta = self.found.theta[regressor.columns_of(j)]
+            residual = torque - theta @ measured[0][own]
+            tau, whole, rest = rows.passed(
+                np.vstack([torque, residual, np.where(used[j], 0.0, residual)]), gain
+            )
+            counts = rows_worth_using(whole, rest, allowed & near, allowed & far)
+            out[j] = JointRows(index, x * counts, y * counts, tau * counts, place)
 
         run_in_threads(thin, range(len(out)))
         return [r for r in out if r is not None]
@@ -257,6 +266,25 @@ def without_neighbours(used: np.ndarray, reach: int) -> np.ndarray:
     """
     alone = without_recent(used, reach) & without_recent(used[::-1], reach)[::-1]
     return alone if alone.sum() > FEWEST * used.sum() else used
+
+
+def rows_worth_using(
+    residual: np.ndarray, rest: np.ndarray, near: np.ndarray, far: np.ndarray
+) -> np.ndarray:
+    """Which of the rows ``near`` to a standstill are used beside those that are ``far`` from it.
+
+    All or none. With r the mean square of what the filters show of standstill in the m rows that
+    are nearer, over that of the residual of the c others, they are left out where r > 1 + m/c: they
+    then make the variance of an estimate larger (see `pivident.estimation.standstill`).
+
+    ``rest``: the residual of standstill alone, filtered likewise; all of shape (rows,).
+    """
+    between = near & ~far
+    c, m = int(far.sum()), int(between.sum())
+    if c == 0 or m == 0:
+        return near
+    ratio = float(np.mean(rest[between] ** 2) / max(np.mean(residual[far] ** 2), 1e-300))
+    return near & far if ratio > 1.0 + m / c else near
 
 
 def instrument_motions(

@@ -31,6 +31,16 @@ ORDER = 4
 #: The noise level is read between the motion's band and so many times it.
 BEYOND = 1.5
 
+#: Error in the band above which a model is a poor one [%], where noise and standstill are not most
+#: of it: good models of real arms miss 4 to 6 %.
+POOR = 15.0
+
+#: Error of one joint's torque that explains less than three quarters of its power [%].
+JOINT_MISSES = 50.0
+
+#: Share of an rms error that is most of its power.
+MOSTLY = 0.71
+
 
 class Predictor(Protocol):
     """Whatever predicts a robot's torques: an identification, or its consistent form."""
@@ -83,6 +93,19 @@ class PredictionError:
         """Error over all joints, below ``band``, without what standstill adds to it [%]."""
         moving = self.moving_in_band * self.torque_in_band / 100.0
         return self._total(moving, self.torque_in_band)
+
+    @property
+    def model_error_in_band(self) -> float:
+        """Error over all joints, below ``band``, that neither noise nor standstill explains [%]."""
+        explained = self.rest_in_band**2 + self.noise_in_band**2
+        left = np.sqrt(np.maximum(self.rms_in_band**2 - explained, 0.0))
+        return self._total(left, self.torque_in_band)
+
+    @property
+    def is_poor(self) -> bool:
+        """Whether the model misses much of the torque, and noise and standstill are not why."""
+        whole = self.total_in_band
+        return whole > POOR and self.model_error_in_band > MOSTLY * whole
 
     @property
     def total(self) -> float:

@@ -1,0 +1,200 @@
+"""Another reading of the log's joints that fits the robot's description better.
+
+A log with two joints in each other's columns, or with a joint that counts backwards, is the log of
+an arm, but of another one: the description misses its torque, or no machine has what is estimated.
+Where that is so, least squares is asked about other readings:
+
+    q_j, τ_j exchanged with q_k, τ_k;      q_j, τ_j with the other sign
+
+in the units of their new places, one after the other, as long as each lowers the torque error
+clearly. A joint that only turns the arm about the vertical has the same torques both ways round;
+then the reading counts whose estimate a machine can have. An arm of few joints and its mirror image
+may have the same torques, so that several readings fit: all of them are given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+
+from pivident.consistency.consistent_model import make_consistent
+from pivident.errors import PividentError
+from pivident.estimation.identification import Identification
+from pivident.estimation.identify import identify
+from pivident.estimation.methods import METHODS
+from pivident.estimation.problem import Problem
+from pivident.logs.joint_side import factors_of, gains_of, sides_of
+from pivident.recording.recording import Recording
+from pivident.robot.description import Robot
+
+#: Samples of the record that is read again, at most.
+MOST_SAMPLES = 40_000
+
+#: Factor by which a change of the reading lowers the torque error, or it is not followed; …
+FOLLOWED = 1.2
+
+#: … and by which all of them lower it, for each: where the direction of gravity is wrong, readings
+#: with three or four changes lower it to a third.
+EACH = 2.0
+
+#: Growth of the torque error that a reading of a possible machine may cost.
+AS_GOOD = 1.02
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """How a log's joints are read.
+
+    Attributes:
+        column: number of the joint whose columns are taken for each joint.
+        sign: of each joint's position and torque, 1 or -1.
+        error: torque error of least squares [%].
+        estimate: its result; None: there is none.
+    """
+
+    column: tuple[int, ...]
+    sign: tuple[int, ...]
+    error: float
+    estimate: Identification | None = field(repr=False)
+
+    @cached_property
+    def is_possible(self) -> bool:
+        """Whether a machine can have the estimate."""
+        if self.estimate is None:
+            return False
+        try:
+            return not make_consistent(self.estimate, accept_far=True).is_far
+        except PividentError:
+            return False
+
+    @property
+    def changes(self) -> int:
+        """Pairs that are exchanged, one after the other, and joints that are reversed."""
+        order, pairs = list(self.column), 0
+        for j in range(len(order)):
+            while order[j] != j:
+                k = order[j]
+                order[j], order[k] = order[k], order[j]
+                pairs += 1
+        return pairs + len(self.reversed)
+
+    @property
+    def exchanged(self) -> tuple[int, ...]:
+        """Joints that take the columns of others."""
+        return tuple(j for j, k in enumerate(self.column) if j != k)
+
+    @property
+    def reversed(self) -> tuple[int, ...]:
+        """Joints with the other sign."""
+        return tuple(j for j, sign in enumerate(self.sign) if sign < 0)
+
+
+def better_readings(problem: Problem) -> tuple[Reading, ...]:
+    """The log as it is read, then the readings that fit better, all equally well.
+
+    Args:
+        problem: of an estimate that misses the torque, or that no machine has.
+
+    Returns:
+        The readings; empty where no other one fits better.
+    """
+    robot = problem.robot
+    measured = all(r.torque_source == "measured" for r in problem.recordings)
+    if robot.constraints is not None or robot.base_joints or not measured:
+        return ()
+    search = _Search(problem)
+    places = range(robot.size)
+    given = search.read(tuple(places), (1,) * robot.size)
+    best = given
+    for _ in places:
+        nearest = min(search.others(best), key=lambda own: own.error, default=best)
+        if nearest.error * FOLLOWED > best.error:
+            break
+        best = nearest
+    if best is given and given.is_possible:
+        return ()
+
+    def explains(own: Reading) -> bool:
+        """Whether it is clearly better, or, with one sign changed, possible and as good."""
+        if own.changes == len(own.reversed) == 1 and not given.is_possible:
+            return own.error <= AS_GOOD * given.error
+        return own.error * EACH**own.changes <= given.error
+
+    tried = dict.fromkeys((best, *search.others(best), *search.known.values()))
+    fitting = [own for own in tried if own is not given and explains(own) and own.is_possible]
+    lowest = min((own.error for own in fitting), default=np.inf)
+    alike = [own for own in fitting if own.error <= AS_GOOD * lowest]
+    fewest = min((own.changes for own in alike), default=0)
+    return (given, *(own for own in alike if own.changes == fewest)) if alike else ()
+
+
+class _Search:
+    """Readings of one recording."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self.kinds = [joint.kind for joint in problem.robot.joints]
+        self.record = max(problem.recordings, key=lambda r: r.samples)
+        self.worth = _worth_of_units(problem.robot, self.record)
+        self.known: dict[tuple[tuple[int, ...], tuple[int, ...]], Reading] = {}
+
+    def others(self, own: Reading) -> Iterator[Reading]:
+        """Readings that differ in one joint's sign or in the places of two joints."""
+        for j in range(len(own.sign)):
+            sign = tuple(-s if k == j else s for k, s in enumerate(own.sign))
+            yield self.read(own.column, sign)
+        for j, k in combinations(range(len(own.column)), 2):
+            if self.kinds[j] == self.kinds[k]:
+                column = list(own.column)
+                column[j], column[k] = column[k], column[j]
+                yield self.read(tuple(column), own.sign)
+
+    def read(self, column: tuple[int, ...], sign: tuple[int, ...]) -> Reading:
+        """The reading with its error; infinite where it cannot be estimated."""
+        if (column, sign) not in self.known:
+            self.known[column, sign] = self._estimated(column, sign)
+        return self.known[column, sign]
+
+    def _estimated(self, column: tuple[int, ...], sign: tuple[int, ...]) -> Reading:
+        record = self._record(column, sign)
+        try:
+            problem = replace(self.problem, recordings=(record,), loop=None)
+            found = identify(problem, METHODS["ls"], test_gains=False)
+        except PividentError:
+            return Reading(column, sign, np.inf, None)
+        return Reading(column, sign, 100.0 * float(found.relative_error), found)
+
+    def _record(self, column: tuple[int, ...], sign: tuple[int, ...]) -> Recording:
+        """The recording read so: what least squares needs of it."""
+        whole, columns, worth = self.record, list(column), self.worth
+        read = {
+            channel: np.array(sign) * worth[channel] / worth[channel][columns] * values[:, columns]
+            for channel, values in (
+                ("q", whole.q[:MOST_SAMPLES]),
+                ("tau", whole.tau[:MOST_SAMPLES]),
+            )
+        }
+        return Recording(
+            whole.name, whole.joint_names, read["q"], read["tau"], whole.rate,
+            control_rate=whole.control_rate, torque_timing=whole.torque_timing, delay=whole.delay,
+            drive_delay=whole.drive_delay, allow_constant=True, saturation="allow",
+            torque_side=whole.torque_side,
+        )  # fmt: skip
+
+
+def _worth_of_units(robot: Robot, recording: Recording) -> dict[str, np.ndarray]:
+    """What a unit of the log is worth at each joint's place, of positions and torques."""
+    units, sides = recording.reading.get("units") or {}, sides_of(recording.reading.get("side"))
+    turns = np.abs(np.diag(robot.transmission.reduction))
+    worth = {}
+    for channel, of_gear in (("q", 1.0 / turns), ("tau", turns)):
+        spec = units.get(channel)
+        listed = list(spec) if isinstance(spec, (list, tuple)) else [spec] * robot.size
+        factors, commands = factors_of(channel, listed)
+        gains, _ = gains_of(commands, robot.transmission)
+        worth[channel] = np.abs(factors * gains * (of_gear if sides[channel] == "motor" else 1.0))
+    return worth

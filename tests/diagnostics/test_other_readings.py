@@ -1,0 +1,136 @@
+"""Logs whose joints are mixed up are not called good, and the right reading is named.
+
+Arms, motions and torques are Pinocchio's; `benchmarks/exchanged_joints.py` counts over many.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pivident.diagnostics.diagnostics import diagnose
+from pivident.diagnostics.other_readings import better_readings
+from pivident.diagnostics.verdict import verdict
+from pivident.estimation.identify import identify
+from pivident.estimation.problem import Problem
+from pivident.recording.recording import Recording
+from pivident.robot.urdf import parse_urdf
+from tests.other_arms import Setting, make_log
+
+SETTING = Setting("regular", 200.0, 20.0, 0.0, 0.002, "none", 0.8)
+
+GAIN = np.array([20.0, 8.0, 3.0, 3.0])  # N m/A
+
+
+@pytest.fixture(scope="module")
+def log():
+    return make_log(3, SETTING, joints=4)
+
+
+@pytest.fixture(scope="module")
+def short():
+    return make_log(3, SETTING, joints=3)
+
+
+def problem_of(log, q, tau, **options) -> Problem:
+    record = Recording(
+        "run", log.arm.joint_names, q, tau, SETTING.rate, torque_timing="sampled", **options
+    )
+    return Problem(parse_urdf(log.arm.urdf), (record,))
+
+
+def judged(problem):
+    return verdict(diagnose(problem, {"ls": identify(problem, "ls")}))
+
+
+def exchanged(values, j, k):
+    order = list(range(values.shape[1]))
+    order[j], order[k] = k, j
+    return values[:, order]
+
+
+def test_a_right_log_is_left_as_it_is(log):
+    problem = problem_of(log, log.q, log.tau)
+    assert better_readings(problem) == ()
+    found = judged(problem)
+    assert not [s for s in found.statements if s.topic == "joints"]
+    assert [s.severity for s in found.statements if s.topic == "physics"] in (["ok"], ["note"])
+
+
+@pytest.mark.parametrize(("j", "k"), [(0, 1), (1, 2)])
+def test_exchanged_joints_are_named(log, j, k):
+    problem = problem_of(log, exchanged(log.q, j, k), exchanged(log.tau, j, k))
+    given, best = better_readings(problem)
+    assert best.exchanged == (j, k) and not best.reversed
+    assert best.error < 0.5 * given.error
+    found = judged(problem)
+    (said,) = [s for s in found.statements if s.topic == "joints"]
+    assert said.severity == "error" and found.headline.startswith("Do not use")
+    for name in (log.arm.joint_names[j], log.arm.joint_names[k]):
+        assert name in said.message and "Exchange" in said.next_step
+
+
+@pytest.mark.parametrize("j", [1, 2])
+def test_a_joint_that_counts_backwards_is_named(log, j):
+    sign = np.where(np.arange(4) == j, -1.0, 1.0)
+    problem = problem_of(log, sign * log.q, sign * log.tau)
+    _, best = better_readings(problem)
+    assert best.reversed == (j,) and not best.exchanged
+    found = judged(problem)
+    (said,) = [s for s in found.statements if s.topic == "joints"]
+    assert log.arm.joint_names[j] in said.message and "sign" in said.next_step
+
+
+def test_an_arm_in_a_mirror_is_an_arm(short):
+    """Turned backwards about the vertical, three joints have the torques of their mirror image."""
+    sign = np.array([-1.0, 1.0, 1.0])
+    problem = problem_of(short, sign * short.q, sign * short.tau)
+    assert better_readings(problem) == ()
+    assert identify(problem, "ls").relative_error < 0.02
+
+
+def test_readings_that_no_torque_tells_apart_are_all_given(short):
+    sign = np.array([1.0, 1.0, -1.0])
+    problem = problem_of(short, sign * short.q, sign * short.tau)
+    _, *alike = better_readings(problem)
+    assert {own.reversed for own in alike} == {(1,), (2,)}
+    (said,) = [s for s in judged(problem).statements if s.topic == "joints"]
+    assert "No torque tells" in said.message
+    assert all(short.arm.joint_names[j] in said.message for j in (1, 2))
+
+
+def test_two_faults_at_once(log):
+    sign = np.array([1.0, 1.0, 1.0, -1.0])
+    q, tau = (exchanged(sign * x, 0, 1) for x in (log.q, log.tau))
+    _, *alike = better_readings(problem_of(log, q, tau))
+    right = 100 * identify(problem_of(log, log.q, log.tau), "ls").relative_error
+    for own in alike:  # of the right one or of its mirror image
+        assert own.exchanged == (0, 1) and own.reversed
+        assert own.error == pytest.approx(right, rel=0.02)
+
+
+def test_exchanged_currents_have_the_gains_of_their_places(log):
+    """The gains belong to the joints in the file's order, whatever its columns hold."""
+    q, current = exchanged(log.q, 0, 1), exchanged(log.tau / GAIN, 0, 1)
+    units = {"tau": [{"unit": "A", "gain": g} for g in GAIN.tolist()]}
+    problem = problem_of(log, q, current * GAIN, reading={"units": units, "side": "joint"})
+    _, best = better_readings(problem)
+    assert best.exchanged == (0, 1)
+    right = problem_of(log, log.q, log.tau)
+    assert best.error == pytest.approx(100 * identify(right, "ls").relative_error, rel=1e-6)
+    plain = replace(problem, recordings=(replace(problem.recordings[0], reading={}),))
+    other = better_readings(plain)  # in newton metres the torques do not fit the other places
+    assert not other or other[1].error > 2.0 * best.error
+
+
+def test_torques_that_are_computed_say_nothing_about_the_log(log):
+    problem = problem_of(log, exchanged(log.q, 0, 1), exchanged(log.tau, 0, 1))
+    made = replace(problem.recordings[0], torque_source="law")
+    assert better_readings(replace(problem, recordings=(made,))) == ()
+
+
+def test_a_wrong_direction_of_gravity_is_no_reading_of_the_log(log):
+    for gravity in ([0.0, 0.0, 9.81], [-9.81, 0.0, 0.0]):
+        problem = problem_of(log, log.q, log.tau)
+        turned = replace(problem, robot=problem.robot.with_gravity(np.array(gravity)))
+        assert better_readings(turned) == ()
