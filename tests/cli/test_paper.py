@@ -59,3 +59,10 @@ def test_an_interruption_says_where_the_runs_are(tmp_path, capsys, monkeypatch):
     said = capsys.readouterr().err
     assert f"the finished runs are in {tmp_path / 'page' / 'study'}" in said
     assert not (tmp_path / "page" / "paper.html").exists()
+
+
+def test_an_option_that_is_missing_is_said_to_be_missing(capsys):
+    assert main(["export", "results", "--to", "urdf"]) == WRONG_USAGE
+    assert "--out is missing" in capsys.readouterr().err
+    assert main(["export", "results", "--to", "urdf", "--out"]) == WRONG_USAGE
+    assert "requires an argument" in capsys.readouterr().err

@@ -159,9 +159,13 @@ def _findings(
     text = f"{who} {rank} of {len(names)} base parameters; condition {condition:.4g}."
     bad = rank < len(names)
     severity: Severity = "error" if bad else "warning" if condition > CONDITION else "ok"
+    named = {k for vector in unseen for k in np.flatnonzero(np.abs(vector) > 0.3)}
+    weak = (open_torque > WEAK) | (used < UNUSED)
+    chosen = [int(k) for k in np.argsort(-open_torque) if weak[k] and k not in named]
     step = ""
     if severity != "ok":
-        step = "Add motions as below, or name fewer parameters under [identify]."
+        more = "Add motions as below" if unseen or chosen else "Let `pivident excite` add a motion"
+        step = f"{more}, or name fewer parameters under [identify]."
     evidence = {"condition": Quantity(condition, bound=CONDITION)}
     findings = [Finding(severity, "excitation", "rank", text, next_step=step, evidence=evidence)]
     groups = [_largest(vector) for vector in unseen]
@@ -174,9 +178,6 @@ def _findings(
         findings.append(
             Finding("error", "excitation", kind, f"{words} in this motion.", listed, step)
         )
-    named = {k for vector in unseen for k in np.flatnonzero(np.abs(vector) > 0.3)}
-    weak = (open_torque > WEAK) | (used < UNUSED)
-    chosen = [int(k) for k in np.argsort(-open_torque) if weak[k] and k not in named]
     for k, step in zip(chosen, advice([parameters[k] for k in chosen]), strict=True):
         share = 100 * float(open_torque[k])
         findings.append(

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import App, CycloptsError, MissingArgumentError, Parameter
 
 from pivident.cli.check import check
 from pivident.cli.compare import compare
@@ -333,6 +333,9 @@ def main(tokens: Sequence[str] | None = None) -> int:
         return int(result or DONE)
     except CycloptsError as error:
         text = " ".join(str(error).split()).replace(", ...", " …").rstrip(".")
+        if isinstance(error, MissingArgumentError) and error.keyword is None and error.argument:
+            if not error.argument.tokens:  # it was not given at all
+                text = f"{error.argument.name} is missing"
         note(f"error: {text}; see {' '.join(('pivident', *(error.command_chain or ())))} --help")
         return WRONG_USAGE
     except UsageError as error:

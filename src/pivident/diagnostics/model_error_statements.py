@@ -73,14 +73,16 @@ def another_reading(diagnostics: Diagnostics) -> Iterator[Finding]:
     if not diagnostics.readings:
         return
     given, best, *alike = diagnostics.readings
+    names = diagnostics.identifications[diagnostics.recommended].robot.joint_names
     text = (
-        f"The joints of the log are not those of the description: with {_reading(best)} least "
-        f"squares misses {percent(best.error)} instead of {percent(given.error)} of the torque"
+        "The joints of the log are not those of the description: with "
+        f"{_reading(best, names)} least squares misses {percent(best.error)} instead of "
+        f"{percent(given.error)} of the torque"
     )
     if not given.is_possible:
         text += ", and a machine can have its parameters"
     if alike:
-        others = "; or with ".join(_reading(own) for own in alike)
+        others = "; or with ".join(_reading(own, names) for own in alike)
         text += f". No torque tells this from a reading with {others}"
     step = ""
     if best.exchanged:
@@ -98,10 +100,9 @@ def another_reading(diagnostics: Diagnostics) -> Iterator[Finding]:
     yield Finding("error", "joints", kind, f"{text}.", "", step.rstrip(), evidence)
 
 
-def _reading(own: Reading) -> str:
+def _reading(own: Reading, names: Sequence[str]) -> str:
     """How it differs from the log."""
-    assert own.estimate is not None
-    names, changes = own.estimate.robot.joint_names, []
+    changes = []
     if own.exchanged:
         pairs = [f"{names[j]} reading those of {names[own.column[j]]}" for j in own.exchanged]
         changes.append(f"the columns exchanged ({listed(pairs)})")

@@ -15,8 +15,7 @@ may have the same torques, so that several readings fit: all of them are given.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -45,7 +44,7 @@ EACH = 2.0
 AS_GOOD = 1.02
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Reading:
     """How a log's joints are read.
 
@@ -53,23 +52,13 @@ class Reading:
         column: number of the joint whose columns are taken for each joint.
         sign: of each joint's position and torque, 1 or -1.
         error: torque error of least squares [%].
-        estimate: its result; None: there is none.
+        is_possible: whether a machine can have its estimate; None: nobody asked.
     """
 
     column: tuple[int, ...]
     sign: tuple[int, ...]
     error: float
-    estimate: Identification | None = field(repr=False)
-
-    @cached_property
-    def is_possible(self) -> bool:
-        """Whether a machine can have the estimate."""
-        if self.estimate is None:
-            return False
-        try:
-            return not make_consistent(self.estimate, accept_far=True).is_far
-        except PividentError:
-            return False
+    is_possible: bool | None = None
 
     @property
     def changes(self) -> int:
@@ -110,12 +99,13 @@ def better_readings(problem: Problem) -> tuple[Reading, ...]:
     places = range(robot.size)
     given = search.read(tuple(places), (1,) * robot.size)
     best = given
-    for _ in places:
+    for _ in places:  # one change after the other
         nearest = min(search.others(best), key=lambda own: own.error, default=best)
         if nearest.error * FOLLOWED > best.error:
             break
         best = nearest
-    if best is given and given.is_possible:
+    given = search.asked(given)
+    if best.changes == 0 and given.is_possible:
         return ()
 
     def explains(own: Reading) -> bool:
@@ -124,8 +114,8 @@ def better_readings(problem: Problem) -> tuple[Reading, ...]:
             return own.error <= AS_GOOD * given.error
         return own.error * EACH**own.changes <= given.error
 
-    tried = dict.fromkeys((best, *search.others(best), *search.known.values()))
-    fitting = [own for own in tried if own is not given and explains(own) and own.is_possible]
+    tried = [own for own in search.known.values() if own.changes and explains(own)]
+    fitting = [own for own in map(search.asked, tried) if own.is_possible]
     lowest = min((own.error for own in fitting), default=np.inf)
     alike = [own for own in fitting if own.error <= AS_GOOD * lowest]
     fewest = min((own.changes for own in alike), default=0)
@@ -160,13 +150,31 @@ class _Search:
         return self.known[column, sign]
 
     def _estimated(self, column: tuple[int, ...], sign: tuple[int, ...]) -> Reading:
+        found = self._identified(column, sign)
+        error = np.inf if found is None else 100.0 * float(found.relative_error)
+        return Reading(column, sign, error)
+
+    def asked(self, own: Reading) -> Reading:
+        """The same, asked whether a machine can have it.
+
+        It is estimated once more: estimates of all readings would hold as many copies of the log.
+        """
+        found, possible = self._identified(own.column, own.sign), False
+        if found is not None:
+            try:
+                possible = not make_consistent(found, accept_far=True).is_far
+            except PividentError:
+                pass
+        return replace(own, is_possible=possible)
+
+    def _identified(self, column: tuple[int, ...], sign: tuple[int, ...]) -> Identification | None:
+        """Least squares on the log read so; None where there is no estimate."""
         record = self._record(column, sign)
         try:
             problem = replace(self.problem, recordings=(record,), loop=None)
-            found = identify(problem, METHODS["ls"], test_gains=False)
+            return identify(problem, METHODS["ls"], test_gains=False)
         except PividentError:
-            return Reading(column, sign, np.inf, None)
-        return Reading(column, sign, 100.0 * float(found.relative_error), found)
+            return None
 
     def _record(self, column: tuple[int, ...], sign: tuple[int, ...]) -> Recording:
         """The recording read so: what least squares needs of it."""

@@ -96,9 +96,9 @@ class SimulationDiverged(IdentificationError):
         self.joint, self.time, self.deviation, self.bound = joint, time, deviation, bound
         self.speed = speed
         what = (
-            f"has a speed of {deviation:.3g}"
+            f"has a speed of {deviation:.3g} rad/s (or m/s)"
             if speed
-            else f"is {deviation:.3g} away from its reference"
+            else f"is {deviation:.3g} rad (or m) away from its reference"
         )
         super().__init__(
             f"the simulated joint {joint!r} {what} at t = {time:.4f} s "

@@ -61,8 +61,9 @@ MAX_ITERATIONS, MAX_HALVINGS = 25, 6
 #: Relative step of the acceleration that is the last one: each is a hundredth of the one before.
 SETTLED = 1e-11
 
-#: Most steps to the acceleration of other parameters.
-MAX_CHORDS = 8
+#: Most steps to the acceleration of other parameters, what the first one leaves of the error at
+#: most, and the relative error that may be left: a millionth of a count in a position.
+MAX_CHORDS, LEFT, BESIDE = 8, 1e-2, 1e-10
 
 # Rows of ``vectors``: q_m, dq_m, a; residual, step, bias and local torques, zeros, a tried.
 MIDDLE, SPEED, ACCELERATION, _RESIDUAL, _STEP, _BIAS, _LOCAL, _STILL, _TRIED = range(9)
@@ -328,8 +329,9 @@ def beside(equations, work, theta, dq, tau, h, a):
             vectors[_STEP, i] = step
         for i in range(n):
             a[i] += vectors[_STEP, i]
-        # what is left is to this step as this step to the one before; in a Newton step a hundredth
-        if change * change <= 0.01 * SETTLED * largest * max(before, SETTLED * largest):
+        # what is left is to this step as this step to the one before
+        share = change / before if before > 0.0 else LEFT
+        if share * change <= BESIDE * largest:
             return True
         before = change
     return False
