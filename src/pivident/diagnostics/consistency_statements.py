@@ -103,7 +103,12 @@ def _nearest_machine(diagnostics: Diagnostics) -> Iterator[Finding]:
         near = model.p_value > IMPROBABLE
         where = "within" if near else "outside"
         text = f"Parameters that a real machine can have lie {where} the intervals"
-        text += "." if near else ", which do not include all model error, but predict as well."
+        if not near:
+            text += (
+                ", but predict as well: the intervals include neither what was left out of the "
+                "estimate nor all model error"
+            )
+        text += "."
         severity: Severity = "ok" if near else "note"
         yield Finding(
             severity, "physics", f"nearest {where} the intervals", text, "", "", evidence, basis
