@@ -11,8 +11,10 @@ import pytest
 from pivident.diagnostics.diagnostics import diagnose
 from pivident.diagnostics.other_readings import better_readings
 from pivident.diagnostics.verdict import verdict
+from pivident.estimation.identification_file import save_identification
 from pivident.estimation.identify import identify
 from pivident.estimation.problem import Problem
+from pivident.estimation.stored_identification import load_identification
 from pivident.recording.recording import Recording
 from pivident.robot.urdf import parse_urdf
 from tests.other_arms import Setting, make_log
@@ -134,3 +136,12 @@ def test_a_wrong_direction_of_gravity_is_no_reading_of_the_log(log):
         problem = problem_of(log, log.q, log.tau)
         turned = replace(problem, robot=problem.robot.with_gravity(np.array(gravity)))
         assert better_readings(turned) == ()
+
+
+def test_a_result_from_a_file_is_asked_for_a_machine_too(log, tmp_path):
+    """It has no signals, but the sums that were made when it was saved."""
+    problem = problem_of(log, log.q, log.tau)
+    save_identification(identify(problem, "ls"), tmp_path)
+    loaded = load_identification(tmp_path / "identification.json")
+    found = verdict(diagnose(problem, {"ls": loaded}))
+    assert [s for s in found.statements if s.topic == "physics"]

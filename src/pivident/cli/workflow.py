@@ -262,7 +262,7 @@ def write_results(
     One method's files lie in the folder itself, those of several in one folder each.
     """
     with linear_algebra_in_one_thread():
-        found = {
+        found = {  # sums once for all files
             name: replace(result, torque_sums=result.torque_sums or torque_sums(result))
             for name, result in results.identifications.items()
         }

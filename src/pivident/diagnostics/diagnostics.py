@@ -215,7 +215,8 @@ def _nearest_machine(
     """The physically possible parameters nearest to a result, which keeps its torque sums."""
     if result.robot.base_joints or is_ratio(result.torque_scale):
         return result, None
-    result = replace(result, torque_sums=torque_sums(result))
+    if result.recordings:  # one from a file has its sums, and no signals
+        result = replace(result, torque_sums=torque_sums(result))
     try:
         return result, make_consistent(result, accept_far=True)
     except PividentError:  # a covariance that is no metric; the verdict says why it is none

@@ -169,8 +169,8 @@ class _Search:
 
     def _identified(self, column: tuple[int, ...], sign: tuple[int, ...]) -> Identification | None:
         """Least squares on the log read so; None where there is no estimate."""
-        record = self._record(column, sign)
         try:
+            record = self._record(column, sign)
             problem = replace(self.problem, recordings=(record,), loop=None)
             return identify(problem, METHODS["ls"], test_gains=False)
         except PividentError:
@@ -198,6 +198,7 @@ def _worth_of_units(robot: Robot, recording: Recording) -> dict[str, np.ndarray]
     """What a unit of the log is worth at each joint's place, of positions and torques."""
     units, sides = recording.reading.get("units") or {}, sides_of(recording.reading.get("side"))
     turns = np.abs(np.diag(robot.transmission.reduction))
+    turns = np.where(turns > 0.0, turns, 1.0)  # a motor may turn another joint alone
     worth = {}
     for channel, of_gear in (("q", 1.0 / turns), ("tau", turns)):
         spec = units.get(channel)
