@@ -7,7 +7,9 @@ import pytest
 
 from pivident.common_work import once, shared_work
 from pivident.estimation.identify import identify
+from pivident.estimation.output_error import fit as fit_module
 from tests.estimation.filters.scenes import planar_problem
+from tests.estimation.output_error.arms import problem as closed_loop
 
 
 def slowly(made, seconds=0.02):
@@ -61,3 +63,25 @@ def test_methods_find_the_same_with_shared_work_in_any_order():
         np.testing.assert_array_equal(together[name].theta, own.theta)
         np.testing.assert_array_equal(together[name].covariance, own.covariance)
         np.testing.assert_array_equal(together[name].robust_covariance, own.robust_covariance)
+
+
+def test_simulations_that_output_errors_begin_with_are_shared(monkeypatch):
+    runs, whole = [], fit_module.simulated_errors
+
+    def counted(stretches, unknowns, *others):
+        runs.append(len(unknowns))
+        return whole(stretches, unknowns, *others)
+
+    monkeypatch.setattr(fit_module, "simulated_errors", counted)
+    names = ("cloe", "clie", "ml", "oloe")
+    alone = {name: identify(closed_loop(), name) for name in names}
+    one, apart = closed_loop(), len([n for n in runs if n])
+    runs.clear()
+    with shared_work():
+        together = {name: identify(one, name) for name in reversed(names)}
+    assert len([n for n in runs if n]) == apart - 2  # of the three in the closed loop
+    for name, own in alone.items():
+        np.testing.assert_array_equal(together[name].theta, own.theta)
+        np.testing.assert_array_equal(together[name].covariance, own.covariance)
+        rms = [found.simulation.fit.rms for found in (own, together[name])]
+        np.testing.assert_array_equal(*rms)

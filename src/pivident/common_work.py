@@ -44,6 +44,11 @@ def shared_work() -> Iterator[SharedWork]:
         _shared.reset(token)
 
 
+def is_shared() -> bool:
+    """Whether others may take up what is made now: a block of shared work runs."""
+    return _shared.get() is not None
+
+
 def once(key: tuple[Hashable, ...], make: Callable[[], Made]) -> Made:
     """What ``make`` gives, or gave before for this key in the same block of shared work.
 

@@ -61,7 +61,9 @@ def test_memory_does_not_grow(arm, method):
     problem, theta = arm
     recording = problem.recordings[0]
     kalman = made(problem, theta, method, encoder_std=1.0)
-    assert growth(lambda k: kalman.update(recording.q[k], recording.tau[max(k - 1, 0)])) < 10.0
+    update = lambda k: kalman.update(recording.q[k], recording.tau[max(k - 1, 0)])  # noqa: E731
+    # what an update holds grows every time; what others in the process allocate meanwhile does not
+    assert min(growth(update), growth(update)) < 10.0
 
 
 def test_one_at_a_time_is_all_at_once(arm):

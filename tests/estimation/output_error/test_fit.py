@@ -128,6 +128,32 @@ def test_torques_that_were_not_measured_cannot_be_compared():
         fit_simulation([own], unknowns("zz1"), FitOptions(channels=(TORQUES,)))
 
 
+def test_derivatives_of_the_point_before_serve_behind_a_small_step(monkeypatch):
+    _, theta = nominal_parameters()
+    runs, whole = [], fit_module.simulated_errors
+
+    def counted(stretches, unknowns, *others):
+        runs.append(bool(unknowns))
+        return whole(stretches, unknowns, *others)
+
+    monkeypatch.setattr(fit_module, "simulated_errors", counted)
+    sought = unknowns("zz1", "fv1", "fc2", "mx2")
+    start = with_values(
+        loop(theta, samples=1500), sought, 2.0 * truth(("zz1r", "fv1", "fc2", "mx2"))
+    )
+    own = stretch(start, noise=1e-5)
+    kept = fit_simulation([own], sought, PLAIN)
+    with_tangents = sum(runs)
+    assert 0 < with_tangents < len(runs)
+    runs.clear()
+    monkeypatch.setattr(fit_module, "STEADY", 0.0)
+    renewed = fit_simulation([own], sought, PLAIN)
+    assert all(runs) and len(runs) > with_tangents
+    assert (np.abs(kept.values - renewed.values) <= 0.05 * renewed.std).all()
+    np.testing.assert_allclose(kept.std, renewed.std, rtol=0.02)
+    np.testing.assert_allclose(kept.rms[0], renewed.rms[0], rtol=1e-4)
+
+
 def test_outliers_weigh_little_with_hubers_loss():
     _, theta = nominal_parameters()
     sought = unknowns("zz1", "fv1", "fc1", "fv2")

@@ -4,7 +4,8 @@
 
 Each pass (a) simulates with tangents, (b) solves for the step, (c) makes noise models of the errors
 that the step leaves, and solves again with them. A step that makes the weighted errors larger, or a
-loop that cannot be simulated, is taken back and shortened by Levenberg–Marquardt's damping.
+loop that cannot be simulated, is taken back and shortened by Levenberg–Marquardt's damping. Behind
+a step that is so small that derivatives stay what they were, those before it are kept.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from pivident.common_work import is_shared, once
 from pivident.errors import (
     IdentificationError,
     MassMatrixNotPositiveDefinite,
@@ -25,6 +27,7 @@ from pivident.estimation.output_error.noise_weights import (
 )
 from pivident.estimation.output_error.shaking import loop_noise, shaking
 from pivident.estimation.output_error.simulated_errors import (
+    POSITIONS,
     TORQUES,
     SimulatedErrors,
     simulated_errors,
@@ -43,6 +46,7 @@ from pivident.estimation.output_error.weighted_step import (
     WeightedSteps,
     inverse_of_free,
 )
+from pivident.simulation.open_loop import OpenLoop
 
 #: Passes that make noise models; later ones keep them, so that the estimate can settle.
 MODEL_PASSES = 2
@@ -64,6 +68,10 @@ LITTLE = 1e-3
 
 #: What squared errors of unit variance may still have to gain where no step is taken any more.
 WITHIN_NOISE = 1.0
+
+#: Relative change of the unknowns behind which derivatives are kept, over the tolerance. They
+#: change less than the unknowns, and that share of a standard error is what it may cost.
+STEADY = 0.5
 
 #: A value smaller than so many standard errors is near zero: its change is compared with them.
 NEAR_ZERO = 5.0
@@ -123,14 +131,15 @@ class _Search:
         zeros = tuple(
             np.zeros(0 if s.start_std is None else s.start_std.size) for s in self.stretches
         )
-        point = self._at(start, zeros)
+        point = self._begin(start, zeros)
         history: list[FitPass] = []
         noise: NoiseWeights | None = None
         damping, converged, shaken = 0.0, False, False
         for number in range(self.options.max_iterations):
             solved = self.steps.solved(point, noise, number < MODEL_PASSES)
             noise = solved.noise
-            change, settled = self._change(point, solved), self._has_settled(solved)
+            change = self._change(point, solved, solved.step)
+            settled = self._has_settled(solved)
             if settled and not shaken and number >= MODEL_PASSES - 1:
                 shaken, again = True, self._shaken(point)
                 if again is not None:
@@ -152,11 +161,36 @@ class _Search:
         stretches = [self._moved(k, point.values, own) for k, own in enumerate(point.starts)]
         return fit_answer(self.steps, stretches, self.factors, point, solved, history, converged)
 
+    def _begin(self, start: np.ndarray, zeros: tuple[np.ndarray, ...]) -> Point:
+        """The first simulation. Methods that compare other signals of the record share it."""
+        closed = not any(isinstance(s.loop.controller, OpenLoop) for s in self.stretches)
+        if not (is_shared() and closed and all(s.tau is not None for s in self.stretches)):
+            return self._at(start, zeros)
+
+        def make() -> list[SimulatedErrors]:
+            stretches = [self._moved(k, start, own) for k, own in enumerate(zeros)]
+            return simulated_errors(stretches, self.unknowns, (POSITIONS, TORQUES), self.factors)
+
+        key = ("tangents", self.stretches, self.unknowns, tuple(self.factors), start.tobytes())
+        made = tuple(own.of_channels(self.options.channels) for own in once(key, make))
+        return Point(start, zeros, made)
+
     def _at(self, values: np.ndarray, starts: tuple[np.ndarray, ...]) -> Point:
         """(a) Simulate with tangents."""
         stretches = [self._moved(k, values, own) for k, own in enumerate(starts)]
         made = simulated_errors(stretches, self.unknowns, self.options.channels, self.factors)
         return Point(values, starts, self._without_shaking(made))
+
+    def _beside(self, point: Point, values: np.ndarray, starts: tuple[np.ndarray, ...]) -> Point:
+        """Simulate without tangents, near a point whose derivatives are kept."""
+        stretches = [
+            replace(self._moved(k, values, own), start_std=None) for k, own in enumerate(starts)
+        ]
+        made = simulated_errors(stretches, (), self.options.channels, self.factors)
+        errors = [
+            replace(own, columns=last.columns) for own, last in zip(made, point.made, strict=True)
+        ]
+        return Point(values, starts, self._without_shaking(errors))
 
     def _shaken(self, point: Point) -> Point | None:
         """The same point, with the mean of what noise in the loop does taken from the errors.
@@ -188,10 +222,10 @@ class _Search:
                 loop = loop.moved(direction, step)
         return stretch.with_loop(loop)
 
-    def _change(self, point: Point, solved: WeightedStep) -> float:
-        """Largest |δ| / max(|p|, 5σ) of the step."""
+    def _change(self, point: Point, solved: WeightedStep, step: np.ndarray) -> float:
+        """Largest |δ| / max(|p|, 5σ) of a step."""
         size = np.maximum(np.abs(point.values), NEAR_ZERO * self._formula_std(solved))
-        return float(np.max(np.abs(solved.step) / np.maximum(size, 1e-300), initial=0.0))
+        return float(np.max(np.abs(step) / np.maximum(size, 1e-300), initial=0.0))
 
     def _has_settled(self, solved: WeightedStep) -> bool:
         """Whether the step is next to nothing.
@@ -232,8 +266,12 @@ class _Search:
                 own + each.start_step(step)
                 for own, each in zip(point.starts, equations.stretches, strict=True)
             )
+            steady = self._change(point, solved, step) <= STEADY * self.options.tolerance
+            values = point.values + step
             try:
-                reached = self._at(point.values + step, starts)
+                reached = (
+                    self._beside(point, values, starts) if steady else self._at(values, starts)
+                )
             except (SimulationDiverged, MassMatrixNotPositiveDefinite) as error:
                 failure = error
             else:

@@ -89,6 +89,28 @@ class KeptColumns:
 
 
 @dataclass(frozen=True)
+class ChannelColumns:
+    """Columns of one stretch, of some of its channels.
+
+    Attributes:
+        whole: of all channels.
+        channels: which are taken, in their order.
+    """
+
+    whole: Columns
+    channels: tuple[int, ...]
+
+    @property
+    def count(self) -> int:
+        """How many columns there are."""
+        return self.whole.count
+
+    def blocks(self, channel: int, joint: int) -> Iterator[tuple[slice, np.ndarray]]:
+        """Blocks of rows in order: which rows, and columns there, shape (columns, rows)."""
+        return self.whole.blocks(self.channels[channel], joint)
+
+
+@dataclass(frozen=True)
 class JoinedColumns:
     """Columns of one stretch with others between them.
 

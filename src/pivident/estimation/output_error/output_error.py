@@ -13,9 +13,11 @@ The price is that of DIDIM: where model, law or reference are wrong, so is the s
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
+from pivident.common_work import once
 from pivident.errors import (
     ExperimentError,
     IdentificationError,
@@ -140,8 +142,11 @@ def _stretches(signals: Signals, method: OutputError, theta: np.ndarray) -> list
     for share in STARTS:
         values = nominal + share * (theta - nominal)
         values = np.clip(values, [u.low for u in unknowns], [u.high for u in unknowns])
+        make = partial(
+            closed_stretches, problem, problem.loop, parameters, values, signals.kinematics
+        )
         try:
-            return closed_stretches(problem, problem.loop, parameters, values, signals.kinematics)
+            return once(("stretches", problem, method.signals, values.tobytes()), make)
         except (SimulationDiverged, MassMatrixNotPositiveDefinite) as error:
             failure = error
     _explain(problem, failure)

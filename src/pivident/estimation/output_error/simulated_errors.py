@@ -9,11 +9,16 @@ stretch. Only thinned rows are kept (`thinning`): e in memory, J in blocks (`kep
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pivident.estimation.output_error.kept_columns import IN_MEMORY, Columns, KeptColumns
+from pivident.estimation.output_error.kept_columns import (
+    IN_MEMORY,
+    ChannelColumns,
+    Columns,
+    KeptColumns,
+)
 from pivident.estimation.output_error.stretch import Stretch
 from pivident.estimation.output_error.thinning import Thinning, means_at
 from pivident.estimation.output_error.unknowns import Unknown, start_directions
@@ -41,6 +46,14 @@ class SimulatedErrors:
     factor: int  # measured samples for each row
     size: np.ndarray  # largest measured value, shape (channels, joints)
     mean_square: np.ndarray  # of e before thinning, shape (2, joints): positions, torques
+
+    def of_channels(self, channels: tuple[int, ...]) -> SimulatedErrors:
+        """Those of some channels, of errors of all of them."""
+        own = list(channels)
+        columns = ChannelColumns(self.columns, channels)
+        return replace(
+            self, errors=self.errors[own], columns=columns, used=self.used[own], size=self.size[own]
+        )
 
 
 def simulated_errors(
