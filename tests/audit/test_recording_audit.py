@@ -111,3 +111,9 @@ def test_a_computed_torque_is_not_held_against_its_motion():
     q = made.q.copy()
     q[900, 1] += 0.3
     assert [kind for _, kind, _ in faults(replace(made, q=q))] == ["spike"]
+
+
+def test_a_frozen_torque_is_a_reservation():
+    tau = planar().channels["tau"].copy()
+    tau[300:420, 1] = tau[300, 1]
+    assert ("error", "frozen", "tau of elbow") in faults(recording(tau=tau))

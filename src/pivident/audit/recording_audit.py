@@ -30,7 +30,7 @@ from pivident.threads import linear_algebra_in_one_thread
 #: Kinds of findings that are a reservation about every estimate, by topic; empty: all of them.
 KINDS: dict[str, tuple[str, ...]] = {
     "timing": ("lost", "repeated", "hidden jitter"),
-    "channels": ("spike", "stuck", "wrapped"),
+    "channels": ("spike", "stuck", "frozen", "wrapped"),
     "order": (),
     "delay": (),
     "power": ("sign",),

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from pivident.audit.frozen import check_frozen
 from pivident.logs.log import Log
 from pivident.recording.checks import TOLERATED_CLIPPING, clipped_samples
 from pivident.text.finding import Finding, Quantity, Severity, at_sample
@@ -46,7 +47,8 @@ def check_channels(log: Log) -> tuple[Finding, ...]:
         if kind in ("tau", "dq") and "q" in log.logged and joint in log.joint_names:
             q = log.logged["q"][finite, log.joint_names.index(joint)]
         if kind == "tau" and q is not None:
-            findings += _clipped(log, name, x, q, finite) or _one_value(name, x, q)
+            judged = _clipped(log, name, x, q, finite) or _one_value(name, x, q)
+            findings += judged or check_frozen(log, name, x, q, finite)
         elif kind == "q":
             findings += _wrapped(log, name, x, finite)
         findings += _spikes(log, name, x, finite, q)

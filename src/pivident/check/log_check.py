@@ -51,7 +51,7 @@ REPORTED_BY_AUDIT: dict[type[Exception], tuple[str, ...]] = {
 
 #: Findings after which the gains that a log shows say nothing about those of the file.
 CONSEQUENTIAL = ("reach", "speed", "angle unit", "joint angle unit", "side", "order", "late",
-                 "early", "joint late", "constant", "stuck", "clipped")  # fmt: skip
+                 "early", "joint late", "constant", "stuck", "frozen", "clipped")  # fmt: skip
 
 #: Findings after which the geometry cannot be judged.
 HIDES_GEOMETRY = (*CONSEQUENTIAL, "sign", "missing", "rate")

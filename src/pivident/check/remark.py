@@ -22,6 +22,7 @@ KEYS: dict[tuple[str, str], Place] = {
     ("timing", "backward"): ("part",),
     ("timing", "jitter"): ("resample",),
     ("channels", "clipped"): ("saturation",),
+    ("channels", "frozen"): ("part",),
     ("channels", "wrapped"): ("columns", "q"),
     ("scale", "reach"): ("units", "q"),
     ("scale", "speed"): ("units", "q"),

@@ -51,19 +51,19 @@ def clipped_samples(tau: np.ndarray, q: np.ndarray) -> np.ndarray:
         at_next_value = np.count_nonzero(signal == inside.max())
         if np.count_nonzero(at_limit) < DOMINANCE * at_next_value:
             continue
-        for start, stop in _runs(at_limit):
-            if stop - start >= MIN_RUN and _moves(q, start, stop):
+        for start, stop in runs_of(at_limit):
+            if stop - start >= MIN_RUN and moves(q, start, stop):
                 clipped[start:stop] = True
     return clipped
 
 
-def _runs(mask: np.ndarray) -> np.ndarray:
+def runs_of(mask: np.ndarray) -> np.ndarray:
     """First and last-plus-one index of each run of true values, shape (runs, 2)."""
     edges = np.diff(mask.astype(np.int8), prepend=0, append=0)
     return np.column_stack([np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)])
 
 
-def _moves(q: np.ndarray, start: int, stop: int) -> bool:
+def moves(q: np.ndarray, start: int, stop: int) -> bool:
     """Whether the joint travels during some samples, compared with its whole motion."""
     return bool(np.ptp(q[start:stop]) / (stop - start) > SLOWEST_MOTION * np.ptp(q) / len(q))
 
