@@ -253,7 +253,7 @@ def every(log, count):
 
 
 def test_a_loop_that_is_faster_than_the_log_is_told_from_the_time_that_it_holds_a_torque():
-    whole = clean_log("planar_2r", 2, 10.0)  # a loop of 1 kHz
+    whole = clean_log("planar_2r", 4, 10.0)  # a loop of 1 kHz
     slow = audit_log(every(whole, 2))
     rate = faster_loop(every(whole, 2), slow.model.rate, slow.delay.common)
     assert rate == pytest.approx(1000.0, rel=1e-3)

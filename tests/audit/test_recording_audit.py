@@ -5,8 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pivident.audit.blocked_fit import BLOCKS
+from pivident.audit.inverse_model import build_inverse_model
 from pivident.audit.recording_audit import recording_faults
 from pivident.audit.steps import hidden_jitter, unsteady_steps
+from pivident.audit.timing import check_timing
 from pivident.recording.recording import Recording
 from pivident.robot.gallery import load_robot
 from tests.audit.logs import clean_log, delayed, planar
@@ -117,3 +120,36 @@ def test_a_frozen_torque_is_a_reservation():
     tau = planar().channels["tau"].copy()
     tau[300:420, 1] = tau[300, 1]
     assert ("error", "frozen", "tau of elbow") in faults(recording(tau=tau))
+
+
+def at_rest_behind(q: np.ndarray, samples: int, seed: int) -> np.ndarray:
+    """Positions that come to rest within a second of 1 kHz, read by an encoder of 16 bits."""
+    slower = np.clip(np.arange(1000) / 1000.0, 0.0, 1.0)
+    path = len(q) - 1001 + np.cumsum(1.0 - slower**2 * (3.0 - 2.0 * slower))
+    stop = np.column_stack([np.interp(path, np.arange(len(q)), x) for x in q.T])
+    whole = np.vstack([q[:-1000], stop, np.repeat(stop[-1:], samples, axis=0)])
+    count = 2.0 * np.pi / 2**16
+    flicker = 0.1 * count * np.random.default_rng(seed).standard_normal(whole.shape)
+    return count * np.round((whole + flicker) / count)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_long_rest_behind_a_short_motion_hides_and_invents_no_samples(seed):
+    # at rest an encoder is steadier than in motion, and says nothing of what is usual there
+    q = at_rest_behind(planar(seed).channels["q"][:3000], 27_000, seed)
+    assert len(unsteady_steps(q)) == 0
+    k = 100 + int(np.argmax(np.abs(q[101:1800] - q[99:1798]).min(axis=1)))  # both joints are fast
+    lost = np.delete(q, [k + 1, k + 2, k + 3], axis=0)
+    assert unsteady_steps(lost).tolist() == [[float(k), 3.0]]
+
+
+def test_a_delay_is_judged_by_stretches_of_motion_not_of_rest():
+    log = planar()
+    rest = 9 * log.samples
+    channels = {
+        kind: np.vstack([x, np.repeat(x[-1:], rest, axis=0)]) for kind, x in log.channels.items()
+    }
+    log = replace(log, channels=channels, logged=dict(channels), clocks={}, rate=1000.0)
+    model = build_inverse_model(log, check_timing(log))
+    counts = np.bincount(model.block[model.moving.any(axis=1)])
+    assert len(counts) == BLOCKS and counts.max() < 1.2 * counts.min()

@@ -236,7 +236,7 @@ def inverse_model_of(
         gravity,
         inertial,
         shift,
-        np.minimum(np.arange(len(at)) * BLOCKS // len(at), BLOCKS - 1),
+        _stretches(moving),
         signals.torque,
         samples,
         signals,
@@ -251,6 +251,12 @@ def _moving(robot: Robot, dq: np.ndarray, limit: np.ndarray) -> np.ndarray:
         fast[:, c.motor] &= together
         fast[:, c.joint] &= together
     return fast
+
+
+def _stretches(moving: np.ndarray) -> np.ndarray:
+    """Numbers of stretches of time in which the arm moves equally long; moving (rows, joints)."""
+    before = np.cumsum(moving.any(axis=1))
+    return np.minimum(before * BLOCKS // (before[-1] + 1), BLOCKS - 1)
 
 
 def _near_standstill(still: np.ndarray, reach: int) -> np.ndarray:

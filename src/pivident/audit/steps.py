@@ -129,10 +129,8 @@ def _fitted(step: np.ndarray, length: np.ndarray) -> _Steps:
     speed, length = step / length[:, None], length[2:-2, None]
     around = length * np.median([speed[:-4], speed[1:-3], speed[3:-1], speed[4:]], axis=0)
     excess = step[2:-2] - around
+    spread = np.array([_spread(*own) for own in zip(excess.T, around.T, strict=True)])
     with np.errstate(invalid="ignore"):
-        spread = 1.4826 * np.nanmedian(np.abs(excess), axis=0)
-        # The staircase of a coarse encoder has a median of zero, and a spread all the same.
-        spread = np.maximum(spread, 0.5 * np.nanstd(excess, axis=0))
         weight = np.where(spread > 0, 1.0 / np.where(spread > 0, spread, 1.0) ** 2, 0.0)
         each = np.nan_to_num(weight * around**2)
         information = each.sum(axis=1)
@@ -140,6 +138,16 @@ def _fitted(step: np.ndarray, length: np.ndarray) -> _Steps:
         misfit = np.nansum(weight * (excess - share[:, None] * around) ** 2, axis=1)
     others = information - each.max(axis=1)
     return _Steps(share, information, misfit, others, speed, weight)
+
+
+def _spread(excess: np.ndarray, around: np.ndarray) -> float:
+    """Usual size of d_k - v_k of one joint where it moves: at rest there is less of it."""
+    moving = np.isfinite(excess) & (around != 0.0)
+    own = excess[moving if moving.sum() > MIN_STEPS else np.isfinite(excess)]
+    if not own.size:
+        return 0.0
+    # the staircase of a coarse encoder has a median of zero, and a spread all the same
+    return max(1.4826 * float(np.median(np.abs(own))), 0.5 * float(np.std(own)))
 
 
 def _unsteady(steps: _Steps, least: float) -> np.ndarray:
