@@ -22,7 +22,7 @@ from pivident.robot.urdf import parse_urdf
 from pivident.signals.bandpass import butterworth
 from pivident.simulation.controllers import Cascade
 from pivident.validation.held_out.cross_validation import cross_validate
-from pivident.validation.held_out.folds import contiguous_folds, moving_part
+from pivident.validation.held_out.folds import check_folds, contiguous_folds, moving_part
 from pivident.validation.held_out.out_of_sample import (
     Ratio,
     _judged,
@@ -79,6 +79,15 @@ def test_folds_share_out_the_motion_and_keep_their_distance(made):
 def test_impossible_folds_are_refused(made, count, gap, message):
     with pytest.raises(ExperimentError, match=message):
         contiguous_folds([axis.recording(made)], [(0, 4000)], count, gap)
+
+
+def test_blocks_that_no_motion_makes_long_enough_are_refused_before_anything_is_fitted(made):
+    record = axis.recording(made)
+    check_folds([record], 5)
+    check_folds([record], 0)
+    thousandfold = replace(record, rate=1000.0 * record.rate)  # stamps in seconds taken for ms
+    with pytest.raises(ExperimentError, match=r"unit of the time: .* at 500000 Hz"):
+        check_folds([thousandfold], 5)
 
 
 def test_gaps_that_leave_nothing_are_refused(made):

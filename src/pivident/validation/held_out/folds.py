@@ -68,6 +68,30 @@ def possible_folds(recordings: Sequence[Recording], count: int) -> int:
     return min(count, most) if most > 1 else 0
 
 
+def check_folds(recordings: Sequence[Recording], count: int) -> None:
+    """Refuse blocks that are too short even if the recordings move throughout.
+
+    Raises:
+        ExperimentError: says how long the blocks would be, and how long they have to be.
+    """
+    if count > 1:
+        _check_blocks(recordings, sum(max(r.samples - 2 * EDGE, 0) for r in recordings), count)
+
+
+def _check_blocks(recordings: Sequence[Recording], samples: int, count: int) -> None:
+    """Refuse blocks of so many samples in all that are too short to be judged on."""
+    shortest = min(_shortest(r) for r in recordings)
+    if samples // count >= shortest:
+        return
+    rate = recordings[0].rate
+    raise ExperimentError(
+        f"{count} folds of a motion of {samples / rate:.3g} s are blocks of "
+        f"{samples / count / rate:.2g} s, too short to be judged on; at least "
+        f"{shortest / rate:.2g} s are needed. Ask for fewer folds, or check the unit of the time: "
+        f"the log has {samples} samples of motion at {rate:.6g} Hz"
+    )
+
+
 def contiguous_folds(
     recordings: Sequence[Recording],
     moving: Sequence[tuple[int, int]],
@@ -86,14 +110,8 @@ def contiguous_folds(
     lengths = [stop - start for start, stop in moving]
     borders = np.linspace(0, sum(lengths), count + 1).round().astype(int)
     offsets = np.r_[0, np.cumsum(lengths)]
+    _check_blocks(recordings, sum(lengths), count)
     shortest = min(_shortest(r) for r in recordings)
-    if min(np.diff(borders)) < shortest:
-        rate = recordings[0].rate
-        raise ExperimentError(
-            f"{count} folds of a motion of {sum(lengths) / rate:.3g} s are blocks of "
-            f"{np.diff(borders).min() / rate:.2g} s, too short to be judged on; at least "
-            f"{shortest / rate:.2g} s are needed: ask for fewer folds"
-        )
     folds = []
     for first, last in pairwise(borders):
         held_out, left_out, fitted = [], [], sum(lengths)
