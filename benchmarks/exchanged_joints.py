@@ -1,10 +1,12 @@
 """What the verdict says of logs whose joints are mixed up, and of clean ones.
 
-    python benchmarks/exchanged_joints.py 0 40    seeds of the arms
+    python benchmarks/exchanged_joints.py 0 40            seeds of the arms
+    python benchmarks/exchanged_joints.py 0 40 weighed    one fault alone
 
 Arms, motions and torques are Pinocchio's (`tests.other_arms`): six random joints, 200 Hz, 30 s, 14-
 bit encoders. *exchanged*: positions and torques of two neighbouring joints stand in each other's
-columns; *torques*: their torques alone; *sign*: one joint's position and torque are negative. A
+columns; *torques*: their torques alone; *sign*: one joint's position and torque are negative;
+*weighed*: as *exchanged*, in amperes with gains that follow from the masses of the description. A
 verdict that takes such an estimate without a reservation about it is wrong, and so is one about a
 clean log. Counted are statements of the topics *prediction* and *physics*, and errors.
 """
@@ -19,6 +21,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from tests.diagnostics.gains_of_masses import by_masses
 from tests.other_arms import ArmLog, Setting, make_log
 
 from pivident.diagnostics.diagnostics import diagnose
@@ -31,16 +34,21 @@ from pivident.robot.urdf import parse_urdf
 
 SETTING = Setting("regular", 200.0, 30.0, 0.0, 0.002, "none", 0.8)
 
-FAULTS = ("clean", "exchanged", "torques", "sign")
+FAULTS = ("clean", "exchanged", "torques", "sign", "weighed")
+
+#: Gains of the drives [N m/A].
+GAIN = np.array([20.0, 15.0, 12.0, 4.0, 3.0, 2.0])
 
 
 def faulty(log: ArmLog, fault: str, joint: int) -> tuple[np.ndarray, np.ndarray]:
     """Positions and torques as a wrong file has them."""
     q, tau = log.q.copy(), log.tau.copy()
     pair = [joint, joint + 1]
-    if fault == "exchanged":
+    if fault == "weighed":
+        tau /= GAIN
+    if fault in ("exchanged", "weighed"):
         q[:, pair] = q[:, pair[::-1]]
-    if fault in ("exchanged", "torques"):
+    if fault in ("exchanged", "torques", "weighed"):
         tau[:, pair] = tau[:, pair[::-1]]
     if fault == "sign":
         q[:, joint], tau[:, joint] = -q[:, joint], -tau[:, joint]
@@ -52,15 +60,17 @@ def judged(log: ArmLog, fault: str, joint: int) -> Verdict:
     q, tau = faulty(log, fault, joint)
     record = Recording("run", log.arm.joint_names, q, tau, SETTING.rate, torque_timing="sampled")
     problem = Problem(parse_urdf(log.arm.urdf), (record,))
+    if fault == "weighed":
+        problem = by_masses(problem)
     return verdict(diagnose(problem, {"ls": identify(problem, "ls")}))
 
 
-def main(first: int, last: int) -> None:
+def main(first: int, last: int, faults: tuple[str, ...] = FAULTS) -> None:
     """Print every reservation about prediction or physics, and how often each was made."""
     counts: dict[str, Counter[str]] = defaultdict(Counter)
     for seed in range(first, last):
         log = make_log(seed, SETTING)
-        for fault in FAULTS:
+        for fault in faults:
             joint = seed % (log.q.shape[1] - 1)
             try:
                 found = judged(log, fault, joint)
@@ -78,4 +88,4 @@ def main(first: int, last: int) -> None:
 
 
 if __name__ == "__main__":
-    main(*(int(value) for value in sys.argv[1:3]))
+    main(int(sys.argv[1]), int(sys.argv[2]), tuple(sys.argv[3:]) or FAULTS)

@@ -17,6 +17,7 @@ from pivident.estimation.problem import Problem
 from pivident.estimation.stored_identification import load_identification
 from pivident.recording.recording import Recording
 from pivident.robot.urdf import parse_urdf
+from tests.diagnostics.gains_of_masses import by_masses
 from tests.other_arms import Setting, make_log
 
 SETTING = Setting("regular", 200.0, 20.0, 0.0, 0.002, "none", 0.8)
@@ -145,3 +146,18 @@ def test_a_result_from_a_file_is_asked_for_a_machine_too(log, tmp_path):
     loaded = load_identification(tmp_path / "identification.json")
     found = verdict(diagnose(problem, {"ls": loaded}))
     assert [s for s in found.statements if s.topic == "physics"]
+
+
+@pytest.mark.parametrize(("j", "k"), [(0, 1), (1, 2), (2, 3)])
+def test_gains_from_the_masses_do_not_hide_exchanged_joints(log, j, k):
+    amperes = log.tau / GAIN
+    problem = by_masses(problem_of(log, exchanged(log.q, j, k), exchanged(amperes, j, k)))
+    _, best = better_readings(problem)
+    assert best.exchanged == (j, k) and not best.reversed
+    assert better_readings(by_masses(problem_of(log, log.q, amperes))) == ()
+
+
+def test_that_gains_have_to_be_taken_anew_is_said(log):
+    problem = by_masses(problem_of(log, exchanged(log.q, 1, 2), exchanged(log.tau / GAIN, 1, 2)))
+    (said,) = [s for s in judged(problem).statements if s.topic == "joints"]
+    assert "pivident init" in said.next_step

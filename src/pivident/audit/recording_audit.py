@@ -65,22 +65,7 @@ def _together(own: Sequence[tuple[Recording, Finding]], several: bool) -> Findin
 
 def _faults(robot: Robot, recording: Recording) -> list[Finding]:
     """Warnings and errors about one recording; each fault is made good for the next check."""
-    channels = {"q": recording.q}
-    if recording.has_torque:
-        channels["tau"] = recording.tau
-    log = Log(
-        recording.name,
-        robot.joint_names,
-        {},
-        {},
-        recording.rate,
-        channels,
-        channels,
-        robot,
-        recording.torque_timing,
-        recording.control_rate,
-        recording.delay,
-    )
+    log = log_of(robot, recording)
     timing = check_timing(log)
     findings = [*timing.findings, *check_channels(log)]
     if not recording.has_torque:  # one from the control law fits the motion whatever is wrong
@@ -102,6 +87,26 @@ def _faults(robot: Robot, recording: Recording) -> list[Finding]:
     except (PividentError, np.linalg.LinAlgError):
         pass  # too short to compare torque and motion, for example: nothing is said of them
     return serious(f for f in findings if _is_reservation(f))
+
+
+def log_of(robot: Robot, recording: Recording) -> Log:
+    """A recording as the log of positions and torques that it was made from."""
+    channels = {"q": recording.q}
+    if recording.has_torque:
+        channels["tau"] = recording.tau
+    return Log(
+        recording.name,
+        robot.joint_names,
+        {},
+        {},
+        recording.rate,
+        channels,
+        channels,
+        robot,
+        recording.torque_timing,
+        recording.control_rate,
+        recording.delay,
+    )
 
 
 def _is_reservation(finding: Finding) -> bool:

@@ -8,6 +8,7 @@ import numpy as np
 
 from pivident.diagnostics.diagnostics import Diagnostics
 from pivident.diagnostics.other_readings import Reading
+from pivident.logs.torque_scale import marked_scales
 from pivident.model_errors.cause import Cause
 from pivident.model_errors.coupling_errors import COUPLED
 from pivident.model_errors.named_causes import MATTERS, ModelErrors, NamedCause
@@ -73,7 +74,8 @@ def another_reading(diagnostics: Diagnostics) -> Iterator[Finding]:
     if not diagnostics.readings:
         return
     given, best, *alike = diagnostics.readings
-    names = diagnostics.identifications[diagnostics.recommended].robot.joint_names
+    identification = diagnostics.identifications[diagnostics.recommended]
+    names = identification.robot.joint_names
     text = (
         "The joints of the log are not those of the description: with "
         f"{_reading(best, names)} least squares misses {percent(best.error)} instead of "
@@ -87,6 +89,8 @@ def another_reading(diagnostics: Diagnostics) -> Iterator[Finding]:
     step = ""
     if best.exchanged:
         step += "Exchange the columns of q, tau and the reference. "
+        if marked_scales(identification.torque_scale):
+            step += "Gains that pivident init took from the masses are then others: run it again. "
     if best.reversed:
         step += (
             "Give q, tau and the reference of the joint the other sign (-1 in a list under units), "

@@ -7,9 +7,11 @@ Where that is so, least squares is asked about other readings:
     q_j, τ_j exchanged with q_k, τ_k;      q_j, τ_j with the other sign
 
 in the units of their new places, one after the other, as long as each lowers the torque error
-clearly. A joint that only turns the arm about the vertical has the same torques both ways round;
-then the reading counts whose estimate a machine can have. An arm of few joints and its mirror image
-may have the same torques, so that several readings fit: all of them are given.
+clearly. Gains that nobody knows but the masses of the description are taken from these again for
+each reading: those of joints in each other's columns are wrong. A joint that only turns the arm
+about the vertical has the same torques both ways round; then the reading counts whose estimate a
+machine can have. An arm of few joints and its mirror image may have the same torques, so that
+several readings fit: all of them are given.
 """
 
 from __future__ import annotations
@@ -20,6 +22,10 @@ from itertools import combinations
 
 import numpy as np
 
+from pivident.audit.description_factors import description_factors
+from pivident.audit.inverse_model import build_inverse_model
+from pivident.audit.recording_audit import log_of
+from pivident.audit.timing import check_timing
 from pivident.consistency.consistent_model import make_consistent
 from pivident.errors import PividentError
 from pivident.estimation.identification import Identification
@@ -27,6 +33,7 @@ from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Problem
 from pivident.logs.joint_side import factors_of, gains_of, sides_of
+from pivident.logs.torque_scale import BASES
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 
@@ -130,6 +137,9 @@ class _Search:
         self.kinds = [joint.kind for joint in problem.robot.joints]
         self.record = max(problem.recordings, key=lambda r: r.samples)
         self.worth = _worth_of_units(problem.robot, self.record)
+        scales = {s.joint for s in self.record.torque_scale if s.basis in BASES}
+        #: Joints whose gain nobody knows but the masses of the description.
+        self.weighed = np.array([name in scales for name in self.record.joint_names])
         self.known: dict[tuple[tuple[int, ...], tuple[int, ...]], Reading] = {}
 
     def others(self, own: Reading) -> Iterator[Reading]:
@@ -186,12 +196,23 @@ class _Search:
                 ("tau", whole.tau[:MOST_SAMPLES]),
             )
         }
-        return Recording(
+        made = Recording(
             whole.name, whole.joint_names, read["q"], read["tau"], whole.rate,
             control_rate=whole.control_rate, torque_timing=whole.torque_timing, delay=whole.delay,
             drive_delay=whole.drive_delay, allow_constant=True, saturation="allow",
             torque_side=whole.torque_side,
         )  # fmt: skip
+        return replace(made, tau=made.tau / self._gains(made)) if self.weighed.any() else made
+
+    def _gains(self, read: Recording) -> np.ndarray:
+        """Torques over those of the description's masses, for joints with gains from them."""
+        log = log_of(self.problem.robot, read)
+        try:
+            model = build_inverse_model(log, check_timing(log))
+            factors = description_factors(log, model)[0]
+        except (PividentError, np.linalg.LinAlgError):
+            return np.ones(len(self.weighed))
+        return np.where(self.weighed & (factors > 0.0), factors, 1.0)
 
 
 def _worth_of_units(robot: Robot, recording: Recording) -> dict[str, np.ndarray]:
