@@ -8,8 +8,9 @@ import pytest
 from pivident.estimation.identify import identify
 from pivident.logs.torque_scale import TorqueScale
 from pivident.payload.identify_payload import identify_payload
+from pivident.payload.joint_masses import JointMasses
 from pivident.payload.payload_files import payload_values
-from pivident.payload.payload_findings import scale_sentence
+from pivident.payload.payload_findings import disagreement, scale_sentence
 from pivident.recording.recording import Recording
 from tests.load_scenario import LOAD, tx40_with_load
 from tests.payload.test_identify_payload import loaded
@@ -107,3 +108,13 @@ def test_the_scale_of_a_mass_without_torque_is_that_of_the_gains():
     assert "the declared gains of the control law" in scale_sentence([bare])
     marked = replace(bare, torque_scale=(TorqueScale("joint_1", "output", "output"),))
     assert "ratio to the drive gain" in scale_sentence([marked])
+
+
+def test_a_single_joint_that_is_off_disagrees_though_it_is_known_less_well():
+    mass, std = np.array([2.0003, 2.0009, 2.24]), np.array([0.0014, 0.001, 0.023])
+    masses = JointMasses(("a", "b", "z"), mass, std, 39.8, 5e-14, 0.005, np.zeros((10, 10)))
+    assert masses.farthest == pytest.approx(0.12, abs=0.005) and masses.disagree
+    (warning,) = disagreement(masses)
+    assert "about 12 %" in warning.message
+    near = replace(masses, mass=np.array([2.0003, 2.0009, 2.06]))
+    assert near.farthest == 0.0 and not near.disagree

@@ -9,6 +9,7 @@ from pivident.errors import ExperimentError
 from pivident.payload import possible_load as module
 from pivident.payload.known_parts import KnownParts
 from pivident.payload.load_estimate import NATURAL, LoadEstimate
+from pivident.payload.payload_findings import contradicted
 from pivident.payload.payload_text import load_sentences
 from pivident.payload.possible_load import possible_load
 from pivident.robot.frames import Pose, rotation_from_rpy
@@ -73,6 +74,27 @@ def noisy(seed: int, scale: float = 1.0) -> LoadEstimate:
     factor = rng.normal(size=(10, 10)) * NATURAL[:, None] * 0.02
     covariance = factor @ factor.T
     return LoadEstimate(TRUE + scale * factor @ rng.normal(size=10), covariance, NONE, "test")
+
+
+@pytest.mark.parametrize(
+    ("known", "kinds"),
+    [
+        (KnownParts(), []),
+        (KnownParts(1.0, 0.005), []),
+        (KnownParts(1.25, 0.005), ["other mass"]),
+        (KnownParts(1.25), ["other mass"]),
+        (KnownParts(1.25, 0.1), []),  # nobody claimed to know it better
+        (KnownParts(1.015), []),  # significant, and less than drive gains are known to
+        (KnownParts(1.0, 0.0, CENTRE, 1e-3), []),
+        (KnownParts(1.0, 0.0, (0.05, -0.02, 0.10), 1e-3), ["other centre"]),
+        (KnownParts(1.25, 0.0, (0.05, -0.02, 0.10), 0.1), ["other mass"]),
+    ],
+)
+def test_torques_that_contradict_what_was_declared_say_so(known, kinds):
+    by_torques = LoadEstimate(TRUE, np.diag((1e-3 * NATURAL) ** 2), NONE, "test")
+    found = contradicted(known, by_torques)
+    assert [f.kind for f in found] == kinds
+    assert all("standard errors" in f.message or "x 30" in f.message for f in found)
 
 
 def test_a_possible_estimate_stays_as_it_is():

@@ -42,6 +42,7 @@ from pivident.payload.known_parts import KnownParts
 from pivident.payload.load_estimate import NATURAL, LoadEstimate
 from pivident.payload.loaded_record import LoadedRecords
 from pivident.payload.payload_findings import (
+    contradicted,
     disagreement,
     refuse_negative,
     scale_sentence,
@@ -151,6 +152,16 @@ def identify_payload(
     relative_errors, rms_errors = records.errors(solution.theta)
     warnings = warnings_about(load, arm, change, converged, iterations)
     warnings += disagreement(masses)
+    if known.mass is not None or known.center_of_mass is not None:
+        bare = arm_and_load(
+            arm, problem, carrier, KnownParts(), frame or Pose.identity(), friction_under_load
+        )
+        alone = solve_restricted(sums, bare, solution.theta)
+        spread, _ = with_known(noise_by_windows(sums, bare, alone).covariance, bare, alone)
+        by_torques = _load(problem.robot, carrier, bare, alone, spread)
+        if frame is not None:
+            by_torques = by_torques.seen_from(frame, tool_frame(problem.robot, carrier, frame))
+        warnings += contradicted(known, by_torques)
     if isinstance(empty, Problem):  # another method's error would refer to other samples
         warnings += worse_explained(arm, rms_errors)
     from pivident.version import __version__

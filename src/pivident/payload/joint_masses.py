@@ -34,6 +34,9 @@ VAGUE = 0.3
 #: Joints disagree where chance is this improbable and the spread of their scales is this large.
 IMPROBABLE, NOTABLE = 0.01, 0.02
 
+#: Standard errors from the mean at which a joint's own mass is another one.
+CLEAR = 4.0
+
 #: Standard deviation of a scale about one before there is an estimate, and steps of its solution.
 WEAK_SCALE, ROUNDS = 10.0, 6
 
@@ -54,7 +57,19 @@ class JointMasses:
     @property
     def disagree(self) -> bool:
         """Whether the joints' masses differ significantly and notably."""
-        return self.p_value < IMPROBABLE and self.spread > NOTABLE
+        return self.p_value < IMPROBABLE and max(self.spread, self.farthest) > NOTABLE
+
+    @property
+    def farthest(self) -> float:
+        """Largest relative distance of a joint's mass from the mean that is no chance.
+
+        A single joint that is off by much, and known less well than others, hardly widens their
+        spread.
+        """
+        weight = self.std**-2.0
+        mean = float(np.sum(weight * self.mass) / np.sum(weight))
+        apart = np.abs(self.mass - mean)
+        return float(np.max(np.where(apart > CLEAR * self.std, apart, 0.0)) / abs(mean))
 
     @property
     def listed(self) -> str:

@@ -11,6 +11,7 @@ from pivident.estimation.identification import Identification
 from pivident.logs.joint_side import factors_of
 from pivident.logs.torque_scale import scale_sentences
 from pivident.payload.joint_masses import JointMasses
+from pivident.payload.known_parts import KnownParts
 from pivident.payload.load_estimate import LoadEstimate
 from pivident.recording.recording import Recording
 from pivident.text.finding import Finding, Quantity
@@ -21,6 +22,10 @@ SWAPPED = 3.0
 
 #: Standard errors by which the arm of one record may differ from that of the other.
 ARM_DIFFERS = 4.5
+
+#: Standard errors by which the torques contradict what is declared of a load, the share of its mass
+#: and the distance of its centre [m] that matter.
+CONTRADICTS, NOTABLE, NEAR = 4.0, 0.02, 2e-3
 
 #: Ratio of the rms error with load to that without from which on the load does not explain all.
 EXPLAINED_WORSE = 1.5
@@ -124,8 +129,8 @@ def disagreement(masses: JointMasses | None) -> list[Finding]:
     text = (
         f"The joints do not agree on the mass: {masses.listed} by their own equations (F = "
         f"{masses.statistic:.3g}, p = {masses.p_value:.2g}). Their torque scales differ by about "
-        f"{percent(100 * masses.spread)}, and an error that they have in common does not show; "
-        "the intervals of the load are widened for the differences."
+        f"{percent(100 * max(masses.spread, masses.farthest))}, and an error that they have in "
+        "common does not show; the intervals of the load are widened for the differences."
     )
     step = (
         "Check the drive gains (`pivident gains` finds them from a load of known mass), friction "
@@ -137,6 +142,46 @@ def disagreement(masses: JointMasses | None) -> list[Finding]:
         "p": Quantity(masses.p_value),
     }
     return [Finding("warning", "load", "joints disagree", text, "", step, evidence)]
+
+
+def contradicted(known: KnownParts, found: LoadEstimate) -> list[Finding]:
+    """Warnings where the torques alone give another load than what was declared of it.
+
+    Args:
+        known: what was declared.
+        found: the load by the torques, without what was declared, in the same frame.
+    """
+    warnings = []
+    if known.mass is not None and found.determined[9] and found.is_seen:
+        spread = float(np.hypot(found.mass_std, known.mass_std))
+        apart = abs(found.mass - known.mass)
+        if apart > CONTRADICTS * spread and apart > NOTABLE * known.mass:
+            text = (
+                f"The torques alone give a mass of {plus_minus(found.mass, 2 * found.mass_std)} kg "
+                f"(2σ), {apart / spread:.0f} standard errors from the declared one, "
+                f"{known.mass:.6g} kg."
+            )
+            step = (
+                "Weigh the load, with everything that is mounted with it, or correct the drive "
+                "gains: an error that they share is one of the mass."
+            )
+            evidence = {"mass": Quantity(found.mass, "kg"), "declared": Quantity(known.mass, "kg")}
+            warnings.append(Finding("warning", "load", "other mass", text, "", step, evidence))
+    if known.center_of_mass is not None and found.is_seen and found.determined[9]:
+        declared, centre = np.asarray(known.center_of_mass, float), found.center_of_mass
+        spread = np.hypot(found.center_of_mass_std, known.center_of_mass_std)
+        apart = np.abs(centre - declared)
+        far = np.flatnonzero(np.isfinite(spread) & (apart > CONTRADICTS * spread) & (apart > NEAR))
+        if far.size:
+            axes = ", ".join(
+                f"{'xyz'[k]} {plus_minus(1e3 * centre[k], 2e3 * found.center_of_mass_std[k])} mm "
+                f"instead of {1e3 * declared[k]:.4g} mm"
+                for k in far.tolist()
+            )
+            text = f"The torques alone give another centre of mass than the declared one: {axes}."
+            step = "Check the drawing, the frame that it is given in, and how the load is mounted."
+            warnings.append(Finding("warning", "load", "other centre", text, "", step))
+    return warnings
 
 
 def worse_explained(arm: Identification, rms_errors: np.ndarray) -> list[Finding]:

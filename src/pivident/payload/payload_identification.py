@@ -8,14 +8,14 @@ from functools import cached_property
 import numpy as np
 
 from pivident.estimation.identification import Identification
-from pivident.payload.joint_masses import JointMasses
+from pivident.payload.joint_masses import IMPROBABLE, NOTABLE, JointMasses
 from pivident.payload.known_parts import KnownParts
 from pivident.payload.load_estimate import LoadEstimate
 from pivident.payload.load_rows import load_rows
 from pivident.payload.payload_text import load_sentences, load_table
 from pivident.payload.possible_load import PossibleLoad, possible_load
 from pivident.text.finding import Finding
-from pivident.text.numbers import plus_minus
+from pivident.text.numbers import percent, plus_minus
 
 #: Change of a friction parameter, in standard errors, above which it is named.
 FRICTION_NAMED = 3.0
@@ -106,8 +106,11 @@ class PayloadIdentification:
         masses = self.masses
         if masses is None or len(masses.joints) < 2 or masses.disagree:
             return []
+        agree = "agree on the mass"
+        if masses.p_value < IMPROBABLE:
+            agree = f"agree on the mass to within {percent(100 * NOTABLE)}, not to within noise"
         return [
-            f"The joints agree on the mass (p = {masses.p_value:.2g}). By their own equations: "
+            f"The joints {agree} (p = {masses.p_value:.2g}). By their own equations: "
             f"{masses.listed}."
         ]
 
