@@ -14,7 +14,7 @@ import numpy as np
 
 from pivident.audit.blocked_fit import blocked_fit, jackknife, orthonormal
 from pivident.audit.inverse_model import InverseModel
-from pivident.audit.scale import ALIKE, check_scale
+from pivident.audit.scale import ALIKE, OWN, check_scale, share_apart
 from pivident.logs.log import Log
 
 #: Relative standard error above which a factor is not used, and distance from the typical one.
@@ -69,6 +69,8 @@ def _beside_a_rotor(model: InverseModel, j: int) -> tuple[float, float]:
         return np.nan, np.nan
     others = np.column_stack([model.columns[j][rows][:, friction], acceleration])
     others = orthonormal(others / np.maximum(np.linalg.norm(others, axis=0), 1e-300))[0]
+    if share_apart(described, others) < OWN:  # a vertical slide: weight and mass, offset and rotor
+        return np.nan, np.nan
     fit = blocked_fit(
         np.column_stack([described / size, others]), model.tau()[rows, j], model.block[rows]
     )

@@ -291,12 +291,12 @@ def _gain(model: InverseModel, j: int, tau: np.ndarray) -> tuple[float, float, f
     rest = orthonormal(own)[0]
     block, y = model.block[rows], tau[rows]
     together = both.sum(axis=1)
-    if _apart(together, rest) < OWN:
+    if share_apart(together, rest) < OWN:
         return np.nan, np.nan, np.nan
     fit = blocked_fit(np.column_stack([together / np.linalg.norm(together), rest]), y, block)
     factor = float(fit.estimate[0] / np.linalg.norm(together))
     standard_error = float(jackknife(fit.replicates[:, :1])[0] / np.linalg.norm(together))
-    if size.min() > 0.05 * size.max() and _apart(both[:, 1], rest) > OWN:
+    if size.min() > 0.05 * size.max() and share_apart(both[:, 1], rest) > OWN:
         split = blocked_fit(np.column_stack([both / size, rest]), y, block)
         apart = split.estimate[:2] / size
         spread = jackknife(split.replicates[:, :2]) / size
@@ -312,7 +312,7 @@ def _without(column: np.ndarray, rest: np.ndarray) -> np.ndarray:
     return column - rest @ (rest.T @ column)
 
 
-def _apart(column: np.ndarray, rest: np.ndarray) -> float:
+def share_apart(column: np.ndarray, rest: np.ndarray) -> float:
     """Share of a column that orthonormal others do not make up."""
     left = _without(column, rest)
     return float(np.linalg.norm(left) / max(float(np.linalg.norm(column)), 1e-300))
