@@ -5,12 +5,17 @@ The friction that a joint's own equation finds takes the power
     P_j = mean( f_j(dq_j) dq_j ),    f_j the terms of its friction law
 
 from the arm. It cannot be negative; where it is, torque or position of that joint has the wrong
-sign. At rest the torque lies within static friction of gravity's torque g_j(q).
+sign. At rest the torque lies within static friction of gravity's torque g_j(q). The weight of a
+vertical slide is the same everywhere: there the constant part c of the torque,
+
+    τ_j = c + m ddq_j + f_j(dq_j),
+
+is compared with it, whether it rests or not. An estimate would take it for an offset of the drive.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,6 +43,10 @@ MIN_REST = 0.1
 
 #: Share of gravity's torque by which a description may be off.
 DESCRIPTION = 0.5
+
+#: Share by which a weight changes that is the same everywhere, and share of the force that it has
+#: to be: a horizontal slide carries next to nothing.
+SAME_WEIGHT, LEAST_WEIGHT = 0.01, 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +78,10 @@ def check_power(log: Log, model: InverseModel) -> Power:
             findings.append(
                 _power_finding(model, j, power[j], standard_errors[j], negative, clear[j])
             )
-    findings += _gravity_at_rest(log, model, tau, static)
+    weights = _constant_weights(log, model, tau)
+    said = {finding.subject for finding in weights if finding.severity != "ok"}
+    findings += [f for f in _gravity_at_rest(log, model, tau, static) if f.subject not in said]
+    findings += weights
     positive = tuple(j for j in range(joints) if clear[j] and power[j] > 0)
     return Power(tuple(findings), power, standard_errors, tuple(negative), positive, static)
 
@@ -158,6 +170,56 @@ def _power_finding(
         )
     }
     return Finding(severity, "power", "sign", text, name, step, evidence)
+
+
+def _constant_weights(log: Log, model: InverseModel, tau: np.ndarray) -> list[Finding]:
+    """The constant part of the torque of vertical slides against their weight."""
+    findings = []
+    for j, joint in enumerate(model.robot.joints):
+        rows = model.moving[:, j]
+        if joint.kind != "prismatic" or j in log.commands or not model.usable(j):
+            continue
+        carried = model.gravity[rows, j]
+        weight = float(np.mean(carried))
+        least = LEAST_WEIGHT * float(np.sqrt(np.mean(tau[rows, j] ** 2)))
+        if abs(weight) <= least or float(np.ptp(carried)) > SAME_WEIGHT * abs(weight):
+            continue
+        constant, spread = _constant_part(model, j, tau[rows, j])
+        off = abs(constant - weight) > DESCRIPTION * abs(weight) + CLEAR * spread
+        opposite = off and constant * weight < 0 and abs(constant) > DESCRIPTION * abs(weight)
+        severity: Severity = "error" if opposite else "warning" if off else "ok"
+        size, uncertain = with_spread(constant, 2.0 * spread)
+        text = (
+            f"The constant part of the force of {joint.name} is {size} ± {uncertain} N; its weight "
+            f"after the description is {weight:.3g} N."
+        )
+        step = (
+            "Check which way the slide counts, the sign of its force and the direction of gravity; "
+            "a counterbalance, or a part of the command that is not logged, takes weight off it."
+        )
+        interval = (constant - 2.0 * spread, constant + 2.0 * spread)
+        evidence = {
+            "force": Quantity(constant, "N", interval=interval),
+            "weight": Quantity(weight, "N"),
+        }
+        finding = Finding(severity, "power", "weight", text, joint.name, step if off else "")
+        findings.append(replace(finding, evidence=evidence))
+    return findings
+
+
+def _constant_part(model: InverseModel, j: int, tau: np.ndarray) -> tuple[float, float]:
+    """The constant c of one joint on its moving rows, and its standard error."""
+    rows, parameters = model.moving[:, j], model.base.parameters
+    friction = [
+        k
+        for k, index in enumerate(model.own[j])
+        if (p := parameters[index]).friction is not None
+        and p.friction.column is not FrictionColumn.OFFSET
+    ]
+    columns = np.column_stack([model.columns[j][rows][:, friction], model.ddq[rows, j]])
+    basis = orthonormal(np.column_stack([np.ones(len(columns)), columns]))
+    fit = blocked_fit(basis[0], tau, model.block[rows])
+    return float(basis[1][0] @ fit.estimate), float(jackknife(fit.replicates @ basis[1][0]))
 
 
 def _gravity_at_rest(

@@ -2,8 +2,8 @@
 
 A recording is checked where it is made, channel by channel. Here its channels are asked about one
 another: whether samples are lost, whether angles are in their unit, whether each torque belongs to
-its joint, with this sign and at this instant. Gains, loads and excitation are left out, since an
-estimate says more about them.
+its joint, with this sign and at this instant, and whether a vertical slide carries its weight.
+Gains, loads and excitation are left out, since an estimate says more about them.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ KINDS: dict[str, tuple[str, ...]] = {
     "channels": ("spike", "stuck", "frozen", "wrapped"),
     "order": (),
     "delay": (),
-    "power": ("sign",),
+    "power": ("sign", "weight"),
     "scale": ("angle unit", "joint angle unit"),
 }
 

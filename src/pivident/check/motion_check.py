@@ -227,6 +227,15 @@ def _position_limits(robot: Robot, q: np.ndarray, table: Place) -> Iterator[Rema
             over = max(float(q[:, j].max()) - high, low - float(q[:, j].min()))
             if BEYOND * span < over:
                 lowest, highest = (scale * float(x) for x in (q[:, j].min(), q[:, j].max()))
+                mirrored = max(-float(q[:, j].min()) - high, low + float(q[:, j].max()))
+                step = "Another unit or gear ratio, or a zero that lies elsewhere: position_offset."
+                if mirrored <= BEYOND * span:
+                    step = (
+                        "It seems to count the other way: with the other sign it lies within the "
+                        "limits. Give q and the reference of the joint the other sign (-1 in a "
+                        "list under units), and tau as well if it counts as they do; or set "
+                        "position_offset if its zero lies elsewhere."
+                    )
                 yield Remark(
                     "warning",
                     "limits",
@@ -234,7 +243,7 @@ def _position_limits(robot: Robot, q: np.ndarray, table: Place) -> Iterator[Rema
                     f"{joint.name} is logged from {lowest:.4g} {unit} to {highest:.4g} {unit}; its "
                     f"limits are {scale * low:.4g} {unit} to {scale * high:.4g} {unit}.",
                     joint.name,
-                    "Another unit or gear ratio, or a zero that lies elsewhere: position_offset.",
+                    step,
                     place=(*table, "position_offset"),
                     evidence={"lowest": Quantity(lowest, unit), "highest": Quantity(highest, unit)},
                 )

@@ -36,6 +36,7 @@ KEYS: dict[tuple[str, str], Place] = {
     ("delay", "early"): ("delay",),
     ("delay", "joint late"): ("columns", "tau"),
     ("power", "sign"): ("units", "tau"),
+    ("power", "weight"): ("units", "tau"),
     ("speed", "derivative"): ("columns", "dq_ref"),
     ("motion", "standstill"): ("columns", "q"),
     ("timing", "rate change"): ("part",),

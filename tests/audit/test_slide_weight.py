@@ -1,0 +1,39 @@
+"""A vertical slide carries its weight, whichever way it counts."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pivident.audit.recording_audit import recording_faults
+from tests.audit.scara import arm, recording
+
+ONE = np.ones(3)
+
+
+def said(robot, record):
+    return [
+        (f.severity, f.kind, f.subject)
+        for f in recording_faults(robot, [record])
+        if f.topic == "power"
+    ]
+
+
+@pytest.mark.parametrize("slide", ["0 0 1", "0 0 -1", "1 0 0"])
+def test_a_right_log_is_left_as_it_is(slide):
+    assert said(arm(slide), recording(arm(slide), ONE)) == []
+
+
+@pytest.mark.parametrize("slide", ["0 0 1", "0 0 -1"])
+def test_a_slide_that_counts_the_other_way_is_named(slide):
+    record, sign = recording(arm(slide), ONE), np.array([1.0, 1.0, -1.0])
+    assert said(arm(slide), replace(record, q=sign * record.q, tau=sign * record.tau)) == [
+        ("error", "weight", "slide")
+    ]
+
+
+def test_a_weight_that_something_else_carries_is_named():
+    robot = arm("0 0 1")
+    record = recording(robot, ONE)
+    lifted = replace(record, tau=record.tau - np.array([0.0, 0.0, 2.0 * 9.81]))
+    assert said(robot, lifted) == [("warning", "weight", "slide")]
