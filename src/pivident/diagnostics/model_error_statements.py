@@ -218,8 +218,15 @@ def _unchecked(errors: Sequence[UncheckedCause]) -> Finding:
         f"by about {format_significant(one.shift, 2)} σ ({_shown_from(one)})"
         for one in chosen
     ]
-    text = f"The record does not check all of the description: {listed(said, MAX_UNCHECKED)}."
-    step = "Check them on the machine or its drawing; a longer or faster record shows smaller ones."
+    late = any(one.cause.kind == "delay" for one in chosen)
+    what = "description and log" if late else "the description"
+    text = f"The record does not check all of {what}: {listed(said, MAX_UNCHECKED)}."
+    where = (
+        "on the machine, in its drawing and in the logger"
+        if late
+        else "on the machine or its drawing"
+    )
+    step = f"Check them {where}; a longer or faster record shows smaller ones."
     evidence = {
         str(one.cause): Quantity(one.size, one.cause.unit, bound=one.shown_from) for one in errors
     }
@@ -235,6 +242,10 @@ def _shown_from(one: UncheckedCause) -> str:
 
 def _thing(cause: Cause) -> str:
     """``the length along x from axis_2 to axis_3``, ``the zero position of axis_3``."""
+    if cause.kind == "delay":
+        return (
+            f"the delay of {f'the torque of {cause.subject}' if cause.subject else 'all torques'}"
+        )
     what = cause.what.removeprefix("correction of ")
     what = what if what.startswith("the ") else f"the {what}"
     return (

@@ -24,7 +24,8 @@ from pivident.model_errors.cause import Cause
 from pivident.model_errors.score_tests import LEVEL, Score, ScoreTests
 
 #: Errors as they commonly are, by kind and unit: those of a drawing that is not that of the very
-#: machine, of its assembly, of its zero positions, and a play of one to two minutes of arc.
+#: machine, of its assembly, of its zero positions, a play of one to two minutes of arc, and a cycle
+#: of the bus that the log comes by.
 COMMON: Mapping[tuple[str, str], float] = {
     ("geometry", "mm"): 1.0,
     ("geometry", "°"): 0.1,
@@ -32,6 +33,7 @@ COMMON: Mapping[tuple[str, str], float] = {
     ("zero position", "°"): 0.1,
     ("backlash", "mm"): 0.05,
     ("backlash", "mrad"): 0.5,
+    ("delay", "ms"): 1.0,
 }
 
 #: Standard errors beyond the quantile from which on a cause is named for certain (98 %).
