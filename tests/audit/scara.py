@@ -26,15 +26,20 @@ def joint(name, kind, parent, child, axis, x):
     )
 
 
-def arm(slide):
-    """Two joints about the vertical and a slide."""
+def urdf(slide):
+    """Two joints about the vertical and a slide along some axis."""
     bodies = [link("a", 6.0, 0.2), link("b", 3.0, 0.15), link("c", 2.0, 0.0)]
     joints = [
         joint("turn", "revolute", "base", "a", "0 0 1", 0.0),
         joint("elbow", "revolute", "a", "b", "0 0 1", 0.4),
         joint("slide", "prismatic", "b", "c", slide, 0.3),
     ]
-    return parse_urdf(f'<robot name="scara"><link name="base"/>{"".join(bodies + joints)}</robot>')
+    return f'<robot name="scara"><link name="base"/>{"".join(bodies + joints)}</robot>'
+
+
+def arm(slide):
+    """The same, read."""
+    return parse_urdf(urdf(slide))
 
 
 def recording(robot, gain):

@@ -1,12 +1,14 @@
 """Turning and sliding joints in units of their own, as a SCARA's controller logs them."""
 
 import numpy as np
+import pytest
 
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.experiment.experiment import load_experiment
 from pivident.init.draft import draft_experiment
 from pivident.robot.modified_dh import parse_modified_dh
+from tests.audit import scara
 
 ROBOT = """
 name = "two axes"
@@ -53,3 +55,20 @@ def test_all_joints_are_found_with_their_units(tmp_path):
     (tmp_path / "experiment.toml").write_text(draft.text, encoding="utf-8")
     (recording,) = load_experiment(tmp_path / "experiment.toml").recordings()
     assert np.allclose(recording.q, q, atol=1e-5) and np.allclose(recording.tau, tau, atol=1e-4)
+
+
+@pytest.mark.parametrize(("unit", "per_metre"), [("m", 1.0), ("mm", 1e3)])
+def test_a_slide_in_metres_moves_beside_joints_in_degrees(tmp_path, unit, per_metre):
+    (tmp_path / "arm.urdf").write_text(scara.urdf("0 0 1"), encoding="utf-8")
+    record = scara.recording(scara.arm("0 0 1"), np.ones(3))
+    t = np.arange(record.samples) / record.rate
+    scale = np.array([180.0 / np.pi, 180.0 / np.pi, per_metre])
+    table = np.column_stack([t, record.q * scale, record.tau])
+    header = "time," + ",".join(f"{c}_{j}" for c in ("pos", "trq") for j in record.joint_names)
+    np.savetxt(tmp_path / "log.csv", table, fmt="%.9g", delimiter=",", header=header, comments="")
+    draft = draft_experiment(
+        [tmp_path / "log.csv"], str(tmp_path / "arm.urdf"), out=tmp_path / "experiment.toml"
+    )
+    said = {f"{a.table}.{a.key}": a.value for a in draft.assumptions}
+    assert said["robot.joints"] == ["turn", "elbow", "slide"]
+    assert said["recording.units.q"] == ["deg", "deg", unit]

@@ -15,8 +15,9 @@ from pivident.logs.recognition.log_file import Run
 #: Share of samples with one and the same value from which on a torque is no signal.
 MOSTLY_ONE_VALUE = 0.7
 
-#: Motion that is none, as share of the largest motion of a joint in the log.
-STILL = 1e-3
+#: Motion that is none, as share of the largest motion of a joint of its kind in the log; of a joint
+#: alone of its kind as share of all others, that may be logged in a unit a thousand times smaller.
+STILL, STILL_ALONE = 1e-3, 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,11 +36,16 @@ def kept_joints(
     q, tau = joints.channels["q"], joints.channels.get("tau")
     left_out: dict[str, str] = {}
     names = []
+    kinds = {joint.name: joint.kind for joint in machine.robot().joints}
     for name in machine.joint_names:
         if name not in q.columns:
             continue
         position = q.values(run, [name])[:, 0]
-        reason = _reason(run, joints, name, position, list(q.columns))
+        alike = [other for other in q.columns if kinds.get(other) == kinds.get(name)]
+        still = STILL * _largest_range(run, joints, alike)
+        if len(alike) == 1:
+            still = STILL_ALONE * _largest_range(run, joints, list(q.columns))
+        reason = _reason(run, joints, name, position, still)
         if wanted and name not in wanted:
             reason = "not requested"
         if reason:
@@ -74,25 +80,25 @@ def kept_joints(
     return KeptJoints(tuple(names), left_out, tuple(q.columns))
 
 
-def _reason(
-    run: Run, joints: JointMap, name: str, position: np.ndarray, logged: Sequence[str]
-) -> str:
-    """Why a joint cannot be identified, or nothing."""
+def _reason(run: Run, joints: JointMap, name: str, position: np.ndarray, still: float) -> str:
+    """Why a joint cannot be identified, or nothing; ``still``: motion that is none."""
     tau = joints.channels.get("tau")
     if tau is not None and name not in tau.columns:
         return "it has no torque column"
-    ranges = [
-        float(np.nanmax(v) - np.nanmin(v))
-        for other in logged
-        if np.isfinite(v := joints.channels["q"].values(run, [other])[:, 0]).any()
-    ]
     finite = position[np.isfinite(position)]
-    if not finite.size or np.ptp(finite) <= STILL * max(ranges) or is_noise(finite):
+    if not finite.size or np.ptp(finite) <= still or is_noise(finite):
         return "it does not move"
     if tau is None:
         return ""
     useful, why = is_informative(tau.values(run, [name])[:, 0])
     return "" if useful else f"its torque is {why}"
+
+
+def _largest_range(run: Run, joints: JointMap, names: Sequence[str]) -> float:
+    """The largest motion of some joints, in the unit of the log."""
+    logged = joints.channels["q"].values(run, names)
+    moved = [np.ptp(x[np.isfinite(x)]) for x in logged.T if np.isfinite(x).any()]
+    return float(max(moved, default=0.0))
 
 
 def is_noise(position: np.ndarray) -> bool:
