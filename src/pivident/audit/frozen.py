@@ -85,8 +85,9 @@ def check_frozen(
     severity: Severity = "error" if share > TOLERATED_CLIPPING else "warning"
     others = f", the longest of {len(parts)} such stretches" if len(parts) > 1 else ""
     text = (
-        f"{name} is exactly {x[first]:.6g} from sample {begin} to {end}{_times(log, begin, end)} "
-        f"while its joint moves{others}. Elsewhere it never stays the same for so long."
+        f"{name} is exactly {x[first]:.6g} (unit of the log) from sample {begin} to {end}"
+        f"{_times(log, begin, end)} while its joint moves{others}. Elsewhere it never stays the "
+        "same for so long."
     )
     step = "Use a part without it (part = [start, stop] in s), or log the motion again."
     evidence = {

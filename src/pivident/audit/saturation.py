@@ -135,7 +135,7 @@ def _spikes(
     first = int(place[spikes[0] + 2])
     largest = float(height[spikes].max())
     text = (
-        f"{name} has {len(spikes)} isolated outlier(s), of up to {largest:.4g}; "
+        f"{name} has {len(spikes)} isolated outlier(s), of up to {largest:.4g} (unit of the log); "
         f"the first is sample {first}."
     )
     step = "Remove them (bandpass = {median = 3} under [identify] does), and check the logger."
@@ -174,7 +174,7 @@ def _clipped(
     first, value = int(place[clipped[0]]), float(tau[clipped[0]])
     severity: Severity = "error" if share > TOLERATED_CLIPPING else "warning"
     text = (
-        f"{name} is cut off at {value:.6g} for {clipped.size} samples "
+        f"{name} is cut off at {value:.6g} (unit of the log) for {clipped.size} samples "
         f"({100 * share:.2g} %), first at sample {first}."
     )
     step = "Cut these parts, or repeat the motion more slowly."
@@ -195,8 +195,8 @@ def _one_value(name: str, tau: np.ndarray, q: np.ndarray) -> list[Finding]:
     if share < ONE_VALUE:
         return []
     text = (
-        f"{name} is exactly {values[counts.argmax()]:.4g} during {100 * share:.3g} % of the "
-        "motion of its joint."
+        f"{name} is exactly {values[counts.argmax()]:.4g} (unit of the log) during "
+        f"{100 * share:.3g} % of the motion of its joint."
     )
     step = "The channel does not measure this joint; leave the joint out, or log it in another way."
     evidence = {"share": Quantity(100 * share, "%", bound=100 * ONE_VALUE)}

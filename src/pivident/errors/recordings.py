@@ -187,9 +187,9 @@ class SaturatedSignal(RecordingError):
         self.count, self.samples, self.sample = count, samples, sample
         self.about("columns", *channel.split("."))
         super().__init__(
-            f"{channel} of joint {joint!r} is cut off at {value:.6g} for {count} of {samples} "
-            f"samples, first at sample {sample}; cut these parts, repeat the motion more slowly, "
-            'or accept them with saturation = "allow"'
+            f"{channel} of joint {joint!r} is cut off at {value:.6g} N m (or N) for {count} of "
+            f"{samples} samples, first at sample {sample}; cut these parts, repeat the motion more "
+            'slowly, or accept them with saturation = "allow"'
         )
 
 
