@@ -216,7 +216,10 @@ def _known_ratios(found: GainsOfExperiment, group: GainGroup) -> str:
 
 def _remedy(found: GainsOfExperiment, whose: str) -> str:
     if found.payload is None:
-        return f"a run with a known payload, or one trusted gain or parameter of {whose}, fixes it."
+        return (
+            f"a run with a known payload ([gains.payload]), or one trusted gain or parameter of "
+            f"{whose}, fixes it."
+        )
     return f"move {whose} more with the payload, hold it further from the axis, or trust a gain."
 
 
