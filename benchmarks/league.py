@@ -29,7 +29,7 @@ from pivident.many.study.study_store import Store
 from pivident.many.study.summary import MethodSummary, Summary
 
 #: Methods of the league: filters by sigma points and by particles, and the linear programs of set
-#: membership, take longer than all others together and run in leagues of their own.
+#: membership, run in leagues of their own.
 QUICK = ("all", "-particle", "-ukf", "-cdkf", "-set-membership")
 
 #: Runs that are added to a condition at a time.
