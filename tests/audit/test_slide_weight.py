@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pivident.audit.recording_audit import recording_faults
+from pivident.logs.torque_scale import ASSUMED, TorqueScale
 from tests.audit.scara import arm, recording
 
 ONE = np.ones(3)
@@ -37,3 +38,12 @@ def test_a_weight_that_something_else_carries_is_named():
     record = recording(robot, ONE)
     lifted = replace(record, tau=record.tau - np.array([0.0, 0.0, 2.0 * 9.81]))
     assert said(robot, lifted) == [("warning", "weight", "slide")]
+
+
+def test_a_load_is_no_fault_and_an_unknown_gain_says_nothing():
+    robot = arm("0 0 1")
+    record = recording(robot, ONE)
+    loaded = replace(record, tau=record.tau + np.array([0.0, 0.0, 3.0 * 9.81]))
+    assert said(robot, loaded) == []
+    scale = (TorqueScale("slide", "A", ASSUMED),)
+    assert said(robot, replace(record, tau=record.tau * [1.0, 1.0, 0.2], torque_scale=scale)) == []

@@ -173,11 +173,16 @@ def _power_finding(
 
 
 def _constant_weights(log: Log, model: InverseModel, tau: np.ndarray) -> list[Finding]:
-    """The constant part of the torque of vertical slides against their weight."""
-    findings = []
+    """The constant part of the torque of vertical slides against their weight.
+
+    More than the weight is that of a load, which the estimate has as well.
+    """
+    findings, scaled = [], {scale.joint for scale in log.torque_scale}
     for j, joint in enumerate(model.robot.joints):
         rows = model.moving[:, j]
-        if joint.kind != "prismatic" or j in log.commands or not model.usable(j):
+        if joint.kind != "prismatic" or j in log.commands or joint.name in scaled:
+            continue
+        if not model.usable(j):
             continue
         carried = model.gravity[rows, j]
         weight = float(np.mean(carried))
@@ -185,9 +190,9 @@ def _constant_weights(log: Log, model: InverseModel, tau: np.ndarray) -> list[Fi
         if abs(weight) <= least or float(np.ptp(carried)) > SAME_WEIGHT * abs(weight):
             continue
         constant, spread = _constant_part(model, j, tau[rows, j])
-        off = abs(constant - weight) > DESCRIPTION * abs(weight) + CLEAR * spread
-        opposite = off and constant * weight < 0 and abs(constant) > DESCRIPTION * abs(weight)
-        severity: Severity = "error" if opposite else "warning" if off else "ok"
+        share, uncertain_share = constant / weight, CLEAR * spread / abs(weight)
+        off = share + uncertain_share < 1.0 - DESCRIPTION
+        severity: Severity = "error" if share < -DESCRIPTION else "warning" if off else "ok"
         size, uncertain = with_spread(constant, 2.0 * spread)
         text = (
             f"The constant part of the force of {joint.name} is {size} ± {uncertain} N; its weight "

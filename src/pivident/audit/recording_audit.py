@@ -106,6 +106,7 @@ def log_of(robot: Robot, recording: Recording) -> Log:
         recording.torque_timing,
         recording.control_rate,
         recording.delay,
+        torque_scale=recording.torque_scale,
     )
 
 
