@@ -4,8 +4,8 @@
 
 Each pass (a) simulates with tangents, (b) solves for the step, (c) makes noise models of the errors
 that the step leaves, and solves again with them. A step that makes the weighted errors larger, or a
-loop that cannot be simulated, is taken back and shortened by Levenberg–Marquardt's damping. Behind
-a step that is so small that derivatives stay what they were, those before it are kept.
+loop that cannot be simulated, is taken back and shortened by Levenberg–Marquardt's damping. In a
+closed loop, whose motion hardly changes, derivatives are kept behind a small step.
 """
 
 from __future__ import annotations
@@ -69,8 +69,9 @@ LITTLE = 1e-3
 #: What squared errors of unit variance may still have to gain where no step is taken any more.
 WITHIN_NOISE = 1.0
 
-#: Relative change of the unknowns behind which derivatives are kept, over the tolerance. They
-#: change less than the unknowns, and that share of a standard error is what it may cost.
+#: Relative change of the unknowns behind which derivatives are kept, over the tolerance. In a
+#: closed loop they change less than the unknowns, and that share of a standard error is what it may
+#: cost. In an open one errors grow with time, and the derivatives change by more.
 STEADY = 0.5
 
 #: A value smaller than so many standard errors is near zero: its change is compared with them.
@@ -116,6 +117,7 @@ class _Search:
                 f"recording {lacking!r} has no measured torque to compare with; compare positions"
             )
         self.stretches, self.unknowns, self.options = stretches, unknowns, options
+        self.closed = not any(isinstance(s.loop.controller, OpenLoop) for s in stretches)
         self.shaking: list[np.ndarray] = []
         self.steps = WeightedSteps(stretches, unknowns, options)
         # compared up to the bandwidth: the window of ``Thinning`` halves the amplitude there
@@ -163,8 +165,8 @@ class _Search:
 
     def _begin(self, start: np.ndarray, zeros: tuple[np.ndarray, ...]) -> Point:
         """The first simulation. Methods that compare other signals of the record share it."""
-        closed = not any(isinstance(s.loop.controller, OpenLoop) for s in self.stretches)
-        if not (is_shared() and closed and all(s.tau is not None for s in self.stretches)):
+        complete = self.closed and all(s.tau is not None for s in self.stretches)
+        if not (is_shared() and complete):
             return self._at(start, zeros)
 
         def make() -> list[SimulatedErrors]:
@@ -266,8 +268,8 @@ class _Search:
                 own + each.start_step(step)
                 for own, each in zip(point.starts, equations.stretches, strict=True)
             )
-            steady = self._change(point, solved, step) <= STEADY * self.options.tolerance
-            values = point.values + step
+            change, values = self._change(point, solved, step), point.values + step
+            steady = self.closed and change <= STEADY * self.options.tolerance
             try:
                 reached = (
                     self._beside(point, values, starts) if steady else self._at(values, starts)
