@@ -7,8 +7,8 @@ import pytest
 
 from pivident.common_work import once, shared_work
 from pivident.estimation.identify import identify
-from pivident.estimation.output_error import fit as fit_module
 from tests.estimation.filters.scenes import planar_problem
+from tests.estimation.output_error.arms import counted_simulations
 from tests.estimation.output_error.arms import problem as closed_loop
 
 
@@ -66,13 +66,7 @@ def test_methods_find_the_same_with_shared_work_in_any_order():
 
 
 def test_simulations_that_output_errors_begin_with_are_shared(monkeypatch):
-    runs, whole = [], fit_module.simulated_errors
-
-    def counted(stretches, unknowns, *others):
-        runs.append(len(unknowns))
-        return whole(stretches, unknowns, *others)
-
-    monkeypatch.setattr(fit_module, "simulated_errors", counted)
+    runs = counted_simulations(monkeypatch)
     names = ("cloe", "clie", "ml", "oloe")
     alone = {name: identify(closed_loop(), name) for name in names}
     one, apart = closed_loop(), len([n for n in runs if n])

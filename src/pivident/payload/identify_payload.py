@@ -156,9 +156,7 @@ def identify_payload(
         bare = arm_and_load(
             arm, problem, carrier, KnownParts(), frame or Pose.identity(), friction_under_load
         )
-        alone = solve_restricted(sums, bare, solution.theta)
-        spread, _ = with_known(noise_by_windows(sums, bare, alone).covariance, bare, alone)
-        by_torques = _load(problem.robot, carrier, bare, alone, spread)
+        by_torques = _by_torques(sums, bare, solution.theta, problem.robot, carrier)
         if frame is not None:
             by_torques = by_torques.seen_from(frame, tool_frame(problem.robot, carrier, frame))
         warnings += contradicted(known, by_torques)
@@ -310,6 +308,15 @@ def _load(
         np.hstack([unknowns.structural, vague]),
         f"link {robot.links[link].name!r}; its origin is on joint {joint.name!r}, which {kind} z",
     )
+
+
+def _by_torques(
+    sums: Sequence[JointSums], bare: ArmAndLoad, start: np.ndarray, robot: Robot, link: int
+) -> LoadEstimate:
+    """The load by the torques alone; ``bare``: the unknowns without known parts."""
+    alone = solve_restricted(sums, bare, start)
+    spread, _ = with_known(noise_by_windows(sums, bare, alone).covariance, bare, alone)
+    return _load(robot, link, bare, alone, spread)
 
 
 def _arm_change(

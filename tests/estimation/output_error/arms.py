@@ -6,6 +6,7 @@ import numpy as np
 
 import pivident as pv
 from pivident.dynamics.forward import make_model
+from pivident.estimation.output_error import fit as fit_module
 from pivident.estimation.output_error.simulated_errors import SimulatedErrors
 from pivident.estimation.output_error.stretch import Stretch
 from pivident.estimation.output_error.unknowns import Unknown
@@ -91,3 +92,15 @@ def all_columns(made: SimulatedErrors) -> np.ndarray:
             for c in range(channels)
         ]
     )
+
+
+def counted_simulations(monkeypatch) -> list[int]:
+    """Receives the number of tangents of each simulation that a fit makes from now on."""
+    runs, whole = [], fit_module.simulated_errors
+
+    def counted(stretches, unknowns, *others):
+        runs.append(len(unknowns))
+        return whole(stretches, unknowns, *others)
+
+    monkeypatch.setattr(fit_module, "simulated_errors", counted)
+    return runs

@@ -14,7 +14,7 @@ from pivident.estimation.output_error.simulated_errors import (
 )
 from pivident.estimation.output_error.unknowns import Unknown, with_values
 from pivident.simulation.direction import Direction
-from tests.estimation.output_error.arms import loop, stretch, truth, unknowns
+from tests.estimation.output_error.arms import counted_simulations, loop, stretch, truth, unknowns
 from tests.planar_arm import nominal_parameters
 
 PLAIN = FitOptions(channels=(POSITIONS,), noise=None)
@@ -130,20 +130,14 @@ def test_torques_that_were_not_measured_cannot_be_compared():
 
 def test_derivatives_of_the_point_before_serve_behind_a_small_step(monkeypatch):
     _, theta = nominal_parameters()
-    runs, whole = [], fit_module.simulated_errors
-
-    def counted(stretches, unknowns, *others):
-        runs.append(bool(unknowns))
-        return whole(stretches, unknowns, *others)
-
-    monkeypatch.setattr(fit_module, "simulated_errors", counted)
+    runs = counted_simulations(monkeypatch)
     sought = unknowns("zz1", "fv1", "fc2", "mx2")
     start = with_values(
         loop(theta, samples=1500), sought, 2.0 * truth(("zz1r", "fv1", "fc2", "mx2"))
     )
     own = stretch(start, noise=1e-5)
     kept = fit_simulation([own], sought, PLAIN)
-    with_tangents = sum(runs)
+    with_tangents = np.count_nonzero(runs)
     assert 0 < with_tangents < len(runs)
     runs.clear()
     monkeypatch.setattr(fit_module, "STEADY", 0.0)

@@ -15,7 +15,6 @@ from pivident.errors import (
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS, OutputError
 from pivident.estimation.output_error import fit
-from pivident.estimation.output_error import fit as fit_module
 from pivident.experiment import simulated_tx40
 from pivident.simulation.closed_loop import simulate
 from pivident.simulation.controllers import PD
@@ -23,6 +22,7 @@ from pivident.simulation.noise import Noise
 from tests.estimation.output_error.arms import (
     RATE,
     SAMPLES,
+    counted_simulations,
     problem,
     reference,
     signals,
@@ -278,12 +278,6 @@ def test_records_without_noise_are_fitted():
 
 def test_derivatives_of_an_open_loop_are_never_kept(monkeypatch):
     # its errors grow with time: behind a step of 1 % standard errors were a quarter too small
-    runs, whole = [], fit_module.simulated_errors
-
-    def counted(stretches, unknowns, *others):
-        runs.append(len(unknowns))
-        return whole(stretches, unknowns, *others)
-
-    monkeypatch.setattr(fit_module, "simulated_errors", counted)
+    runs = counted_simulations(monkeypatch)
     found = identify(problem(), "oloe")
     assert len(runs) == found.iterations and all(runs)
