@@ -40,7 +40,7 @@ MAX_LINES_OF_PACKAGE = 7800
 #: torque, simulators as files, regressions, filters, algebraic signals, the lines of periodic
 #: motions, mechanisms with closed loops, their files, symbolic models and derivatives, force
 #: sensors and measured bases, the studio.
-MAX_LINES = 143_000
+MAX_LINES = 143_400
 #: 90, nine for instruments from the record itself, the speeds of standstill, what smoothing takes,
 #: loops whose law reads whole counts, noise of the equations, eight that the simulator's kernel
 #: carries tangents with, the fit of simulations with nineteen of its own, two for logs without

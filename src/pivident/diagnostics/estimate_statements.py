@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from pivident.diagnostics.diagnostics import Diagnostics
+from pivident.diagnostics.torque_shares import torque_shares
 from pivident.diagnostics.wanted_motion import wanted_motions
 from pivident.dynamics.signs import negative_parameters
 from pivident.estimation.identification import Identification
@@ -17,6 +18,9 @@ from pivident.text.numbers import format_significant, percent
 
 #: A parameter whose 2σ is below this share of its value is well determined [%].
 WELL = 10.0
+
+#: Share of any joint's torque below which a parameter that may be zero makes no difference.
+SLIGHT = 0.01
 
 #: Most warnings about an identified law that are reported one by one.
 MAX_OF_LAW = 3
@@ -80,7 +84,7 @@ def determined(result: Identification) -> Iterator[Finding]:
     """What is well determined, what is not, and which motion would determine it."""
     rows = parameter_rows(result)
     well = [r for r in rows if is_known(r)]
-    zero = tuple(r.name for r in rows if r.includes_zero)
+    zero, slight = zero_and_slight(result, rows)
     held = tuple(r.name for r in rows if math.isnan(r.shown_std))
     middle = tuple(r.name for r in rows if not (is_known(r) or r.includes_zero or r.name in held))
     estimated = [r for r in rows if r.name not in held] or list(rows)
@@ -97,7 +101,7 @@ def determined(result: Identification) -> Iterator[Finding]:
         f"{format_significant(result.condition)}"
     )
     known = f"{len(rows)} parameters are known to {WELL:g} % or better (2σ)"
-    if not (zero or middle or held):
+    if not (zero or slight or middle or held):
         text = f"All {known}."
         yield Finding("ok", "parameters", "known", text, evidence=evidence, basis=basis)
         return
@@ -106,6 +110,11 @@ def determined(result: Identification) -> Iterator[Finding]:
         parts.append(f"less well known: {listed(middle)}")
     if zero:
         parts.append(f"not significantly different from zero: {listed(zero)}")
+    if slight:
+        parts.append(
+            f"of no consequence (zero within 2σ, less than {100 * SLIGHT:g} % of any joint's "
+            f"torque): {listed(slight)}"
+        )
     if held:
         parts.append(f"not determined, held where they were: {listed(held)}")
     severity: Severity = "warning" if len(zero) + len(held) > len(rows) // 4 else "note"
@@ -127,8 +136,27 @@ def open_parameters(result: Identification) -> tuple[str, ...]:
         result: the estimate.
     """
     rows = parameter_rows(result)
-    zero = tuple(r.name for r in rows if r.includes_zero)
-    return zero or tuple(r.name for r in rows if not is_known(r))
+    zero, slight = zero_and_slight(result, rows)
+    return zero or tuple(r.name for r in rows if not is_known(r) and r.name not in slight)
+
+
+def zero_and_slight(
+    result: Identification, rows: Sequence[ParameterRow]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Parameters that may be zero, and those among them that make hardly any torque in any case.
+
+    The second are not in the first: no motion is needed to tell what makes no difference.
+
+    Args:
+        result: the estimate.
+        rows: its parameters.
+    """
+    names = [r.name for r in rows if r.includes_zero]
+    slight = (torque_shares(result, names) < SLIGHT).tolist()  # unknown shares are not slight
+    return (
+        tuple(name for name, small in zip(names, slight, strict=True) if not small),
+        tuple(name for name, small in zip(names, slight, strict=True) if small),
+    )
 
 
 def corrected(result: Identification) -> Iterator[Finding]:

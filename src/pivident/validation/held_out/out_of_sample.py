@@ -276,11 +276,16 @@ class OutOfSample:
         if self.best == self.recommended:
             return [] if said else [f"Smallest held-out torque error: {taken}."]
         lines = [] if said else [self._in_spite_of_error(taken)]
+        least, own = (
+            f"{judged.prediction.total_in_band:.2f}"
+            for judged in (best, self.results[self.recommended])
+        )
+        if least == own:
+            return lines
         return [
             *lines,
-            f"{self._label(self.best)} has the smallest error, "
-            f"{best.prediction.total_in_band:.2f} %. A small prediction error does not show "
-            "that parameters are free of bias.",
+            f"{self._label(self.best)} has the smallest error, {least} % against {own} %. A small "
+            "prediction error does not show that parameters are free of bias.",
         ]
 
     def _in_spite_of_error(self, taken: str) -> str:
