@@ -239,6 +239,8 @@ def test_motion_too_poor_to_separate_the_parameters():
     still[:, 0] = still[0, 0] + 1e-6 * np.random.default_rng(0).standard_normal(log.samples)
     audit = audit_log(with_channels(log, q=still))
     assert serious(audit) == {("error", "standstill", "shoulder")} and audit.model is None
+    (found_still,) = audit.of("motion")
+    assert found_still.quantity.unit == "mrad" and " mrad in the whole" in found_still.message
     slow = log.channels["q"].copy()
     slow[:, 0] = slow[0, 0] + 0.01 * (slow[:, 0] - slow[0, 0])
     weak = audit_log(with_channels(log, q=slow)).of("excitation")

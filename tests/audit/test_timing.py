@@ -25,6 +25,18 @@ def test_gap():
     assert finding.quantity.value == 30.0
 
 
+def test_a_clock_that_was_set_is_not_an_hour_of_lost_samples():
+    t = np.arange(5000) * 1e-3
+    t[3000:] += 3600.0
+    (finding,) = serious(clocked(t))
+    assert (finding.kind, finding.severity, finding.sample) == ("gap", "error", 2999)
+    assert "jumps ahead by 3600 s after sample 2999" in finding.message
+    assert "4.998 s" in finding.message and "are missing" not in finding.message
+    t[3000:] -= 3599.0  # lost samples: shorter than the log
+    (finding,) = serious(clocked(t))
+    assert "1000 sample(s) are missing in 1 gap(s); the longest lasts 1.001 s" in finding.message
+
+
 def test_jitter():
     t = np.arange(5000) * 1e-3
     t[3000] += 0.4e-3

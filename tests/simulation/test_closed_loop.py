@@ -93,6 +93,7 @@ def test_a_reversed_axis_is_found_with_joint_and_time(tx40, motion):
     assert 0.0 < error.time < 0.3
     assert error.deviation > error.bound == 0.3
     assert "'joint_4'" in str(error) and f"t = {error.time:.4f} s" in str(error)
+    assert "rad away from its reference" in str(error)
 
 
 def test_a_joint_that_is_too_fast_is_found(tx40, motion):
@@ -102,6 +103,18 @@ def test_a_joint_that_is_too_fast_is_found(tx40, motion):
     assert caught.value.speed and caught.value.bound == 2.0
     first = np.flatnonzero(abs(motion[1][:, 5]) > 2.0)[0] / RATE
     assert caught.value.time == pytest.approx(first, abs=0.02)
+
+
+def test_a_slide_that_is_too_far_or_too_fast_is_so_in_metres():
+    robot, model = nominal_model("emps")
+    q_ref = np.linspace(0.0, 1.0, 2000)[:, None]
+    for bounds, said in (
+        ({"bound": np.array([0.1])}, "m away from its reference"),
+        ({"speed_bound": np.array([0.2]), "bound": np.array([np.inf])}, "m/s at t = "),
+    ):
+        with pytest.raises(SimulationDiverged, match=said) as caught:
+            run(robot, model, PD([500.0], [50.0]), signals_of(1000.0, q_ref, **bounds))
+        assert "rad" not in str(caught.value)
 
 
 @pytest.mark.parametrize("oracle", [None, 4])

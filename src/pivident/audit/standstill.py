@@ -37,7 +37,10 @@ def check_standstill(log: Log) -> list[Finding]:
             "Take a record in which the arm moves, name the part in which it does, or check the "
             "unit of q."
         )
-    farthest = 1e3 * float(np.ptp(q[:, still], axis=0).max())
-    text = f"Standstill: {names} moves by {farthest:.3g} mrad (or mm) in the whole record."
-    evidence = {"travel": Quantity(farthest, "mrad (or mm)", bound=1e3 * STILL)}
+    travel = 1e3 * np.ptp(q, axis=0)
+    most = max(still, key=lambda j: travel[j])
+    farthest, unit = float(travel[most]), log.position_unit(most)
+    unit = unit.replace("rad", "mrad").replace("m)", "mm)") if "(" in unit else f"m{unit}"
+    text = f"Standstill: {names} moves by {farthest:.3g} {unit} in the whole record."
+    evidence = {"travel": Quantity(farthest, unit, bound=1e3 * STILL)}
     return [Finding("error", "motion", "standstill", text, names, step, evidence)]

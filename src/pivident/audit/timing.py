@@ -157,8 +157,15 @@ def _one_clock(
         k = int(place[longest])
         text = (
             f"{lost} sample(s) are missing in {gaps.size} gap(s); the longest lasts "
-            f"{1e3 * steps[longest]:.4g} ms after sample {k} (t = {t[k]:.6g} s)."
+            f"{_duration(steps[longest])} after sample {k} (t = {t[k]:.6g} s)."
         )
+        logged = float(np.sum(np.delete(steps, gaps)))
+        if gaps.size == 1 and steps[longest] > logged:
+            text = (
+                f"The clock jumps ahead by {_duration(steps[longest])} after sample {k} (t = "
+                f"{t[k]:.6g} s), longer than all that was logged ({_duration(logged)}): the logger "
+                "paused, the clock was set, or two logs have been joined."
+            )
         step = "Fix the stamps first; then cut the recording there (part)."
         if regular:
             left = stretches(finite)
@@ -207,6 +214,11 @@ def _one_clock(
         step = 'Give the unit of the stamps: units = {t = "ms"} or "us", "ns".'
         findings.append(finding("error", "rate", text, 0, step, rate=Quantity(rate, "Hz")))
     return steps, rate, regular, findings
+
+
+def _duration(seconds: float) -> str:
+    """In ms, or in s from one second on."""
+    return f"{seconds:.4g} s" if seconds >= 1.0 else f"{1e3 * seconds:.4g} ms"
 
 
 def rate_change(t: np.ndarray) -> tuple[int, float, float] | None:

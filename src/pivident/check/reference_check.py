@@ -57,15 +57,16 @@ def _reference(log: Log, q: np.ndarray, q_ref: np.ndarray, place: Place) -> Iter
         moving = np.ptp(q, axis=0) > MOTION
         apart = moving * np.abs(np.mean(q_ref - q, axis=0)) / np.maximum(np.ptp(q, axis=0), MOTION)
         for j in np.flatnonzero(apart > 0.1).tolist():
+            offset = Quantity(float(np.mean(q_ref - q, axis=0)[j]), log.position_unit(j))
             yield Remark(
                 "warning",
                 "reference",
                 "offset",
-                f"The reference of {names[j]} lies {np.mean(q_ref - q, axis=0)[j]:.4g} rad (or "
-                "m) away from the position throughout.",
+                f"The reference of {names[j]} lies {offset.value:.4g} {offset.unit} away from the "
+                "position throughout.",
                 names[j],
                 "Their zeros differ; correct one of them in the log.",
-                evidence={"offset": Quantity(float(np.mean(q_ref - q, axis=0)[j]), "rad (or m)")},
+                evidence={"offset": offset},
                 place=place,
             )
         return

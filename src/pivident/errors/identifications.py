@@ -91,14 +91,21 @@ class SimulationDiverged(IdentificationError):
     """
 
     def __init__(
-        self, joint: str, time: float, deviation: float, bound: float, speed: bool = False
+        self,
+        joint: str,
+        time: float,
+        deviation: float,
+        bound: float,
+        speed: bool = False,
+        slides: bool = False,
     ) -> None:
         self.joint, self.time, self.deviation, self.bound = joint, time, deviation, bound
         self.speed = speed
+        unit = "m" if slides else "rad"
         what = (
-            f"has a speed of {deviation:.3g} rad/s (or m/s)"
+            f"has a speed of {deviation:.3g} {unit}/s"
             if speed
-            else f"is {deviation:.3g} rad (or m) away from its reference"
+            else f"is {deviation:.3g} {unit} away from its reference"
         )
         super().__init__(
             f"the simulated joint {joint!r} {what} at t = {time:.4f} s "

@@ -101,6 +101,12 @@ class Log:
         }
         return named | {n: v for n, v in self.columns.items() if n not in self.clocks}
 
+    def position_unit(self, joint: int) -> str:
+        """Unit of a joint's positions in ``channels``, both kinds where the robot is not known."""
+        if self.robot is None or joint >= self.robot.size:
+            return "rad (or m)"
+        return self.robot.joints[joint].position_unit
+
     def time_of(self, sample: int | None) -> float | None:
         """Time of a sample on the log's own clock, or from its declared rate [s]."""
         if sample is None:

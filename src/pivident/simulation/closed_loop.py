@@ -250,7 +250,7 @@ def simulate_blocks(
             oracle, channels, failure,
         )  # fmt: skip
         _check_outcome(
-            what, joint, sample / rate, failure, limits, joint_names, channels[0, sample]
+            what, joint, sample / rate, failure, limits, joint_names, channels[0, sample], model
         )
         yield slice(0, samples), channels, _states(model, record, samples)
         return
@@ -266,7 +266,7 @@ def simulate_blocks(
             steps, oracle, first, last, first, channels, failure, tangent, *on_path, loops,
         )  # fmt: skip
         place = channels[0, max(sample - first, 0)]  # of no meaning where all went well
-        _check_outcome(what, joint, sample / rate, failure, limits, joint_names, place)
+        _check_outcome(what, joint, sample / rate, failure, limits, joint_names, place, model)
         length = last - first
         yield slice(first, last), channels[:, :length], _states(model, on_path[-1], length)
 
@@ -304,6 +304,7 @@ def _check_outcome(
     limits: np.ndarray,
     joint_names: tuple[str, ...],
     near: np.ndarray,
+    model: Model,
 ) -> None:
     """Raise the error of a run that ended early, ``near`` a posture of the reference."""
     value = float(failure[0])
@@ -314,7 +315,9 @@ def _check_outcome(
     if what in (TOO_FAR, TOO_FAST):
         fast = what == TOO_FAST
         bound = float(limits[SPEED if fast else DISTANCE, joint])
-        raise SimulationDiverged(joint_names[joint], time, value, bound, speed=fast)
+        place = joint if model.closed is None else model.closed.table.places[joint]
+        slides = bool(model.tree.prismatic[place])
+        raise SimulationDiverged(joint_names[joint], time, value, bound, fast, slides)
 
 
 def _signal(name: str, signal: np.ndarray | None, samples: int, joints: int) -> np.ndarray:
