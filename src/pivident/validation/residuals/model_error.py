@@ -39,7 +39,7 @@ from pivident.text.lists import listed
 from pivident.text.numbers import format_significant, with_spread
 from pivident.text.plain_table import plain_table
 from pivident.validation.held_out.cross_validation import CrossValidation
-from pivident.validation.held_out.prediction import motion_band
+from pivident.validation.held_out.prediction import at_rest, motion_band
 
 #: Blocks of the motion that are left out in turn for the standard error of a share.
 BLOCKS = 20
@@ -228,13 +228,20 @@ def model_error_by_repetition(
 
 
 def model_error_by_held_out_blocks(validation: CrossValidation) -> ModelError:
-    """Split the prediction error on held-out motion, below the motion's highest frequency."""
+    """Split the prediction error on held-out motion, below the motion's highest frequency.
+
+    What a joint at rest adds to it is neither: dry friction holds it with any torque, which no
+    better model would know.
+    """
     errors = [h.prediction for h in validation.held_out if h.prediction is not None]
     band = errors[0].band
     seen = "the fitted data" if validation.training_only else "motion that was not fitted"
+    if any(at_rest(e) for e in errors):
+        seen += ", without standstill"
     joints = []
     for j, (name, unit) in enumerate(zip(errors[0].joint_names, errors[0].units, strict=True)):
-        total = np.array([e.samples * e.rms_in_band[j] ** 2 for e in errors])
+        moving = [e.rms_in_band[j] ** 2 - e.rest_in_band[j] ** 2 for e in errors]
+        total = np.maximum([e.samples for e in errors] * np.array(moving), 0.0)
         noise = np.minimum([e.samples * e.noise_in_band[j] ** 2 for e in errors], total)
         samples = sum(e.samples for e in errors)
         joints.append(_joint(name, unit, noise, total, samples))
