@@ -55,6 +55,25 @@ def test_declared_delays_are_none():
     assert faults(recording(tau=early)) == [("error", "early", "")]
 
 
+def test_a_torque_of_another_scale_is_a_reservation():
+    """What no residual shows: parameters of the last joint take the factor."""
+    tau = planar().channels["tau"] * np.array([1.0, 2.0])
+    (found,) = recording_faults(load_robot("planar_2r"), [recording(tau=tau)])
+    assert (found.severity, found.kind, found.subject) == ("warning", "gain", "elbow")
+    assert found.quantity.value == pytest.approx(2.0, rel=0.03)
+    newtons = planar().channels["tau"] * np.array([1.0, 1000.0])
+    assert faults(recording(tau=newtons)) == [("warning", "gain", "elbow")]
+
+
+def test_masses_that_the_description_has_wrong_are_no_fault_of_the_log():
+    """A torque of another shape: a payload far from the axis of the elbow's own link."""
+    robot = load_robot("planar_2r")
+    links = list(robot.links)
+    links[1] = replace(links[1], inertia=links[1].inertia * np.array([1] * 6 + [0, 1, 1, 1.0]))
+    other = replace(robot, links=tuple(links))
+    assert not [f for f in recording_faults(other, [recording()]) if f.kind == "gain"]
+
+
 def test_a_torque_with_the_wrong_sign():
     tau = planar().channels["tau"] * np.array([1.0, -1.0])
     assert ("error", "sign", "elbow") in faults(recording(tau=tau))

@@ -2,8 +2,9 @@
 
 A recording is checked where it is made, channel by channel. Here its channels are asked about one
 another: whether samples are lost, whether angles are in their unit, whether each torque belongs to
-its joint, with this sign and at this instant, and whether a vertical slide carries its weight.
-Gains, loads and excitation are left out, since an estimate says more about them.
+its joint, with this sign, in this scale and at this instant, and whether a vertical slide carries
+its weight. Loads and excitation are left out, since an estimate says more about them, and so are
+the masses of the description where a torque has another shape than theirs.
 """
 
 from __future__ import annotations
@@ -14,11 +15,11 @@ from dataclasses import replace
 import numpy as np
 
 from pivident.audit.delay import check_delay
-from pivident.audit.inverse_model import build_inverse_model
+from pivident.audit.inverse_model import InverseModel, build_inverse_model
 from pivident.audit.order import check_order
 from pivident.audit.power import check_power
 from pivident.audit.saturation import check_channels
-from pivident.audit.scale import another_position_unit
+from pivident.audit.scale import ALIKE, another_position_unit, check_scale
 from pivident.audit.timing import check_timing
 from pivident.errors import PividentError
 from pivident.logs.log import Log
@@ -30,11 +31,11 @@ from pivident.threads import linear_algebra_in_one_thread
 #: Kinds of findings that are a reservation about every estimate, by topic; empty: all of them.
 KINDS: dict[str, tuple[str, ...]] = {
     "timing": ("lost", "repeated", "hidden jitter"),
-    "channels": ("spike", "stuck", "frozen", "wrapped"),
+    "channels": ("spike", "stuck", "frozen", "wrapped", "clipped"),
     "order": (),
     "delay": (),
     "power": ("sign", "weight"),
-    "scale": ("angle unit", "joint angle unit"),
+    "scale": ("angle unit", "joint angle unit", "gain"),
 }
 
 
@@ -80,13 +81,26 @@ def _faults(robot: Robot, recording: Recording) -> list[Finding]:
             model = model.reordered(order.torque_of)
         delay = check_delay(log, model)
         if np.isfinite(delay.common[0]):
-            power = check_power(log, model.delayed(delay.common[0]))
-        else:
-            power = check_power(log, model)
+            model = model.delayed(delay.common[0])
+        power = check_power(log, model)
         findings += [*order.findings, *delay.findings, *power.findings]
+        if not serious([*order.findings, *power.findings]):  # they spoil the factors
+            findings += _gains(log, model, power.right)
     except (PividentError, np.linalg.LinAlgError):
         pass  # too short to compare torque and motion, for example: nothing is said of them
     return serious(f for f in findings if _is_reservation(f))
+
+
+def _gains(log: Log, model: InverseModel, signs_right: Sequence[int]) -> list[Finding]:
+    """Joints whose torque is that of the description but for a factor: a reservation at most.
+
+    A torque of another shape speaks of wrong masses, which an estimate replaces. So may a factor,
+    which is then no fault of the log.
+    """
+    found = check_scale(log, model, signs_right)
+    alike = dict(zip(model.robot.joint_names, np.abs(found.likeness) >= ALIKE, strict=True))
+    gains = serious(f for f in found.findings if f.kind == "gain" and alike[f.subject])
+    return [replace(f, severity="warning") for f in gains]
 
 
 def log_of(robot: Robot, recording: Recording) -> Log:

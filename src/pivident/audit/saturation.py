@@ -14,6 +14,10 @@ from pivident.text.finding import Finding, Quantity, Severity, at_sample
 #: A spike stands out of its neighbourhood by so many of its standard deviations.
 SPIKE = 12.0
 
+#: Spread of the share of one neighbour from which on stamps tremble, and the share of a sample by
+#: which a single one may then be wrong.
+TREMBLING, STAMP = 0.005, 0.25
+
 #: Samples on each side that make up the neighbourhood.
 NEIGHBOURS = 15
 
@@ -102,12 +106,14 @@ def _spikes(
     Where the joint of a torque, at ``q``, turns round or stops for a moment, dry friction changes
     from one sample to the next, by the whole range where friction is all of it; only more is a
     spike there. Where an encoder has moved by one count, the speed of a drive shows that count.
+    Where stamps tremble, a value that is right a fraction of a sample earlier or later is none.
     """
     if x.size < 4 * NEIGHBOURS:
         return []
     before = _weights(log, place)
     second = x[1:-1] - (before * x[:-2] + (1.0 - before) * x[2:])
     height = np.abs(second[1:-1])
+    tolerated = STAMP * 0.5 * np.abs(x[3:-1] - x[1:-3]) if np.std(before) > TREMBLING else 0.0
     sides = np.maximum(
         np.abs(second[:-2] + 0.5 * second[1:-1]), np.abs(second[2:] + 0.5 * second[1:-1])
     )
@@ -124,7 +130,8 @@ def _spikes(
     if q is not None and np.isfinite(q).all():
         excused = _one_count(q) if speed else _turning(q)
     usual_range = float(np.ptp(np.quantile(x, [0.005, 0.995])))
-    for k in np.flatnonzero((height > SPIKE * usual) & (sides < 0.2 * height)):
+    alone = (sides < 0.2 * height) & (height > tolerated)
+    for k in np.flatnonzero((height > SPIKE * usual) & alone):
         if (excused[k + 2] and height[k] < usual_range) or height[k] < least * usual_range:
             continue
         around = np.r_[second[max(0, k - NEIGHBOURS) : k], second[k + 3 : k + 3 + NEIGHBOURS]]

@@ -29,6 +29,7 @@ from pivident.init.torque_unit import (
     torque_unit,
     without_torque,
 )
+from pivident.logs.clocks.gaps import stretches
 from pivident.logs.recognition.channel_words import plain_channel
 from pivident.logs.recognition.joint_columns import ChannelColumns, JointMap, joint_map
 from pivident.logs.recognition.log_clock import LogClock, read_clock, speed_rate
@@ -196,9 +197,15 @@ def _clock(run: Run, joints: JointMap, kept: KeptJoints, answers: Answers) -> Lo
 
 
 def _window(clock: LogClock, first: float, last: float) -> tuple[float, float]:
-    """The motion with a margin; the whole log where little would be cut off."""
+    """The motion with a margin; the whole log where little would be cut off.
+
+    Beside messages that were stamped together it is the longest stretch of the motion.
+    """
     start, end = float(clock.seconds[0]), float(clock.seconds[-1])
     low, high = max(start, first - MARGIN), min(end, last + MARGIN)
+    if clock.together:
+        inside = (clock.seconds >= low) & (clock.seconds <= high)
+        return stretches(clock.seconds[inside]).longest
     if (low - start) + (end - high) < WORTH_CUTTING:
         return start, end
     return low, high

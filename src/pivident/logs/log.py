@@ -117,7 +117,9 @@ class Log:
         return sample / self.rate if self.rate else None
 
     def between(self, start: float, stop: float) -> Log:
-        """The samples with start ≤ t < stop, on the log's own clock.
+        """The samples with start ≤ t < stop, on the clock that was declared, else at the rate.
+
+        Time columns that nobody declared are there to be judged; no recording is made of them.
 
         Args:
             start: first time [s].
@@ -126,11 +128,14 @@ class Log:
         Raises:
             RecordingError: no sample lies between them.
         """
-        clock = self.clock
+        declared = self.description.clock is not None or self.own_clocks or self.rate is None
+        clock = self.clock if declared else None
         t = clock if clock is not None else np.arange(self.samples) / (self.rate or 1.0)
         inside = np.flatnonzero((t >= start) & (t < stop))
         if not inside.size:
-            raise RecordingError(f"no sample of {self.name} lies between {start:g} and {stop:g} s")
+            raise RecordingError(
+                f"no sample of {self.name} lies between {start:.10g} and {stop:.10g} s"
+            )
         cut = slice(int(inside[0]), int(inside[-1]) + 1)
         return replace(
             self,

@@ -17,6 +17,7 @@ from pivident.errors import (
 )
 from pivident.logs.clocks import timestamps
 from pivident.robot.description import Robot
+from pivident.signals.runs import runs_of
 
 #: Longest drive_delay that is believed [s]; more is a delay in milliseconds without its 1e-3.
 MAX_DRIVE_DELAY = 0.1
@@ -55,12 +56,6 @@ def clipped_samples(tau: np.ndarray, q: np.ndarray) -> np.ndarray:
             if stop - start >= MIN_RUN and moves(q, start, stop):
                 clipped[start:stop] = True
     return clipped
-
-
-def runs_of(mask: np.ndarray) -> np.ndarray:
-    """First and last-plus-one index of each run of true values, shape (runs, 2)."""
-    edges = np.diff(mask.astype(np.int8), prepend=0, append=0)
-    return np.column_stack([np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)])
 
 
 def moves(q: np.ndarray, start: int, stop: int) -> bool:

@@ -46,6 +46,32 @@ def test_rates_that_differ_are_brought_onto_the_slower_one():
     assert "low-passed at 50 Hz" in aligned.notes[1]
 
 
+@pytest.mark.parametrize("fault", ["repeated", "backward", "not a number"])
+def test_stamps_beyond_the_part_may_be_anything(fault):
+    """A log is cut where its stamps are wrong; the part that is left is the same as without."""
+    clean = channel("q", T, np.sin)
+    t = T.copy()
+    t[300:310] = {"repeated": T[309], "backward": T[300] - np.arange(10), "not a number": np.nan}[
+        fault
+    ]
+    part = (float(T[400]), float(T[1800]))
+    spoilt = replace(clean, t=t)
+    kept, same = onto_one_clock([spoilt], 500.0, part), onto_one_clock([clean], 500.0, part)
+    np.testing.assert_array_equal(kept.t, same.t)
+    np.testing.assert_array_equal(kept.values["q"], same.values["q"])
+    with pytest.raises(RecordingError):
+        onto_one_clock([spoilt], 500.0, (float(T[200]), float(T[1800])))
+
+
+def test_a_part_that_ends_or_begins_beside_wrong_stamps_is_whole():
+    t = T.copy()
+    t[300:310] = T[309]
+    channels = [replace(channel("q", T, np.sin), t=t)]
+    behind = onto_one_clock(channels, 500.0, (float(T[310]), float(T[-1])))
+    before = onto_one_clock(channels, 500.0, (0.0, float(T[299])))
+    assert behind.t[0] == pytest.approx(T[310]) and before.t[-1] == pytest.approx(T[299])
+
+
 def test_what_the_lower_rate_cannot_hold_does_not_fold_down():
     tone = 2 * np.pi * 120.0  # folds to 5 Hz at 125 Hz
     aligned = onto_one_clock(

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from pivident.logs.clocks.gaps import stretches
 from pivident.logs.recognition.log_clock import read_clock, speed_rate
 
 T = np.arange(2000) / 250.0
@@ -32,6 +33,34 @@ def test_stamps_that_repeat_leave_their_rate_only():
     clock = read_clock({"time": np.floor(T * 100) / 100, "q": Q}, None, None)
     assert clock.column is None and clock.by_rate and clock.sure == "assumed"
     assert abs(clock.rate - 250.0) < 1.0
+
+
+def test_messages_that_arrived_together_lie_in_a_gap():
+    t = T.copy()
+    t[500:521] = t[520]
+    clock = read_clock({"time": t, "q": Q}, None, None)
+    assert clock.column == "time" and clock.together == 20
+    assert clock.resample and not clock.by_rate
+    kept = np.delete(np.arange(len(t)), np.arange(500, 521))
+    np.testing.assert_array_equal(clock.seconds[kept], t[kept])
+    steps = np.diff(clock.seconds)
+    assert (steps > 0).all() and steps[499] > 0.04 and steps[520] > 0.04
+    seconds = stretches(clock.seconds).longest
+    assert seconds[0] >= t[521] and seconds[1] == pytest.approx(t[-1])
+
+
+@pytest.mark.parametrize("change", ["one sample twice", "many", "backward"])
+def test_other_repeated_stamps_leave_the_rate_only(change):
+    t = T.copy()
+    if change == "one sample twice":
+        t[500] = t[499]
+    elif change == "many":
+        for k in range(0, 2000, 100):
+            t[k : k + 21] = t[k + 20] if k + 20 < 2000 else t[-1]
+    else:
+        t[500:521] = t[520]
+        t[1000:] -= 0.5
+    assert read_clock({"time": t, "q": Q}, None, None).by_rate
 
 
 def test_irregular_stamps_ask_for_interpolation():

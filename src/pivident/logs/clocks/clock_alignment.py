@@ -97,7 +97,12 @@ def onto_one_clock(
     rate: float | None = None,
     part: tuple[float, float] | None = None,
 ) -> Aligned:
-    """Interpolate channels at the same uniform instants; rate [Hz], part [s]."""
+    """Interpolate channels at the same uniform instants; rate [Hz], part [s].
+
+    Stamps beyond the part may be anything; of the samples beside it those on its two sides count.
+    """
+    if part is not None:
+        channels = [_around(channel, part) for channel in channels]
     for channel in channels:
         timestamps.check_increasing(channel.t)
     start, stop = _shared(channels, part)
@@ -112,6 +117,17 @@ def onto_one_clock(
     values = {c.channel: resampled(c, grid, rate) for c in channels}
     done = tuple(note for c in channels for note in c.notes)
     return Aligned(grid, rate, values, (*done, *_account(channels, grid, rate)))
+
+
+def _around(channel: ClockedChannel, part: tuple[float, float]) -> ClockedChannel:
+    """The samples of a part and one on either side, in the order of the log."""
+    inside = np.flatnonzero((channel.t >= part[0]) & (channel.t < part[1]))
+    if inside.size < 2:  # refused where it is cut
+        return channel
+    first, stop = int(inside[0]), int(inside[-1]) + 1
+    first -= first > 0 and channel.t[first - 1] < part[0]
+    stop += stop < len(channel.t) and channel.t[stop] >= part[1]
+    return replace(channel, t=channel.t[first:stop], values=channel.values[first:stop])
 
 
 def resampled(channel: ClockedChannel, grid: np.ndarray, rate: float) -> np.ndarray:

@@ -17,9 +17,13 @@ from pivident.logs.recognition.channel_words import TIME_UNITS, words_of
 from pivident.logs.recognition.sureness import Sureness
 from pivident.logs.recognition.time_columns import is_usable_clock
 from pivident.logs.units import TIME
+from pivident.signals.runs import runs_of
 
 #: Time of day since 1970 [s], from 1985 to 2128.
 EPOCH = (5e8, 5e9)
+
+#: Share of samples that may be stamped together, as messages that a network delivered late.
+TOGETHER = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +38,7 @@ class LogClock:
     resample: bool  # whether the stamps between gaps are too irregular for equidistant
     by_rate: bool  # whether the rate stands for the stamps, which repeat or go backward
     seconds: np.ndarray  # the stamps [s], or those that follow from the rate, shape (samples,)
+    together: int = 0  # samples that were stamped together, which lie in a gap of ``seconds``
 
 
 def read_clock(columns: dict[str, np.ndarray], hint: float | None, given: float | None) -> LogClock:
@@ -49,6 +54,10 @@ def read_clock(columns: dict[str, np.ndarray], hint: float | None, given: float 
     start = float(stamps[0] * TIME[unit])
     steps = np.diff(seconds)
     rate = given or round_rate((samples - 1) / float(seconds[-1]))
+    together = 0
+    if (apart := _apart(seconds)) is not None:
+        together, seconds = int((steps == 0).sum()), apart
+        steps = np.diff(seconds)
     if (steps <= 0).any():
         repeats = int((steps <= 0).sum())
         seen = (
@@ -59,10 +68,34 @@ def read_clock(columns: dict[str, np.ndarray], hint: float | None, given: float 
     period = usual_interval(steps)
     worst = float(np.abs(steps[steps <= bridged_interval(period)] / period - 1.0).max())
     jitter = f"intervals from {1e3 * steps.min():.4g} to {1e3 * steps.max():.4g} ms"
+    if together:
+        jitter = (
+            f"but {together} samples have the stamp of the one before, as messages that arrive "
+            "together; the longer side of them is used"
+        )
     seen = f"column {column!r} increases, {why}; {rate:.6g} Hz, {jitter}"
-    return LogClock(
-        column, unit, rate, sure, seen, worst > JITTER_TOLERANCE, False, seconds + start
-    )
+    resample = bool(together) or worst > JITTER_TOLERANCE
+    return LogClock(column, unit, rate, sure, seen, resample, False, seconds + start, together)
+
+
+def _apart(seconds: np.ndarray) -> np.ndarray | None:
+    """Stamps of which runs of equal ones lie in the middle of a gap of their own.
+
+    A network that holds messages back delivers them together. When they were taken is not known, so
+    that the log is used on one side of the gap. None: there are no such runs, or too many, or no
+    gap goes with them, or stamps go backward.
+    """
+    steps = np.diff(seconds)
+    if not 0 < np.count_nonzero(steps == 0) <= TOGETHER * len(seconds) or (steps < 0).any():
+        return None
+    apart, bridged = seconds.copy(), bridged_interval(usual_interval(steps[steps > 0]))
+    for start, stop in runs_of(steps == 0):
+        before = seconds[start - 1] if start else seconds[0] - 3.0 * bridged
+        after = seconds[stop + 1] if stop + 1 < len(seconds) else seconds[-1] + 3.0 * bridged
+        if after - before < 2.5 * bridged:
+            return None
+        apart[start : stop + 1] = 0.5 * (before + after) + np.arange(stop + 1 - start) * 1e-9
+    return apart
 
 
 def stamp_unit(
