@@ -55,6 +55,12 @@ INSIDE = 0.9
 #: Share of the band in which one joint's delay has to be seen again, unless it explains nearly all.
 SLOW, NEARLY_ALL = 0.25, 0.9
 
+#: Joints whose delays differ by so many of their standard errors have a model error in them.
+APART = 3.0
+
+#: Delays of joints, on other rows, from which a median is taken.
+LEAST_VALUES = 4
+
 #: Above this standard error [s] a joint's delay is not used; so many times it beside a single one.
 BLUNT, ALONE = 5e-3, 4.0
 
@@ -91,8 +97,13 @@ def check_delay(log: Log, model: InverseModel) -> Delay:
     turns back differs by joint: its delay has to be visible without rest, and between the reversals
     as well. Nor is what an encoder adds with every turn of its motor a delay: it lies above the
     frequencies of the motion, among which a delay is the same.
+
+    Where joints stick, all of them seem early, each by its own time. Joints that disagree are
+    therefore asked between the reversals and at low frequencies, where sticking counts for less.
     """
     found = _estimated(log, model)
+    if _disagreement(found.estimates, found.standard_errors) > APART:
+        found = _of_several(log, model, found)
     if all(finding.severity == "ok" for finding in found.findings):
         return found
     apart = _estimated(log, model.away_from_rest())
@@ -112,6 +123,23 @@ def check_delay(log: Log, model: InverseModel) -> Delay:
             none |= _contradicts(found, fast, j) or not seen
         findings.append(replace(finding, severity="ok", next_step="") if none else finding)
     return replace(found, findings=tuple(findings))
+
+
+def _of_several(log: Log, model: InverseModel, found: Delay) -> Delay:
+    """The common delay as the median of all joints between the reversals and at low frequencies.
+
+    Its error follows from their median distance from it, as of independent joints.
+    """
+    rows = (model.away_from_reversals(), model.below(SLOW))
+    values = np.concatenate([_estimated(log, own, np.inf).estimates for own in rows])
+    values = values[np.isfinite(values)]
+    if len(values) < LEAST_VALUES:
+        return found
+    median = float(np.median(values))
+    deviation = 1.4826 * float(np.median(np.abs(values - median)))
+    error = np.sqrt(np.pi / 2.0) * deviation / np.sqrt(len(values) / len(rows))
+    made = replace(found, common=(median, max(float(error), found.common[1])))
+    return replace(made, findings=tuple(_findings(log, model, made)))
 
 
 def _agree(found: Delay, other: Delay, joint: int | None) -> bool:
@@ -197,9 +225,18 @@ def _common(
     spread = float(jackknife(blocks @ weight)) if len(blocks) > 2 else own
     mean = float(estimates[sharp] @ weight)
     # Joints that disagree beyond their standard errors show a model error, which all of them share.
+    return mean, max(spread, own) * max(1.0, _disagreement(estimates, standard_errors))
+
+
+def _disagreement(estimates: np.ndarray, standard_errors: np.ndarray) -> float:
+    """Birge's ratio: scatter of the joints' delays over what their standard errors let expect."""
+    sharp = np.isfinite(estimates)
+    if sharp.sum() < 2:
+        return 0.0
+    weight = standard_errors[sharp] ** -2.0
+    mean = float(estimates[sharp] @ weight / weight.sum())
     apart = np.sum(((estimates[sharp] - mean) / standard_errors[sharp]) ** 2)
-    birge = float(np.sqrt(apart / max(int(sharp.sum()) - 1, 1)))
-    return mean, max(spread, own) * max(1.0, birge)
+    return float(np.sqrt(apart / (int(sharp.sum()) - 1)))
 
 
 def _findings(log: Log, model: InverseModel, found: Delay) -> list[Finding]:
