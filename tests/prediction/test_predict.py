@@ -135,6 +135,9 @@ def test_error_beside_that_of_held_out_motion():
     alike = replace(held_out, total=0.9 * e.errors.total_in_band)
     ok = next(f for f in pv.predict(result, record, held_out=alike).findings if f.severity == "ok")
     assert "the log is predicted about as well" in ok.message
+    poor = pv.predict(result, record, held_out=replace(held_out, total=60.0)).findings
+    assert [f.severity for f in poor if f.kind == "as held out"] == ["note"]
+    assert any(f.message.endswith("as well or better. Neither is good.") for f in poor)
     better = replace(held_out, total=0.2 * e.errors.total_in_band, joints={"elbow": 1e-3})
     worse = pv.predict(result, record, held_out=better).findings[1]
     assert worse.severity == "warning"

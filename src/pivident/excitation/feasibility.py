@@ -143,9 +143,10 @@ def _crowded(task: DesignTask, most: float) -> str:
     if free > most:
         return ""
     worst = task.clearances.names[int(np.argmax(near.mean(axis=1)))]
+    origin = "".join(f" {remark}" for remark in task.clearances.remarks[:1])  # of the bodies
     return (
         f"{free or 'none'} of {TRIED_POSTURES} random postures keep{'' if free else 's'} all "
-        f"clearances: what is too near most often is {worst}. Check the bodies, "
+        f"clearances: what is too near most often is {worst}.{origin} Check the bodies, "
         "obstacles, floor, tool box and clearance, all in metres, or begin at a free posture, "
         "start = […]"
     )

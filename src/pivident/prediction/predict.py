@@ -26,7 +26,7 @@ from pivident.text.numbers import format_significant, percent
 from pivident.validation.held_out.cross_validation import CrossValidation
 from pivident.validation.held_out.folds import moving_part
 from pivident.validation.held_out.held_out_errors import HeldOutErrors
-from pivident.validation.held_out.prediction import Judge
+from pivident.validation.held_out.prediction import POOR, Judge
 
 #: From this error on the model predicts less than nothing [%].
 WITHOUT_USE = 100.0
@@ -179,7 +179,10 @@ def _beside_held_out(error: ErrorOnLog, held_out: HeldOutErrors) -> Finding:
     if error.total_interval[0] <= WORSE * held_out.total:
         as_well = "as well or better" if e.total_in_band <= held_out.total else "about as well"
         text = f"It was {earlier}: the log is predicted {as_well}."
-        return Finding("ok", "prediction", "as held out", text, evidence=evidence)
+        if held_out.total <= POOR:
+            return Finding("ok", "prediction", "as held out", text, evidence=evidence)
+        text += " Neither is good."
+        return Finding("note", "prediction", "as held out", text, evidence=evidence)
     ratio = e.total_in_band / max(held_out.total, 1e-300)
     worse = [
         name
