@@ -28,8 +28,8 @@ from pivident.many.study.scenario import Scenario, load_scenario
 from pivident.many.study.study_store import Store
 from pivident.many.study.summary import MethodSummary, Summary
 
-#: Methods of the league: filters by sigma points and by particles, and the linear programs of set
-#: membership, run in leagues of their own.
+#: Methods of the league. Filters by sigma points and the linear programs of set membership, which
+#: take as long as all others together, run in a league of their own, and so would particles.
 QUICK = ("all", "-particle", "-ukf", "-cdkf", "-set-membership")
 
 #: Runs that are added to a condition at a time.
