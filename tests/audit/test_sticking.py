@@ -10,9 +10,9 @@ from pivident.audit.timing import check_timing
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.robot_regressor import regressor_of
+from pivident.logs.clocks.gaps import runs_of
 from pivident.recording.recording import Recording
 from pivident.robot.gallery import load_robot
-from pivident.signals.runs import runs_of
 
 FAST, RATE, SECONDS = 1000.0, 100.0, 40.0
 FRICTION = np.array([60.0, 60.0, 30.0, 15.0, 15.0, 8.0])  # N m

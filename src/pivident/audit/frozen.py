@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from pivident.logs.clocks.gaps import runs_of
 from pivident.logs.log import Log
 from pivident.recording.checks import TOLERATED_CLIPPING, moves
-from pivident.signals.runs import runs_of
 from pivident.text.finding import Finding, Quantity, Severity, at_sample
 
 #: Shortest stretch [samples] that is asked about, less does no harm, and fewest others to compare

@@ -86,7 +86,10 @@ def column_lines(
     lines = []
     if clock.column is not None:
         place: Any = clock_place(clock.column, others, read)
-        if len(keys) > 1 and isinstance(place, str):
+        if len(keys) > 1 and others:  # each name is looked up in the file of its channel
+            own = {name: others[name].column for name in read if name in others}
+            place = dict.fromkeys(read, clock.column) | own
+        elif len(keys) > 1 and isinstance(place, str):
             place = {"file": numbers[joints.channels["q"].file], "columns": clock.column}
         lines.append(Assumption("recording.columns", "t", place, clock.sure, clock.seen))
     for name in read:

@@ -181,7 +181,9 @@ def _recording(
     files = {key: relative_path(run.files[k].path, out) for key, k in found.file_keys.items()}
     single = len(files) == 1 and not any(c in next(iter(files.values())) for c in "*?")
     value = next(iter(files.values())) if single else files
-    seen = "as given" if len(files) == 1 else "one run in files side by side, with the same rows"
+    clocks = any(run.files[k].own_clocks for k in found.file_keys.values())
+    rows = "each with stamps of its own" if clocks else "with the same rows"
+    seen = "as given" if len(files) == 1 else f"one run in files side by side, {rows}"
     lines = [Assumption("recording", "files", value, "certain", seen)]
     if column_names:
         seen = "the log has no header; as given, in the order of its columns"

@@ -49,6 +49,9 @@ MIN_ROWS = 10
 #: Tracking error below which a reference is only a copy of the measurement, relative.
 COPY = 1e-6
 
+#: Correlation with a numbered reference from which on a joint follows it and no other.
+FOLLOWS = 0.95
+
 #: Samples whose mean speed is compared with a command.
 MEAN_OF = 10
 
@@ -110,6 +113,7 @@ def recording_lines(
             si = raw * unit.factors(POSITION)
             found = compare(robot, si[rows][:, own], tau[rows], clock.seconds[rows])
         torque = torque_unit(robot, found, named, channel.is_current, answers.get("unit of tau"))
+    joints = _as_references_follow(run, joints, kept, si[:, own])
     references = _references(run, joints, kept, si[:, own], clock, unit, own)
     speeds = measured_speeds(
         run, joints, kept, si[:, own], clock.seconds, rows, [unit.units[j] for j in own]
@@ -274,6 +278,30 @@ def _file_keys(run: Run, joints: JointMap, channels: Sequence[str]) -> dict[str,
         if channel is not None and channel.file not in keys.values():
             keys[name] = channel.file
     return {"log": next(iter(keys.values()))} if len(keys) == 1 else keys
+
+
+def _as_references_follow(run: Run, joints: JointMap, kept: KeptJoints, si: np.ndarray) -> JointMap:
+    """References that have numbers instead of names, each given to the joint that follows it.
+
+    A controller numbers its joints in an order of its own, whatever that of the joint states is.
+    """
+    channel = _reference_channel("q_ref", run, joints, kept)
+    named = channel is None or any(n in c for n, c in channel.columns.items())
+    if channel is None or named or len(kept.names) < 2:
+        return joints
+    values = channel.values(run, kept.names)
+    rows = np.isfinite(values).all(axis=1) & np.isfinite(si).all(axis=1)
+    both = np.column_stack([si[rows], values[rows]])
+    if not rows.any() or not np.ptp(both, axis=0).all():
+        return joints
+    alike = np.corrcoef(both.T)[: len(kept.names), len(kept.names) :]
+    best = alike.argmax(axis=1)
+    if len(set(best.tolist())) < len(best) or alike.max(axis=1).min() < FOLLOWS:
+        return joints
+    columns = [channel.columns[name] for name in kept.names]
+    moved = dict(zip(kept.names, (columns[k] for k in best), strict=True))
+    own = replace(channel, columns={**channel.columns, **moved})
+    return replace(joints, channels=joints.channels | {"q_ref": own})
 
 
 def _references(

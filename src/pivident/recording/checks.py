@@ -16,8 +16,8 @@ from pivident.errors import (
     concerning,
 )
 from pivident.logs.clocks import timestamps
+from pivident.logs.clocks.gaps import runs_of
 from pivident.robot.description import Robot
-from pivident.signals.runs import runs_of
 
 #: Longest drive_delay that is believed [s]; more is a delay in milliseconds without its 1e-3.
 MAX_DRIVE_DELAY = 0.1

@@ -63,3 +63,9 @@ def _inward(start: float, stop: float, period: float) -> tuple[float, float]:
     low = low if low >= start else round(low + unit, digits)
     high = high if high <= stop else round(high - unit, digits)
     return (low, high) if low < high else (float(start), float(stop))
+
+
+def runs_of(mask: np.ndarray) -> np.ndarray:
+    """First and last-plus-one index of each run of true values, shape (runs, 2)."""
+    edges = np.diff(mask.astype(np.int8), prepend=0, append=0)
+    return np.column_stack([np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)])

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.logs.clocks.gaps import bridged_interval
+from pivident.logs.clocks.gaps import bridged_interval, runs_of
 from pivident.logs.clocks.timestamps import (
     JITTER_TOLERANCE,
     likely_time_units,
@@ -17,7 +17,6 @@ from pivident.logs.recognition.channel_words import TIME_UNITS, words_of
 from pivident.logs.recognition.sureness import Sureness
 from pivident.logs.recognition.time_columns import is_usable_clock
 from pivident.logs.units import TIME
-from pivident.signals.runs import runs_of
 
 #: Time of day since 1970 [s], from 1985 to 2128.
 EPOCH = (5e8, 5e9)
