@@ -3,9 +3,12 @@
 import numpy as np
 import pytest
 
+from pivident.errors import BadCell
 from pivident.experiment.experiment import load_experiment
 from pivident.init.assumption import DraftError
 from pivident.init.draft import draft_experiment
+from pivident.recording.load import load_recording
+from pivident.robot.gallery import load_robot
 from tests.planar_log import planar_log
 
 EPOCH = 1764240000.0
@@ -80,3 +83,22 @@ def test_files_of_other_times_are_refused(exported, tmp_path):
     write(exported[1], late)
     with pytest.raises(DraftError, match=r"other rows .* no stamps of the same time"):
         draft_experiment(exported, "planar_2r", out=tmp_path / "experiment.toml")
+
+
+def test_topics_of_different_rates_in_one_table_are_to_be_exported_apart(exported, tmp_path):
+    """A merged export has a row for each message, with empty cells for the other topic."""
+    tables = [np.genfromtxt(path, delimiter=",", names=True) for path in exported]
+    names = [path.read_text().splitlines()[0].split(",") for path in exported]
+    widths = [len(own) - 1 for own in names]
+    rows = [(row[0], [*map(repr, list(row)[1:]), *[""] * widths[1]]) for row in tables[0].tolist()]
+    rows += [(row[0], [*[""] * widths[0], *map(repr, list(row)[1:])]) for row in tables[1].tolist()]
+    merged = tmp_path / "merged.csv"
+    lines = [",".join([repr(t), *cells]) for t, cells in sorted(rows)]
+    merged.write_text("\n".join([",".join([*names[0], *names[1][1:]]), *lines]) + "\n")
+    with pytest.raises(BadCell, match=r"empty, as \d+ % of the column") as caught:
+        load_recording(
+            merged,
+            columns={"t": "__time", "q": [names[0][1], names[0][3]], "tau": names[0][2::2]},
+            robot=load_robot("planar_2r"),
+        )
+    assert "export each topic to a file of its own" in str(caught.value)

@@ -353,10 +353,18 @@ class BadCell(FileFormatError):
         text: its text.
     """
 
-    def __init__(self, file: str, line: int, column: str | None, text: str, reason: str) -> None:
+    def __init__(
+        self,
+        file: str,
+        line: int,
+        column: str | None,
+        text: str,
+        reason: str,
+        advice: str = "correct or remove that line",
+    ) -> None:
         self.file, self.line, self.column, self.text = file, line, column, text
         where = f"line {line}" if column is None else f"line {line}, column {column!r}"
-        super().__init__(f"{file}, {where}: {reason}; correct or remove that line")
+        super().__init__(f"{file}, {where}: {reason}; {advice}")
 
 
 class NoSamples(FileFormatError):

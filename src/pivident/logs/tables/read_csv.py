@@ -32,6 +32,9 @@ from pivident.logs.tables.dialect import (
     quoted,
 )
 
+#: Share of empty cells in a column of so many lines from which on no single line is at fault.
+SPARSE, MANY = 0.1, 20
+
 
 def csv_names(path: str | Path) -> tuple[str, ...]:
     """Names of the columns, without loading them."""
@@ -236,7 +239,8 @@ def _explain(path: Path, header: Dialect, wanted: Sequence[str], reason: str) ->
     """Find the line at fault by reading slowly, and say so."""
     places = {name: header.names.index(name) for name in wanted}
     with _text(path) as lines:
-        for number, cells in _rows(lines, header):
+        rows = _rows(lines, header)
+        for number, cells in rows:
             if len(cells) != len(header.names):
                 reason = f"it has {len(cells)} cells instead of {len(header.names)}"
                 if header.separator == "," and len(cells) > len(header.names):
@@ -245,10 +249,25 @@ def _explain(path: Path, header: Dialect, wanted: Sequence[str], reason: str) ->
                 raise BadCell(path.name, number, None, text, reason)
             for name, place in places.items():
                 cell = cells[place]
+                if not cell:
+                    below = [not own[place] for _, own in rows if len(own) > place]
+                    share = (1 + sum(below)) / (1 + len(below))
+                    if share > SPARSE and len(below) > MANY:
+                        raise BadCell(path.name, number, name, cell, *_sparse(share))
                 if not is_number(cell, header.decimal_comma):
                     reason = _why_no_number(cell, name, number)
                     raise BadCell(path.name, number, name, cell, reason)
     raise FileFormatError(f"{path.name} cannot be read as a table of numbers ({reason})")
+
+
+def _sparse(share: float) -> tuple[str, str]:
+    """What is wrong with a column that is empty in a share of its lines, and what to do."""
+    return (
+        f"the cell is empty, as {100 * share:.0f} % of the column from there on: topics of "
+        "different rates in one table",
+        "export each topic to a file of its own, and give all of them (docs/logs.md, separate "
+        "clocks)",
+    )
 
 
 def _why_no_number(cell: str, name: str, line: int) -> str:
