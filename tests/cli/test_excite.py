@@ -299,8 +299,13 @@ def test_identify_prints_predicted_beside_reached(designed, capsys):
     assert 'id="designed-motion"' in page and "reached/predicted" in page
 
 
-def test_the_verdict_ends_with_the_command_of_the_next_motion(designed, capsys, monkeypatch):
-    monkeypatch.chdir(designed)
+def test_the_verdict_ends_with_the_command_of_the_next_motion(designed, folder, capsys):
+    """So much noise that parameters that matter are open; little leaves none, and no command."""
+    path = copied(designed, folder)
+    reference = load_design(designed / "motion").motion.sampled(1000.0)[0]
+    assert quickly(path, Path("quiet")) == 0
+    assert "Next:" not in capsys.readouterr().out
+    write_log(folder / "motion/log.npz", reference, noise=(25.0, 12.0))
     assert quickly(Path("experiment.toml"), Path("my results")) == 0
     lines = capsys.readouterr().out.strip().splitlines()
     command = shlex.split(lines[-1].removeprefix("Next:"))
