@@ -74,6 +74,16 @@ def test_masses_that_the_description_has_wrong_are_no_fault_of_the_log():
     assert not [f for f in recording_faults(other, [recording()]) if f.kind == "gain"]
 
 
+def test_a_torque_that_is_cut_off_is_a_reservation():
+    made = recording()
+    limit = 0.7 * np.abs(made.tau[:, 1]).max()
+    tau = np.column_stack([made.tau[:, 0], np.clip(made.tau[:, 1], -limit, limit)])
+    cut = Recording.from_arrays(
+        made.q, tau, 1000.0, joint_names=made.joint_names, saturation="allow"
+    )
+    assert ("warning", "clipped", "tau of elbow") in faults(cut)
+
+
 def test_a_torque_with_the_wrong_sign():
     tau = planar().channels["tau"] * np.array([1.0, -1.0])
     assert ("error", "sign", "elbow") in faults(recording(tau=tau))

@@ -93,7 +93,7 @@ def _apart(seconds: np.ndarray) -> np.ndarray | None:
         after = seconds[stop + 1] if stop + 1 < len(seconds) else seconds[-1] + 3.0 * bridged
         if after - before < 2.5 * bridged:
             return None
-        apart[start : stop + 1] = 0.5 * (before + after) + np.arange(stop + 1 - start) * 1e-9
+        apart[start : stop + 1] = 0.5 * (before + after) + np.arange(stop + 1 - start) * 1e-6
     return apart
 
 
