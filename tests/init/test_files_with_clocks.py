@@ -74,6 +74,25 @@ def test_numbered_setpoints_go_to_the_joints_that_follow_them(exported, tmp_path
     assert entry.columns.q_ref == [f"/arm/state/desired/positions[{k}]" for k in (1, 0)]
 
 
+def test_joints_that_move_alike_keep_their_references(exported, tmp_path):
+    """Each follows both: which one by 1e-6 better is no reason to exchange them."""
+    states, setpoints = exported
+    twins = {
+        states: [("/joint_states/shoulder/position", "/joint_states/elbow/position")],
+        setpoints: [(f"/arm/state/{k}/positions[0]", f"/arm/state/{k}/positions[1]")
+                    for k in ("desired", "actual")],
+    }  # fmt: skip
+    for path, pairs in twins.items():
+        names = path.read_text().splitlines()[0].split(",")
+        table = np.loadtxt(path, delimiter=",", skiprows=1)
+        for name, twin in pairs:
+            own = 2e-3 * np.sin(5.0 * (table[:, 0] - EPOCH))
+            table[:, names.index(twin)] = table[:, names.index(name)] + own
+        write(path, dict(zip(names, table.T, strict=True)))
+    entry = load_experiment(drafted(exported, tmp_path / "alike.toml")).content.recording[0]
+    assert entry.columns.q_ref == [f"/arm/state/desired/positions[{k}]" for k in (1, 0)]
+
+
 def test_files_of_other_times_are_refused(exported, tmp_path):
     columns = np.genfromtxt(exported[1], delimiter=",", names=True)
     late = {name: columns[name] for name in columns.dtype.names}
@@ -81,7 +100,7 @@ def test_files_of_other_times_are_refused(exported, tmp_path):
     late = dict(zip(names, late.values(), strict=True))
     late["__time"] = late["__time"] + 3600.0
     write(exported[1], late)
-    with pytest.raises(DraftError, match=r"other rows .* no stamps of the same time"):
+    with pytest.raises(DraftError, match=r"differ in their rows .* no stamps of the same time"):
         draft_experiment(exported, "planar_2r", out=tmp_path / "experiment.toml")
 
 

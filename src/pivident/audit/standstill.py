@@ -39,8 +39,8 @@ def check_standstill(log: Log) -> list[Finding]:
         )
     travel = 1e3 * np.ptp(q, axis=0)
     most = max(still, key=lambda j: travel[j])
-    farthest, unit = float(travel[most]), log.position_unit(most)
-    unit = unit.replace("rad", "mrad").replace("m)", "mm)") if "(" in unit else f"m{unit}"
+    farthest = float(travel[most])
+    unit = {"rad": "mrad", "m": "mm"}.get(log.position_unit(most), "mrad (or mm)")
     text = f"Standstill: {names} moves by {farthest:.3g} {unit} in the whole record."
     evidence = {"travel": Quantity(farthest, unit, bound=1e3 * STILL)}
     return [Finding("error", "motion", "standstill", text, names, step, evidence)]

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from pivident.init.assumption import DraftError
-from pivident.logs.bags.bag_table import OwnClock
+from pivident.logs.bags.bag_table import COVERED, OwnClock
+from pivident.logs.clocks.clock_alignment import ClockedChannel, at_instants
 from pivident.logs.clocks.timestamps import mean_rate
 from pivident.logs.recognition.log_clock import LogClock, read_clock
 from pivident.logs.recognition.log_file import LogFile, Run, file_reading, read_log_file
-
-#: Share of the rows of a log that stamps of another file have to cover.
-COVERED = 0.5
 
 
 def read_runs(
@@ -40,15 +39,18 @@ def _side_by_side(files: Sequence[LogFile]) -> tuple[LogFile, ...]:
     The others are taken at its instants, by the stamps of both.
     """
     base = max(files, key=lambda file: len(_channels(file) & {"q", "tau", "current"}))
-    clock = _clock(base)
-    others = [_beside(base, clock, file) for file in files if file is not base]
-    if clock is None or any(other is None for other in others):
-        listed = ", ".join(f"{file.shown} has {file.samples}" for file in files)
-        raise DraftError(
-            f"the files of one run have other rows ({listed}) and no stamps of the same time; join "
-            "them by their time stamps first, or give runs of the same columns"
-        )
-    return (base, *(other for other in others if other is not None))
+    clocks = {file.path: read_clock(file.columns, None, None) for file in files}
+    grid = clocks[base.path].seconds
+    for clock in clocks.values():
+        inside = (grid >= clock.seconds[0]) & (grid <= clock.seconds[-1])
+        if clock.column is None or inside.mean() < COVERED:
+            listed = ", ".join(f"{file.shown} has {file.samples}" for file in files)
+            raise DraftError(
+                f"the files of one run differ in their rows ({listed}) and have no stamps of the "
+                "same time; join them by their time stamps first, or give runs of the same columns"
+            )
+    others = [_beside(base, grid, f, clocks[f.path]) for f in files if f is not base]
+    return (base, *(file for file in others if file.columns))
 
 
 def _channels(file: LogFile) -> set[str | None]:
@@ -56,26 +58,17 @@ def _channels(file: LogFile) -> set[str | None]:
     return {series.channel for series in file.series}
 
 
-def _clock(file: LogFile) -> LogClock | None:
-    """The stamps of a file, None where it has none that advance."""
-    clock = read_clock(file.columns, None, None)
-    return None if clock.column is None else clock
-
-
-def _beside(base: LogFile, clock: LogClock | None, file: LogFile) -> LogFile | None:
-    """A file at the instants of another, without what that has itself; None without its stamps."""
-    own = _clock(file)
-    if clock is None or own is None or own.column is None:
-        return None
-    inside = (clock.seconds >= own.seconds[0]) & (clock.seconds <= own.seconds[-1])
-    if inside.mean() < COVERED:
-        return None
-    series = tuple(s for s in file.series if s.channel not in _channels(base) - {None})
-    stamps = OwnClock(own.column, mean_rate(own.seconds))
-    columns = {
-        name: np.where(inside, np.interp(clock.seconds, own.seconds, values), np.nan)
-        for name, values in file.columns.items()
-        if name != own.column
-    }
-    clocks = dict.fromkeys(columns, stamps)
-    return LogFile(file.path, columns, series, clocks, file.joint_names)
+def _beside(base: LogFile, grid: np.ndarray, file: LogFile, clock: LogClock) -> LogFile:
+    """What a file adds to another one, at the instants of that; ``clock``: its own."""
+    series = tuple(s for s in file.series if s.channel not in {None, *_channels(base)})
+    columns: dict[str, np.ndarray] = {}
+    for own in series:
+        names = list(own.columns.values())
+        values = np.column_stack([file.columns[name] for name in names])
+        rows = np.isfinite(values).all(axis=1)
+        channel = ClockedChannel(
+            str(own.channel), str(clock.column), clock.seconds[rows], values[rows]
+        )
+        columns |= zip(names, at_instants(channel, grid).T, strict=True)
+    stamps = OwnClock(str(clock.column), mean_rate(clock.seconds))
+    return replace(file, columns=columns, series=series, own_clocks=dict.fromkeys(columns, stamps))

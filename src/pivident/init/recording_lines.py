@@ -296,7 +296,8 @@ def _as_references_follow(run: Run, joints: JointMap, kept: KeptJoints, si: np.n
         return joints
     alike = np.corrcoef(both.T)[: len(kept.names), len(kept.names) :]
     best = alike.argmax(axis=1)
-    if len(set(best.tolist())) < len(best) or alike.max(axis=1).min() < FOLLOWS:
+    follows = alike.max(axis=1).min() > FOLLOWS and len(set(best.tolist())) == len(best)
+    if not follows or alike.diagonal().min() > FOLLOWS:  # joints may move alike
         return joints
     columns = [channel.columns[name] for name in kept.names]
     moved = dict(zip(kept.names, (columns[k] for k in best), strict=True))

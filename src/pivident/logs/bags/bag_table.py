@@ -15,8 +15,7 @@ from pivident.errors import PividentError
 from pivident.logs.bags.bag_channels import bag_channel
 from pivident.logs.bags.joint_topics import TopicTable
 from pivident.logs.bags.read_bag import RECEIVED, STAMP, Bag, open_bag
-from pivident.logs.clocks.clock_alignment import ONE_CLOCK, ClockedChannel, resampled
-from pivident.logs.clocks.gaps import bridged_interval
+from pivident.logs.clocks.clock_alignment import ONE_CLOCK, ClockedChannel, at_instants
 from pivident.logs.recognition.channel_words import read_words, words_of
 from pivident.logs.recognition.column_series import Series, column_series
 
@@ -74,7 +73,7 @@ def bag_table(path: Path, joint_names: tuple[str, ...] = ()) -> BagTable:
             channel = _channel(bag, path, series)
             if channel is None or abs(float(channel.lead or 0.0) - lead) > ONE_CLOCK:
                 continue
-            values = _at(channel, grid)
+            values = at_instants(channel, grid)
             if np.isfinite(values[:, 0]).mean() < COVERED:
                 continue
             clock = OwnClock(channel.clock, channel.rate)
@@ -130,16 +129,3 @@ def _channel(bag: Bag, path: Path, series: Series) -> ClockedChannel | None:
     if len(found.t) < 3 or (np.diff(found.t) <= 0).any() or found.rate < SLOWEST:
         return None
     return found
-
-
-def _at(channel: ClockedChannel, grid: np.ndarray) -> np.ndarray:
-    """A channel at the instants of the positions, NaN outside of it and in its gaps."""
-    t = channel.t
-    after = np.clip(np.searchsorted(t, grid), 1, len(t) - 1)
-    longest = bridged_interval(float(np.median(np.diff(t))))
-    known = (grid >= t[0]) & (grid <= t[-1]) & (np.diff(t)[after - 1] <= longest)
-    values = np.full((len(grid), channel.values.shape[1]), np.nan)
-    if known.any():
-        # At its own rate nothing is low-passed: this only asks what the positions follow.
-        values[known] = resampled(channel, grid[known], channel.rate)
-    return values

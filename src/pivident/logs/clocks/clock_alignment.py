@@ -151,6 +151,27 @@ def resampled(channel: ClockedChannel, grid: np.ndarray, rate: float) -> np.ndar
     return timestamps.resample_smooth(t, values, grid)
 
 
+def at_instants(channel: ClockedChannel, grid: np.ndarray) -> np.ndarray:
+    """A channel at the instants of another, NaN outside of it and in its gaps.
+
+    Args:
+        channel: the channel, with increasing stamps.
+        grid: the instants [s].
+
+    Returns:
+        Values, shape (instants, joints).
+    """
+    t = channel.t
+    after = np.clip(np.searchsorted(t, grid), 1, len(t) - 1)
+    longest = bridged_interval(float(np.median(np.diff(t))))
+    known = (grid >= t[0]) & (grid <= t[-1]) & (np.diff(t)[after - 1] <= longest)
+    values = np.full((len(grid), channel.values.shape[1]), np.nan)
+    if known.any():
+        # At its own rate nothing is low-passed: this only asks what follows what.
+        values[known] = resampled(channel, grid[known], channel.rate)
+    return values
+
+
 def is_reduced(channel: ClockedChannel, rate: float) -> bool:
     """Whether a channel has to be low-passed before it is taken at a rate [Hz]."""
     return channel.rate > REDUCED * rate and not channel.channel.startswith("inputs.")

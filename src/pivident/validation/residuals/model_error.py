@@ -240,8 +240,8 @@ def model_error_by_held_out_blocks(validation: CrossValidation) -> ModelError:
         seen += ", without standstill"
     joints = []
     for j, (name, unit) in enumerate(zip(errors[0].joint_names, errors[0].units, strict=True)):
-        moving = [e.rms_in_band[j] ** 2 - e.rest_in_band[j] ** 2 for e in errors]
-        total = np.maximum([e.samples for e in errors] * np.array(moving), 0.0)
+        moving = [e.samples * (e.rms_in_band[j] ** 2 - e.rest_in_band[j] ** 2) for e in errors]
+        total = np.maximum(moving, 0.0)
         noise = np.minimum([e.samples * e.noise_in_band[j] ** 2 for e in errors], total)
         samples = sum(e.samples for e in errors)
         joints.append(_joint(name, unit, noise, total, samples))
