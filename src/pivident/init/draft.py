@@ -184,6 +184,7 @@ def _recording(
     clocks = any(run.files[k].own_clocks for k in found.file_keys.values())
     rows = "each with stamps of its own" if clocks else "with the same rows"
     seen = "as given" if len(files) == 1 else f"one run in files side by side, {rows}"
+    seen = ". ".join([seen, *(note.rstrip(".") for note in findings.notes)])
     lines = [Assumption("recording", "files", value, "certain", seen)]
     if column_names:
         seen = "the log has no header; as given, in the order of its columns"

@@ -29,6 +29,7 @@ from pivident.init.torque_unit import (
     torque_unit,
     without_torque,
 )
+from pivident.logs.bad_samples import bad_samples, marked
 from pivident.logs.clocks.gaps import stretches
 from pivident.logs.recognition.channel_words import plain_channel
 from pivident.logs.recognition.joint_columns import ChannelColumns, JointMap, joint_map
@@ -78,13 +79,17 @@ def recording_lines(
     joints = _of_its_joints(joint_map(run, machine.joint_names))
     if "q" not in joints.channels:
         raise DraftError(_not_found("position", run))
+    run = _without_bad_samples(run, joints)
     kept = kept_joints(run, joints, machine, wanted)
     clock = _clock(run, joints, kept, answers)
     q = joints.channels["q"]
     logged = machine.robot(kept.logged if machine.is_tree else None)
     raw = q.values(run, logged.joint_names)
     own = [logged.joint_names.index(name) for name in kept.names]
+    torques = joints.channels.get("tau")
+    logged_torque = () if torques is None else ("tau",)
     rows = np.isfinite(raw[:, own]).all(axis=1)
+    rows[list(clock.twice)] = False
     if rows.sum() < MIN_ROWS:
         raise DraftError(
             f"{int(rows.sum())} of {len(rows)} rows of {run.files[q.file].shown} have a position "
@@ -102,9 +107,9 @@ def recording_lines(
     rows &= (clock.seconds >= window[0]) & (clock.seconds <= window[1])
     torque: TorqueUnit | None = None
     found = without_torque(robot)
-    if (channel := joints.channels.get("tau")) is not None:
-        tau = channel.values(run, kept.names)
-        named = next(iter(channel.units.values()), None)
+    if torques is not None:
+        tau = torques.values(run, kept.names)
+        named = next(iter(torques.units.values()), None)
         tau = tau * TORQUE.get(answers.get("unit of tau", named or ""), 1.0)
         rows &= np.isfinite(tau).all(axis=1)
         found = compare(robot, si[rows][:, own], tau[rows], clock.seconds[rows])
@@ -112,7 +117,7 @@ def recording_lines(
             unit = _other_angle(unit)
             si = raw * unit.factors(POSITION)
             found = compare(robot, si[rows][:, own], tau[rows], clock.seconds[rows])
-        torque = torque_unit(robot, found, named, channel.is_current, answers.get("unit of tau"))
+        torque = torque_unit(robot, found, named, torques.is_current, answers.get("unit of tau"))
     joints = _as_references_follow(run, joints, kept, si[:, own])
     references = _references(run, joints, kept, si[:, own], clock, unit, own)
     speeds = measured_speeds(
@@ -121,7 +126,6 @@ def recording_lines(
     if torque is None and "q_ref" not in references:
         raise DraftError(_not_found("torque", run))
     besides = references | speeds
-    logged_torque = () if torque is None else ("tau",)
     keys = _file_keys(run, joints, ("q", *logged_torque, "q_ref", "dq_ref", *speeds))
     used = (*logged_torque, *besides)
     others = {n: c for n in used if (c := joints.channels[n].own_clock(run)) is not None}
@@ -151,6 +155,17 @@ def _of_its_joints(joints: JointMap) -> JointMap:
     if q is None or tau is None or set(q.columns) & set(tau.columns):
         return joints
     return replace(joints, channels={k: c for k, c in joints.channels.items() if k != "tau"})
+
+
+def _without_bad_samples(run: Run, joints: JointMap) -> Run:
+    """The run with NaN in place of positions and torques that are no measurement."""
+    named = {k: c for k, c in joints.channels.items() if k in ("q", "tau")}
+    measured = {k: c.values(run, list(c.columns)) for k, c in named.items()}
+    files = [dict(file.columns) for file in run.files]
+    for key, values in marked(measured, bad_samples(measured)).items():
+        if values is not measured[key]:
+            files[named[key].file] |= zip(named[key].columns.values(), values.T, strict=True)
+    return Run(tuple(replace(f, columns=c) for f, c in zip(run.files, files, strict=True)))
 
 
 def _like_torques(run: Run) -> list[str]:
@@ -321,9 +336,8 @@ def _references(
     position = _reference_channel("q_ref", run, joints, kept)
     followed = si
     if position is not None:
-        values, rows = position.values(run, kept.names), np.full(len(si), True)
-        if position.own_clock(run) is not None:  # it begins later, ends earlier, has its own gaps
-            rows = np.isfinite(values).all(axis=1) & np.isfinite(si).all(axis=1)
+        values = position.values(run, kept.names)  # may begin later, end earlier, have own gaps
+        rows = np.isfinite(values).all(axis=1) & np.isfinite(si).all(axis=1)
         names = ("rad", "deg", "rev") if turning else ("m", "mm")
         match = following_unit(values[rows][:, judged], si[rows][:, judged], names, POSITION)
         if match is not None and match[1] >= COPY:
