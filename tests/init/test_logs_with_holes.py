@@ -70,4 +70,4 @@ def test_a_pause_of_the_logger_leaves_what_is_on_both_sides(tmp_path):
     draft = draft_experiment([path], "planar_2r", out=tmp_path / "e.toml")
     found = {g.key: g for g in draft.assumptions if g.table == "recording"}
     assert "part" not in found and "resample" not in found and not draft.troubles
-    assert "One of 2 stretches" in found["files"].seen
+    assert "are used, in 1 stretch(es)" in found["files"].seen  # 0.5 s are too short

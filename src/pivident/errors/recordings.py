@@ -233,6 +233,7 @@ class MissingSamples(IrregularSampling):
         time: its stamp [s].
         interval: length of the largest gap, from stamp to stamp [s].
         stretches: the stretches between the gaps.
+        fact: what is wrong, without the next step.
     """
 
     place = ("part",)
@@ -250,11 +251,11 @@ class MissingSamples(IrregularSampling):
         self.sample, self.time, self.interval = sample, time, interval
         self.stretches = stretches
         where = "in one gap" if gaps == 1 else f"in {gaps} gaps, the largest"
-        RecordingError.__init__(
-            self,
+        self.fact = (
             f"{missing} sample(s) are missing {where} of {_duration(interval)} after sample "
-            f"{sample} (t = {time:.6f} s); {stretches.advice()}",
+            f"{sample} (t = {time:.6f} s)"
         )
+        RecordingError.__init__(self, f"{self.fact}; {stretches.advice()}")
 
 
 class GapInClock(IrregularSampling):
@@ -267,6 +268,7 @@ class GapInClock(IrregularSampling):
         interval: length of that gap [s].
         gaps: number of gaps.
         stretches: the stretches between the gaps.
+        fact: what is wrong, without the next step.
     """
 
     place = ("part",)
@@ -283,11 +285,11 @@ class GapInClock(IrregularSampling):
         self.channel, self.clock, self.time, self.interval = channel, clock, time, interval
         self.gaps, self.stretches, self.kind = gaps, stretches, "gap"
         others = "" if gaps == 1 else f", the longest of {gaps} gaps"
-        RecordingError.__init__(
-            self,
+        self.fact = (
             f"{channel} has no samples for {_duration(interval)} after {time:.3f} s on the clock "
-            f"{clock}{others}, and nothing is interpolated over that; {stretches.advice()}",
+            f"{clock}{others}, and nothing is interpolated over that"
         )
+        RecordingError.__init__(self, f"{self.fact}; {stretches.advice()}")
 
 
 class BrokenMotion(IrregularSampling):
@@ -298,6 +300,7 @@ class BrokenMotion(IrregularSampling):
         time: its stamp [s].
         breaks: number of breaks.
         stretches: the stretches between the breaks.
+        fact: what is wrong, without the next step.
     """
 
     place = ("part",)
@@ -308,9 +311,8 @@ class BrokenMotion(IrregularSampling):
         self.sample, self.time, self.breaks, self.stretches = sample, time, breaks, stretches
         self.kind = "break"
         others = "" if breaks == 1 else f", the first of {breaks} such places"
-        RecordingError.__init__(
-            self, f"{what} at sample {sample} (t = {time:.6f} s){others}; {stretches.advice()}"
-        )
+        self.fact = f"{what} at sample {sample} (t = {time:.6f} s){others}"
+        RecordingError.__init__(self, f"{self.fact}; {stretches.advice()}")
 
 
 class ClocksDisagree(RecordingError):

@@ -16,7 +16,7 @@ from pivident.estimation.signal_recipes import Decimated
 from pivident.motion.kinematics import Kinematics
 from pivident.motion.motion import SimulatedMotion, packed_stretch
 from pivident.motion.speed_limits import SpeedLimits
-from pivident.recording.usable_samples import without_neighbours
+from pivident.recording.usable_samples import mostly_usable
 from pivident.signals.decimation import (
     Convention,
     decimation_blocks,
@@ -181,7 +181,7 @@ def decimate_record(
         used = used & motion.valid[at]
     if kinematics.measured is not None:  # the decimation mixes a sample with those beside it
         reach = int(np.prod(decimation_stages(factor)))
-        used = used & [without_neighbours(own, reach, reach)[at] for own in kinematics.measured]
+        used = used & [mostly_usable(measured, reach)[at] for measured in kinematics.measured]
     return DecimatedRecord(kinematics, t, phi, z, tau, dq, used)
 
 

@@ -38,6 +38,9 @@ from pivident.simulation.virtual_pd import virtual_pd
 #: What `pivident excite` calls a design, and the log of its motion may lie beside.
 DESIGN_FILE = "design.json"
 
+#: What cuts a log into stretches.
+Gap = MissingSamples | GapInClock | BrokenMotion
+
 #: Fewest samples of a stretch between gaps: three times what filters spoil at its two ends.
 MIN_STRETCH = 300
 
@@ -110,7 +113,7 @@ def recording_of(entry: RecordingEntry, robot: Robot, folder: Path) -> Recording
 
 def run_of(
     entry: RecordingEntry, robot: Robot, folder: Path
-) -> tuple[tuple[Recording, ...], IrregularSampling | None]:
+) -> tuple[tuple[Recording, ...], Gap | None]:
     """The run of one table: one recording, or one for each stretch between gaps and breaks.
 
     Nothing is used over a gap, and everything on both sides of it. Shorter gaps are filled where
@@ -144,8 +147,8 @@ def run_of(
             name=f"{recording.name}, {recording.start_time:.4g} s on",
             notes=(
                 *recording.notes,
-                f"One of {len(left.parts)} stretches between gaps or breaks of the log; those that "
-                f"are used are {used:.4g} s of {left.seconds:.4g} s.",
+                f"{cause.fact[0].upper()}{cause.fact[1:]}: {used:.4g} s of {left.seconds:.4g} s "
+                f"are used, in {len(kept)} stretch(es).",
             ),
         )
         for recording in kept

@@ -115,10 +115,10 @@ def read_log(
         own_clocks=own_clocks,
         faults=tuple(faults),
     )
-    return _without_bad_samples(log)
+    return without_bad_samples(log)
 
 
-def _without_bad_samples(log: Log) -> Log:
+def without_bad_samples(log: Log) -> Log:
     """The log without rows that are there twice, and NaN in place of what is no measurement."""
     log = log if log.own_clocks else _without_repeats(log)
     if not log.own_clocks and (every := fresh_rows(log.logged)) is not None:

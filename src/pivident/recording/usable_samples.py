@@ -151,10 +151,24 @@ def _listed(rows: np.ndarray, samples: int) -> str:
 
 def _beside_long(usable: np.ndarray) -> np.ndarray:
     """Samples in use that no filter mixes with a long stretch of others, shape (samples,)."""
+    return usable & without_neighbours(~_long(usable), EDGE, EDGE)
+
+
+def _long(usable: np.ndarray) -> np.ndarray:
+    """Samples of stretches without usable ones that are too long to be filled in well."""
     long = np.zeros(len(usable), bool)
     for start, stop in runs_of(~usable):
         long[start:stop] = stop - start > BRIDGED_PERIODS
-    return usable & without_neighbours(~long, EDGE, EDGE)
+    return long
+
+
+def mostly_usable(usable: np.ndarray, reach: int) -> np.ndarray:
+    """Samples whose neighbours within reach are mostly usable, the others well filled, (samples,).
+
+    For what averages over the neighbours.
+    """
+    around = sliding_window_view(np.pad(usable, reach, constant_values=True), 2 * reach + 1)
+    return without_neighbours(~_long(usable), reach, reach) & (around.mean(axis=1) > 0.5)
 
 
 def _at(grid: np.ndarray, t: np.ndarray, mask: np.ndarray) -> np.ndarray:
