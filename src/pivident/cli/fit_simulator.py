@@ -59,8 +59,9 @@ def fit_simulator(
         drawn = is_installed("plotly")
         save_simulator(fit, robot, judged, folder, page=drawn)
     print(simulator_text(fit, judged))
-    for sentence in robot.differences:
+    for sentence in () if robot is None else robot.differences:
         note(f"{sentence}.")
-    page = ", simulator.html" if drawn else ""
-    print(f"\nFiles: {folder / file_name(robot)}, simulator.csv, simulator.json{page}")
-    return 0 if fit.converged else 3
+    names = [] if robot is None else [file_name(robot)]
+    names += ["simulator.csv", "simulator.json", *(["simulator.html"] if drawn else [])]
+    print(f"\nFiles: {', '.join([str(folder / names[0]), *names[1:]])}")
+    return 3 if not fit.converged or (judged is not None and judged.findings()) else 0
