@@ -61,78 +61,51 @@ def check_actuators(
         law = actuator_law(robot.description, robot.joint_names)
     except PividentError:  # said where the robot is read
         return []
-    file, names = Path(robot.description).name, robot.joint_names
     if not law.kp.any():
         return []
+    file, names, n = Path(robot.description).name, robot.joint_names, robot.size
     if law.reasons:
         return [_remark("note", f"Not all actuators of {file} hold a position: {law.reasons[0]}.")]
-    with_speeds = any(run.dq_ref is not None for run in recordings)
-    n, share = len(names), law.speed_feed_forward(with_speeds)
-    gain = np.array([of_joint(entry.gain, j) for j in range(n)])
-    kp = gain * [of_joint(entry.kp, j) for j in range(n)]
-    kd = gain * [of_joint(entry.kd if entry.kv is None else entry.kv, j) for j in range(n)]
-    right = {"kp": law.kp, "kd": law.kd}
-    if entry.type == "cascade":
-        kp, right = kp * kd / gain, {"kp": law.kp / np.where(law.kd, law.kd, np.inf), "kv": law.kd}
-    remarks = []
+    share = law.speed_feed_forward(any(run.dq_ref is not None for run in recordings))
+    gain, kp, kd = (
+        np.array([of_joint(x, j) for j in range(n)])
+        for x in (entry.gain, entry.kp, entry.kd if entry.kv is None else entry.kv)
+    )
+    found = []
     if share is not None and abs(entry.feed_forward_share - share) > EQUAL and (kd * law.kd).any():
-        said = _form(entry.feed_forward_share)
-        remarks.append(
-            _remark(
-                "warning",
-                f"The law under [controller] damps by {said}, the actuators of {file} by "
-                f"{_form(share)}: the difference is found as damping of the joints.",
-                f"If the log is of these actuators, write speed_feed_forward = {share:g}.",
-                "speed_feed_forward",
-            )
-        )
-    for (key, values), declared, of_file in zip(
-        right.items(), (kp, kd), (law.kp, law.kd), strict=True
-    ):
+        said = f"damps by {_form(entry.feed_forward_share)}, the actuators of {file} by "
+        said += f"{_form(share)}: the difference is found as damping of the joints"
+        found.append(("speed_feed_forward", said, f"write speed_feed_forward = {share:g}"))
+    products = {"kp": (gain * kp, law.kp, law.kp), "kd": (gain * kd, law.kd, law.kd)}
+    if entry.type == "cascade":
+        inner = law.kp / np.where(law.kd, law.kd, np.inf)
+        products = {"kp": (gain * kp * kd, law.kp, gain * inner), "kv": products["kd"]}
+    for key, (declared, of_file, right) in products.items():
         off = np.flatnonzero(np.abs(declared - of_file) > EQUAL * np.maximum(of_file, declared))
-        if not off.size:
-            continue
-        product = "kp kv" if entry.type == "cascade" and key == "kp" else key
         listed = ", ".join(f"{names[j]} {declared[j]:.5g} (file: {of_file[j]:.5g})" for j in off)
-        remarks.append(
-            _remark(
-                "warning",
-                f"{product} under [controller], drive gain included, differs from the actuators of "
-                f"{file}: {listed}.",
-                f"If the log is of these actuators, write {key} = {_plain(values / gain)}; gains "
-                "of other drives stay as they are.",
-                key,
-            )
-        )
+        said = f"has other gains {key} in joint torque than the actuators of {file}: {listed}"
+        if off.size:
+            found.append((key, said, f"write {key} = {_plain(right / gain)}"))
     if entry.ki is not None and np.any(entry.ki):
-        text = f"The law under [controller] has an integrator, the actuators of {file} have none."
-        step = "If the log is of these actuators, leave ki out."
-        remarks.append(_remark("warning", text, step, "ki"))
+        said = f"has an integrator, the actuators of {file} have none"
+        found.append(("ki", said, "leave ki out"))
     if entry.limit is None and np.isfinite(law.limit).all():
-        text = f"The actuators of {file} have limits, and [controller] declares none."
-        step = f"If the log is of these actuators, write limit = {_plain(law.limit / gain)}."
-        remarks.append(_remark("note", text, step, "limit"))
-    return [*remarks, *_beyond(law, recordings, robot, file)]
-
-
-def _beyond(
-    law: ActuatorLaw, recordings: Sequence[Recording], robot: Robot, file: str
-) -> list[Remark]:
-    """References that the actuators would cut off."""
-    remarks = []
-    for run in recordings:
-        for j, (low, high) in enumerate(law.reach if run.q_ref is not None else ()):
-            q_ref = run.q_ref[:, j]  # type: ignore[index]
-            room = EQUAL * (high - low)
-            if np.isfinite(room) and (q_ref.min() < low - room or q_ref.max() > high + room):
-                unit = robot.joints[j].position_unit
-                text = (
-                    f"The reference of {robot.joint_names[j]} goes from {q_ref.min():.4g} to "
-                    f"{q_ref.max():.4g} {unit}, but ctrlrange of its actuator in {file} ends at "
-                    f"{low:.4g} and {high:.4g} {unit}."
-                )
+        said = f"has no limit, the actuators of {file} have"
+        found.append(("limit", said, f"write limit = {_plain(law.limit / gain)}"))
+    ask = "If the log is of these actuators, {}; other drives have their own law."
+    remarks = [
+        _remark("warning", f"The law under [controller] {said}.", ask.format(step), key)
+        for key, said, step in found
+    ]
+    for run in recordings if np.isfinite(law.reach).any() else ():
+        for j, (low, high) in enumerate(law.reach):
+            q_ref = run.q if run.q_ref is None else run.q_ref
+            ends, unit = (q_ref[:, j].min(), q_ref[:, j].max()), robot.joints[j].position_unit
+            if ends[0] < low - EQUAL * abs(low) or ends[1] > high + EQUAL * abs(high):
+                said = f"The reference of {names[j]} goes from {ends[0]:.4g} to {ends[1]:.4g} "
+                said += f"{unit}, beyond ctrlrange in {file}, {low:.4g} to {high:.4g} {unit}."
                 step = "MuJoCo cuts it off there; check the unit of q_ref, or log what is applied."
-                remarks.append(_remark("warning", text, step, "type", robot.joint_names[j]))
+                remarks.append(_remark("warning", said, step, joint=names[j]))
     return remarks
 
 

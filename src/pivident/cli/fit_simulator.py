@@ -30,8 +30,8 @@ def fit_simulator(
     to
         mjcf, urdf, or isaac: actuators of Isaac Lab.
     free
-        What is fitted: armature, damping, frictionloss, bias, delay, kp, kd. Default: the first
-        five.
+        What is fitted: armature, damping, frictionloss, bias, delay, kp, kd; several separated by
+        commas. Default: the first five.
     held_out
         Share of the recordings at their end for the judgement, where the file has no
         [[validation.recording]]; 0: none.
@@ -46,6 +46,7 @@ def fit_simulator(
     from pivident.simulators.simulator_files import file_name, save_simulator
     from pivident.simulators.simulator_table import simulator_of
     from pivident.simulators.simulator_text import simulator_text
+    from pivident.text.lists import separated
 
     mujoco_library("fitting a simulator")
     folder = out or file.with_name(f"{file.stem}-simulator")
@@ -53,7 +54,7 @@ def fit_simulator(
     experiment = load_experiment(file)
     with Progress() as progress:
         fit, robot, judged = simulator_of(
-            experiment, to, folder, free or DEFAULT_QUANTITIES, held_out, progress.say
+            experiment, to, folder, separated(free or DEFAULT_QUANTITIES), held_out, progress.say
         )
         progress.say("writing the results")
         drawn = is_installed("plotly")

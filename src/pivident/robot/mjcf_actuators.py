@@ -11,8 +11,8 @@ that damps the speed itself. A velocity actuator (b_1 = 0) beside it adds kv (dq
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -36,8 +36,8 @@ class ActuatorLaw:
     Attributes:
         kp: position gain of each joint [N m/rad or N/m], shape (joints,); likewise:
         kd: speed gain [N m s/rad or N s/m].
-        servo: part of ``kd`` that belongs to velocity actuators, and so acts on dq_ref - dq.
-        limit: largest torque, infinite where there is none [N m or N].
+        servo: part of ``kd`` of velocity actuators, which acts on dq_ref - dq, shape (joints,).
+        limit: largest torque, infinite where there is none, shape (joints,) [N m or N].
         reach: lowest and highest position that can be commanded, shape (joints, 2) [rad or m].
         step: time step of the file [s].
         reasons: why the actuators are no such law, as sentences; none where they are.
@@ -67,21 +67,6 @@ class ActuatorLaw:
         return float(shares[0]) if np.allclose(shares, shares[0]) else None
 
 
-@dataclass
-class _OfJoint:
-    """What the actuators of one joint add up to."""
-
-    kp: float = 0.0
-    kd: float = 0.0
-    servo: float = 0.0
-    limit: float = np.inf
-    reach: tuple[float, float] = (-np.inf, np.inf)
-    positions: list[str] = field(default_factory=list)
-    velocities: list[str] = field(default_factory=list)
-    reasons: list[str] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-
-
 def actuator_law(path: str | Path, joints: Sequence[str]) -> ActuatorLaw:
     """The law of the actuators of some joints.
 
@@ -90,7 +75,7 @@ def actuator_law(path: str | Path, joints: Sequence[str]) -> ActuatorLaw:
         joints: names of the joints.
 
     Returns:
-        Gains and limits of the law, zero and infinite where `ActuatorLaw.reasons` has a joint.
+        Gains and limits, zero and infinite for joints that have a reason against the law.
 
     Raises:
         MissingExtra: MuJoCo is not installed.
@@ -99,103 +84,79 @@ def actuator_law(path: str | Path, joints: Sequence[str]) -> ActuatorLaw:
     with errors_name(str(path)):
         model = compiled(read_spec(path))
         names = joint_names(model)
-    of_joints = {name: _OfJoint() for name in joints}
-    elsewhere = []
+    n, notes, reasons = len(joints), [], []
+    gains, limit, reach = np.zeros((3, n)), np.full(n, np.inf), np.tile([-np.inf, np.inf], (n, 1))
+    of_joint: dict[str, list[int]] = {name: [] for name in names}
     for k in range(len(model.actuator_trntype)):
-        if not moves_a_joint(model, k):
-            kind = mujoco_library().mjtTrn(int(model.actuator_trntype[k])).name
-            kind = kind.removeprefix("mjTRN_").lower()
-            elsewhere.append(f"{actuator_name(model, k)} acts on a {kind}")
+        if moves_a_joint(model, k):
+            of_joint[names[int(model.actuator_trnid[k, 0])]].append(k)
             continue
-        target = of_joints.get(names[int(model.actuator_trnid[k, 0])])
-        if target is not None:
-            _add(target, model, k, names[int(model.actuator_trnid[k, 0])])
-    for name, own in of_joints.items():
-        if name in names and model.jnt_actfrclimited[names.index(name)]:
-            allowed = model.jnt_actfrcrange[names.index(name)]
-            own.limit = min(own.limit, float(np.abs(allowed).max()))
-        _judge(own, name)
-    rows = list(of_joints.values())
-    notes = [note for own in rows for note in own.notes]
-    if elsewhere:
-        notes.append(f"{'; '.join(elsewhere)}: not on one joint, and in no law of the joints")
-    return ActuatorLaw(
-        *(np.array([getattr(own, key) for own in rows]) for key in ("kp", "kd", "servo", "limit")),
-        np.array([own.reach for own in rows]).reshape(-1, 2),
-        float(model.opt.timestep),
-        tuple(reason for own in rows for reason in own.reasons),
-        tuple(notes),
-    )
+        kind = mujoco_library().mjtTrn(int(model.actuator_trntype[k])).name[len("mjTRN_") :]
+        notes.append(f"{actuator_name(model, k)} acts on a {kind.lower()} and is in no law")
+    for j, name in enumerate(joints):
+        own = of_joint.get(name, [])
+        faults = [f"{fault} (joint {name!r})" for k in own if (fault := _fault(model, k))]
+        positions = [k for k in own if model.actuator_biasprm[k, 1] < 0.0]
+        if not faults and len(positions) != 1:
+            listed = " and ".join(actuator_name(model, k) for k in positions or own)
+            followed = "two commands" if positions else "a speed and no position"
+            faults = [f"joint {name!r} follows {followed}, of {listed}"]
+            faults = faults if own else [f"no actuator moves joint {name!r}"]
+        if faults:
+            reasons += faults
+            continue
+        for k in own:
+            r, (b1, b2) = float(model.actuator_gear[k, 0]), -model.actuator_biasprm[k, 1:3]
+            gains[:, j] += np.array([b1, b2, 0.0 if b1 else b2]) * r * r
+            notes += [f"{note} (joint {name!r})" for note in _notes(model, k, len(own) > 1)]
+            if model.actuator_forcelimited[k]:
+                limit[j] = min(limit[j], abs(r) * np.abs(model.actuator_forcerange[k]).max())
+        k, at = positions[0], names.index(name)
+        if model.jnt_actfrclimited[at]:
+            limit[j] = min(limit[j], np.abs(model.jnt_actfrcrange[at]).max())
+        if model.actuator_ctrllimited[k]:
+            scale, shift = _reference(model, k)
+            reach[j] = np.sort(scale * model.actuator_ctrlrange[k] + shift)
+    step = float(model.opt.timestep)
+    return ActuatorLaw(*gains, limit, reach, step, tuple(reasons), tuple(notes))
 
 
-def _add(own: _OfJoint, model: Any, k: int, joint: str) -> None:
-    """Add an actuator to what moves its joint."""
-    mujoco, name = mujoco_library(), f"{actuator_name(model, k)} of joint {joint!r}"
-    dynamics = mujoco.mjtDyn(int(model.actuator_dyntype[k]))
-    gain = mujoco.mjtGain(int(model.actuator_gaintype[k]))
-    bias = mujoco.mjtBias(int(model.actuator_biastype[k]))
-    kinds = (mujoco.mjtBias.mjBIAS_NONE, mujoco.mjtBias.mjBIAS_AFFINE)
-    if dynamics != mujoco.mjtDyn.mjDYN_NONE or gain != mujoco.mjtGain.mjGAIN_FIXED:
-        words = [
-            f"{key}={kind.name.partition('_')[2].lower()}"
-            for key, kind in (("dyntype", dynamics), ("gaintype", gain))
-            if kind not in (mujoco.mjtDyn.mjDYN_NONE, mujoco.mjtGain.mjGAIN_FIXED)
-        ]
-        own.reasons.append(f"{name} has {', '.join(words)}, and its force no fixed gain on control")
-        return
-    if bias not in kinds:
-        own.reasons.append(f"{name} has biastype={bias.name.partition('_')[2].lower()}")
-        return
+def _fault(model: Any, k: int) -> str:
+    """Why an actuator is no gain on its control beside gains on position and speed, or nothing."""
+    mujoco, name = mujoco_library(), actuator_name(model, k)
+    for key, kinds, fine in (
+        ("dyntype", mujoco.mjtDyn, ("mjDYN_NONE",)),
+        ("gaintype", mujoco.mjtGain, ("mjGAIN_FIXED",)),
+        ("biastype", mujoco.mjtBias, ("mjBIAS_NONE", "mjBIAS_AFFINE")),
+    ):
+        kind = kinds(int(getattr(model, f"actuator_{key}")[k])).name
+        if kind not in fine:
+            return f"{name} has {key}={kind.partition('_')[2].lower()}, and no fixed gains"
     r, g = float(model.actuator_gear[k, 0]), float(model.actuator_gainprm[k, 0])
-    given = model.actuator_biasprm[k, :3] if bias == kinds[1] else np.zeros(3)
-    b0, b1, b2 = (float(x) for x in given)
-    if b1 > 0.0 or b2 > 0.0 or not r or not g:
-        text = f"{name} (gear {r:g}, gain {g:g}, bias {b0:g} {b1:g} {b2:g})"
-        own.reasons.append(f"{text} does not hold a position")
-        return
-    if not b1 and not b2:
-        own.reasons.append(
-            f"{name} is a motor: its control is {r * g:g} N m (N) per unit and no position"
-        )
-        return
-    own.kp, own.kd = own.kp - b1 * r * r, own.kd - b2 * r * r
-    (own.positions if b1 else own.velocities).append(name)
-    if model.actuator_forcelimited[k]:
-        low, high = (float(x) for x in model.actuator_forcerange[k])
-        own.limit = min(own.limit, abs(r) * max(abs(low), abs(high)))
-        if abs(low + high) > 1e-9 * (high - low):
-            text = f"{name} has forcerange {low:g} to {high:g}: a law has one limit on both sides"
-            own.notes.append(text)
+    bias = model.actuator_biasprm[k, 1:3]
+    if not bias.any():
+        return f"{name} is a motor: its control is {r * g:g} N m (N) per unit and no position"
+    return f"{name} pushes away from its command" if (bias > 0.0).any() or not r * g else ""
+
+
+def _reference(model: Any, k: int) -> tuple[float, float]:
+    """Position that a position actuator holds: scale of its control, and what is added."""
+    r, b = float(model.actuator_gear[k, 0]), model.actuator_biasprm[k]
+    return -float(model.actuator_gainprm[k, 0] / (b[1] * r)), -float(b[0] / (b[1] * r))
+
+
+def _notes(model: Any, k: int, beside: bool) -> Iterator[str]:
+    """What the law of one actuator leaves out."""
+    name = actuator_name(model, k)
+    if beside:
+        yield f"{name} is one of several, whose gains on speed add up"
+    if model.actuator_biasprm[k, 1]:
+        scale, shift = _reference(model, k)
+        if abs(scale - 1.0) > 1e-6 or abs(shift) > 1e-9:
+            yield f"{name} holds {scale:g} times its control" + (f" {shift:+g}" if shift else "")
+    low, high = (float(x) for x in model.actuator_forcerange[k])
+    if model.actuator_forcelimited[k] and abs(low + high) > 1e-9 * (high - low):
+        yield f"{name} has forcerange {low:g} to {high:g}, and a law one limit on both sides"
     if getattr(model, "actuator_delay", np.zeros(k + 1))[k]:
         late = 1e3 * float(model.actuator_delay[k])
-        own.notes.append(f"{name} is {late:g} ms late, which the delay of the fit contains")
-    if not b1:
-        own.servo -= b2 * r * r
-        return
-    scale, shift = -g / (b1 * r), -b0 / (b1 * r)
-    if abs(scale - 1.0) > 1e-6 or abs(shift) > 1e-9:
-        own.notes.append(
-            f"{name} has gear {r:g}, gain {g:g}, bias {b0:g} {b1:g}: it drives the joint to "
-            f"{scale:g} times its control" + (f" {shift:+g}" if shift else "")
-        )
-    if model.actuator_ctrllimited[k]:
-        ends = sorted(scale * float(u) + shift for u in model.actuator_ctrlrange[k])
-        own.reach = (ends[0], ends[1])
-
-
-def _judge(own: _OfJoint, joint: str) -> None:
-    """Whether it is one position loop; else no gains."""
-    if not own.positions and own.velocities:
-        own.reasons.append(f"{', '.join(own.velocities)} holds a speed, and no position")
-    elif not own.positions and not own.reasons:
-        own.reasons.append(f"no actuator moves joint {joint!r}")
-    if len(own.positions) > 1:
-        own.reasons.append(f"{' and '.join(own.positions)} hold the same joint by two commands")
-    if own.reasons:
-        own.kp = own.kd = own.servo = 0.0
-        own.limit = np.inf
-    elif own.velocities:
-        own.notes.append(
-            f"{own.positions[0]} and {', '.join(own.velocities)} act together: their gains on "
-            "speed add up"
-        )
+        yield f"{name} is {late:g} ms late, which the delay of a fit contains"

@@ -35,14 +35,14 @@ class Replay:
         signals: what drives it, at the control rate.
         q: measured positions, shape (samples, joints) [rad or m].
         step: control samples from one measured sample to the next.
-        speed: with which it begins, shape (joints,) [rad/s or m/s].
+        speed: with which it begins [rad/s or m/s], shape (joints,) or one for all.
     """
 
     controller: Controller
     signals: LoopSignals
     q: np.ndarray
     step: int
-    speed: np.ndarray
+    speed: np.ndarray | float = 0.0
 
 
 def held_spec(spec: Any, joint_names: Sequence[str], frozen: Mapping[str, float]) -> Any:
@@ -130,7 +130,7 @@ def replay(
     at_q = [int(model.joint(name).qposadr[0]) for name in joint_names]
     at_v = [int(model.joint(name).dofadr[0]) for name in joint_names]
     data.qpos[at_q], data.qvel[at_v] = run.q[0] - bias, run.speed
-    law = _Law(run.controller, signals, run.q[0], run.speed)
+    law = _Law(run.controller, signals, run.q[0], np.broadcast_to(run.speed, len(at_q)))
     whole, part = divmod(delay / model.opt.timestep, 1.0)
     periods, late = divmod(int(whole), steps)
     torques: list[np.ndarray] = []
