@@ -80,6 +80,20 @@ def test_a_fit_ends_where_it_ends_from_any_start(folder, tmp_path, fitted, value
     assert fit.of("armature")["elbow"].start > 1e-4
 
 
+def test_soft_dry_friction_of_mujoco_is_found_as_armature(folder, tmp_path):
+    path = changed(folder, tmp_path, "", "")
+    write_log(tmp_path / "log.csv", hard=False)
+    fit, _, _ = simulator_of(load_experiment(path), "mjcf", tmp_path / "out", held_out=0.0)
+    excess = {
+        quantity: [
+            v.value / true - 1.0 for v, true in zip(fit.of(quantity).values(), own, strict=True)
+        ]
+        for quantity, own in TRUE.items()
+    }
+    assert np.abs([excess["damping"], excess["frictionloss"]]).max() < 0.04
+    assert min(excess["armature"]) > 0.03 and max(excess["armature"]) < 0.12
+
+
 def test_a_law_of_another_form_is_a_reservation_with_the_line_that_mends_it(
     folder, tmp_path, capsys
 ):

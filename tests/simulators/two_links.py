@@ -29,12 +29,14 @@ def model_text(actuators=POSITIONS, compiler="", more="", shape=""):
     return MODEL.format(actuators=actuators, compiler=compiler, more=more, shape=shape)
 
 
-def with_values(text, values, step=0.001):
-    """A spec with other joints, whose dry friction stops them within a step."""
+def with_values(text, values, hard=True, step=0.001):
+    """A spec with other joints, whose dry friction stops them within a step or is MuJoCo's soft."""
     spec = mujoco.MjSpec.from_string(text)
     for k, joint in enumerate(spec.joints):
         joint.armature, joint.frictionloss = values["armature"][k], values["frictionloss"][k]
         joint.damping[0] = values["damping"][k]
+        if not hard:
+            continue
         joint.solref_friction[:2] = (-1.0, -1.0 / step)
         joint.solimp_friction[:5] = (0.9999, 0.9999, 0.001, 0.5, 2.0)
     return spec
@@ -48,15 +50,15 @@ def commands(t):
     return ramp[:, None] * np.stack([shoulder, elbow], axis=1)
 
 
-def write_log(path, text=None, values=TRUE, seconds=7.0, first=0.0, noise=1e-5):
+def write_log(path, text=None, values=TRUE, seconds=7.0, first=0.0, hard=True):
     """Let MuJoCo move the true links and log commands and positions from ``first`` [s] on."""
-    model = with_values(text or model_text(), values).compile()
+    model = with_values(text or model_text(), values, hard).compile()
     data, rng = mujoco.MjData(model), np.random.default_rng(4)
     rows = []
     for k in range(round(seconds * RATE)):
         t = k / RATE
         command = commands(np.array([t]))[0]
-        rows.append([t, *(data.qpos + noise * rng.standard_normal(2)), *command])
+        rows.append([t, *(data.qpos + 1e-5 * rng.standard_normal(2)), *command])
         for step in range(STEPS):
             data.ctrl[:2] = commands(np.array([t + step / STEPS / RATE]))[0]
             mujoco.mj_step(model, data)

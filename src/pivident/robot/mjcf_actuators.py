@@ -118,7 +118,8 @@ def actuator_law(path: str | Path, joints: Sequence[str]) -> ActuatorLaw:
             scale, shift = _reference(model, k)
             reach[j] = np.sort(scale * model.actuator_ctrlrange[k] + shift)
     step = float(model.opt.timestep)
-    return ActuatorLaw(*gains, limit, reach, step, tuple(reasons), tuple(notes))
+    kp, kd, servo = gains
+    return ActuatorLaw(kp, kd, servo, limit, reach, step, tuple(reasons), tuple(notes))
 
 
 def _fault(model: Any, k: int) -> str:

@@ -149,10 +149,14 @@ class PD(PID):
         kd: derivative gains, likewise [u per rad/s or m/s].
         ki: None: there is no integrator.
         derivative_time: filter time of the derivative [s].
+        speed_feed_forward: share of dq_ref that it counts; 0: the speed itself is damped.
     """
 
-    def __init__(self, kp: Gains, kd: Gains, derivative_time: float = 0.0) -> None:
-        super().__init__(kp, kd, None, derivative_time)
+    def __init__(
+        self, kp: Gains, kd: Gains, derivative_time: float = 0.0, speed_feed_forward: float = 1.0,
+        ki: None = None,
+    ) -> None:  # fmt: skip
+        super().__init__(kp, kd, ki, derivative_time, speed_feed_forward)
 
 
 @dataclass(frozen=True, eq=False)
