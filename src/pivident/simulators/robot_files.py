@@ -78,11 +78,7 @@ def fitted_urdf(fit: SimulatorFit, original: Path) -> RobotFile:
         ExportError: the original is no URDF.
         RobotDescriptionError: it cannot be read.
     """
-    if not original.name.endswith(URDF_FILES):
-        raise ExportError(
-            f"{original.name} is no URDF, and only a URDF can be edited into one; write "
-            "--to mjcf, or name a URDF as robot"
-        )
+    check_format("urdf", original.name)
     content = plain_content(original.read_bytes())
     known = {joint.name for joint in parse_model(content).joints}
     text = XmlText(content)
@@ -172,16 +168,30 @@ def fitted_file(fit: SimulatorFit, to: str, original: Path, folder: Path) -> Rob
     Raises:
         ExportError: no such format, or a description that cannot be written back.
     """
-    if to not in ENDINGS:
-        raise ExportError(f"there is no format {to!r}; choose one of {', '.join(ENDINGS)}")
+    check_format(to, original.name)
     if to == "isaac":
         return isaac_actuators(fit)
-    if not original.name.endswith((*URDF_FILES, *MJCF_FILES)):
+    return fitted_urdf(fit, original) if to == "urdf" else fitted_mjcf(fit, original, folder)
+
+
+def check_format(to: str, name: str) -> None:
+    """Refuse a format that there is not, or that a robot of this name cannot be written in.
+
+    Raises:
+        ExportError: says what can be written.
+    """
+    if to not in ENDINGS:
+        raise ExportError(f"there is no format {to!r}; choose one of {', '.join(ENDINGS)}")
+    if to != "isaac" and not name.endswith((*URDF_FILES, *MJCF_FILES)):
         raise ExportError(
-            f"the robot is {original.name}, and only a URDF or MJCF can be written back; name one "
+            f"the robot is {name}, and only a URDF or MJCF can be written back; name one "
             "under [robot], or write --to isaac"
         )
-    return fitted_urdf(fit, original) if to == "urdf" else fitted_mjcf(fit, original, folder)
+    if to == "urdf" and not name.endswith(URDF_FILES):
+        raise ExportError(
+            f"{name} is no URDF, and only a URDF can be edited into one; write --to mjcf, or name "
+            "a URDF as robot"
+        )
 
 
 def _joints_of(spec: Any, fit: SimulatorFit) -> list[Any]:
@@ -202,22 +212,20 @@ def _name(joint: Any) -> str:
 
 
 def _set_actuators(spec: Any, fit: SimulatorFit) -> None:
-    """Fitted gains into position actuators of unit gear."""
+    """Fitted gains into position actuators, which keep the positions that they hold."""
     mujoco = mujoco_library()
     for actuator in spec.actuators:
-        joint = (
-            fit.robot.joint_names.index(actuator.target)
-            if (actuator.target in fit.robot.joint_names)
-            else -1
-        )
-        if joint < 0 or actuator.biastype != mujoco.mjtBias.mjBIAS_AFFINE or actuator.gear[0] != 1:
+        name, bias, square = actuator.target, actuator.biasprm, actuator.gear[0] ** 2
+        of_joint = actuator.trntype == mujoco.mjtTrn.mjTRN_JOINT
+        affine = actuator.biastype == mujoco.mjtBias.mjBIAS_AFFINE
+        if not of_joint or not affine or not bias[1] * square:
             continue
-        name = fit.robot.joint_names[joint]
-        if name in fit.of("kp") and actuator.biasprm[1]:
-            actuator.gainprm[0] = fit.value("kp", name)
-            actuator.biasprm[1] = -fit.value("kp", name)
-        if name in fit.of("kd") and actuator.biasprm[1]:
-            actuator.biasprm[2] = -fit.value("kd", name)
+        if name in fit.of("kp"):
+            factor = -fit.value("kp", name) / (square * bias[1])
+            actuator.gainprm[0] *= factor
+            bias[:2] *= factor
+        if name in fit.of("kd"):
+            bias[2] = -fit.value("kd", name) / square
 
 
 def check_writable(to: str, original: Path, folder: Path) -> str:

@@ -20,7 +20,7 @@ from pivident.simulation.control_loop import Loop
 from pivident.simulators.fit_simulator import WARM_UP, fit_simulator
 from pivident.simulators.held_out import HeldOut, held_out_errors
 from pivident.simulators.joint_quantities import DEFAULT_QUANTITIES
-from pivident.simulators.robot_files import ENDINGS, check_writable, fitted_file
+from pivident.simulators.robot_files import ENDINGS, check_format, check_writable, fitted_file
 from pivident.simulators.simulator_fit import SimulatorFit
 from pivident.text.toml import toml_lines
 
@@ -61,8 +61,8 @@ def simulator_of(
         raise ExperimentError(f"held out is a share from 0 to 0.8, not {held_out:g}")
     original = _original(experiment, to)
     try:
-        for sentence in filter(None, (check_writable(to, original, folder),)):
-            say(f"the robot's file: {sentence}")
+        if left_out := check_writable(to, original, folder):
+            say(f"the robot's file: {left_out}")
     except PividentError as error:
         say(f"only the values will be written, no robot's file: {error}")
     say("reading the recordings")
@@ -93,18 +93,7 @@ def simulator_of(
 def _original(experiment: Experiment, to: str) -> Path:
     """The file that the robot is read from."""
     model = experiment.content.robot.model
-    if to not in ENDINGS:
-        raise ExperimentError(f"there is no format {to!r}; choose one of {', '.join(ENDINGS)}")
-    if to != "isaac" and not model.endswith((*MJCF_FILES, *URDF_FILES)):
-        raise ExperimentError(
-            f"the robot is {model!r}, and only a URDF or MJCF can be written back as {to}; name "
-            "such a file under [robot], or write --to isaac"
-        )
-    if to == "urdf" and not model.endswith(URDF_FILES):
-        raise ExperimentError(
-            f"{model} is no URDF, and only a URDF can be edited into one; write --to mjcf, or name "
-            "a URDF as robot"
-        )
+    check_format(to, model)
     return experiment.path.parent / model if model.endswith(ROBOT_FILES) else Path(model)
 
 
