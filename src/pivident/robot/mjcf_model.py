@@ -15,6 +15,7 @@ import numpy as np
 from pivident.errors import RobotDescriptionError
 from pivident.extras import require
 from pivident.files import regular_file
+from pivident.robot.frames import exact_angle
 
 #: Largest MJCF that is read, without what it includes [bytes].
 MAXIMUM_SIZE = 8 * 2**20
@@ -47,6 +48,15 @@ def read_spec(path: str | Path) -> Any:
         return mujoco.MjSpec.from_file(str(file))
     except ValueError as error:
         raise _refused(error) from error
+
+
+def with_exact_angles(spec: Any) -> Any:
+    """The spec with angles of bodies that are rounded quarter turns made exact, in place."""
+    for body in spec.bodies if not spec.compiler.degree else ():
+        turn = body.alt
+        turn.euler = [exact_angle(float(x)) for x in turn.euler]
+        turn.axisangle = [*turn.axisangle[:3], exact_angle(float(turn.axisangle[3]))]
+    return spec
 
 
 def compiled(spec: Any) -> Any:
