@@ -20,6 +20,7 @@ from pivident.errors import ExperimentError, IdentificationError, PividentError
 from pivident.estimation.identification import Identification
 from pivident.estimation.methods import METHODS, Method
 from pivident.estimation.problem import Problem
+from pivident.estimation.separation import narrowed
 from pivident.estimation.torque_sums import torque_sums
 from pivident.logs.torque_scale import is_ratio
 from pivident.model_errors.named_causes import ModelErrors, named_causes
@@ -168,6 +169,7 @@ def _diagnose(
     split = None
     name = diagnostics.recommended if out_of_sample is None else out_of_sample.recommended
     validation = None if out_of_sample is None else out_of_sample.results.get(name)
+    problem = narrowed(problem, identifications[name])
     try:
         split = model_error(problem, identifications[name], validation)
     except IdentificationError as error:

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
 from pivident.errors.kinds import IdentificationError
+
+if TYPE_CHECKING:
+    import numpy as np
 
 
 class RankDeficientRegressor(IdentificationError):
@@ -14,10 +18,19 @@ class RankDeficientRegressor(IdentificationError):
         rank: numerical rank of the observation matrix.
         expected: number of requested parameters.
         groups: names of the inseparable parameters, one tuple per missing rank.
+        gram: Gram matrix of the weighted columns, of length one each, or None.
+        torque: torque in the rows that each column acts on, in noise, shape (parameters,), or None.
     """
 
-    def __init__(self, rank: int, expected: int, groups: Sequence[Sequence[str]]) -> None:
-        self.rank, self.expected = rank, expected
+    def __init__(
+        self,
+        rank: int,
+        expected: int,
+        groups: Sequence[Sequence[str]],
+        gram: np.ndarray | None = None,
+        torque: np.ndarray | None = None,
+    ) -> None:
+        self.rank, self.expected, self.gram, self.torque = rank, expected, gram, torque
         self.groups = tuple(tuple(group) for group in groups)
         listed = "; ".join(", ".join(group) for group in self.groups)
         super().__init__(

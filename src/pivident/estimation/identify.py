@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pivident.errors import IdentificationError
+from pivident.errors import IdentificationError, RankDeficientRegressor
 from pivident.estimation.counted_loop import (
     LABEL,
     NOT_SIMULATED,
@@ -38,6 +38,7 @@ from pivident.estimation.output_error.output_error import identify_output_error
 from pivident.estimation.prefiltered_iv import identify_piv
 from pivident.estimation.problem import Problem
 from pivident.estimation.regression.identify_regression import identify_regression
+from pivident.estimation.separation import separated
 from pivident.estimation.without_torque import check_method, equation_error
 from pivident.threads import linear_algebra_in_one_thread
 
@@ -65,8 +66,9 @@ def identify(
         The identification.
 
     Raises:
-        IdentificationError: unknown method, rank-deficient motion, a loop that cannot be
-            simulated (its children say which).
+        IdentificationError: unknown method, a loop that cannot be simulated (its children say
+            which). Parameters that the motion does not separate are left out, and a warning says
+            so; see `pivident.estimation.separation`.
     """
     if not isinstance(problem, Problem):
         made = getattr(problem, "problem", None)
@@ -80,9 +82,18 @@ def identify(
     if isinstance(method, (Regression, StateFilter, InstrumentalVariables)) and not lines:
         method = replace(method, signals=settled_recipe(method.signals, problem.recordings))
     say = progress or (lambda line: None)
-    with linear_algebra_in_one_thread():
-        found = _estimate(problem, method, say, test_gains)
     noticed = equation_error(method, problem.recordings)
+    with linear_algebra_in_one_thread():
+        while True:
+            try:
+                found = _estimate(problem, method, say, test_gains)
+                break
+            except RankDeficientRegressor as error:
+                if isinstance(method, OutputError):  # holds what it cannot determine, or refuses
+                    raise
+                problem, why = separated(problem, error)
+                say(f"{method.label}: {why.message}")
+                noticed = (why, *noticed)
     if reads_counts(problem) and found.method != LABEL:
         noticed = (*noticed, NOT_SIMULATED)
     return replace(found, warnings=(*found.warnings, *noticed)) if noticed else found

@@ -24,7 +24,13 @@ from pivident.estimation.iteration import (
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import LeastSquares, Regression, StateFilter
 from pivident.estimation.noise_identification import Prefilters
-from pivident.estimation.normal_equations import JointSums, Solution, relative_residual, solve
+from pivident.estimation.normal_equations import (
+    JointSums,
+    Solution,
+    check_separation,
+    relative_residual,
+    solve,
+)
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import Decimated
 from pivident.motion.kinematics import Kinematics
@@ -133,4 +139,5 @@ def _solve(
         common = sum(s.residual_sum(theta) for s in sums) / max(rows - theta.size, 1)
         variance = np.full(len(sums), max(common, 1e-300))
         solution = solve(sums, variance, problem.names)
+    check_separation(sums, problem.names)
     return solution, variance

@@ -27,6 +27,7 @@ from numba import njit
 from pivident.errors import IdentificationError, RankDeficientRegressor
 from pivident.estimation.covariance.white_noise import white_noise_covariance
 from pivident.estimation.covariance.windows import Share
+from pivident.estimation.separation import RANK_TOLERANCE, is_separated
 
 #: Rows that are multiplied with each other at a time.
 _SIDE = 4
@@ -130,9 +131,6 @@ def _add_block(left, right, i, j, t, u, count, out):
 
 #: Share of a parameter in the weakest direction from which on it is named.
 WEAKEST_SHARE = 0.3
-
-#: Smallest singular value of the scaled observation matrix, relative to the largest.
-RANK_TOLERANCE = 1e-6
 
 
 @dataclass(eq=False)
@@ -260,7 +258,10 @@ def solve(
         ff[grid] += joint.ff / lam
     scale = _scales(ff)
     outer = np.outer(scale, scale)
-    condition, weakest = _check_rank(ff / outer, np.flatnonzero(np.diag(ff) <= 0), names)
+    weak = _weakest(ff / outer, names)
+    if weak is None:
+        raise _inseparable(sums, names)
+    condition, weakest = weak
     theta = np.linalg.solve(zf / outer, zt / scale) / scale
     squares = [(joint.columns, joint.zz) for joint in sums]
     return Solution(theta, white_noise_covariance(squares, variance, outer), condition, weakest)
@@ -285,6 +286,7 @@ def weighted_solution(
         variance = joint_variances(sums, theta)
         solution = solve(sums, variance, names, weight_power)
         theta = solution.theta
+    check_separation(sums, names)
     return solution, joint_variances(sums, theta)
 
 
@@ -301,24 +303,55 @@ def _scales(gram: np.ndarray) -> np.ndarray:
     return np.where(length > 0, length, 1.0)
 
 
-def _check_rank(
-    gram: np.ndarray, empty: np.ndarray, names: Sequence[str]
-) -> tuple[float, tuple[str, ...]]:
+def check_separation(sums: Sequence[JointSums], names: Sequence[str]) -> None:
+    """Refuse estimates that only the noise separates, see `separation`.
+
+    Raises:
+        RankDeficientRegressor: with the evidence by which a smaller set is chosen.
+    """
+    if not is_separated(*_evidence(sums, len(names))):
+        raise _inseparable(sums, names)
+
+
+def _evidence(sums: Sequence[JointSums], size: int) -> tuple[np.ndarray, np.ndarray]:
+    """Gram matrix of columns of length one, weighted by each joint's noise, and torque in noise.
+
+    Shapes (parameters, parameters) and (parameters,).
+    """
+    gram, square = np.zeros((size, size)), np.zeros(size)
+    for joint in sums:
+        noise = joint.own_variance()
+        gram[np.ix_(joint.columns, joint.columns)] += joint.ff / noise
+        square[joint.columns] += joint.tt / noise
+    scale = _scales(gram)
+    return gram / np.outer(scale, scale), np.sqrt(square)
+
+
+def _weakest(gram: np.ndarray, names: Sequence[str]) -> tuple[float, tuple[str, ...]] | None:
     """Condition number of the observation matrix with columns of unit length, and its weakest.
 
-    ``gram``: its Gram matrix, shape (parameters, parameters).
+    ``gram``: its Gram matrix, shape (parameters, parameters). None: it has not full rank.
     """
     values, vectors = np.linalg.eigh(gram)
-    if values[0] > RANK_TOLERANCE**2 * values[-1]:
-        share = np.abs(vectors[:, 0])
-        weakest = tuple(names[int(i)] for i in np.argsort(-share) if share[i] > WEAKEST_SHARE)
-        return float(np.sqrt(values[-1] / values[0])), weakest
+    if values[0] <= RANK_TOLERANCE**2 * values[-1]:
+        return None
+    share = np.abs(vectors[:, 0])
+    weakest = tuple(names[int(i)] for i in np.argsort(-share) if share[i] > WEAKEST_SHARE)
+    return float(np.sqrt(values[-1] / values[0])), weakest
+
+
+def _inseparable(sums: Sequence[JointSums], names: Sequence[str]) -> RankDeficientRegressor:
+    """The error that names the groups, with its evidence."""
+    gram, torque = _evidence(sums, len(names))
+    values, vectors = np.linalg.eigh(gram)
     weak = np.flatnonzero(values <= RANK_TOLERANCE**2 * values[-1])
-    groups: list[tuple[str, ...]] = [(names[int(i)],) for i in empty]
+    weak = weak if weak.size else np.zeros(1, dtype=int)
+    empty = np.diag(gram) <= 0
+    groups: list[tuple[str, ...]] = [(names[int(i)],) for i in np.flatnonzero(empty)]
     for k in weak:
         share = np.abs(vectors[:, k])
         share[empty] = 0.0
         members = tuple(names[int(i)] for i in np.argsort(-share) if share[i] > 0.1)
         if members:
             groups.append(members)
-    raise RankDeficientRegressor(len(names) - weak.size, len(names), groups)
+    return RankDeficientRegressor(len(names) - weak.size, len(names), groups, gram, torque)

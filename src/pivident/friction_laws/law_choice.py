@@ -34,6 +34,7 @@ from pivident.estimation.methods import (
     method_named,
 )
 from pivident.estimation.problem import Problem
+from pivident.estimation.separation import narrowed
 from pivident.friction_laws.all_joints import AllJoints, settled_together
 from pivident.friction_laws.chosen_laws import JointLawChoice, LawChoice
 from pivident.friction_laws.filtered_rows import LastPass
@@ -111,6 +112,7 @@ def choose_laws(
     numbers = [robot.joint_index(name) for name in wanted]
     say("fitting the present laws")
     found = identify(problem, method)
+    problem = narrowed(problem, found)
     last = LastPass.of(problem, method, found)
     band = min(motion_band(r) for r in problem.recordings) if band is None else band
     gap = GAP_PERIODS / band if gap is None else gap

@@ -29,6 +29,7 @@ from pivident.estimation.methods import (
 )
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
+from pivident.estimation.separation import narrowed
 from pivident.friction_laws.filtered_rows import LastPass
 from pivident.friction_laws.shape_constants import (
     ShapeConstant,
@@ -215,6 +216,7 @@ def identify_shapes(
         # a prefilter made for the residual of wrong constants removes the information about them
         used = LeastSquares(signals=method.signals) if wide else method
         found = identify(problem, used)
+        problem = narrowed(problem, found)
         state = _State(problem, used, found)
         if not constants:
             motions = [r.kinematics for r in state.equations.records]

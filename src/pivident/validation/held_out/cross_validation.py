@@ -18,6 +18,7 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import Method, StateFilter
 from pivident.estimation.problem import Problem
+from pivident.estimation.separation import narrowed
 from pivident.recording.recording import Recording
 from pivident.recording.repeated_motion import find_repetition
 from pivident.text.lists import listed
@@ -250,6 +251,7 @@ def judged_on(
     """The same on motion that is there already; arguments as for :func:`cross_validate`."""
     problem, moving = motion.problem, motion.moving
     found = identification or identify(problem, method, say)
+    problem = narrowed(problem, found)
     fitted = [Piece(k, *part) for k, part in enumerate(moving)]
     training = pooled([motion.fitted[p.recording].score(found, [p.span])[0] for p in fitted])
     notes = _replay_notes(problem)
