@@ -17,9 +17,9 @@ import numpy as np
 #: Distance from ±z below which an axis counts as exactly ±z.
 AXIS_TOLERANCE = 1e-12
 
-#: Elements of directions below this are left over from rounded angles (3.1416: 7e-6); no torque
-#: shows them. Those below ``AXIS_TOLERANCE`` are rounding of the arithmetic and stay.
-RESIDUE = 2e-5
+#: Elements of directions and angles [rad] below this are left over from rounded angles (3.1416:
+#: 7e-6); no torque shows them. Those below ``AXIS_TOLERANCE`` are rounding of the arithmetic.
+RESIDUE = 1e-5
 
 #: Coarsest unit of the last printed digit of an angle from which a quarter turn is known [rad].
 COARSEST = Decimal("0.01")
@@ -45,11 +45,15 @@ class Pose:
 
 
 def exact_angle(written: str | float) -> float:
-    """An angle as a file writes it; the quarter turns that it is rounded or cut off from [rad]."""
+    """An angle as a file writes it, or the quarter turns that it is rounded or cut off from [rad].
+
+    Residues of rounded angles are zero.
+    """
     angle, unit = float(written), Decimal(1).scaleb(int(Decimal(str(written)).as_tuple().exponent))
     turns = round(angle / (pi / 2)) * (pi / 2)
-    short = (abs(turns) - abs(angle)) / float(unit)
-    return turns if turns and unit <= COARSEST and -0.5 <= short < 1.0 else angle
+    short = abs(turns) - abs(angle)
+    rounded = turns and unit <= COARSEST and -0.5 <= short / float(unit) < 1.0
+    return turns if rounded or AXIS_TOLERANCE < abs(short) < RESIDUE else angle
 
 
 def without_residues(pose: Pose, size: float) -> Pose:
@@ -59,15 +63,15 @@ def without_residues(pose: Pose, size: float) -> Pose:
     """
     rotation, translation = pose.rotation, pose.translation
     for _ in range(40):  # each pass at least halves what is left; most end after the first
-        rest = _residues(rotation, 1.0)
+        rest = residues(rotation, 1.0)
         if not rest.any():
             break
         rotation = np.where(rest, 0.0, rotation)
         rotation = 1.5 * rotation - 0.5 * rotation @ rotation.T @ rotation  # orthogonal again
-    return Pose(rotation, np.where(_residues(translation, min(size, 1.0)), 0.0, translation))
+    return Pose(rotation, np.where(residues(translation, min(size, 1.0)), 0.0, translation))
 
 
-def _residues(x: np.ndarray, scale: float) -> np.ndarray:
+def residues(x: np.ndarray, scale: float) -> np.ndarray:
     """True where an element is neither zero up to rounding nor geometry."""
     return (np.abs(x) > AXIS_TOLERANCE * scale) & (np.abs(x) < RESIDUE * scale)
 

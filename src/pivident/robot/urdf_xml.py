@@ -18,7 +18,7 @@ import numpy as np
 
 from pivident.errors import RobotDescriptionError
 from pivident.files import regular_file
-from pivident.robot.frames import Pose, exact_angle, rotation_from_rpy
+from pivident.robot.frames import Pose, exact_angle, residues, rotation_from_rpy
 from pivident.robot.inertia import from_center_of_mass, moved, tensor
 from pivident.robot.naming import nearest, repeated
 
@@ -265,6 +265,7 @@ def _axis(element: ElementTree.Element, joint_type: str, where: str) -> np.ndarr
             f"{where}: axis xyz = {axis.get('xyz')!r} has no direction; give the joint's axis"
         )
     direction = vector / largest  # the square of a very long one would be infinite
+    direction[residues(direction, 1.0)] = 0.0
     return direction / np.linalg.norm(direction)
 
 
