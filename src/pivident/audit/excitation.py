@@ -15,7 +15,7 @@ import numpy as np
 
 from pivident.audit.inverse_model import OVERSAMPLING, InverseModel
 from pivident.dynamics.parameters import Parameter, nominal_values
-from pivident.estimation.separation import LeftOut, left_out, preferred, sentence
+from pivident.dynamics.separation import LeftOut, left_out, preferred, sentence
 from pivident.motion.wanted_motion import FullMotion, MotionLimits, motions_for
 from pivident.text.finding import Finding, Quantity, Severity
 
@@ -56,7 +56,7 @@ def check_excitation(models: Sequence[InverseModel]) -> Excitation:
     gram *= np.outer(scale, scale)
     order = preferred(base, range(size))
     out = left_out(gram, np.sqrt(square), order)
-    kept = np.setdiff1d(np.arange(size), [own.index for own in out])
+    kept = np.setdiff1d(np.arange(size), list(out))
     values, vectors = np.linalg.eigh(gram[np.ix_(kept, kept)])
     values = np.maximum(values, 1e-300)
     # Rows follow each other faster than the band has new values.
@@ -88,9 +88,9 @@ def check_excitation(models: Sequence[InverseModel]) -> Excitation:
 
     step = ""
     if out:
-        possible = [base.parameters[own.index] for own in out if own.index not in never]
+        possible = [base.parameters[k] for k in out if k not in never]
         step = " ".join(dict.fromkeys(advice(possible)))
-        lost = [found.names[own.index] for own in out if own.index in never]
+        lost = [found.names[k] for k in out if k in never]
         if lost:
             step += f" No motion within the robot's limits separates {', '.join(lost)}."
     return replace(found, findings=tuple(_findings(models, found, out, step.strip(), advice)))
@@ -150,14 +150,13 @@ def _in_full_motion(
     rows = rows / np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
     acts = (full != 0.0).any(axis=0)
     torque = np.sqrt(len(full) * ((needed / residual) ** 2) @ acts)
-    never = {own.index for own in left_out(rows.T @ rows, torque, order)}
-    return columns, needed, never
+    return columns, needed, set(left_out(rows.T @ rows, torque, order))
 
 
 def _findings(
     models: Sequence[InverseModel],
     found: Excitation,
-    out: Sequence[LeftOut],
+    out: LeftOut,
     separating: str,
     advice: Callable[[Sequence[Parameter]], list[str]],
 ) -> list[Finding]:
@@ -174,9 +173,8 @@ def _findings(
         who = f"The motions of all {len(models)} recordings together separate"
     text = f"{who} {rank} of {len(names)} base parameters; condition {condition:.4g}."
     severity: Severity = "warning" if condition > CONDITION else "ok"
-    named = {own.index for own in out}
     weak = (open_torque > WEAK) | (used < UNUSED)
-    chosen = [int(k) for k in np.argsort(-open_torque) if weak[k] and k not in named]
+    chosen = [int(k) for k in np.argsort(-open_torque) if weak[k] and k not in out]
     step = ""
     if severity != "ok":
         more = "Add motions as below" if chosen else "Let `pivident excite` add a motion"

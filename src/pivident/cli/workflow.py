@@ -33,11 +33,10 @@ from pivident.diagnostics.verdict_file import VERDICT_FILE, save_verdict
 from pivident.errors import PividentError
 from pivident.estimation.identification import Identification
 from pivident.estimation.identification_file import save_identification
-from pivident.estimation.identify import identify
+from pivident.estimation.identify import identify, narrowed
 from pivident.estimation.methods import METHODS, Method
 from pivident.estimation.parameter_rows import parameter_rows
 from pivident.estimation.problem import Problem
-from pivident.estimation.separation import narrowed
 from pivident.estimation.summary_tables import (
     comparison_table,
     identification_table,

@@ -18,9 +18,9 @@ from pivident.consistency.consistent_model import ConsistentModel, make_consiste
 from pivident.diagnostics.other_readings import Reading, better_readings
 from pivident.errors import ExperimentError, IdentificationError, PividentError
 from pivident.estimation.identification import Identification
+from pivident.estimation.identify import narrowed
 from pivident.estimation.methods import METHODS, Method
 from pivident.estimation.problem import Problem
-from pivident.estimation.separation import narrowed
 from pivident.estimation.torque_sums import torque_sums
 from pivident.logs.torque_scale import is_ratio
 from pivident.model_errors.named_causes import ModelErrors, named_causes

@@ -18,8 +18,8 @@ class RankDeficientRegressor(IdentificationError):
         rank: numerical rank of the observation matrix.
         expected: number of requested parameters.
         groups: names of the inseparable parameters, one tuple per missing rank.
-        gram: Gram matrix of the weighted columns, of length one each, or None.
-        torque: torque in the rows that each column acts on, in noise, shape (parameters,), or None.
+        evidence: Gram matrix of weighted columns of length one and the torque that each acts on,
+            in noise; None where there are no such columns.
     """
 
     def __init__(
@@ -27,10 +27,9 @@ class RankDeficientRegressor(IdentificationError):
         rank: int,
         expected: int,
         groups: Sequence[Sequence[str]],
-        gram: np.ndarray | None = None,
-        torque: np.ndarray | None = None,
+        evidence: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> None:
-        self.rank, self.expected, self.gram, self.torque = rank, expected, gram, torque
+        self.rank, self.expected, self.evidence = rank, expected, evidence
         self.groups = tuple(tuple(group) for group in groups)
         listed = "; ".join(", ".join(group) for group in self.groups)
         super().__init__(

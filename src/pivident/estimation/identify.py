@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from pivident.dynamics.separation import KIND, separated
 from pivident.errors import IdentificationError, RankDeficientRegressor
 from pivident.estimation.counted_loop import (
     LABEL,
@@ -38,7 +39,6 @@ from pivident.estimation.output_error.output_error import identify_output_error
 from pivident.estimation.prefiltered_iv import identify_piv
 from pivident.estimation.problem import Problem
 from pivident.estimation.regression.identify_regression import identify_regression
-from pivident.estimation.separation import separated
 from pivident.estimation.without_torque import check_method, equation_error
 from pivident.threads import linear_algebra_in_one_thread
 
@@ -68,7 +68,7 @@ def identify(
     Raises:
         IdentificationError: unknown method, a loop that cannot be simulated (its children say
             which). Parameters that the motion does not separate are left out, and a warning says
-            so; see `pivident.estimation.separation`.
+            so; see `pivident.dynamics.separation`.
     """
     if not isinstance(problem, Problem):
         made = getattr(problem, "problem", None)
@@ -91,12 +91,21 @@ def identify(
             except RankDeficientRegressor as error:
                 if isinstance(method, OutputError):  # holds what it cannot determine, or refuses
                     raise
-                problem, why = separated(problem, error)
+                names, why = separated(problem.base, problem.selection, error)
+                problem = replace(problem, parameters=names)
                 say(f"{method.label}: {why.message}")
                 noticed = (why, *noticed)
     if reads_counts(problem) and found.method != LABEL:
         noticed = (*noticed, NOT_SIMULATED)
     return replace(found, warnings=(*found.warnings, *noticed)) if noticed else found
+
+
+def narrowed(problem: Problem, found: Identification) -> Problem:
+    """The problem of the parameters that a result has, which says why others were left out."""
+    if found.names == problem.names:
+        return problem
+    why = [w for w in found.warnings if w.kind == KIND and w not in problem.findings]
+    return replace(problem, parameters=found.names, findings=(*problem.findings, *why))
 
 
 def _estimate(problem: Problem, method: Method, say: Progress, test_gains: bool) -> Identification:

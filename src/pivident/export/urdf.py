@@ -166,8 +166,9 @@ def _set_inertial(text: XmlText, link: Element, name: str, inertia: np.ndarray) 
 
 def _written_in_full(text: XmlText, joint: Element) -> bool:
     """Write angles that a joint's origin rounds with all digits; whether there were any."""
-    origin = joint.first("origin")
-    words = [] if origin is None else origin.attributes.get("rpy", "").split()
+    if (origin := joint.first("origin")) is None:
+        return False
+    words = origin.attributes.get("rpy", "").split()
     exact = [exact_angle(word) for word in words]
     rounded = any(abs(x - float(word)) > 1e-10 for x, word in zip(exact, words, strict=True))
     if rounded:

@@ -22,7 +22,7 @@ import numpy as np
 
 from pivident.dynamics.parameters import standard_parameters
 from pivident.errors import IdentificationError
-from pivident.estimation.identify import identify
+from pivident.estimation.identify import identify, narrowed
 from pivident.estimation.methods import (
     LeastSquares,
     Method,
@@ -34,7 +34,6 @@ from pivident.estimation.methods import (
     method_named,
 )
 from pivident.estimation.problem import Problem
-from pivident.estimation.separation import narrowed
 from pivident.friction_laws.all_joints import AllJoints, settled_together
 from pivident.friction_laws.chosen_laws import JointLawChoice, LawChoice
 from pivident.friction_laws.filtered_rows import LastPass

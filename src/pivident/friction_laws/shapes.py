@@ -17,7 +17,7 @@ import numpy as np
 from pivident.errors import IdentificationError
 from pivident.estimation.covariance.sandwich import sandwich
 from pivident.estimation.identification import Identification
-from pivident.estimation.identify import identify
+from pivident.estimation.identify import identify, narrowed
 from pivident.estimation.methods import (
     LeastSquares,
     Method,
@@ -29,7 +29,6 @@ from pivident.estimation.methods import (
 )
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
-from pivident.estimation.separation import narrowed
 from pivident.friction_laws.filtered_rows import LastPass
 from pivident.friction_laws.shape_constants import (
     ShapeConstant,

@@ -34,10 +34,9 @@ from pivident.errors import (
     SimulationDiverged,
 )
 from pivident.estimation.identification import Identification
-from pivident.estimation.identify import identify
+from pivident.estimation.identify import identify, narrowed
 from pivident.estimation.methods import METHODS, LeastSquares, Method
 from pivident.estimation.problem import Problem
-from pivident.estimation.separation import narrowed
 from pivident.text.numbers import format_significant, with_spread
 from pivident.text.plain_table import plain_table
 from pivident.validation.elimination import (

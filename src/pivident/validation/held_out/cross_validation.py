@@ -15,10 +15,9 @@ from typing import Literal
 from pivident.errors import IdentificationError, SimulationDiverged
 from pivident.errors import MassMatrixNotPositiveDefinite as IndefiniteMass
 from pivident.estimation.identification import Identification
-from pivident.estimation.identify import identify
+from pivident.estimation.identify import identify, narrowed
 from pivident.estimation.methods import Method, StateFilter
 from pivident.estimation.problem import Problem
-from pivident.estimation.separation import narrowed
 from pivident.recording.recording import Recording
 from pivident.recording.repeated_motion import find_repetition
 from pivident.text.lists import listed
