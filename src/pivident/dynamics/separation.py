@@ -3,9 +3,9 @@
 With r_k what is left of the column of parameter k beyond those before it, as a share of its length
 in all rows weighted by 1/λ, k is not separated from those if
 
-    r_k ‖τ_k‖ < 1,    ‖τ_k‖² = Σ_j τ_jᵀ τ_j / λ_j over the joints j that k acts on        (1)
+    10 r_k ‖τ_k‖ < 1,    ‖τ_k‖² = Σ_j τ_jᵀ τ_j / λ_j over the joints j that k acts on     (1)
 
-The standard error of its torque alone, 1/r_k, is then larger than the whole torque in the record,
+The standard error of its torque alone, 1/r_k, is then ten times the whole torque in the record,
 which the others take back: ia2 = -10⁵ kg m² fits as well as any other value. It is left out, and
 those that its column is a combination of hold its part, as among base parameters (Gautier 1991), in
 whose order rotor inertias go before those of links. Parameters that are excited weakly, but apart
@@ -32,8 +32,11 @@ RANK_TOLERANCE = 1e-6
 #: Share of a parameter in the weakest direction from which on it is named.
 WEAKEST_SHARE = 0.3
 
+#: Standard error of a parameter's torque, in the whole torque, from which on nothing is known.
+UNKNOWN = 10.0
+
 #: Remainders above this are never too small, however poor the fit.
-SEPARATED = 1e-3
+SEPARATED = 1e-4
 
 #: Share of a column, in its own length, from which on another one holds a part of it.
 HOLDS = 0.03
@@ -90,7 +93,7 @@ def left_out(gram: np.ndarray, torque: np.ndarray, order: Sequence[int]) -> Left
 
 def _least(torque: np.ndarray) -> np.ndarray:
     """Remainder from which on each parameter is separated."""
-    return np.minimum(1.0 / np.maximum(torque, 1e-300), SEPARATED)
+    return np.minimum(1.0 / np.maximum(UNKNOWN * torque, 1e-300), SEPARATED)
 
 
 def preferred(base: BaseParameters, selection: Sequence[int]) -> list[int]:

@@ -250,7 +250,8 @@ def judged_on(
     """The same on motion that is there already; arguments as for :func:`cross_validate`."""
     problem, moving = motion.problem, motion.moving
     found = identification or identify(problem, method, say)
-    problem = narrowed(problem, found)
+    if (smaller := narrowed(problem, found)) is not problem:
+        problem, motion = smaller, replace(motion, problem=smaller)
     fitted = [Piece(k, *part) for k, part in enumerate(moving)]
     training = pooled([motion.fitted[p.recording].score(found, [p.span])[0] for p in fitted])
     notes = _replay_notes(problem)
