@@ -256,10 +256,11 @@ def test_groups_that_the_closed_form_lacks_are_searched_for(tmp_path, monkeypatc
 
 
 def test_indefinite_covariance_is_refused(tmp_path):
-    identification = synthetic_identification()
-    wrong = identification.covariance.copy()
+    content = to_dict(synthetic_identification())
+    wrong = np.array(content["covariance"])
     wrong[0, 1] = wrong[1, 0] = 2.0 * np.sqrt(wrong[0, 0] * wrong[1, 1])
-    save_identification(replace(identification, covariance=wrong), tmp_path)
+    file = tmp_path / "identification.json"
+    file.write_text(json.dumps(content | {"covariance": wrong.tolist()}), encoding="utf-8")
     with pytest.raises(IdentificationFileError, match="correlations have the eigenvalue -1"):
         load_identification(tmp_path)
 

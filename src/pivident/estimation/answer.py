@@ -10,6 +10,7 @@ import numpy as np
 
 from pivident.dynamics.regressor import Regressor
 from pivident.dynamics.signs import sign_warnings
+from pivident.estimation.covariance import rounded_away
 from pivident.estimation.covariance.sandwich import jackknife
 from pivident.estimation.covariance.stationary_noise import (
     covariance_by_test,
@@ -72,7 +73,7 @@ def answer(
     if covariances is None:
         robust = _robust_covariance(method, estimate, regressor, whitened)
         covariances = Covariances(robust, estimate.solution.covariance)
-    robust, formula = covariances
+    robust, formula = map(rounded_away, covariances)
     covariance = formula if method.covariance == "formula" else robust
     fitted = tuple(
         record.fitted(regressor, theta, residual, white)

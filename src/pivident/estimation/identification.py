@@ -10,6 +10,7 @@ from scipy.special import ndtri
 
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.robot_regressor import regressor_of
+from pivident.estimation.covariance import rounded_away
 from pivident.estimation.equation_noise import EquationNoise
 from pivident.estimation.equation_record import FittedRecording, MotionRange
 from pivident.estimation.methods import Method
@@ -72,7 +73,7 @@ class Identification:
         expressions: their groups written out.
         theta: estimates, shape (parameters,).
         covariance: covariance of the estimate, shape (parameters, parameters): the sandwich with
-            IDIM-PIV, the formula with the others.
+            IDIM-PIV, the formula with the others; free of what rounding adds, as the other two are.
         robust_covariance: sandwich over windows of time, which holds for residuals that are
             correlated and of changing variance, of the shape of ``covariance``.
         formula_covariance: (P-31) summed over samples, which holds for white ones.
@@ -133,6 +134,10 @@ class Identification:
     equation_noise: EquationNoise | None = field(default=None, repr=False)
     simulation: SimulationResult | None = field(default=None, repr=False)
     loop_values: dict[str, Any] | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        for kind in ("covariance", "robust_covariance", "formula_covariance"):
+            object.__setattr__(self, kind, rounded_away(getattr(self, kind)))
 
     @property
     def iterations(self) -> int:

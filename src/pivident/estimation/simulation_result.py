@@ -40,11 +40,12 @@ class LoopParameter:
         Raises:
             ValueError: a value is none that a parameter can have.
         """
+        std = values["std"]  # null where it is not known
         own = cls(
-            str(values["name"]), str(values["unit"]), float(values["value"]), float(values["std"]),
-            str(values["bound"]), values["held"],
+            str(values["name"]), str(values["unit"]), float(values["value"]),
+            np.nan if std is None else float(std), str(values["bound"]), values["held"],
         )  # fmt: skip
-        if not (np.isfinite(own.value) and np.isfinite(own.std) and own.std >= 0.0):
+        if not np.isfinite(own.value) or own.std < 0.0 or np.isinf(own.std):
             raise ValueError(f"{own.name} is {own.value} with standard error {own.std}")
         if own.bound not in ("", "low", "high") or not isinstance(own.held, bool):
             raise ValueError(f"{own.name} has bound {own.bound!r} and held {own.held!r}")

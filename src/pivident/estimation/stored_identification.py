@@ -37,11 +37,10 @@ from pivident.text.finding import Finding, Quantity, Severity
 #: Larger files are not identifications [bytes].
 MAX_FILE = 2**27
 
-#: Largest asymmetry of a covariance, relative to its standard errors.
-ASYMMETRY = 1e-9
-
-#: Most negative eigenvalue of a matrix of correlations that rounding explains.
-INDEFINITE = 1e-6
+#: Largest asymmetry of a covariance, relative to its standard errors, and most negative eigenvalue
+#: of its correlations that the rounding of versions explains which wrote what they had computed:
+#: up to κ²ε at the largest condition number that is solved, 1e6.
+ASYMMETRY = INDEFINITE = 1e-3
 
 #: The first layout, which did not hold the robot.
 WITHOUT_ROBOT = 1

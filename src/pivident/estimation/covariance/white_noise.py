@@ -6,6 +6,8 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from pivident.estimation.covariance import inverse_gram
+
 
 def white_noise_covariance(
     squares: Iterable[tuple[np.ndarray, np.ndarray]],
@@ -20,4 +22,4 @@ def white_noise_covariance(
     total = np.zeros_like(scale)
     for (columns, own), lam in zip(squares, variance, strict=True):
         total[np.ix_(columns, columns)] += own / lam
-    return np.linalg.inv(total / scale) / scale
+    return inverse_gram(total / scale) / scale

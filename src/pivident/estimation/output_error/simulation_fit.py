@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from pivident.estimation.covariance import rounded_away
 from pivident.estimation.covariance.sandwich import Jackknife
 from pivident.estimation.noise_options import AutoRegressive, CovarianceKind
 from pivident.estimation.output_error.noise_weights import NoiseWeights
@@ -109,6 +110,10 @@ class SimulationFit:
     channels: tuple[int, ...]
     factors: tuple[int, ...]
     made: tuple[SimulatedErrors, ...]
+
+    def __post_init__(self) -> None:
+        for kind in ("covariance", "robust_covariance", "formula_covariance"):
+            object.__setattr__(self, kind, rounded_away(getattr(self, kind)))
 
     @property
     def std(self) -> np.ndarray:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pivident.errors import RankDeficientRegressor
+from pivident.estimation.covariance import inverse_gram
 from pivident.estimation.output_error.bounded_step import (
     BoundedStep,
     bounded_step,
@@ -202,5 +203,5 @@ def inverse_of_free(gram: np.ndarray, free: np.ndarray) -> np.ndarray:
     out, kept = np.zeros_like(gram), np.flatnonzero(free)
     own = gram[np.ix_(kept, kept)]
     scale = np.sqrt(np.maximum(np.diag(own), 1e-300))
-    out[np.ix_(kept, kept)] = np.linalg.inv(own / np.outer(scale, scale)) / np.outer(scale, scale)
+    out[np.ix_(kept, kept)] = inverse_gram(own / np.outer(scale, scale)) / np.outer(scale, scale)
     return out

@@ -16,6 +16,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from pivident.estimation.covariance import inverse_gram
 from pivident.estimation.covariance.sandwich import jackknife_of
 from pivident.estimation.covariance.windows import windows_of
 from pivident.estimation.regression.rows import Rows, Solved
@@ -41,7 +42,7 @@ def solve_correlated(
         outer = np.outer(scale, scale)
         whole = gram.sum(axis=0) / outer
         found = np.linalg.solve(whole, moment.sum(axis=0) / scale) / scale
-        covariance = np.linalg.inv(whole) / outer
+        covariance = inverse_gram(whole) / outer
         change = np.abs(found - theta) / np.sqrt(np.diag(covariance))
         theta = found
         passes.append(theta)

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pivident.estimation.covariance import inverse_gram
 from pivident.estimation.covariance.sandwich import jackknife_of
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.regression.rows import NormalEquations, Rows, Solved
@@ -67,7 +68,7 @@ def solve_with_prior(rows: Rows, mean: np.ndarray, precision: np.ndarray) -> Sol
     equations = NormalEquations.of(sums, rows.size)
     scale = equations.scale
     gram = equations.gram + precision / np.outer(scale, scale)
-    inverse = np.linalg.inv(gram) / np.outer(scale, scale)
+    inverse = inverse_gram(gram) / np.outer(scale, scale)
     theta = inverse @ (equations.moment * scale + precision @ mean)
     robust = _windows(sums, theta, precision, mean)
     robust = robust + inverse @ precision @ inverse  # what the prior leaves open

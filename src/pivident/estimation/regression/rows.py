@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pivident.estimation.covariance import inverse_gram
 from pivident.estimation.covariance.sandwich import jackknife
 from pivident.estimation.covariance.windows import Share, windows_of
 from pivident.estimation.normal_equations import JointSums
@@ -149,7 +150,7 @@ class NormalEquations:
     @property
     def inverse(self) -> np.ndarray:
         """H⁻¹, in the parameters' own units."""
-        return np.linalg.inv(self.gram) / np.outer(self.scale, self.scale)
+        return inverse_gram(self.gram) / np.outer(self.scale, self.scale)
 
     @property
     def solution(self) -> np.ndarray:
