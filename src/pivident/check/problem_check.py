@@ -9,7 +9,6 @@ import numpy as np
 
 from pivident.check.actuators_check import check_actuators
 from pivident.check.filters_check import check_filters
-from pivident.check.motion_check import SHORTEST
 from pivident.check.plan import Plan, plan_of
 from pivident.check.remark import Place, Remark, of_error
 from pivident.check.stability_check import check_stability
@@ -26,7 +25,8 @@ from pivident.logs.clocks.timestamps import LOWEST_RATE
 from pivident.motion.planted_feet import on_planted_feet
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
-from pivident.validation.held_out.folds import possible_folds
+from pivident.validation.held_out.folds import Division
+from pivident.validation.held_out.judged_motion import division_of
 
 
 class ProblemCheck:
@@ -74,7 +74,9 @@ class ProblemCheck:
             law, folds = self._content.controller, self._content.validation.folds
             kind, source = ("", "") if law is None else (law.type, law.source)
             if not unseen:
-                self.remarks += _folds(fitted, folds)
+                division = division_of(problem, folds, self._content.validation.gap)
+                self.remarks += _folds(division)
+                folds = division.count
             self.remarks += _without_torque(problem, methods)
             self.plan = plan_of(problem, methods, unseen, folds, kind, source)
 
@@ -170,20 +172,14 @@ def _without_torque(problem: Problem, methods: dict[str, Method]) -> Iterator[Re
             )
 
 
-def _folds(fitted: list[Recording], folds: int) -> Iterator[Remark]:
-    """Blocks too short to be judged on, of records that are not called short already."""
-    possible = possible_folds(fitted, folds) if folds else 0
-    if possible == folds or any(recording.duration < SHORTEST for recording in fitted):
-        return
-    samples = sum(recording.samples for recording in fitted)
-    yield Remark(
-        "error",
-        "validation",
-        "folds",
-        f"{folds} blocks of {samples} samples at {fitted[0].rate:.5g} Hz are too short to be "
-        "judged on.",
-        next_step=f"Set folds = {possible} under [validation], or log for longer or at a higher "
-        "rate.",
-        place=("validation", "folds"),
-        refused=True,
-    )
+def _folds(division: Division) -> Iterator[Remark]:
+    """Another number of blocks than the file asks for."""
+    if division.reason:
+        yield Remark(
+            "warning",
+            "validation",
+            "folds",
+            division.reason,
+            next_step=f"Set folds = {division.count} under [validation], or log for longer.",
+            place=("validation", "folds"),
+        )

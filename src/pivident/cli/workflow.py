@@ -57,7 +57,6 @@ from pivident.model_errors.corrections import (
 )
 from pivident.threads import linear_algebra_in_one_thread
 from pivident.validation.essential_parameters import EssentialParameters, essential_parameters
-from pivident.validation.held_out.folds import check_folds
 
 if TYPE_CHECKING:
     from pivident.excitation.reached import ReachedErrors
@@ -119,8 +118,6 @@ def run_experiment(
         problem, validation = experiment.problem(progress.say), experiment.content.validation
         unseen = experiment.unseen_recordings()
         folds = validation.folds if folds is None else folds
-        if not unseen:
-            check_folds(problem.recordings, folds)  # before anything takes long
         essential, shaped = None, None
         last = list(methods.values())[-1]
         if experiment.has_open_friction:

@@ -33,11 +33,13 @@ from pivident.signals.noise_models import (
     continued_into_band,
     excess_in_band,
     fit_ar,
+    highest_order,
     unmasked_stretches,
 )
 from pivident.signals.prefilter import Prefilter
 from pivident.simulation.controllers import inverse_controller
 from pivident.text.finding import Finding
+from pivident.text.lists import plural
 from pivident.threads import run_in_threads
 
 #: The first estimate's residual decides on the AR orders: flips of the criterion must not go on
@@ -271,25 +273,54 @@ class Whitening:
         whole, mask = np.concatenate(pieces), np.concatenate(left_out)
         if isinstance(noise, Arma):
             return _arma_model(whole, mask, noise)
+        fallen: tuple[str, ...] = ()
+        stretches = unmasked_stretches(mask)
+        carried = highest_order(stretches)
+        if not carried:
+            return _white(stretches)
+        if order is not None and order > carried:
+            fallen = (_falls(order, carried, stretches),)
+            order = carried
         model = fit_ar(whole, noise.p_max, noise.criterion, order=order, mask=mask)
         recording = records[0].kinematics.recording
         band = noise.band(recording)
         changed = continued_into_band(model, recording.rate, band)
         excess = excess_in_band(model, recording.rate, band)
-        return NoiseModel(changed.coefficients, np.ones(1), model.at_bound, excess)
+        return NoiseModel(changed.coefficients, np.ones(1), model.at_bound, excess, fallen)
+
+
+def _longest(stretches: np.ndarray) -> str:
+    longest = int((stretches[:, 1] - stretches[:, 0]).max(initial=0))
+    return f"the longest stretch of residual in use has {plural(longest, 'sample')}"
+
+
+def _falls(order: int, carried: int, stretches: np.ndarray) -> str:
+    return f"{_longest(stretches)}, so that its order falls from {order} to {carried}."
+
+
+def _white(stretches: np.ndarray) -> NoiseModel:
+    """No model, where nothing is long enough for one."""
+    text = f"{_longest(stretches)}, too few for a model; it is taken for white."
+    return NoiseModel(np.ones(1), np.ones(1), warnings=(text,))
 
 
 def _arma_model(residual: np.ndarray, mask: np.ndarray, noise: Arma) -> NoiseModel:
-    """ARMA model of the stretches between the masked samples."""
-    from pivident.signals.arma import arma
+    """ARMA model of the stretches between the masked samples, of orders that they carry."""
+    from pivident.signals.arma import arma, carries
 
-    segments = unmasked_stretches(mask)
-    shortest = 4 * (noise.ar_order + noise.ma_order)
-    segments = segments[segments[:, 1] - segments[:, 0] >= shortest]
-    found = arma(residual, noise.ar_order, noise.ma_order, segments=segments)
+    stretches = unmasked_stretches(mask)
+    lengths, p, q = stretches[:, 1] - stretches[:, 0], noise.ar_order, noise.ma_order
+    while not carries(segments := stretches[lengths >= 4 * (p + q)], p, q):
+        if p + q == 2:
+            return _white(stretches)
+        p, q = (p - 1, q) if p >= q else (p, q - 1)
+    found = arma(residual, p, q, segments=segments)
+    fallen: tuple[str, ...] = ()
+    if p + q < noise.ar_order + noise.ma_order:
+        fallen = (_falls(noise.ar_order + noise.ma_order, p + q, stretches),)
     zeros = np.roots(found.ma)
     size = np.abs(zeros)
     inside = zeros * np.minimum(1.0, noise.largest_root / np.maximum(size, 1e-300))
     return NoiseModel(
-        found.ar, np.atleast_1d(np.real(np.poly(inside))), warnings=tuple(found.warnings)
+        found.ar, np.atleast_1d(np.real(np.poly(inside))), warnings=(*fallen, *found.warnings)
     )

@@ -36,7 +36,7 @@ from pivident.recording.channels import TIMING_WORDS
 from pivident.recording.recording import Recording
 from pivident.robot.friction_toml import law_toml
 from pivident.text.toml import parse_toml
-from pivident.validation.held_out.folds import possible_folds
+from pivident.validation.held_out.judged_motion import division_of
 
 #: Longest record on which methods are tried [samples times joints]; longer ones are tried in part.
 MAX_TRIAL = 150_000
@@ -119,8 +119,9 @@ def _try_methods(
         reason = next(failed[m] for m in loops)
         return replace(known, law_failed=f"the identified law does not carry the loop ({reason})")
     known = replace(known, failed=failed, explained=explained, instruments=made)
-    wanted = experiment.content.validation.folds
-    folds = possible_folds(problem.recordings, wanted)
+    validation = experiment.content.validation
+    wanted = validation.folds
+    folds = division_of(problem, wanted, validation.gap).count
     return replace(known, settled=True) if folds == wanted else replace(known, folds=folds)
 
 

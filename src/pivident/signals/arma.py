@@ -34,6 +34,9 @@ MAX_ROOT = 0.9999
 #: Largest order of the AR model that starts the iteration, where none is given.
 _START_ORDER = 100
 
+#: Samples for each coefficient, and for the mean.
+_SAMPLES = 10
+
 #: The iteration ends when a step gains less than this in ln L: a hundredth of a standard error.
 _GAIN = 1e-4
 
@@ -230,14 +233,28 @@ def _bounds(v: np.ndarray, p: int, q: int, segments: np.ndarray | None) -> np.nd
     bounds = np.array(rows, dtype=np.int64).reshape(-1, 2)
     lengths = bounds[:, 1] - bounds[:, 0]
     used = bounds[lengths > 2 * (p + q)]
-    samples, needed = int(np.diff(used).sum()), 10 * (p + q) + 10
-    if samples < needed:
+    if not carries(used, p, q):
+        samples, needed = int(np.diff(used).sum()), _SAMPLES * (p + q + 1)
         raise IdentificationError(
             f"there are {samples} sample(s) of residual in stretches long enough for an "
             f"ARMA({p}, {q}) model, at least {needed} are needed; lower the orders or use a "
             "longer record"
         )
     return used
+
+
+def carries(segments: np.ndarray, ar_order: int, ma_order: int) -> bool:
+    """Whether stretches, rows of (start, stop), hold enough samples for a model of these orders.
+
+    Args:
+        segments: rows of (start, stop).
+        ar_order: degree p of D.
+        ma_order: degree q of C.
+
+    Returns:
+        Whether they do.
+    """
+    return int(np.diff(segments).sum()) >= _SAMPLES * (ar_order + ma_order + 1)
 
 
 def _hannan_rissanen(

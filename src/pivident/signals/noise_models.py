@@ -132,11 +132,11 @@ def fit_ar(
         segments = np.array(segments, dtype=np.int64).reshape(-1, 2)
         segments[:, 0] = np.maximum(segments[:, 0], skip)
     lengths = segments[:, 1] - segments[:, 0]
-    longest = int(lengths.max(initial=0))
-    highest = min(p_max if order is None else order, longest // _SAMPLES_PER_ORDER)
+    longest, carried = int(lengths.max(initial=0)), highest_order(segments)
+    highest = min(p_max if order is None else order, carried)
     wanted = _SAMPLES_PER_ORDER * highest if shortest is None else shortest
     segments = segments[lengths >= max(wanted, 2)]
-    if longest < _SHORTEST_STRETCH or not len(segments) or (order or 0) > highest:
+    if not carried or not len(segments) or (order or 0) > highest:
         raise IdentificationError(
             f"the longest stretch of residual has {longest} sample(s), too few for a noise model "
             f"of order {p_max if order is None else order}; lower the order or mask fewer samples"
@@ -219,6 +219,19 @@ def excess_in_band(
     inside, beyond = np.linspace(0.0, band, 64), np.linspace(band, 1.5 * band, 64)
     levels = [model.spectrum(f, rate) / passed(f) for f in (inside, beyond)]
     return float(levels[0].mean() / levels[1].mean())
+
+
+def highest_order(segments: np.ndarray) -> int:
+    """Largest order that the longest of some stretches carries; zero where it carries no model.
+
+    Args:
+        segments: rows of (start, stop).
+
+    Returns:
+        The order.
+    """
+    longest = int((segments[:, 1] - segments[:, 0]).max(initial=0))
+    return longest // _SAMPLES_PER_ORDER if longest >= _SHORTEST_STRETCH else 0
 
 
 def whiten(model: ArModel, x: np.ndarray) -> np.ndarray:

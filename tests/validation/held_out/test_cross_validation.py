@@ -4,8 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 
-from pivident.errors import ExperimentError
+from pivident.errors import ExperimentError, IdentificationError
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import (
     METHODS,
@@ -22,7 +24,7 @@ from pivident.robot.urdf import parse_urdf
 from pivident.signals.bandpass import butterworth
 from pivident.simulation.controllers import Cascade
 from pivident.validation.held_out.cross_validation import cross_validate
-from pivident.validation.held_out.folds import check_folds, contiguous_folds, moving_part
+from pivident.validation.held_out.folds import contiguous_folds, moving_part, nearest_division
 from pivident.validation.held_out.out_of_sample import (
     Ratio,
     _judged,
@@ -81,17 +83,73 @@ def test_impossible_folds_are_refused(made, count, gap, message):
         contiguous_folds([axis.recording(made)], [(0, 4000)], count, gap)
 
 
-def test_blocks_that_no_motion_makes_long_enough_are_refused_before_anything_is_fitted(made):
+def is_possible(recordings, moving, count, gap):
+    """By the definition: each block is long enough, and so is what is left without it."""
+    lengths = [stop - start for start, stop in moving]
+    owners = np.concatenate([np.full(n, k) for k, n in enumerate(lengths)])
+    block = np.arange(sum(lengths)) * count // sum(lengths)
+    margin, place = round(gap * recordings[0].rate), np.concatenate([np.arange(n) for n in lengths])
+    shortest = max(round(0.3 * recordings[0].rate), 300)
+    for k in range(count):
+        out = np.zeros(sum(lengths), bool)
+        for r in range(len(recordings)):
+            own = (owners == r) & (block == k)
+            if own.any():
+                low, high = place[own].min() - margin, place[own].max() + margin
+                out |= (owners == r) & (place >= low) & (place <= high)
+        # borders are rounded: a sample more or less
+        if abs(np.sum(~out) - shortest) <= 2 or abs(sum(lengths) / count - shortest) <= 2:
+            return None
+        if sum(lengths) // count < shortest or np.sum(~out) < shortest:
+            return False
+    return True
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    lengths=st.lists(st.integers(0, 2500), min_size=1, max_size=3).filter(any),
+    wanted=st.integers(2, 12),
+    gap=st.floats(0.0, 2.0),
+)
+@example([616], 2, 0.53)  # long enough for two blocks, and nothing is left to fit without one
+def test_the_nearest_possible_number_of_blocks_is_taken(made, lengths, wanted, gap):
+    recordings = [axis.recording(made).part(0, 2500) for _ in lengths]
+    moving = [(0, n) for n in lengths]
+    division = nearest_division(recordings, moving, wanted, gap)
+    possible = {n: is_possible(recordings, moving, n, gap) for n in range(2, 20)}
+    if division.count:
+        assert possible[division.count] is not False
+        contiguous_folds(recordings, moving, division.count, gap)
+        nearer = [n for n, able in possible.items() if able]
+        assert all(abs(n - wanted) >= abs(division.count - wanted) for n in nearer)
+    else:
+        assert True not in possible.values()
+    assert bool(division.reason) == (division.count != wanted)
+
+
+def test_a_time_in_the_wrong_unit_is_named_where_nothing_can_be_held_out(made):
     record = axis.recording(made)
-    check_folds([record], 5)
-    check_folds([record], 0)
     thousandfold = replace(record, rate=1000.0 * record.rate)  # stamps in seconds taken for ms
-    with pytest.raises(ExperimentError, match=r"unit of the time: .* at 500000 Hz"):
-        check_folds([thousandfold], 5)
+    division = nearest_division([thousandfold], [(0, 4000)], 5, 0.1)
+    assert division.count == 0 and "at 500000 Hz" in division.reason
+    assert "check the unit of the time" in division.reason
+
+
+def test_blocks_that_a_motion_has_no_room_for_cost_a_line(problem):
+    (record,) = problem.recordings
+    short = replace(problem, recordings=(record.part(0, 1000),))
+    judged = cross_validate(short, FULL_RATE, folds=5)
+    assert judged.blocks == 3 and any("instead of 5" in note for note in judged.notes)
+    assert "instead of 5" in str(compare_out_of_sample(short, {"ls": FULL_RATE}, folds=5))
+    shorter = replace(problem, recordings=(record.part(0, 500),))
+    judged = cross_validate(shorter, FULL_RATE, folds=5)
+    assert judged.training_only and any("No motion is held out" in n for n in judged.notes)
+    with pytest.raises(IdentificationError, match="No motion is held out"):
+        compare_out_of_sample(shorter, {"ls": FULL_RATE}, folds=5)
 
 
 def test_gaps_that_leave_nothing_are_refused(made):
-    with pytest.raises(ExperimentError, match="leave nothing to fit"):
+    with pytest.raises(ExperimentError, match=r"leave less than 0\.6 s to fit"):
         contiguous_folds([axis.recording(made)], [(0, 4000)], 2, gap=5.0)
 
 

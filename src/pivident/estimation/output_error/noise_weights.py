@@ -18,7 +18,13 @@ from pivident.estimation.noise_options import AutoRegressive
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.output_error.simulated_errors import SimulatedErrors
 from pivident.estimation.output_error.thinning import passed_power
-from pivident.signals.noise_models import continued_into_band, excess_in_band, fit_ar
+from pivident.signals.noise_models import (
+    continued_into_band,
+    excess_in_band,
+    fit_ar,
+    highest_order,
+    unmasked_stretches,
+)
 from pivident.signals.prefilter import Prefilter
 from pivident.threads import run_in_threads
 
@@ -84,6 +90,9 @@ def fitted_noise(
         mask = np.concatenate(left_out)
         size = float(np.sqrt(np.mean(whole[~mask] ** 2))) if (~mask).any() else 0.0
         if size == 0.0:
+            return
+        if not highest_order(unmasked_stretches(mask)):  # too short for a model: taken for white
+            variance[c, j] = size**2
             return
         model = fit_ar(whole / size, recipe.p_max, recipe.criterion, mask=mask)
         changed = continued_into_band(model, rate, band, passed)

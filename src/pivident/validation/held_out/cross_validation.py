@@ -27,7 +27,7 @@ from pivident.validation.held_out.filter_folds import filters_without
 from pivident.validation.held_out.fold_estimates import estimates_without
 from pivident.validation.held_out.folds import Piece, contiguous_folds, equal_blocks
 from pivident.validation.held_out.judged_motion import JudgedMotion
-from pivident.validation.held_out.prediction import Judge, PredictionError, motion_band, pooled
+from pivident.validation.held_out.prediction import Judge, PredictionError, pooled
 from pivident.validation.held_out.regression_folds import needs_rows, regressions_without
 from pivident.validation.held_out.replay import ReplayError, pooled_replay
 from pivident.validation.held_out.simulated_folds import simulated_estimates_without
@@ -36,9 +36,6 @@ from pivident.validation.held_out.simulated_positions import (
     SimulationError,
     pooled_simulation,
 )
-
-#: Gap on either side of a held-out block, in periods of the highest frequency of the motion.
-GAP_PERIODS = 2.0
 
 #: What has to be said where nothing was held out.
 TRAINING_ONLY = (
@@ -219,8 +216,9 @@ def cross_validate(
     Args:
         problem: what is given.
         method: a method or its name.
-        folds: number of contiguous blocks; 0: nothing is held out, and the result says so. The
-            motion of a second recording is scored in so many blocks.
+        folds: number of contiguous blocks, or the nearest number that the motion has room for; 0:
+            nothing is held out. The result says so. The motion of a second recording is scored in
+            so many blocks.
         gap: left out on either side of a held-out block [s]; None: two periods of the highest
             frequency of the motion, 0.1 s for 20 Hz.
         recording: one or several recordings that are not in the problem; they are judged on
@@ -232,7 +230,7 @@ def cross_validate(
         Errors on the held-out motion, per block and together.
 
     Raises:
-        ExperimentError: impossible folds or gap, or a second recording that is the fitted one.
+        ExperimentError: an impossible gap, or a second recording that is the fitted one.
         IdentificationError: the method fails on the whole record, or on every fold.
     """
     motion = JudgedMotion.of(problem, recording)
@@ -264,13 +262,16 @@ def judged_on(
         return _checked(
             CrossValidation(found.method, "second recording", found, held_out, training, 0.0, notes)
         )
-    if folds == 0:
+    division = motion.division(folds, gap)
+    if division.reason:
+        notes = (*notes, division.reason)
+    if division.count == 0:
         held_out = _judged(motion, found, fitted)
         return _checked(
             CrossValidation(found.method, "training only", found, held_out, training, 0.0, notes)
         )
-    gap = GAP_PERIODS / motion_band(problem.recordings[0]) if gap is None else gap
-    divided = contiguous_folds(problem.recordings, moving, folds, gap)
+    gap = division.gap
+    divided = contiguous_folds(problem.recordings, moving, division.count, gap)
     solved = found if found.equations is not None else identify(problem, method, say)
     stretches: list[HeldOut] = []
     if solved.simulation is not None:

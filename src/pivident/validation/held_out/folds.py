@@ -17,7 +17,6 @@ from pivident.errors import ExperimentError
 from pivident.estimation.problem import Problem
 from pivident.motion.kinematics import Kinematics
 from pivident.recording.recording import Recording
-from pivident.signals.bandpass import EDGE
 
 #: Shorter blocks are too short to be judged on, shorter remainders to be fitted: seconds, samples.
 MIN_S = 0.3
@@ -58,38 +57,66 @@ def moving_part(problem: Problem, kinematics: Kinematics) -> tuple[int, int]:
     return max(int(moving[0]), kinematics.start), min(int(moving[-1]) + 1, kinematics.stop)
 
 
-def possible_folds(recordings: Sequence[Recording], count: int) -> int:
-    """Blocks of recordings that move throughout, long enough to be judged on; at most ``count``.
+@dataclass(frozen=True)
+class Division:
+    """Into how many blocks a motion is cut."""
 
-    Filters take their samples at both ends of each recording. Fewer than two blocks are none.
+    count: int  # nearest to what was asked for; 0: no motion is held out
+    gap: float  # left out on either side of a block [s]
+    reason: str = ""  # why it is not what was asked for, a sentence; empty where it is
+
+
+def nearest_division(
+    recordings: Sequence[Recording],
+    moving: Sequence[tuple[int, int]],
+    wanted: int,
+    gap: float,
+) -> Division:
+    """The possible number of blocks that is nearest to the one that was asked for.
+
+    Arguments as of :func:`contiguous_folds`; with ``wanted`` below 2 nothing is held out.
     """
-    samples = sum(max(r.samples - 2 * EDGE, 0) for r in recordings)
-    most = samples // max(_shortest(r) for r in recordings)
-    return min(count, most) if most > 1 else 0
-
-
-def check_folds(recordings: Sequence[Recording], count: int) -> None:
-    """Refuse blocks that are too short even if the recordings move throughout.
-
-    Raises:
-        ExperimentError: says how long the blocks would be, and how long they have to be.
-    """
-    if count > 1:
-        _check_blocks(recordings, sum(max(r.samples - 2 * EDGE, 0) for r in recordings), count)
-
-
-def _check_blocks(recordings: Sequence[Recording], samples: int, count: int) -> None:
-    """Refuse blocks of so many samples in all that are too short to be judged on."""
-    shortest = min(_shortest(r) for r in recordings)
-    if samples // count >= shortest:
-        return
-    rate = recordings[0].rate
-    raise ExperimentError(
-        f"{count} folds of a motion of {samples / rate:.3g} s are blocks of "
-        f"{samples / count / rate:.2g} s, too short to be judged on; at least "
-        f"{shortest / rate:.2g} s are needed. Ask for fewer folds, or check the unit of the time: "
-        f"the log has {samples} samples of motion at {rate:.6g} Hz"
+    if wanted < 2:
+        return Division(0, gap)
+    samples = sum(stop - start for start, stop in moving)
+    most = max(samples // min(shortest_block(r) for r in recordings), 1)
+    refused = _refusal(recordings, moving, wanted, gap)
+    if not refused:
+        return Division(wanted, gap)
+    for count in sorted(range(2, most + 1), key=lambda n: (abs(n - wanted), n)):
+        if not _refusal(recordings, moving, count, gap):
+            instead = f"{count} blocks are held out in turn instead of {wanted}"
+            return Division(count, gap, f"{instead}: {refused}.")
+    return Division(
+        0, gap, f"No motion is held out, for no number of blocks leaves enough: {refused}."
     )
+
+
+def _refusal(
+    recordings: Sequence[Recording], moving: Sequence[tuple[int, int]], count: int, gap: float
+) -> str:
+    """Why the motion cannot be cut into so many blocks, without a period; empty if it can."""
+    lengths = [stop - start for start, stop in moving]
+    samples, rate = sum(lengths), recordings[0].rate
+    shortest = min(shortest_block(r) for r in recordings)
+    if samples // count < shortest:
+        return (
+            f"{count} folds of a motion of {samples / rate:.3g} s are blocks of "
+            f"{samples / count / rate:.2g} s, too short to be judged on; at least "
+            f"{shortest / rate:.2g} s are needed. Ask for fewer folds, or check the unit of the "
+            f"time: the log has {samples} samples of motion at {rate:.6g} Hz"
+        )
+    if min(samples - _length(fold) for fold in _divided(recordings, moving, count, gap)) < shortest:
+        return (
+            f"{count} folds with gaps of {gap:.2g} s leave less than {shortest / rate:.2g} s to "
+            "fit; ask for more folds, a shorter gap, or give a second recording"
+        )
+    return ""
+
+
+def _length(fold: Fold) -> int:
+    """Samples that are not fitted."""
+    return sum(piece.stop - piece.start for piece in fold.left_out)
 
 
 def contiguous_folds(
@@ -107,14 +134,21 @@ def contiguous_folds(
         raise ExperimentError(f"folds is {count}; at least 2 are needed")
     if not (np.isfinite(gap) and gap >= 0.0):
         raise ExperimentError(f"gap is {gap!r} s; it must not be negative")
+    if refused := _refusal(recordings, moving, count, gap):
+        raise ExperimentError(refused)
+    return _divided(recordings, moving, count, gap)
+
+
+def _divided(
+    recordings: Sequence[Recording], moving: Sequence[tuple[int, int]], count: int, gap: float
+) -> list[Fold]:
+    """The folds, whatever is left to fit."""
     lengths = [stop - start for start, stop in moving]
     borders = np.linspace(0, sum(lengths), count + 1).round().astype(int)
     offsets = np.r_[0, np.cumsum(lengths)]
-    _check_blocks(recordings, sum(lengths), count)
-    shortest = min(_shortest(r) for r in recordings)
     folds = []
     for first, last in pairwise(borders):
-        held_out, left_out, fitted = [], [], sum(lengths)
+        held_out, left_out = [], []
         for k, recording in enumerate(recordings):
             start, stop = moving[k]
             low, high = (int(np.clip(b - offsets[k], 0, lengths[k])) for b in (first, last))
@@ -124,12 +158,6 @@ def contiguous_folds(
             margin = round(gap * recording.rate)
             ends = max(start, start + low - margin), min(start + high + margin, stop)
             left_out.append(Piece(k, *ends))
-            fitted -= ends[1] - ends[0]
-        if fitted < shortest:
-            raise ExperimentError(
-                f"{count} folds with gaps of {gap:.2g} s leave nothing to fit; ask for more folds, "
-                "a shorter gap, or give a second recording"
-            )
         folds.append(Fold(tuple(held_out), tuple(left_out)))
     return folds
 
@@ -140,5 +168,6 @@ def equal_blocks(recording: int, samples: int, count: int) -> list[Piece]:
     return [Piece(recording, int(a), int(b)) for a, b in pairwise(borders)]
 
 
-def _shortest(recording: Recording) -> int:
+def shortest_block(recording: Recording) -> int:
+    """Samples of the shortest block to be judged on, and of the shortest remainder to be fitted."""
     return max(round(MIN_S * recording.rate), MIN_SAMPLES)

@@ -8,12 +8,23 @@ from functools import cached_property
 
 import numpy as np
 
-from pivident.errors import ExperimentError
+from pivident.errors import ExperimentError, PividentError
 from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
-from pivident.validation.held_out.folds import moving_part
-from pivident.validation.held_out.prediction import Judge
+from pivident.validation.held_out.folds import (
+    Division,
+    moving_part,
+    nearest_division,
+    shortest_block,
+)
+from pivident.validation.held_out.prediction import Judge, motion_band
 from pivident.validation.held_out.replay import Replay
+
+#: Gap on either side of a held-out block, in periods of the highest frequency of the motion.
+GAP_PERIODS = 2.0
+
+#: Length of a record over that of the blocks, from which on it has room for them.
+AMPLE = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,12 +56,39 @@ class JudgedMotion:
         """The part (start, stop) of each fitted recording between its first and last motion."""
         return [moving_part(self.problem, judge.kinematics) for judge in self.fitted]
 
+    def division(self, wanted: int, gap: float | None = None) -> Division:
+        """Into how many blocks the motion is cut, the nearest possible number to ``wanted``.
+
+        ``gap``: left out on either side of a block [s]; None: two periods of the motion's highest
+        frequency.
+        """
+        if gap is None:
+            gap = GAP_PERIODS / motion_band(self.problem.recordings[0])
+        return nearest_division(self.problem.recordings, self.moving, wanted, gap)
+
     @cached_property
     def replays(self) -> dict[Judge, Replay]:
         """The loops of all recordings, empty without a control law."""
         if self.problem.loop is None:
             return {}
         return {judge: Replay(self.problem, judge) for judge in (self.unseen or self.fitted)}
+
+
+def division_of(problem: Problem, wanted: int, gap: float | None = None) -> Division:
+    """The division of a problem's motion that `identify` will find, before it is smoothed there.
+
+    Arguments as of :meth:`JudgedMotion.division`. Records of many times the length that their
+    blocks need are not smoothed for it, and taken to move.
+    """
+    ample = sum(r.samples for r in problem.recordings) >= AMPLE * wanted * max(
+        shortest_block(r) for r in problem.recordings
+    )
+    if wanted < 2 or ample:
+        return Division(wanted, gap or 0.0)
+    try:
+        return JudgedMotion.of(problem).division(wanted, gap)
+    except PividentError as error:  # too short to be smoothed
+        return Division(0, gap or 0.0, f"No motion is held out: {error}.")
 
 
 def _check_unseen(problem: Problem, others: Sequence[Recording]) -> None:

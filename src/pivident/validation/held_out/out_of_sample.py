@@ -98,6 +98,7 @@ class OutOfSample:
     rival: str = ""  # name of the one to take among the others, empty without any
     simulated_over_rival: Ratio | None = None  # their errors' ratio, None without both
     against_simulated: str = ""  # why it is not the one to take, empty where it is
+    fewer: str = ""  # why the motion is cut into another number of blocks than was asked for
 
     @property
     def piv_is_worse(self) -> bool:
@@ -202,7 +203,8 @@ class OutOfSample:
 
     def sentences(self) -> list[str]:
         """Which estimate to take and why, with the ratio of the errors."""
-        return [*self._warning(), *self.ratio_lines(), *self._advice()]
+        fewer = [self.fewer] if self.fewer else []
+        return [*self._warning(), *fewer, *self.ratio_lines(), *self._advice()]
 
     def advice(self) -> list[str]:
         """The same without the ratio."""
@@ -317,11 +319,19 @@ def compare_out_of_sample(
     failures: dict[str, str] = {}
     say("smoothing the held-out motion")
     motion = JudgedMotion.of(problem, recording)
+    division = motion.division(0 if motion.unseen else folds, gap)
+    if division.reason and not division.count:
+        raise IdentificationError(division.reason.rstrip("."))
     for name, method in chosen.items():
         known = (identifications or {}).get(name)
         try:
             results[name] = judged_on(
-                motion, method, folds, gap, known, _prefixed(say, method.label)
+                motion,
+                method,
+                folds if motion.unseen else division.count,
+                gap,
+                known,
+                _prefixed(say, method.label),
             )
         except IdentificationError as error:
             failures[name] = str(error)
@@ -330,7 +340,7 @@ def compare_out_of_sample(
             f"none of the methods could be judged; {next(iter(chosen))} fails with: "
             f"{next(iter(failures.values()))}"
         )
-    return _judged(chosen, results, failures)
+    return replace(_judged(chosen, results, failures), fewer=division.reason)
 
 
 def _judged(
