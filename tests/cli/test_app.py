@@ -14,6 +14,7 @@ import pytest
 from pivident import __version__
 from pivident.cli import main, workflow
 from pivident.errors import SimulationDiverged
+from pivident.estimation.stored_identification import load_identification
 from tests.interrupts import heed_ctrl_c
 from tests.planar_log import EXPERIMENT, planar_truth, write_experiment
 
@@ -203,17 +204,23 @@ def test_interrupt_leaves_nothing_behind(experiment, tmp_path, monkeypatch, caps
     assert "interrupted" in capsys.readouterr().err
 
 
-def test_failing_report_keeps_earlier_results(experiment, tmp_path, monkeypatch, capsys):
+def test_a_report_that_fails_takes_no_result_away_and_leaves_no_earlier_page(
+    experiment, tmp_path, monkeypatch, capsys
+):
     out = tmp_path / "out"
     assert run("identify", experiment, "--out", out) == 0
-    before = {name: (out / name).read_bytes() for name in files_in(out)}
+    earlier = (out / "report.html").read_bytes()
+    (out / "identification.json").unlink()
 
     def diverge(*args, **kwargs):
         raise SimulationDiverged("shoulder", 1.0, 2.0, 0.5)
 
     monkeypatch.setattr("pivident.report.builder.write_report", diverge)
     assert run("identify", experiment, "--out", out) == 1
-    assert before == {name: (out / name).read_bytes() for name in files_in(out)}
+    assert "The report could not be written: " in capsys.readouterr().err
+    assert load_identification(out).converged
+    page = (out / "report.html").read_bytes()
+    assert page != earlier and b"could not be written" in page
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")

@@ -141,8 +141,8 @@ def identify(
 
 
 def code_of(outcome: Outcome) -> int:
-    """Exit code of a run over several methods: a method that failed counts before the others."""
-    if outcome.failed:
+    """Exit code of a run over several methods: what failed counts before the others."""
+    if outcome.failed or outcome.unjudged:
         return WRONG_INPUT
     return DONE if outcome.converged else NOT_CONVERGED
 

@@ -8,7 +8,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 from pivident.cli.progress_channel import ProgressChannel
-from pivident.errors import PividentError
+from pivident.errors import in_words
 from pivident.text.printable import escaped
 
 if TYPE_CHECKING:
@@ -30,19 +30,12 @@ def error_line(error: BaseException) -> str:
 
     An error that pivident has not raised on purpose is a mistake in it, and says so.
     """
-    text = " ".join(str(error).split())
-    notes = "".join(f" ({n})" for n in getattr(error, "__notes__", ()))
-    if isinstance(error, PividentError):
-        return f"error: {text}{notes}"
     if package := missing_package(error):
         return (
             f"error: this installation has no {package!r}: pivident.{package} was left out of it; "
             "install the whole of pivident to use this command"
         )
-    return (
-        f"error: unexpected {type(error).__name__}: {text or 'no message'}{notes}; this is a "
-        "bug in pivident, PIVIDENT_DEBUG=1 shows where"
-    )
+    return f"error: {in_words(error)}"
 
 
 def missing_package(error: BaseException) -> str | None:

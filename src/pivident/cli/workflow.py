@@ -6,7 +6,9 @@ import math
 import statistics
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import partial
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,7 +20,7 @@ from pivident.check.expected_time import (
     first_run,
 )
 from pivident.cli.compile_ahead import compile_ahead
-from pivident.cli.console import Progress, error_line, note
+from pivident.cli.console import Progress, note
 from pivident.cli.designs import design_accounts, design_texts, designs_beside, write_designs
 from pivident.consistency.consistent_estimate import (
     ConsistentEstimate,
@@ -28,9 +30,9 @@ from pivident.consistency.consistent_estimate import (
 from pivident.consistency.consistent_files import write_consistent
 from pivident.consistency.method_names import PREFIX, free_methods
 from pivident.diagnostics.diagnostics import Diagnostics, diagnose
-from pivident.diagnostics.verdict import beside_verdict, verdict
+from pivident.diagnostics.verdict import Verdict, beside_verdict, verdict
 from pivident.diagnostics.verdict_file import VERDICT_FILE, save_verdict
-from pivident.errors import PividentError
+from pivident.errors import Attempts
 from pivident.estimation.identification import Identification
 from pivident.estimation.identification_file import save_identification
 from pivident.estimation.identify import identify, narrowed
@@ -65,6 +67,9 @@ if TYPE_CHECKING:
 DEMO_METHODS = ("ls", "iv", "iv-full-rate", "piv")
 DEMO_FOLDS = 3
 
+#: The page of a folder of results.
+REPORT = "report.html"
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -74,6 +79,7 @@ class Outcome:
     #: methods that ended with an error, and ``pc-NAME`` where no consistent parameters lie near
     #: their estimate
     failed: tuple[str, ...]
+    unjudged: bool = False  # whether a bug ended what follows an estimate, or a file is missing
 
     @property
     def converged(self) -> bool:
@@ -91,6 +97,7 @@ class Results:
     essential: EssentialParameters | None = None
     #: what designs predicted of the records, beside what the recommended method reached
     designs: tuple[ReachedErrors, ...] = ()
+    attempts: Attempts = field(default_factory=Attempts)  # by which all that follows is made
 
 
 def run_experiment(
@@ -102,12 +109,14 @@ def run_experiment(
 ) -> Outcome:
     """Read an experiment file, identify, judge, print verdict and tables, write the results.
 
-    A method that fails does not take the results of the others with it. Without names, the methods
-    are those of the file, and so are the kinds of causes that are corrected with the estimate.
+    A method that fails does not take the results of the others with it, nor does anything that
+    judges them. Without names, the methods are those of the file, and so are the kinds of causes
+    that are corrected with the estimate.
     """
     from pivident.experiment.experiment import load_experiment
 
     with Progress() as progress:
+        attempts = Attempts(progress.keep)
         experiment = load_experiment(path)
         methods = experiment.methods(free_methods(names))
         consistent = experiment.made_consistent(names)
@@ -127,16 +136,25 @@ def run_experiment(
             shaped = identify_shapes(problem, last, progress=progress.say)
             problem = shaped.problem
         if experiment.content.identify.essential:
-            essential = essential_parameters(problem, last, progress=progress.say)
-            problem = narrowed(problem, essential.identification)
+            essential = attempts.of(
+                "All parameters are estimated, for the essential ones were not found",
+                lambda: essential_parameters(problem, last, progress=progress.say),
+                None,
+            )
+            if essential is not None:
+                problem = narrowed(problem, essential.identification)
         freed = None
         if kinds := kinds_of(free or experiment.content.identify.free or ()):
             freed = corrections(problem, last, kinds, progress.say)
             problem = freed.problem
         progress.stages(_stages(problem, methods, folds, len(consistent)))
-        outcome = identify_all(problem, methods, progress)
+        outcome = identify_all(problem, methods, progress, attempts)
         if freed is not None:
-            outcome = corrected(outcome, freed)
+            outcome = attempts.of(
+                "The estimates do not hold their corrections",
+                lambda: corrected(outcome, freed),
+                outcome,
+            )
         progress.begin(JUDGED)
         diagnostics = diagnose(
             problem,
@@ -146,6 +164,7 @@ def run_experiment(
             gap=validation.gap,
             recordings=unseen,
             progress=progress.say,
+            attempts=attempts,
         )
         wanted = [name for name in consistent if name in outcome.identifications]
         if wanted:
@@ -168,13 +187,17 @@ def run_experiment(
         progress.say("writing the results")
         report = experiment.content.output.report and can_draw(progress)
         best = diagnostics.identifications[diagnostics.recommended]
-        designs = designs_beside(experiment, problem.recordings, best, progress)
-        results = Results(diagnostics.identifications, diagnostics, essential, designs)
-        write_results(results, folder, experiment.title, report=report)
+        designs = attempts.of(
+            "The design is not compared",
+            lambda: designs_beside(experiment, problem.recordings, best, progress),
+            (),
+        )
+        results = Results(diagnostics.identifications, diagnostics, essential, designs, attempts)
+        whole = write_results(results, folder, experiment.title, report=report)
     _print_results(results, folder, report=report)
     if shaped is not None:
         print("\n".join(["", "Constants of the friction laws:", shaped.table(), *shaped.notes]))
-    return outcome
+    return replace(outcome, unjudged=attempts.unexpected or not whole)
 
 
 def run_demo(out: Path, seed: int = 0) -> Outcome:
@@ -184,23 +207,29 @@ def run_demo(out: Path, seed: int = 0) -> Outcome:
     check_output(out)
     compile_ahead()
     with Progress() as progress:
+        attempts = Attempts(progress.keep)
         progress.say("simulating the closed loop of a TX40 (the first run compiles, be patient)")
         problem, truth = tx40_fine(seed)
         methods = {n: METHODS[n] for n in DEMO_METHODS}
         progress.stages(_stages(problem, methods, DEMO_FOLDS))
-        outcome = identify_all(problem, methods, progress)
+        outcome = identify_all(problem, methods, progress, attempts)
         progress.begin(JUDGED)
         diagnostics = diagnose(
-            problem, outcome.identifications, methods, folds=DEMO_FOLDS, progress=progress.say
+            problem,
+            outcome.identifications,
+            methods,
+            folds=DEMO_FOLDS,
+            progress=progress.say,
+            attempts=attempts,
         )
         progress.begin(WRITTEN)
         progress.say("writing the results")
         title = "Simulated Stäubli TX40: estimates against truth"
-        results = Results(diagnostics.identifications, diagnostics)
+        results = Results(diagnostics.identifications, diagnostics, attempts=attempts)
         report = can_draw(progress)
-        write_results(results, out, title, truth, report=report)
+        whole = write_results(results, out, title, truth, report=report)
     _print_results(results, out, truth, report=report)
-    return outcome
+    return replace(outcome, unjudged=attempts.unexpected or not whole)
 
 
 def corrected(outcome: Outcome, made: Corrections) -> Outcome:
@@ -228,26 +257,33 @@ def can_draw(progress: Progress, page: str = "report.html") -> bool:
     return drawn
 
 
-def identify_all(problem: Problem, methods: Mapping[str, Method], progress: Progress) -> Outcome:
-    """Estimate with one method after the other."""
+def identify_all(
+    problem: Problem, methods: Mapping[str, Method], progress: Progress, attempts: Attempts
+) -> Outcome:
+    """Estimate with one method after the other; one that fails takes no other's result away."""
     found: dict[str, Identification] = {}
-    failures: dict[str, PividentError] = {}
+    failed: list[str] = []
+    if len(methods) == 1:
+        attempts = Attempts()  # its error ends the run, and is its line
     for name, method in methods.items():
         progress.begin(name)
         begin = time.perf_counter()
-        try:
-            found[name] = identify(problem, method, _prefixed(progress, method.label))
-        except PividentError as error:  # takes no other method's result away
-            failures[name] = error
-            if len(methods) > 1:
-                progress.keep(f"{method.label}: {error_line(error)}")
+        say = _prefixed(progress, method.label)
+        made = attempts.of(
+            f"{method.label} failed",
+            lambda method=method, say=say: identify(problem, method, say),
+            None,
+        )
+        if made is None:
+            failed.append(name)
             continue
+        found[name] = made
         seconds = time.perf_counter() - begin
-        progress.keep(f"{_verdict(found[name])} ({seconds:.1f} s)")
-        problem = narrowed(problem, found[name])  # all methods estimate the same parameters
+        progress.keep(f"{_verdict(made)} ({seconds:.1f} s)")
+        problem = narrowed(problem, made)  # all methods estimate the same parameters
     if not found:
-        raise next(iter(failures.values()))
-    return Outcome(found, tuple(failures))
+        raise attempts.errors[-len(failed)]
+    return Outcome(found, tuple(failed))
 
 
 def write_results(
@@ -257,14 +293,22 @@ def write_results(
     truth: Mapping[str, float] | None = None,
     *,
     report: bool = True,
-) -> None:
-    """Write the files of all results and the report, all or nothing.
+) -> bool:
+    """Write the files of all results and the report, all or nothing; whether none is missing.
 
     One method's files lie in the folder itself, those of several in one folder each.
     """
+    attempts = results.attempts
+    before = len(attempts.errors)
     with linear_algebra_in_one_thread():
         found = {  # sums once for all files
-            name: replace(result, torque_sums=result.torque_sums or torque_sums(result))
+            name: attempts.of(
+                f"{result.method}: what other parameters cost in torque is not stored",
+                lambda result=result: replace(
+                    result, torque_sums=result.torque_sums or torque_sums(result)
+                ),
+                result,
+            )
             for name, result in results.identifications.items()
         }
     several = len(found) > 1
@@ -274,25 +318,54 @@ def write_results(
         for name, estimate in results.diagnostics.consistent.items():
             own = build / name if several else build
             if isinstance(estimate, ConsistentEstimate):
-                write_consistent(estimate, own, own / "identification.json")
+                attempts.of(
+                    f"{estimate.label} could not be written",
+                    partial(write_consistent, estimate, own, own / "identification.json"),
+                    None,
+                )
+        judged = verdict(results.diagnostics, attempts)
         terms = [*label_lines(list(found.values())), *name_lines(list(found.values()))]
-        save_verdict(verdict(results.diagnostics), build / VERDICT_FILE, terms)
+        save_verdict(judged, build / VERDICT_FILE, terms)
         if results.essential is not None:
             text = f"{results.essential}\n"
             (build / "essential_parameters.txt").write_text(text, encoding="utf-8")
-        write_designs(results.designs, build)
+        attempts.of(
+            "The design is not compared", lambda: write_designs(results.designs, build), None
+        )
         if report:
-            from pivident.report.builder import write_report
-
-            write_report(
-                list(found.values()),
-                build / "report.html",
-                truth=truth,
-                title=title,
-                diagnostics=results.diagnostics,
-                folder=folder.name,
-                designs=design_accounts(results.designs),
+            tried = len(attempts.errors)
+            attempts.of(
+                "The report could not be written",
+                lambda: _write_report(results, found, build, title, truth, folder.name),
+                None,
             )
+            if len(attempts.errors) > tried and not (build / REPORT).exists():
+                page = f"<!doctype html><title>{escape(title)}</title><p>"
+                page += f"{escape(attempts.lines[-1])} The files beside this page hold the results."
+                (build / REPORT).write_text(page, encoding="utf-8")  # none of an earlier run stays
+    return len(attempts.errors) == before
+
+
+def _write_report(
+    results: Results,
+    found: Mapping[str, Identification],
+    build: Path,
+    title: str,
+    truth: Mapping[str, float] | None,
+    folder: str,
+) -> None:
+    from pivident.report.builder import write_report
+
+    write_report(
+        list(found.values()),
+        build / REPORT,
+        truth=truth,
+        title=title,
+        diagnostics=results.diagnostics,
+        folder=folder,
+        designs=design_accounts(results.designs),
+        attempts=results.attempts,
+    )
 
 
 def truth_lines(results: Sequence[Identification], truth: Mapping[str, float]) -> str:
@@ -331,6 +404,17 @@ def _print_results(
 ) -> None:
     """Verdict and tables on standard output, warnings and places after them."""
     judged = verdict(results.diagnostics)
+    say = Attempts(note)
+    say.of("Tables could not be printed", lambda: _print_tables(results, judged, truth), None)
+    print(f"\nResults: {folder}")
+    if report:
+        print(f"Report:  {folder / REPORT}")
+    if next_motion := judged.next_motion(folder):
+        print(f"Next:    {next_motion}")
+
+
+def _print_tables(results: Results, judged: Verdict, truth: Mapping[str, float] | None) -> None:
+    """Verdict, tables and warnings."""
     print(f"{judged}\n")
     if results.essential is not None:
         print(f"{results.essential}\n")
@@ -357,8 +441,3 @@ def _print_results(
             print(f"\n{estimate}")
     if results.designs:
         print(f"\n{design_texts(results.designs)}")
-    print(f"\nResults: {folder}")
-    if report:
-        print(f"Report:  {folder / 'report.html'}")
-    if next_motion := judged.next_motion(folder):
-        print(f"Next:    {next_motion}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +15,7 @@ from pivident.consistency.consistent_tables import link_table
 from pivident.consistency.method_names import consistent_label
 from pivident.consistency.profile_intervals import not_found_sentence
 from pivident.consistency.significance import HALF_INTERVAL
-from pivident.errors import IdentificationError
+from pivident.errors import Attempts, in_words
 from pivident.recording.recording import Recording
 from pivident.text.numbers import format_significant, with_spread
 from pivident.text.plain_table import plain_table
@@ -204,23 +205,24 @@ def consistent_estimates(
     progress: Callable[[str], None] | None = None,
 ) -> Mapping[str, ConsistentEstimate | NoConsistentEstimate]:
     """Make several estimates consistent, and evaluate them on held-out motion."""
-    say = progress or (lambda line: None)
+    say, attempts = progress or (lambda line: None), Attempts()
     made: dict[str, ConsistentEstimate | NoConsistentEstimate] = {}
+    # A poor fit of one block is kept: without it the comparison would be too favourable.
+    every = replace(options, accept_far=True)
     for name in names:
-        free = free_estimates[name]
-        try:
-            found = consistent_estimate(free, options, say)
-        except IdentificationError as error:
-            made[name] = NoConsistentEstimate(consistent_label(free.method), str(error))
+        label = consistent_label(free_estimates[name].method)
+        found = attempts.of(
+            label, partial(consistent_estimate, free_estimates[name], options, say), None
+        )
+        if found is None:
+            made[name] = NoConsistentEstimate(label, in_words(attempts.errors[-1]))
             continue
         if judged is not None and name in judged.results:
-            say(f"{found.label}: held-out motion")
-            # A poor fit of one block is kept: without it the comparison would be too favourable.
-            every = replace(options, accept_far=True)
-            prediction = consistent_prediction(
-                judged.results[name], recordings, every.make_consistent
+            say(f"{label}: held-out motion")
+            predicted = partial(
+                consistent_prediction, judged.results[name], recordings, every.make_consistent
             )
-            found = replace(found, prediction=prediction)
+            found = replace(found, prediction=attempts.of(label, predicted, None))
         made[name] = found
     return made
 

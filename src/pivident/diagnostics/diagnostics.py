@@ -16,7 +16,7 @@ import numpy as np
 from pivident.audit.recording_audit import recording_faults
 from pivident.consistency.consistent_model import ConsistentModel, make_consistent
 from pivident.diagnostics.other_readings import Reading, better_readings
-from pivident.errors import ExperimentError, IdentificationError, PividentError
+from pivident.errors import Attempts, ExperimentError, PividentError
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import narrowed
 from pivident.estimation.methods import METHODS, Method
@@ -107,6 +107,7 @@ def diagnose(
     gap: float | None = None,
     recordings: Sequence[Recording] = (),
     progress: Callable[[str], None] | None = None,
+    attempts: Attempts | None = None,
 ) -> Diagnostics:
     """Test results and compare them on held-out motion.
 
@@ -118,6 +119,7 @@ def diagnose(
         gap: left out on either side of a block [s]; None: see ``cross_validate``.
         recordings: other recordings of the robot; they are judged on in place of blocks.
         progress: called with one line at each stage.
+        attempts: what each test is attempted by; one that fails is a note of the diagnostics.
 
     Returns:
         What an audit has against the recordings, the tests of each result, their comparison on
@@ -134,7 +136,8 @@ def diagnose(
             f"names, or use the names {', '.join(METHODS)}"
         )
     with linear_algebra_in_one_thread():
-        return _diagnose(problem, identifications, methods, folds, gap, recordings, say)
+        attempts = attempts or Attempts()
+        return _diagnose(problem, identifications, methods, folds, gap, recordings, say, attempts)
 
 
 def _diagnose(
@@ -145,15 +148,21 @@ def _diagnose(
     gap: float | None,
     recordings: Sequence[Recording],
     say: Callable[[str], None],
+    attempts: Attempts,
 ) -> Diagnostics:
     """One stage after the other."""
+    start = len(attempts.lines)
     say("asking for lost samples, delays and signs")
-    log = recording_faults(problem.robot, problem.recordings)
-    notes: list[str] = []
+    log = attempts.of(
+        "The recordings could not be audited",
+        lambda: recording_faults(problem.robot, problem.recordings),
+        (),
+    )
     out_of_sample = None
     if folds or recordings:
-        try:
-            out_of_sample = compare_out_of_sample(
+        out_of_sample = attempts.of(
+            "Nothing could be held out",
+            lambda: compare_out_of_sample(
                 problem,
                 {name: methods[name] for name in identifications},
                 folds=folds,
@@ -161,42 +170,55 @@ def _diagnose(
                 recording=tuple(recordings) or None,
                 identifications=identifications,
                 progress=say,
-            )
-        except IdentificationError as error:
-            notes.append(f"Nothing could be held out: {error}.")
+            ),
+            None,
+        )
     say("testing residuals and instruments")
-    diagnostics = diagnose_one(identifications)
-    split = None
-    name = diagnostics.recommended if out_of_sample is None else out_of_sample.recommended
+    tested = diagnose_one(identifications, attempts)
+    tested = replace(tested, out_of_sample=out_of_sample)
+    name = tested.recommended
+    own = identifications[name]
     validation = None if out_of_sample is None else out_of_sample.results.get(name)
-    problem = narrowed(problem, identifications[name])
-    try:
-        split = model_error(problem, identifications[name], validation)
-    except IdentificationError as error:
-        notes.append(f"Noise and model error could not be separated: {error}.")
+    problem = narrowed(problem, own)
+    split = attempts.of(
+        "Noise and model error could not be separated",
+        lambda: model_error(problem, own, validation),
+        None,
+    )
     say("looking for causes of model error")
-    causes, own = None, identifications[name]
-    try:
-        causes = named_causes(problem, own)
-    except PividentError as error:
-        notes.append(f"Causes of model error were not looked for: {error}.")
-    widened = own if causes is None else with_model_errors(own, causes)
+    causes = attempts.of(
+        "Causes of model error were not looked for", lambda: named_causes(problem, own), None
+    )
+    widened = own
+    if causes is not None:
+        widened = attempts.of(
+            "Intervals do not contain what model errors may add",
+            lambda: with_model_errors(own, causes),
+            own,
+        )
     say("asking whether a machine can have these parameters")
-    widened, nearest = _nearest_machine(widened)
+    widened, nearest = attempts.of(
+        "Whether a machine can have these parameters could not be asked",
+        lambda: _nearest_machine(widened),
+        (widened, None),
+    )
     readings: tuple[Reading, ...] = ()
     doubtful = _misses(validation) or (nearest is not None and nearest.is_far)
     if doubtful and not any(finding.severity == "error" for finding in log):
         say("reading the joints of the log in other ways")
-        readings = better_readings(problem)
-    return Diagnostics(
-        {**identifications, name: widened},
-        diagnostics.residuals,
-        diagnostics.instruments,
-        out_of_sample,
-        split,
-        causes,
-        own.std,
-        (*diagnostics.notes, *notes),
+        readings = attempts.of(
+            "Other readings of the log's joints could not be tried",
+            lambda: better_readings(problem),
+            (),
+        )
+    fewer = () if out_of_sample is None or not out_of_sample.fewer else (out_of_sample.fewer,)
+    return replace(
+        tested,
+        identifications={**identifications, name: widened},
+        model_error=split,
+        model_errors=causes,
+        noise_std=own.std,
+        notes=(*fewer, *attempts.lines[start:]),
         log=log,
         nearest=nearest,
         readings=readings,
@@ -225,15 +247,30 @@ def _nearest_machine(
         return result, None
 
 
-def diagnose_one(identifications: Mapping[str, Identification]) -> Diagnostics:
-    """The tests that need nothing but the results."""
-    residuals, instruments, notes = {}, {}, []
+def diagnose_one(
+    identifications: Mapping[str, Identification], attempts: Attempts | None = None
+) -> Diagnostics:
+    """The tests that need nothing but the results.
+
+    Args:
+        identifications: results by short name.
+        attempts: what the tests are attempted by; None: nobody but the result is told.
+    """
+    attempts = attempts or Attempts()
+    start, residuals, instruments = len(attempts.lines), {}, {}
     for name, result in identifications.items():
-        residuals[name] = residual_tests(result)
+        residuals[name] = attempts.of(
+            f"{result.method}: the residuals could not be tested",
+            lambda result=result: residual_tests(result),
+            ResidualTests((), result.robot.joint_names),
+        )
         equations = result.equations
         if equations is not None and equations.has_instruments:
-            try:
-                instruments[name] = instrument_tests(result)
-            except IdentificationError as error:
-                notes.append(f"{result.method}: the instruments could not be tested: {error}.")
-    return Diagnostics(identifications, residuals, instruments, notes=tuple(notes))
+            tests = attempts.of(
+                f"{result.method}: the instruments could not be tested",
+                lambda result=result: instrument_tests(result),
+                None,
+            )
+            if tests is not None:
+                instruments[name] = tests
+    return Diagnostics(identifications, residuals, instruments, notes=tuple(attempts.lines[start:]))

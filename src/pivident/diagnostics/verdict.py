@@ -10,8 +10,9 @@ test that it is based on.
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 from pivident.diagnostics.consistency_statements import consistency
@@ -49,6 +50,7 @@ from pivident.diagnostics.residual_statements import (
     noise,
     spectral_lines,
 )
+from pivident.errors import Attempts
 from pivident.estimation.identification import Identification
 from pivident.logs.torque_scale import scale_headline
 from pivident.text import display
@@ -134,55 +136,75 @@ class Verdict:
         return display.html_of(self)
 
 
-def verdict(diagnostics: Diagnostics | Identification) -> Verdict:
+def verdict(diagnostics: Diagnostics | Identification, attempts: Attempts | None = None) -> Verdict:
     """Put what was found out into words.
 
     Args:
         diagnostics: tests and comparisons; for a result alone the tests that need nothing else.
+        attempts: what each statement is attempted by; one that fails is a statement itself.
 
     Returns:
         Statements in a fixed order, each with a severity and its numbers.
     """
+    attempts = attempts or Attempts()
+    start = len(attempts.lines)
     if isinstance(diagnostics, Identification):
-        diagnostics = diagnose_one({diagnostics.method: diagnostics})
+        diagnostics = diagnose_one({diagnostics.method: diagnostics}, attempts)
+        start = len(attempts.lines)  # in the notes
     name = diagnostics.recommended
     result = diagnostics.identifications[name]
-    statements = [
-        *choice(diagnostics, name),
-        *log_faults(diagnostics),
-        *another_reading(diagnostics),
-        *corrected(result),
-        *torque_scale(result),
-        *torque_side(result),
-        *convergence(result),
-        *determined(result),
-        *signs(result),
-        *feedback_bias(diagnostics, name),
-        *noise(result, diagnostics.residuals[name]),
-        *spectral_lines(result),
-        *strength(diagnostics, name),
-        *prediction(diagnostics, name),
-        *unmeasured_forces(diagnostics, name),
-        *simulated_positions(diagnostics, name),
-        *simulated_loop(diagnostics, name),
-        *model_or_noise(diagnostics),
-        *model_errors(diagnostics),
-        *intervals(diagnostics, name),
-        *friction_law(diagnostics, name),
-        *consistency(diagnostics, name),
-        *identified_law(result),
-        *further_warnings(result),
-        *(Finding("note", "not tested", "not tested", text) for text in diagnostics.notes),
-    ]
+    makers: tuple[partial[Iterable[Finding]], ...] = (
+        partial(choice, diagnostics, name),
+        partial(log_faults, diagnostics),
+        partial(another_reading, diagnostics),
+        partial(corrected, result),
+        partial(torque_scale, result),
+        partial(torque_side, result),
+        partial(convergence, result),
+        partial(determined, result),
+        partial(signs, result),
+        partial(feedback_bias, diagnostics, name),
+        partial(noise, result, diagnostics.residuals[name]),
+        partial(spectral_lines, result),
+        partial(strength, diagnostics, name),
+        partial(prediction, diagnostics, name),
+        partial(unmeasured_forces, diagnostics, name),
+        partial(simulated_positions, diagnostics, name),
+        partial(simulated_loop, diagnostics, name),
+        partial(model_or_noise, diagnostics),
+        partial(model_errors, diagnostics),
+        partial(intervals, diagnostics, name),
+        partial(friction_law, diagnostics, name),
+        partial(consistency, diagnostics, name),
+        partial(identified_law, result),
+        partial(further_warnings, result),
+    )
+    statements: list[Finding] = []
+    for make in makers:
+        about = make.func.__name__.replace("_", " ")
+        statements += attempts.of(f"Nothing is said about {about}", lambda make=make: [*make()], [])
     compared = diagnostics.out_of_sample
     judged = {} if compared is None else compared.results
+    held_out = {
+        key: attempts.of(
+            "Held-out errors are not stored", lambda one=one: HeldOutErrors.of(one), None
+        )
+        for key, one in judged.items()
+        if not one.training_only
+    }
+    wanted = attempts.of(
+        "No motion is designed for what is open", lambda: open_parameters(result), ()
+    )
+    statements += (Finding("note", "not tested", "not tested", t) for t in diagnostics.notes)
+    failed = attempts.lines[start:]
+    statements += (Finding("warning", "not tested", "failed", text) for text in failed)
     return Verdict(
         result.method,
         name,
         tuple(statements),
         scale_headline(result.torque_scale),
-        {key: HeldOutErrors.of(one) for key, one in judged.items() if not one.training_only},
-        open_parameters(result),
+        {key: errors for key, errors in held_out.items() if errors is not None},
+        wanted,
         result.robot.constraints is None and not result.robot.base_joints,
     )
 

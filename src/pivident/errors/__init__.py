@@ -4,6 +4,7 @@ Every message names the object (joint, sample, file, key), the value met, the va
 and the next step, so that it can be shown to a user as one readable line.
 """
 
+from pivident.errors.attempts import Attempts, in_words
 from pivident.errors.identifications import (
     ContradictoryBounds,
     DelayTooLong,
@@ -50,6 +51,7 @@ from pivident.errors.recordings import (
 )
 
 __all__ = [
+    "Attempts",
     "BadCell",
     "BrokenMotion",
     "ChecksumMismatch",
@@ -88,4 +90,5 @@ __all__ = [
     "UnstableFit",
     "UnusableSignal",
     "concerning",
+    "in_words",
 ]

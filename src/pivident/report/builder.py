@@ -14,7 +14,7 @@ from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup, escape
 
 from pivident.diagnostics.diagnostics import Diagnostics, diagnose_one
-from pivident.errors import PividentError
+from pivident.errors import Attempts, PividentError, in_words
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import method_labels
 from pivident.files import atomic_folder
@@ -22,7 +22,7 @@ from pivident.report.drawing_library import drawing_library, to_json
 from pivident.report.intervals import marker
 from pivident.report.plotly_figures import DARK_COLOURS, ERROR, MEASURED, METHOD_COLOURS, Figure
 from pivident.report.report_data import DesignAccount, ReportData
-from pivident.report.sections import SECTIONS
+from pivident.report.sections import SECTIONS, Section
 from pivident.text.numbers import format_exact, format_significant, percent, with_spread
 from pivident.text.plain_values import write_json
 from pivident.version import __version__
@@ -52,6 +52,7 @@ def write_report(
     *,
     folder: str = "",
     designs: Sequence[DesignAccount] = (),
+    attempts: Attempts | None = None,
 ) -> Path:
     """Write a report about one result, or several side by side, as one HTML file.
 
@@ -65,6 +66,7 @@ def write_report(
         folder: name of the folder that holds the results, for the command of the next motion;
             empty: no command is shown.
         designs: what designs predicted of the motions that were recorded.
+        attempts: what each section is attempted by; one that fails says so on the page.
 
     Returns:
         The file.
@@ -77,7 +79,15 @@ def write_report(
         raise PividentError(f"{path} is a folder; name a file in it, such as report.html")
     if isinstance(identifications, Identification):
         identifications = [identifications]
-    page = render_report(identifications, truth, title, diagnostics, folder=folder, designs=designs)
+    page = render_report(
+        identifications,
+        truth,
+        title,
+        diagnostics,
+        folder=folder,
+        designs=designs,
+        attempts=attempts,
+    )
     with atomic_folder(path.parent) as build:
         (build / path.name).write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
     return path
@@ -91,6 +101,7 @@ def render_report(
     *,
     folder: str = "",
     designs: Sequence[DesignAccount] = (),
+    attempts: Attempts | None = None,
 ) -> str:
     """The page as text; arguments as of `write_report`."""
     if not identifications:
@@ -104,13 +115,23 @@ def render_report(
     data = ReportData(
         tuple(identifications), dict(truth or {}), title, diagnostics, folder, tuple(designs)
     )
-    environment = _report_environment()
-    sections = []
-    for section in (cls(data) for cls in SECTIONS):
-        if section.applies:
-            body = environment.get_template(section.template).render(section.context())
-            sections.append((section.anchor, section.title, Markup(body)))
+    environment, attempts, sections = _report_environment(), attempts or Attempts(), []
+    for kind in SECTIONS:
+        tried, failed = len(attempts.errors), f'The section "{kind.title}" could not be written'
+        body = attempts.of(failed, lambda kind=kind: _body(environment, kind(data)), "")
+        if len(attempts.errors) > tried:
+            why = in_words(attempts.errors[-1])
+            body = Markup('<p class="remark">{}: {}</p>').format(failed, why)
+        if body:
+            sections.append((kind.anchor, kind.title, Markup(body)))
     return page_of(environment, title, sections)
+
+
+def _body(environment: Environment, section: Section) -> str:
+    """The text of a section, empty where it does not apply."""
+    if not section.applies:
+        return ""
+    return environment.get_template(section.template).render(section.context())
 
 
 def page_of(

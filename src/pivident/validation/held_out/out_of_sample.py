@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pivident.dynamics.signs import negative_parameters
-from pivident.errors import ExperimentError, IdentificationError
+from pivident.errors import Attempts, ExperimentError, IdentificationError, in_words
 from pivident.estimation.identification import Identification
 from pivident.estimation.methods import (
     METHODS,
@@ -316,30 +316,35 @@ def compare_out_of_sample(
         raise ExperimentError("no method to compare; name at least one, such as 'piv'")
     say = progress or (lambda line: None)
     results: dict[str, CrossValidation] = {}
-    failures: dict[str, str] = {}
+    attempts, failures = Attempts(), dict[str, str]()
     say("smoothing the held-out motion")
     motion = JudgedMotion.of(problem, recording)
     division = motion.division(0 if motion.unseen else folds, gap)
     if division.reason and not division.count:
-        raise IdentificationError(division.reason.rstrip("."))
+        raise IdentificationError(division.reason)
     for name, method in chosen.items():
         known = (identifications or {}).get(name)
-        try:
-            results[name] = judged_on(
+        judged = attempts.of(
+            method.label,
+            lambda method=method, known=known: judged_on(
                 motion,
                 method,
                 folds if motion.unseen else division.count,
                 gap,
                 known,
                 _prefixed(say, method.label),
-            )
-        except IdentificationError as error:
-            failures[name] = str(error)
+            ),
+            None,
+        )
+        if judged is None:
+            failures[name] = in_words(attempts.errors[-1])
+        else:
+            results[name] = judged
     if not results:
         raise IdentificationError(
             f"none of the methods could be judged; {next(iter(chosen))} fails with: "
             f"{next(iter(failures.values()))}"
-        )
+        ) from attempts.errors[0]
     return replace(_judged(chosen, results, failures), fewer=division.reason)
 
 
