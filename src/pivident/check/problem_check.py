@@ -179,7 +179,7 @@ def _folds(division: Division) -> Iterator[Remark]:
             "warning",
             "validation",
             "folds",
-            division.reason,
-            next_step=f"Set folds = {division.count} under [validation], or log for longer.",
+            division.line,
+            next_step=f"Set folds = {division.count} under [validation].",
             place=("validation", "folds"),
         )

@@ -177,6 +177,7 @@ def run_experiment(
                 options,
                 recordings,
                 progress.say,
+                attempts,
             )
             for name, estimate in made.items():
                 progress.keep(estimate.headline())
@@ -404,8 +405,9 @@ def _print_results(
 ) -> None:
     """Verdict and tables on standard output, warnings and places after them."""
     judged = verdict(results.diagnostics)
-    say = Attempts(note)
-    say.of("Tables could not be printed", lambda: _print_tables(results, judged, truth), None)
+    results.attempts.of(
+        "Tables could not be printed", lambda: _print_tables(results, judged, truth), None
+    )
     print(f"\nResults: {folder}")
     if report:
         print(f"Report:  {folder / REPORT}")

@@ -203,26 +203,29 @@ def consistent_estimates(
     options: ConsistencyOptions,
     recordings: Sequence[Recording],
     progress: Callable[[str], None] | None = None,
+    attempts: Attempts | None = None,
 ) -> Mapping[str, ConsistentEstimate | NoConsistentEstimate]:
     """Make several estimates consistent, and evaluate them on held-out motion."""
-    say, attempts = progress or (lambda line: None), Attempts()
+    say, own = progress or (lambda line: None), Attempts()
+    attempts = attempts or Attempts()
     made: dict[str, ConsistentEstimate | NoConsistentEstimate] = {}
     # A poor fit of one block is kept: without it the comparison would be too favourable.
     every = replace(options, accept_far=True)
     for name in names:
         label = consistent_label(free_estimates[name].method)
-        found = attempts.of(
+        found = own.of(
             label, partial(consistent_estimate, free_estimates[name], options, say), None
         )
         if found is None:
-            made[name] = NoConsistentEstimate(label, in_words(attempts.errors[-1]))
+            made[name] = NoConsistentEstimate(label, in_words(own.errors[-1]))
             continue
         if judged is not None and name in judged.results:
             say(f"{label}: held-out motion")
             predicted = partial(
                 consistent_prediction, judged.results[name], recordings, every.make_consistent
             )
-            found = replace(found, prediction=attempts.of(label, predicted, None))
+            failed = f"{label} was not judged on held-out motion"
+            found = replace(found, prediction=attempts.of(failed, predicted, None))
         made[name] = found
     return made
 

@@ -170,6 +170,7 @@ def _diagnose(
                 recording=tuple(recordings) or None,
                 identifications=identifications,
                 progress=say,
+                attempts=attempts,
             ),
             None,
         )
@@ -218,7 +219,7 @@ def _diagnose(
         model_error=split,
         model_errors=causes,
         noise_std=own.std,
-        notes=(*fewer, *attempts.lines[start:]),
+        notes=(*fewer, *dict.fromkeys(attempts.lines[start:])),
         log=log,
         nearest=nearest,
         readings=readings,

@@ -10,6 +10,7 @@ import numpy as np
 
 from pivident.dynamics.regressor import Regressor
 from pivident.dynamics.signs import sign_warnings
+from pivident.errors import Attempts
 from pivident.estimation.covariance import rounded_away
 from pivident.estimation.covariance.sandwich import jackknife
 from pivident.estimation.covariance.stationary_noise import (
@@ -70,16 +71,28 @@ def answer(
         relative_error = _relative_error(estimate, residuals, joints)
     else:
         relative_error = relative_residual(estimate.sums, theta, variance)
+    attempts = Attempts()
     if covariances is None:
-        robust = _robust_covariance(method, estimate, regressor, whitened)
+        unknown = np.full_like(estimate.solution.covariance, np.nan)
+        robust = attempts.of(
+            "Standard errors are those of white errors",
+            lambda: _robust_covariance(method, estimate, regressor, whitened),
+            unknown,
+        )
         covariances = Covariances(robust, estimate.solution.covariance)
     robust, formula = map(rounded_away, covariances)
-    covariance = formula if method.covariance == "formula" else robust
+    covariance = formula if method.covariance == "formula" or attempts.errors else robust
     fitted = tuple(
         record.fitted(regressor, theta, residual, white)
         for record, residual, white in zip(records, residuals, whitened, strict=True)
     )
     equations = Equations(regressor, tuple(records), tuple(filters), variance, method.weight_power)
+    noise = attempts.of(
+        "No next motion can be designed by this result",
+        lambda: EquationNoise.of(problem, equations, fitted[0].whitened_rate),
+        None,
+    )
+    warnings = [*warnings, *_failed(attempts)]
     return Identification(
         method=method_label(problem, method, used),
         robot=problem.robot,
@@ -105,7 +118,7 @@ def answer(
         loop=simulated_loop(problem, used),
         instruments=used,
         equations=equations,
-        equation_noise=EquationNoise.of(problem, equations, fitted[0].whitened_rate),
+        equation_noise=noise,
         simulation=simulation,
     )
 
@@ -127,7 +140,7 @@ def loop_warnings(problem: Problem, estimate: Estimate, used: InstrumentsUsed) -
     notes, warnings = law_findings(loop)
     known = [*notes]
     if loop.reconstructed or loop.reference == "smoothed":
-        known.append(_tested(problem, estimate))
+        known += _tested(problem, estimate)
     known += warnings
     if loop.reference == "smoothed":
         text = (
@@ -150,10 +163,21 @@ def _without_loop(used: InstrumentsUsed) -> list[Finding]:
     return known
 
 
-def _tested(problem: Problem, estimate: Estimate) -> Finding:
+def _tested(problem: Problem, estimate: Estimate) -> list[Finding]:
     """The test of Durbin, Wu and Hausman on the last equations."""
-    test = durbin_wu_hausman(estimate.sums, estimate.variance, len(problem.names))
-    return Finding("warning", "exogeneity", "tested", str(test))
+    attempts = Attempts()
+    test = attempts.of(
+        "Whether least squares is biased could not be tested",
+        lambda: durbin_wu_hausman(estimate.sums, estimate.variance, len(problem.names)),
+        None,
+    )
+    tested = [] if test is None else [Finding("warning", "exogeneity", "tested", str(test))]
+    return [*tested, *_failed(attempts)]
+
+
+def _failed(attempts: Attempts) -> list[Finding]:
+    """What could not be computed of an estimate that is there."""
+    return [Finding("warning", "not tested", "failed", line) for line in attempts.lines]
 
 
 def law_findings(loop: Loop | None) -> tuple[list[Finding], list[Finding]]:

@@ -264,7 +264,7 @@ def judged_on(
         )
     division = motion.division(folds, gap)
     if division.reason:
-        notes = (*notes, division.reason)
+        notes = (*notes, division.line)
     if division.count == 0:
         held_out = _judged(motion, found, fitted)
         return _checked(

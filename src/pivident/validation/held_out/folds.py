@@ -63,7 +63,16 @@ class Division:
 
     count: int  # nearest to what was asked for; 0: no motion is held out
     gap: float  # left out on either side of a block [s]
-    reason: str = ""  # why it is not what was asked for, a sentence; empty where it is
+    wanted: int  # what was asked for
+    reason: str = ""  # why it is another number, without a period; empty where it is not
+
+    @property
+    def line(self) -> str:
+        """The reason as a sentence, empty without one."""
+        if not self.reason:
+            return ""
+        blocks = f"{self.count} blocks are held out in turn instead of {self.wanted}"
+        return f"{blocks if self.count else 'Nothing is held out'}: {self.reason}."
 
 
 def nearest_division(
@@ -76,20 +85,20 @@ def nearest_division(
 
     Arguments as of :func:`contiguous_folds`; with ``wanted`` below 2 nothing is held out.
     """
-    if wanted < 2:
-        return Division(0, gap)
-    samples = sum(stop - start for start, stop in moving)
-    most = max(samples // min(shortest_block(r) for r in recordings), 1)
-    refused = _refusal(recordings, moving, wanted, gap)
-    if not refused:
-        return Division(wanted, gap)
-    for count in sorted(range(2, most + 1), key=lambda n: (abs(n - wanted), n)):
+    refused = _refusal(recordings, moving, wanted, gap) if wanted > 1 else ""
+    if wanted < 2 or not refused:
+        return Division(wanted if wanted > 1 else 0, gap, wanted)
+    samples, rate = sum(stop - start for start, stop in moving), recordings[0].rate
+    shortest = min(shortest_block(r) for r in recordings)
+    for count in sorted(range(2, samples // shortest + 1), key=lambda n: (abs(n - wanted), n)):
         if not _refusal(recordings, moving, count, gap):
-            instead = f"{count} blocks are held out in turn instead of {wanted}"
-            return Division(count, gap, f"{instead}: {refused}.")
-    return Division(
-        0, gap, f"No motion is held out, for no number of blocks leaves enough: {refused}."
+            return Division(count, gap, wanted, refused)
+    reason = (
+        f"the motion of {samples / rate:.3g} s ({samples} samples at {rate:.6g} Hz) has no room "
+        f"for blocks of {shortest / rate:.2g} s and as much to fit beside their gaps of {gap:.2g} "
+        "s; log for longer, give a second recording, or check the unit of the time"
     )
+    return Division(0, gap, wanted, reason)
 
 
 def _refusal(
@@ -103,7 +112,7 @@ def _refusal(
         return (
             f"{count} folds of a motion of {samples / rate:.3g} s are blocks of "
             f"{samples / count / rate:.2g} s, too short to be judged on; at least "
-            f"{shortest / rate:.2g} s are needed. Ask for fewer folds, or check the unit of the "
+            f"{shortest / rate:.2g} s are needed; ask for fewer folds, or check the unit of the "
             f"time: the log has {samples} samples of motion at {rate:.6g} Hz"
         )
     if min(samples - _length(fold) for fold in _divided(recordings, moving, count, gap)) < shortest:

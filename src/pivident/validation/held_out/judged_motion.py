@@ -84,11 +84,11 @@ def division_of(problem: Problem, wanted: int, gap: float | None = None) -> Divi
         shortest_block(r) for r in problem.recordings
     )
     if wanted < 2 or ample:
-        return Division(wanted, gap or 0.0)
+        return Division(wanted, gap or 0.0, wanted)
     try:
         return JudgedMotion.of(problem).division(wanted, gap)
     except PividentError as error:  # too short to be smoothed
-        return Division(0, gap or 0.0, f"No motion is held out: {error}.")
+        return Division(0, gap or 0.0, wanted, str(error))
 
 
 def _check_unseen(problem: Problem, others: Sequence[Recording]) -> None:

@@ -306,17 +306,18 @@ def compare_out_of_sample(
     recording: Recording | Sequence[Recording] | None = None,
     identifications: Mapping[str, Identification] | None = None,
     progress: Callable[[str], None] | None = None,
+    attempts: Attempts | None = None,
 ) -> OutOfSample:
     """Cross-validate several methods on the same stretches and say which estimate to take.
 
-    ``gap``: left out on either side of a block [s].
+    ``gap``: left out on either side of a block [s]; ``attempts``: what judges each method.
     """
     chosen = dict(methods) if isinstance(methods, Mapping) else {m: METHODS[m] for m in methods}
     if not chosen:
         raise ExperimentError("no method to compare; name at least one, such as 'piv'")
     say = progress or (lambda line: None)
     results: dict[str, CrossValidation] = {}
-    attempts, failures = Attempts(), dict[str, str]()
+    attempts, failures = attempts or Attempts(), dict[str, str]()
     say("smoothing the held-out motion")
     motion = JudgedMotion.of(problem, recording)
     division = motion.division(0 if motion.unseen else folds, gap)
@@ -325,7 +326,7 @@ def compare_out_of_sample(
     for name, method in chosen.items():
         known = (identifications or {}).get(name)
         judged = attempts.of(
-            method.label,
+            f"{method.label} was not judged on held-out motion",
             lambda method=method, known=known: judged_on(
                 motion,
                 method,
@@ -344,8 +345,8 @@ def compare_out_of_sample(
         raise IdentificationError(
             f"none of the methods could be judged; {next(iter(chosen))} fails with: "
             f"{next(iter(failures.values()))}"
-        ) from attempts.errors[0]
-    return replace(_judged(chosen, results, failures), fewer=division.reason)
+        )
+    return replace(_judged(chosen, results, failures), fewer=division.line)
 
 
 def _judged(
