@@ -270,11 +270,7 @@ def identify_all(
         progress.begin(name)
         begin = time.perf_counter()
         say = _prefixed(progress, method.label)
-        made = attempts.of(
-            f"{method.label} failed",
-            lambda method=method, say=say: identify(problem, method, say),
-            None,
-        )
+        made = attempts.of(f"{method.label} failed", partial(identify, problem, method, say), None)
         if made is None:
             failed.append(name)
             continue
@@ -305,9 +301,7 @@ def write_results(
         found = {  # sums once for all files
             name: attempts.of(
                 f"{result.method}: what other parameters cost in torque is not stored",
-                lambda result=result: replace(
-                    result, torque_sums=result.torque_sums or torque_sums(result)
-                ),
+                partial(_with_sums, result),
                 result,
             )
             for name, result in results.identifications.items()
@@ -345,6 +339,10 @@ def write_results(
                 page += f"{escape(attempts.lines[-1])} The files beside this page hold the results."
                 (build / REPORT).write_text(page, encoding="utf-8")  # none of an earlier run stays
     return len(attempts.errors) == before
+
+
+def _with_sums(result: Identification) -> Identification:
+    return replace(result, torque_sums=result.torque_sums or torque_sums(result))
 
 
 def _write_report(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -262,14 +263,14 @@ def diagnose_one(
     for name, result in identifications.items():
         residuals[name] = attempts.of(
             f"{result.method}: the residuals could not be tested",
-            lambda result=result: residual_tests(result),
+            partial(residual_tests, result),
             ResidualTests((), result.robot.joint_names),
         )
         equations = result.equations
         if equations is not None and equations.has_instruments:
             tests = attempts.of(
                 f"{result.method}: the instruments could not be tested",
-                lambda result=result: instrument_tests(result),
+                partial(instrument_tests, result),
                 None,
             )
             if tests is not None:

@@ -10,10 +10,11 @@ test that it is based on.
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from pivident.diagnostics.consistency_statements import consistency
 from pivident.diagnostics.diagnostics import Diagnostics, diagnose_one
@@ -153,7 +154,7 @@ def verdict(diagnostics: Diagnostics | Identification, attempts: Attempts | None
         start = len(attempts.lines)  # in the notes
     name = diagnostics.recommended
     result = diagnostics.identifications[name]
-    makers: tuple[partial[Iterable[Finding]], ...] = (
+    makers: tuple[partial[Any], ...] = (
         partial(choice, diagnostics, name),
         partial(log_faults, diagnostics),
         partial(another_reading, diagnostics),
@@ -182,13 +183,11 @@ def verdict(diagnostics: Diagnostics | Identification, attempts: Attempts | None
     statements: list[Finding] = []
     for make in makers:
         about = make.func.__name__.replace("_", " ")
-        statements += attempts.of(f"Nothing is said about {about}", lambda make=make: [*make()], [])
+        statements += attempts.of(f"Nothing is said about {about}", partial(_listed, make), [])
     compared = diagnostics.out_of_sample
     judged = {} if compared is None else compared.results
     held_out = {
-        key: attempts.of(
-            "Held-out errors are not stored", lambda one=one: HeldOutErrors.of(one), None
-        )
+        key: attempts.of("Held-out errors are not stored", partial(HeldOutErrors.of, one), None)
         for key, one in judged.items()
         if not one.training_only
     }
@@ -207,6 +206,10 @@ def verdict(diagnostics: Diagnostics | Identification, attempts: Attempts | None
         wanted,
         result.robot.constraints is None and not result.robot.base_joints,
     )
+
+
+def _listed(make: Callable[[], Iterable[Finding]]) -> list[Finding]:
+    return [*make()]
 
 
 def beside_verdict(

@@ -16,6 +16,7 @@ from typing import TypeVar
 from pivident.errors.kinds import PividentError
 
 Made = TypeVar("Made")
+Other = TypeVar("Other")
 
 
 class Attempts:
@@ -30,7 +31,7 @@ class Attempts:
         self.lines: list[str] = []  # whole sentences, each once
         self.errors: list[Exception] = []  # of each attempt that failed
 
-    def of(self, heading: str, make: Callable[[], Made], otherwise: Made) -> Made:
+    def of(self, heading: str, make: Callable[[], Made], otherwise: Other) -> Made | Other:
         """What ``make`` gives, or ``otherwise`` where it fails; ``heading`` then begins the line.
 
         Args:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from functools import cache
+from functools import cache, partial
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -118,7 +118,7 @@ def render_report(
     environment, attempts, sections = _report_environment(), attempts or Attempts(), []
     for kind in SECTIONS:
         tried, failed = len(attempts.errors), f'The section "{kind.title}" could not be written'
-        body = attempts.of(failed, lambda kind=kind: _body(environment, kind(data)), "")
+        body = attempts.of(failed, partial(_body, environment, kind, data), "")
         if len(attempts.errors) > tried:
             why = in_words(attempts.errors[-1])
             body = Markup('<p class="remark">{}: {}</p>').format(failed, why)
@@ -127,8 +127,9 @@ def render_report(
     return page_of(environment, title, sections)
 
 
-def _body(environment: Environment, section: Section) -> str:
+def _body(environment: Environment, kind: type[Section], data: ReportData) -> str:
     """The text of a section, empty where it does not apply."""
+    section = kind(data)
     if not section.applies:
         return ""
     return environment.get_template(section.template).render(section.context())

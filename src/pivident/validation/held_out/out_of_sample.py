@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -323,18 +324,12 @@ def compare_out_of_sample(
     division = motion.division(0 if motion.unseen else folds, gap)
     if division.reason and not division.count:
         raise IdentificationError(division.reason)
+    count = folds if motion.unseen else division.count
     for name, method in chosen.items():
         known = (identifications or {}).get(name)
         judged = attempts.of(
             f"{method.label} was not judged on held-out motion",
-            lambda method=method, known=known: judged_on(
-                motion,
-                method,
-                folds if motion.unseen else division.count,
-                gap,
-                known,
-                _prefixed(say, method.label),
-            ),
+            partial(judged_on, motion, method, count, gap, known, _prefixed(say, method.label)),
             None,
         )
         if judged is None:
