@@ -198,15 +198,18 @@ def test_each_line_is_said_once_and_what_is_made_is_returned():
     said = []
     attempts = Attempts(said.append)
     for _ in range(2):
-        assert attempts.of("Nothing was drawn", failing(IdentificationError("no ink")), 3) == 3
-    assert attempts.of("Nothing was drawn", lambda: 5, 3) == 5
+        assert (
+            attempts.of("Nothing was drawn", failing(IdentificationError("no ink")), otherwise=3)
+            == 3
+        )
+    assert attempts.of("Nothing was drawn", lambda: 5, otherwise=3) == 5
     assert said == ["Nothing was drawn: no ink."] and len(attempts.errors) == 2
     assert not attempts.unexpected
-    attempts.of("Nothing was drawn", failing(ValueError("2 is not 3")), None)
+    attempts.of("Nothing was drawn", failing(ValueError("2 is not 3")))
     assert attempts.unexpected and "unexpected ValueError: 2 is not 3" in said[-1]
     noted = IdentificationError("no ink")
     noted.add_note("buy some")
     assert in_words(noted) == "no ink (buy some)"
     with pytest.raises(BrokenPipeError):
-        attempts.of("Nothing was drawn", failing(BrokenPipeError()), None)
+        attempts.of("Nothing was drawn", failing(BrokenPipeError()))
     assert code_of(workflow.Outcome({}, ())) == 0

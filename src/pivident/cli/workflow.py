@@ -136,11 +136,9 @@ def run_experiment(
             shaped = identify_shapes(problem, last, progress=progress.say)
             problem = shaped.problem
         if experiment.content.identify.essential:
-            essential = attempts.of(
-                "All parameters are estimated, for the essential ones were not found",
-                lambda: essential_parameters(problem, last, progress=progress.say),
-                None,
-            )
+            failed = "All parameters are estimated, for the essential ones were not found"
+            search = partial(essential_parameters, problem, last, progress=progress.say)
+            essential = attempts.of(failed, search)
             if essential is not None:
                 problem = narrowed(problem, essential.identification)
         freed = None
@@ -150,11 +148,8 @@ def run_experiment(
         progress.stages(_stages(problem, methods, folds, len(consistent)))
         outcome = identify_all(problem, methods, progress, attempts)
         if freed is not None:
-            outcome = attempts.of(
-                "The estimates do not hold their corrections",
-                lambda: corrected(outcome, freed),
-                outcome,
-            )
+            failed = "The estimates do not hold their corrections"
+            outcome = attempts.of(failed, corrected, outcome, freed, otherwise=outcome)
         progress.begin(JUDGED)
         diagnostics = diagnose(
             problem,
@@ -190,9 +185,8 @@ def run_experiment(
         best = diagnostics.identifications[diagnostics.recommended]
         designs = attempts.of(
             "The design is not compared",
-            lambda: designs_beside(experiment, problem.recordings, best, progress),
-            (),
-        )
+            designs_beside, experiment, problem.recordings, best, progress, otherwise=(),
+        )  # fmt: skip
         results = Results(diagnostics.identifications, diagnostics, essential, designs, attempts)
         whole = write_results(results, folder, experiment.title, report=report)
     _print_results(results, folder, report=report)
@@ -270,13 +264,14 @@ def identify_all(
         progress.begin(name)
         begin = time.perf_counter()
         say = _prefixed(progress, method.label)
-        made = attempts.of(f"{method.label} failed", partial(identify, problem, method, say), None)
+        made = attempts.of(f"{method.label} failed", identify, problem, method, say)
         if made is None:
             failed.append(name)
             continue
         found[name] = made
         seconds = time.perf_counter() - begin
-        progress.keep(f"{_verdict(made)} ({seconds:.1f} s)")
+        end = attempts.of(f"{method.label} is not summed up", _verdict, made, otherwise=made.method)
+        progress.keep(f"{end} ({seconds:.1f} s)")
         problem = narrowed(problem, made)  # all methods estimate the same parameters
     if not found:
         raise attempts.errors[-len(failed)]
@@ -301,11 +296,10 @@ def write_results(
         found = {  # sums once for all files
             name: attempts.of(
                 f"{result.method}: what other parameters cost in torque is not stored",
-                partial(_with_sums, result),
-                result,
+                _with_sums, result, otherwise=result,
             )
             for name, result in results.identifications.items()
-        }
+        }  # fmt: skip
     several = len(found) > 1
     with atomic_folder(folder) as build:
         for name, result in found.items():
@@ -313,58 +307,44 @@ def write_results(
         for name, estimate in results.diagnostics.consistent.items():
             own = build / name if several else build
             if isinstance(estimate, ConsistentEstimate):
-                attempts.of(
-                    f"{estimate.label} could not be written",
-                    partial(write_consistent, estimate, own, own / "identification.json"),
-                    None,
-                )
+                failed, free = f"{estimate.label} could not be written", own / "identification.json"
+                attempts.of(failed, write_consistent, estimate, own, free)
         judged = verdict(results.diagnostics, attempts)
-        terms = [*label_lines(list(found.values())), *name_lines(list(found.values()))]
+        every = list(found.values())
+        failed = "What the names in the verdict stand for is not written"
+        terms = attempts.of(failed, lambda: [*label_lines(every), *name_lines(every)], otherwise=[])
         save_verdict(judged, build / VERDICT_FILE, terms)
         if results.essential is not None:
             text = f"{results.essential}\n"
             (build / "essential_parameters.txt").write_text(text, encoding="utf-8")
-        attempts.of(
-            "The design is not compared", lambda: write_designs(results.designs, build), None
-        )
+        attempts.of("The design is not compared", write_designs, results.designs, build)
         if report:
-            tried = len(attempts.errors)
-            attempts.of(
-                "The report could not be written",
-                lambda: _write_report(results, found, build, title, truth, folder.name),
-                None,
-            )
-            if len(attempts.errors) > tried and not (build / REPORT).exists():
-                page = f"<!doctype html><title>{escape(title)}</title><p>"
-                page += f"{escape(attempts.lines[-1])} The files beside this page hold the results."
-                (build / REPORT).write_text(page, encoding="utf-8")  # none of an earlier run stays
+
+            def draw() -> None:
+                from pivident.report.builder import write_report
+
+                write_report(
+                    list(found.values()),
+                    build / REPORT,
+                    truth=truth,
+                    title=title,
+                    diagnostics=results.diagnostics,
+                    folder=folder.name,
+                    designs=design_accounts(results.designs),
+                    attempts=attempts,
+                )
+
+            attempts.of("The report could not be written", draw)
+            if not (build / REPORT).exists():  # none of an earlier run stays beside the results
+                page = (
+                    f"<!doctype html><title>{escape(title)}</title><p>{escape(attempts.lines[-1])}"
+                )
+                (build / REPORT).write_text(page, encoding="utf-8")
     return len(attempts.errors) == before
 
 
 def _with_sums(result: Identification) -> Identification:
     return replace(result, torque_sums=result.torque_sums or torque_sums(result))
-
-
-def _write_report(
-    results: Results,
-    found: Mapping[str, Identification],
-    build: Path,
-    title: str,
-    truth: Mapping[str, float] | None,
-    folder: str,
-) -> None:
-    from pivident.report.builder import write_report
-
-    write_report(
-        list(found.values()),
-        build / REPORT,
-        truth=truth,
-        title=title,
-        diagnostics=results.diagnostics,
-        folder=folder,
-        designs=design_accounts(results.designs),
-        attempts=results.attempts,
-    )
 
 
 def truth_lines(results: Sequence[Identification], truth: Mapping[str, float]) -> str:
@@ -403,9 +383,7 @@ def _print_results(
 ) -> None:
     """Verdict and tables on standard output, warnings and places after them."""
     judged = verdict(results.diagnostics)
-    results.attempts.of(
-        "Tables could not be printed", lambda: _print_tables(results, judged, truth), None
-    )
+    results.attempts.of("Tables could not be printed", _print_tables, results, judged, truth)
     print(f"\nResults: {folder}")
     if report:
         print(f"Report:  {folder / REPORT}")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -213,19 +212,17 @@ def consistent_estimates(
     every = replace(options, accept_far=True)
     for name in names:
         label = consistent_label(free_estimates[name].method)
-        found = own.of(
-            label, partial(consistent_estimate, free_estimates[name], options, say), None
-        )
+        found = own.of(label, consistent_estimate, free_estimates[name], options, say)
         if found is None:
             made[name] = NoConsistentEstimate(label, in_words(own.errors[-1]))
             continue
         if judged is not None and name in judged.results:
             say(f"{label}: held-out motion")
-            predicted = partial(
-                consistent_prediction, judged.results[name], recordings, every.make_consistent
-            )
-            failed = f"{label} was not judged on held-out motion"
-            found = replace(found, prediction=attempts.of(failed, predicted, None))
+            prediction = attempts.of(
+                f"{label} was not judged on held-out motion",
+                consistent_prediction, judged.results[name], recordings, every.make_consistent,
+            )  # fmt: skip
+            found = replace(found, prediction=prediction)
         made[name] = found
     return made
 

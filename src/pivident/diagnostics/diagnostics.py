@@ -154,65 +154,44 @@ def _diagnose(
     """One stage after the other."""
     start = len(attempts.lines)
     say("asking for lost samples, delays and signs")
-    log = attempts.of(
-        "The recordings could not be audited",
-        lambda: recording_faults(problem.robot, problem.recordings),
-        (),
-    )
+    failed, robot = "The recordings could not be audited", problem.robot
+    log = attempts.of(failed, recording_faults, robot, problem.recordings, otherwise=())
     out_of_sample = None
     if folds or recordings:
-        out_of_sample = attempts.of(
-            "Nothing could be held out",
-            lambda: compare_out_of_sample(
-                problem,
-                {name: methods[name] for name in identifications},
-                folds=folds,
-                gap=gap,
-                recording=tuple(recordings) or None,
-                identifications=identifications,
-                progress=say,
-                attempts=attempts,
-            ),
-            None,
+        compared = partial(
+            compare_out_of_sample,
+            problem,
+            {name: methods[name] for name in identifications},
+            folds=folds,
+            gap=gap,
+            recording=tuple(recordings) or None,
+            identifications=identifications,
+            progress=say,
+            attempts=attempts,
         )
+        out_of_sample = attempts.of("Nothing could be held out", compared)
     say("testing residuals and instruments")
-    tested = diagnose_one(identifications, attempts)
-    tested = replace(tested, out_of_sample=out_of_sample)
+    tested = replace(diagnose_one(identifications, attempts), out_of_sample=out_of_sample)
     name = tested.recommended
-    own = identifications[name]
+    own = widened = identifications[name]
     validation = None if out_of_sample is None else out_of_sample.results.get(name)
     problem = narrowed(problem, own)
-    split = attempts.of(
-        "Noise and model error could not be separated",
-        lambda: model_error(problem, own, validation),
-        None,
-    )
+    failed = "Noise and model error could not be separated"
+    split = attempts.of(failed, model_error, problem, own, validation)
     say("looking for causes of model error")
-    causes = attempts.of(
-        "Causes of model error were not looked for", lambda: named_causes(problem, own), None
-    )
-    widened = own
+    causes = attempts.of("Causes of model error were not looked for", named_causes, problem, own)
     if causes is not None:
-        widened = attempts.of(
-            "Intervals do not contain what model errors may add",
-            lambda: with_model_errors(own, causes),
-            own,
-        )
+        failed = "Intervals do not contain what model errors may add"
+        widened = attempts.of(failed, with_model_errors, own, causes, otherwise=own)
     say("asking whether a machine can have these parameters")
-    widened, nearest = attempts.of(
-        "Whether a machine can have these parameters could not be asked",
-        lambda: _nearest_machine(widened),
-        (widened, None),
-    )
+    failed = "Whether a machine can have these parameters could not be asked"
+    widened, nearest = attempts.of(failed, _nearest_machine, widened, otherwise=(widened, None))
     readings: tuple[Reading, ...] = ()
     doubtful = _misses(validation) or (nearest is not None and nearest.is_far)
     if doubtful and not any(finding.severity == "error" for finding in log):
         say("reading the joints of the log in other ways")
-        readings = attempts.of(
-            "Other readings of the log's joints could not be tried",
-            lambda: better_readings(problem),
-            (),
-        )
+        failed = "Other readings of the log's joints could not be tried"
+        readings = attempts.of(failed, better_readings, problem, otherwise=())
     fewer = () if out_of_sample is None or not out_of_sample.fewer else (out_of_sample.fewer,)
     return replace(
         tested,
@@ -261,18 +240,12 @@ def diagnose_one(
     attempts = attempts or Attempts()
     start, residuals, instruments = len(attempts.lines), {}, {}
     for name, result in identifications.items():
-        residuals[name] = attempts.of(
-            f"{result.method}: the residuals could not be tested",
-            partial(residual_tests, result),
-            ResidualTests((), result.robot.joint_names),
-        )
+        failed = f"{result.method}: the residuals could not be tested"
+        none = ResidualTests((), result.robot.joint_names)
+        residuals[name] = attempts.of(failed, residual_tests, result, otherwise=none)
         equations = result.equations
         if equations is not None and equations.has_instruments:
-            tests = attempts.of(
-                f"{result.method}: the instruments could not be tested",
-                partial(instrument_tests, result),
-                None,
-            )
-            if tests is not None:
+            failed = f"{result.method}: the instruments could not be tested"
+            if tests := attempts.of(failed, instrument_tests, result):
                 instruments[name] = tests
     return Diagnostics(identifications, residuals, instruments, notes=tuple(attempts.lines[start:]))

@@ -12,7 +12,6 @@ from __future__ import annotations
 import shlex
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -150,53 +149,52 @@ def verdict(diagnostics: Diagnostics | Identification, attempts: Attempts | None
     attempts = attempts or Attempts()
     start = len(attempts.lines)
     if isinstance(diagnostics, Identification):
-        diagnostics = diagnose_one({diagnostics.method: diagnostics}, attempts)
-        start = len(attempts.lines)  # in the notes
+        diagnostics = diagnose_one({diagnostics.method: diagnostics})
     name = diagnostics.recommended
     result = diagnostics.identifications[name]
-    makers: tuple[partial[Any], ...] = (
-        partial(choice, diagnostics, name),
-        partial(log_faults, diagnostics),
-        partial(another_reading, diagnostics),
-        partial(corrected, result),
-        partial(torque_scale, result),
-        partial(torque_side, result),
-        partial(convergence, result),
-        partial(determined, result),
-        partial(signs, result),
-        partial(feedback_bias, diagnostics, name),
-        partial(noise, result, diagnostics.residuals[name]),
-        partial(spectral_lines, result),
-        partial(strength, diagnostics, name),
-        partial(prediction, diagnostics, name),
-        partial(unmeasured_forces, diagnostics, name),
-        partial(simulated_positions, diagnostics, name),
-        partial(simulated_loop, diagnostics, name),
-        partial(model_or_noise, diagnostics),
-        partial(model_errors, diagnostics),
-        partial(intervals, diagnostics, name),
-        partial(friction_law, diagnostics, name),
-        partial(consistency, diagnostics, name),
-        partial(identified_law, result),
-        partial(further_warnings, result),
-    )
+    both, own, every = (diagnostics, name), (result,), (diagnostics,)
+    makers: dict[Callable[..., Iterable[Finding]], tuple[Any, ...]] = {
+        choice: both,
+        log_faults: every,
+        another_reading: every,
+        corrected: own,
+        torque_scale: own,
+        torque_side: own,
+        convergence: own,
+        determined: own,
+        signs: own,
+        feedback_bias: both,
+        noise: (result, diagnostics.residuals[name]),
+        spectral_lines: own,
+        strength: both,
+        prediction: both,
+        unmeasured_forces: both,
+        simulated_positions: both,
+        simulated_loop: both,
+        model_or_noise: every,
+        model_errors: every,
+        intervals: both,
+        friction_law: both,
+        consistency: both,
+        identified_law: own,
+        further_warnings: own,
+    }
     statements: list[Finding] = []
-    for make in makers:
-        about = make.func.__name__.replace("_", " ")
-        statements += attempts.of(f"Nothing is said about {about}", partial(_listed, make), [])
+    for make, given in makers.items():
+        about = f"Nothing is said about {make.__name__.replace('_', ' ')}"
+        statements += attempts.of(about, _listed, make, *given, otherwise=())
     compared = diagnostics.out_of_sample
     judged = {} if compared is None else compared.results
     held_out = {
-        key: attempts.of("Held-out errors are not stored", partial(HeldOutErrors.of, one), None)
+        key: attempts.of("Held-out errors are not stored", HeldOutErrors.of, one)
         for key, one in judged.items()
         if not one.training_only
     }
-    wanted = attempts.of(
-        "No motion is designed for what is open", lambda: open_parameters(result), ()
-    )
+    failed = "No motion is designed for what is open"
+    wanted = attempts.of(failed, open_parameters, result, otherwise=())
     statements += (Finding("note", "not tested", "not tested", t) for t in diagnostics.notes)
-    failed = attempts.lines[start:]
-    statements += (Finding("warning", "not tested", "failed", text) for text in failed)
+    lines = attempts.lines[start:]
+    statements += (Finding("warning", "not tested", "failed", text) for text in lines)
     return Verdict(
         result.method,
         name,
@@ -208,8 +206,8 @@ def verdict(diagnostics: Diagnostics | Identification, attempts: Attempts | None
     )
 
 
-def _listed(make: Callable[[], Iterable[Finding]]) -> list[Finding]:
-    return [*make()]
+def _listed(make: Callable[..., Iterable[Finding]], *given: Any) -> list[Finding]:
+    return [*make(*given)]
 
 
 def beside_verdict(

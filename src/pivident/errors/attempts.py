@@ -1,8 +1,7 @@
 """What follows a finished estimate, attempted: what fails costs its own line, not the estimate.
 
 Tests, held-out motion, causes of model error, the verdict and the report judge an estimate that is
-there already. Each is attempted by itself; where it ends with an error, whatever kind, a line says
-so and the rest goes on. Interruptions end everything.
+there already. Where one ends with an error, of whatever kind, a line says so and the rest goes on.
 """
 
 from __future__ import annotations
@@ -11,39 +10,30 @@ import os
 import traceback
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from pivident.errors.kinds import PividentError
 
 Made = TypeVar("Made")
-Other = TypeVar("Other")
 
 
 class Attempts:
-    """Attempts one after the other, and the lines of those that failed.
-
-    Args:
-        say: called with the line of each attempt that fails.
-    """
+    """Attempts, and the lines of those that failed; ``say`` is called with each line."""
 
     def __init__(self, say: Callable[[str], None] = lambda line: None) -> None:
         self._say = say
         self.lines: list[str] = []  # whole sentences, each once
         self.errors: list[Exception] = []  # of each attempt that failed
 
-    def of(self, heading: str, make: Callable[[], Made], otherwise: Other) -> Made | Other:
-        """What ``make`` gives, or ``otherwise`` where it fails; ``heading`` then begins the line.
+    def of(
+        self, heading: str, make: Callable[..., Made], *given: Any, otherwise: Any = None
+    ) -> Made | Any:
+        """What ``make(*given)`` gives, or ``otherwise`` where it fails.
 
-        Args:
-            heading: what it means if it fails, without a period: ``Nothing could be held out``.
-            make: what is attempted.
-            otherwise: the result in its place.
-
-        Returns:
-            One of both.
+        ``heading`` begins the line, without a period: ``Nothing could be held out``.
         """
         try:
-            return make()
+            return make(*given)
         except BrokenPipeError:  # the reader of what is printed has seen enough
             raise
         except Exception as error:

@@ -73,12 +73,11 @@ def answer(
         relative_error = relative_residual(estimate.sums, theta, variance)
     attempts = Attempts()
     if covariances is None:
-        unknown = np.full_like(estimate.solution.covariance, np.nan)
         robust = attempts.of(
             "Standard errors are those of white errors",
-            lambda: _robust_covariance(method, estimate, regressor, whitened),
-            unknown,
-        )
+            _robust_covariance, method, estimate, regressor, whitened,
+            otherwise=np.full_like(estimate.solution.covariance, np.nan),
+        )  # fmt: skip
         covariances = Covariances(robust, estimate.solution.covariance)
     robust, formula = map(rounded_away, covariances)
     covariance = formula if method.covariance == "formula" or attempts.errors else robust
@@ -87,11 +86,8 @@ def answer(
         for record, residual, white in zip(records, residuals, whitened, strict=True)
     )
     equations = Equations(regressor, tuple(records), tuple(filters), variance, method.weight_power)
-    noise = attempts.of(
-        "No next motion can be designed by this result",
-        lambda: EquationNoise.of(problem, equations, fitted[0].whitened_rate),
-        None,
-    )
+    failed = "No next motion can be designed by this result"
+    noise = attempts.of(failed, EquationNoise.of, problem, equations, fitted[0].whitened_rate)
     warnings = [*warnings, *_failed(attempts)]
     return Identification(
         method=method_label(problem, method, used),
@@ -168,9 +164,8 @@ def _tested(problem: Problem, estimate: Estimate) -> list[Finding]:
     attempts = Attempts()
     test = attempts.of(
         "Whether least squares is biased could not be tested",
-        lambda: durbin_wu_hausman(estimate.sums, estimate.variance, len(problem.names)),
-        None,
-    )
+        durbin_wu_hausman, estimate.sums, estimate.variance, len(problem.names),
+    )  # fmt: skip
     tested = [] if test is None else [Finding("warning", "exogeneity", "tested", str(test))]
     return [*tested, *_failed(attempts)]
 

@@ -279,7 +279,7 @@ class Whitening:
         if not carried:
             return _white(stretches)
         if order is not None and order > carried:
-            fallen = (_falls(order, carried, stretches),)
+            fallen = (f"{_longest(stretches)}: its order falls from {order} to {carried}.",)
             order = carried
         model = fit_ar(whole, noise.p_max, noise.criterion, order=order, mask=mask)
         recording = records[0].kinematics.recording
@@ -292,10 +292,6 @@ class Whitening:
 def _longest(stretches: np.ndarray) -> str:
     longest = int((stretches[:, 1] - stretches[:, 0]).max(initial=0))
     return f"the longest stretch of residual in use has {plural(longest, 'sample')}"
-
-
-def _falls(order: int, carried: int, stretches: np.ndarray) -> str:
-    return f"{_longest(stretches)}, so that its order falls from {order} to {carried}."
 
 
 def _white(stretches: np.ndarray) -> NoiseModel:
@@ -316,8 +312,8 @@ def _arma_model(residual: np.ndarray, mask: np.ndarray, noise: Arma) -> NoiseMod
         p, q = (p - 1, q) if p >= q else (p, q - 1)
     found = arma(residual, p, q, segments=segments)
     fallen: tuple[str, ...] = ()
-    if p + q < noise.ar_order + noise.ma_order:
-        fallen = (_falls(noise.ar_order + noise.ma_order, p + q, stretches),)
+    if (wanted := noise.ar_order + noise.ma_order) > p + q:
+        fallen = (f"{_longest(stretches)}: its order falls from {wanted} to {p + q}.",)
     zeros = np.roots(found.ma)
     size = np.abs(zeros)
     inside = zeros * np.minimum(1.0, noise.largest_root / np.maximum(size, 1e-300))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from functools import cache, partial
+from functools import cache
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -118,7 +118,7 @@ def render_report(
     environment, attempts, sections = _report_environment(), attempts or Attempts(), []
     for kind in SECTIONS:
         tried, failed = len(attempts.errors), f'The section "{kind.title}" could not be written'
-        body = attempts.of(failed, partial(_body, environment, kind, data), "")
+        body = attempts.of(failed, _body, environment, kind, data, otherwise="")
         if len(attempts.errors) > tried:
             why = in_words(attempts.errors[-1])
             body = Markup('<p class="remark">{}: {}</p>').format(failed, why)

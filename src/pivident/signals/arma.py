@@ -244,16 +244,7 @@ def _bounds(v: np.ndarray, p: int, q: int, segments: np.ndarray | None) -> np.nd
 
 
 def carries(segments: np.ndarray, ar_order: int, ma_order: int) -> bool:
-    """Whether stretches, rows of (start, stop), hold enough samples for a model of these orders.
-
-    Args:
-        segments: rows of (start, stop).
-        ar_order: degree p of D.
-        ma_order: degree q of C.
-
-    Returns:
-        Whether they do.
-    """
+    """Whether stretches, rows of (start, stop), hold enough samples for a model of these orders."""
     return int(np.diff(segments).sum()) >= _SAMPLES * (ar_order + ma_order + 1)
 
 

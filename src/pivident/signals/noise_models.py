@@ -222,14 +222,7 @@ def excess_in_band(
 
 
 def highest_order(segments: np.ndarray) -> int:
-    """Largest order that the longest of some stretches carries; zero where it carries no model.
-
-    Args:
-        segments: rows of (start, stop).
-
-    Returns:
-        The order.
-    """
+    """Largest order that the longest of some stretches carries, rows of (start, stop); 0: none."""
     longest = int((segments[:, 1] - segments[:, 0]).max(initial=0))
     return longest // _SAMPLES_PER_ORDER if longest >= _SHORTEST_STRETCH else 0
 

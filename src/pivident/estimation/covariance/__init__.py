@@ -16,11 +16,7 @@ ROUNDING = 1e-10
 def inverse_gram(gram: np.ndarray) -> np.ndarray:
     """G⁻¹ = L⁻ᵀ L⁻¹ with G = L Lᵀ, positive definite however large its condition number is.
 
-    Args:
-        gram: G, with columns of about unit length, shape (parameters, parameters).
-
-    Returns:
-        The inverse, likewise; by elimination where rounding left G indefinite.
+    ``gram``: with columns of about unit length; by elimination where rounding left it indefinite.
     """
     try:
         half = np.linalg.inv(np.linalg.cholesky(gram))
@@ -30,29 +26,21 @@ def inverse_gram(gram: np.ndarray) -> np.ndarray:
 
 
 def rounded_away(matrix: np.ndarray) -> np.ndarray:
-    """The covariance that a matrix stands for: (P + Pᵀ)/2 without negative eigenvalues.
+    """The covariance that a matrix P stands for: (P + Pᵀ)/2 without negative eigenvalues.
 
-    Eigenvalues of the correlations D⁻¹ P D⁻¹, D² = diag |P|, that are negative become zero, and
-    standard errors stay. A variance that rounding made negative takes its size, which is that of
-    the rounding and hence of what is not known. What is a covariance stays as it is to the last
-    bit, and a matrix that is not finite too.
-
-    Args:
-        matrix: P, shape (parameters, parameters).
-
-    Returns:
-        A symmetric, positive semidefinite matrix, likewise.
+    Those of the correlations D⁻¹ P D⁻¹, D² = diag |P|, become zero, and standard errors stay. A
+    variance that rounding made negative takes its size, which is that of what is not known. What is
+    a covariance stays as it is to the last bit, and a matrix that is not finite too.
     """
     matrix = np.asarray(matrix, dtype=float)
     if not matrix.size or not np.isfinite(matrix).all():
         return matrix
-    symmetric = 0.5 * matrix + 0.5 * matrix.T
-    std = np.sqrt(np.abs(np.diag(matrix)))
+    symmetric, variance = 0.5 * matrix + 0.5 * matrix.T, np.abs(np.diag(matrix))
+    std = np.sqrt(variance)
     scale = np.where(std > 0.0, std, 1.0)
     correlations = symmetric / scale / scale[:, None]
-    values, vectors = np.linalg.eigh(correlations)
     sound = (np.diag(matrix) > 0.0) | ~symmetric.any(axis=0)
-    if values[0] >= -ROUNDING and sound.all():
+    if sound.all() and np.linalg.eigvalsh(correlations)[0] >= -ROUNDING:
         return matrix if (matrix == matrix.T).all() else symmetric
     correlations[:, std == 0.0] = correlations[std == 0.0] = 0.0
     np.fill_diagonal(correlations, std > 0.0)
@@ -60,5 +48,5 @@ def rounded_away(matrix: np.ndarray) -> np.ndarray:
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     root /= np.maximum(np.linalg.norm(root, axis=1), 1e-300)[:, None]
     made = (root @ root.T) * np.outer(std, std)
-    np.fill_diagonal(made, np.abs(np.diag(matrix)))
+    np.fill_diagonal(made, variance)
     return 0.5 * made + 0.5 * made.T

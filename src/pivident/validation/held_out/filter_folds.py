@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -14,8 +15,7 @@ from pivident.estimation.filters.identify_filter import Prepared, prepared
 from pivident.estimation.identification import Identification
 from pivident.estimation.problem import Problem
 from pivident.estimation.regression.rows import NormalEquations, Rows
-from pivident.threads import linear_algebra_in_one_thread
-from pivident.validation.held_out.fold_estimates import without_fold
+from pivident.validation.held_out.fold_estimates import of_each, without_fold
 from pivident.validation.held_out.folds import Fold
 from pivident.validation.held_out.regression_folds import rows_left_out
 
@@ -44,15 +44,8 @@ def filters_without(
             "for each fold; give a second recording to judge by, or fewer particles"
         )
         return [reason] * len(folds)
-    made: list[Identification | IdentificationError] = []
-    with linear_algebra_in_one_thread():
-        known = prepared(problem, method, lambda line: None)
-        for fold in folds:
-            try:
-                made.append(_filtered(problem, found, method, known, fold))
-            except IdentificationError as error:
-                made.append(error)
-    return made
+    known = prepared(problem, method, lambda line: None)
+    return of_each(folds, partial(_filtered, problem, found, method, known))
 
 
 def _filtered(

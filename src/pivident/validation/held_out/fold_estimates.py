@@ -14,7 +14,7 @@ of its sides are what they need to forget its torques.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -51,14 +51,25 @@ def estimates_without(
     parts = [p for k, span in enumerate(moving) for p in _parts(k, span, folds)]
     sums = sums_of(found.equations, parts)
     whole = sum(joint.rows for joint in _together(sums))
+
+    def without(fold: Fold) -> Identification:
+        own = [s for s, p in zip(sums, parts, strict=True) if not _is_left_out(p, fold)]
+        return _solved(found, _together(own), whole)
+
+    return of_each(folds, without)
+
+
+def of_each(
+    folds: Sequence[Fold], without: Callable[[Fold], Identification]
+) -> list[Identification | IdentificationError]:
+    """The estimate without each fold in turn, or why there is none."""
     made: list[Identification | IdentificationError] = []
     with linear_algebra_in_one_thread():
         for fold in folds:
-            own = [s for s, p in zip(sums, parts, strict=True) if not _is_left_out(p, fold)]
             try:
-                made.append(_solved(found, _together(own), whole))
-            except IdentificationError as error:
-                made.append(error)
+                made.append(without(fold))
+            except (IdentificationError, np.linalg.LinAlgError) as error:
+                made.append(IdentificationError(str(error)))
     return made
 
 

@@ -69,17 +69,13 @@ class Division:
     @property
     def line(self) -> str:
         """The reason as a sentence, empty without one."""
-        if not self.reason:
-            return ""
         blocks = f"{self.count} blocks are held out in turn instead of {self.wanted}"
-        return f"{blocks if self.count else 'Nothing is held out'}: {self.reason}."
+        head = blocks if self.count else "Nothing is held out"
+        return f"{head}: {self.reason}." if self.reason else ""
 
 
 def nearest_division(
-    recordings: Sequence[Recording],
-    moving: Sequence[tuple[int, int]],
-    wanted: int,
-    gap: float,
+    recordings: Sequence[Recording], moving: Sequence[tuple[int, int]], wanted: int, gap: float
 ) -> Division:
     """The possible number of blocks that is nearest to the one that was asked for.
 
@@ -115,17 +111,13 @@ def _refusal(
             f"{shortest / rate:.2g} s are needed; ask for fewer folds, or check the unit of the "
             f"time: the log has {samples} samples of motion at {rate:.6g} Hz"
         )
-    if min(samples - _length(fold) for fold in _divided(recordings, moving, count, gap)) < shortest:
+    folds = _divided(recordings, moving, count, gap)
+    if samples - max(sum(p.stop - p.start for p in f.left_out) for f in folds) < shortest:
         return (
             f"{count} folds with gaps of {gap:.2g} s leave less than {shortest / rate:.2g} s to "
             "fit; ask for more folds, a shorter gap, or give a second recording"
         )
     return ""
-
-
-def _length(fold: Fold) -> int:
-    """Samples that are not fitted."""
-    return sum(piece.stop - piece.start for piece in fold.left_out)
 
 
 def contiguous_folds(

@@ -57,11 +57,7 @@ class JudgedMotion:
         return [moving_part(self.problem, judge.kinematics) for judge in self.fitted]
 
     def division(self, wanted: int, gap: float | None = None) -> Division:
-        """Into how many blocks the motion is cut, the nearest possible number to ``wanted``.
-
-        ``gap``: left out on either side of a block [s]; None: two periods of the motion's highest
-        frequency.
-        """
+        """Into how many blocks the motion is cut; ``gap`` None: ``GAP_PERIODS``."""
         if gap is None:
             gap = GAP_PERIODS / motion_band(self.problem.recordings[0])
         return nearest_division(self.problem.recordings, self.moving, wanted, gap)
@@ -75,15 +71,9 @@ class JudgedMotion:
 
 
 def division_of(problem: Problem, wanted: int, gap: float | None = None) -> Division:
-    """The division of a problem's motion that `identify` will find, before it is smoothed there.
-
-    Arguments as of :meth:`JudgedMotion.division`. Records of many times the length that their
-    blocks need are not smoothed for it, and taken to move.
-    """
-    ample = sum(r.samples for r in problem.recordings) >= AMPLE * wanted * max(
-        shortest_block(r) for r in problem.recordings
-    )
-    if wanted < 2 or ample:
+    """The division that `identify` will find; records of ample length are taken to move."""
+    shortest = max(map(shortest_block, problem.recordings))
+    if wanted < 2 or sum(r.samples for r in problem.recordings) >= AMPLE * wanted * shortest:
         return Division(wanted, gap or 0.0, wanted)
     try:
         return JudgedMotion.of(problem).division(wanted, gap)

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -329,9 +328,8 @@ def compare_out_of_sample(
         known = (identifications or {}).get(name)
         judged = attempts.of(
             f"{method.label} was not judged on held-out motion",
-            partial(judged_on, motion, method, count, gap, known, _prefixed(say, method.label)),
-            None,
-        )
+            judged_on, motion, method, count, gap, known, _prefixed(say, method.label),
+        )  # fmt: skip
         if judged is None:
             failures[name] = in_words(attempts.errors[-1])
         else:

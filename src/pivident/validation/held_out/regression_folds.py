@@ -12,8 +12,7 @@ from pivident.estimation.methods import FrequencyDomain, LeastSquares, Method, R
 from pivident.estimation.problem import Problem
 from pivident.estimation.regression.identify_regression import solved_rows
 from pivident.estimation.regression.rows import Rows
-from pivident.threads import linear_algebra_in_one_thread
-from pivident.validation.held_out.fold_estimates import POORER, without_fold
+from pivident.validation.held_out.fold_estimates import POORER, of_each, without_fold
 from pivident.validation.held_out.folds import Fold
 
 
@@ -33,17 +32,15 @@ def regressions_without(
         found: estimate of the whole record, with its equations, whose weights are kept.
         folds: what is left out in turn.
     """
-    assert found.equations is not None and isinstance(found.method_used, Regression)
-    samples = [record.sample_numbers for record in found.equations.records]
-    made: list[Identification | IdentificationError] = []
-    with linear_algebra_in_one_thread():
-        for fold in folds:
-            rows = Rows.of(found.equations, rows_left_out(samples, fold))
-            try:
-                made.append(_solved(problem, found, found.method_used, rows))
-            except IdentificationError as error:
-                made.append(error)
-    return made
+    equations, method = found.equations, found.method_used
+    assert equations is not None and isinstance(method, Regression)
+    samples = [record.sample_numbers for record in equations.records]
+
+    def without(fold: Fold) -> Identification:
+        rows = Rows.of(equations, rows_left_out(samples, fold))
+        return _solved(problem, found, method, rows)
+
+    return of_each(folds, without)
 
 
 def rows_left_out(samples: Sequence[np.ndarray], fold: Fold) -> np.ndarray:

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -31,8 +32,7 @@ from pivident.estimation.output_error.simulation_fit import SimulationFit
 from pivident.estimation.output_error.thinning import Thinning
 from pivident.estimation.simulation_result import SimulationResult
 from pivident.recording.recording import Recording
-from pivident.threads import linear_algebra_in_one_thread
-from pivident.validation.held_out.fold_estimates import POORER, widened, without_fold
+from pivident.validation.held_out.fold_estimates import POORER, of_each, widened, without_fold
 from pivident.validation.held_out.folds import Fold
 
 
@@ -49,14 +49,7 @@ def simulated_estimates_without(
     fit = found.simulation.fit
     assert fit is not None
     recordings = [record.kinematics.recording for record in found.equations.records]
-    made: list[Identification | IdentificationError] = []
-    with linear_algebra_in_one_thread():
-        for fold in folds:
-            try:
-                made.append(_without(found, found.simulation, fit, recordings, fold))
-            except (IdentificationError, np.linalg.LinAlgError) as error:
-                made.append(IdentificationError(str(error)))
-    return made
+    return of_each(folds, partial(_without, found, found.simulation, fit, recordings))
 
 
 def _without(
