@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from pivident.comparison.compare import compare
 from pivident.comparison.load import load_entries
+from pivident.consistency.consistent_model import make_consistent
 from pivident.errors import IdentificationFileError
 from pivident.estimation.covariance import inverse_gram, rounded_away
 from pivident.estimation.identification import Identification
@@ -153,6 +154,20 @@ def test_files_that_earlier_versions_wrote_are_read(tmp_path):
     file.write_text(json.dumps(content | {"robust_covariance": matrix.tolist()}))
     with pytest.raises(IdentificationFileError, match="robust_covariance is not symmetric"):
         load_identification(file)
+
+
+@pytest.mark.parametrize("log_condition", [0.0, 4.6, 5.9])
+def test_consistent_parameters_are_found_at_every_condition_number_that_is_solved(log_condition):
+    """As `pivident export` needs them: the formula's correlations are definite."""
+    found = known()["planar_2r"]
+    w = observations(np.random.default_rng(5), len(found.names), log_condition)
+    scale = found.std / np.sqrt(np.diag(inverse_gram(w.T @ w)))
+    formula = inverse_gram(w.T @ w) * np.outer(scale, scale)
+    robust = badly_made(found, 5, log_condition, 0.0, 0.0).covariance
+    robust = robust * np.outer(*2 * [found.std / np.sqrt(np.diag(robust))])
+    kinds = {"covariance": robust, "robust_covariance": robust, "formula_covariance": formula}
+    model = make_consistent(replace(found, **kinds))
+    assert np.abs(model.moved).max() < 3.0
 
 
 @cache
