@@ -43,7 +43,7 @@ truth: .venv/.pivident-all
 	$(BIN)/python benchmarks/held_out_folds.py
 	$(BIN)/python benchmarks/unknown_loop.py
 	$(BIN)/python benchmarks/gravity_compensated_law.py
-	$(BIN)/python benchmarks/linear_truth.py
+	$(BIN)/python -m benchmarks.linear_truth
 	$(BIN)/python benchmarks/kuka_kr300_blocks.py
 	$(BIN)/python benchmarks/friction_laws.py
 	$(BIN)/python benchmarks/friction_law_recovery.py --choice-runs 10

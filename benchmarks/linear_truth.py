@@ -1,6 +1,6 @@
 """Statistical truth of the linear estimators on published benchmark systems.
 
-    python benchmarks/linear_truth.py [--runs 100] [--systems RG CAP ...]
+    python -m benchmarks.linear_truth [--runs 100] [--systems RG CAP ...]
 
 For every system and estimator: bias of the mean in its own deviations, the deviation over the
 runs beside the bound (C4) at the true parameters, the reported deviation beside both, failures
@@ -19,12 +19,12 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+from tests.linear import published_systems
+from tests.linear.published_systems import Benchmark
+from tests.linear.two_impulses import TWO_IMPULSES, DiscreteBenchmark
 
 from pivident.errors import IdentificationError
-from pivident.linear import benchmarks
 from pivident.linear.arx import arx
-from pivident.linear.benchmarks import Benchmark
-from pivident.linear.discrete_benchmark import TWO_IMPULSES, DiscreteBenchmark
 from pivident.linear.estimate import LinearEstimate
 from pivident.linear.order_selection import select_orders
 from pivident.linear.riv import riv
@@ -42,17 +42,17 @@ AnyBenchmark = Benchmark | DiscreteBenchmark
 
 #: System, estimator's name, estimator, whether it is judged.
 CASES: tuple[tuple[AnyBenchmark, str, Estimator, bool], ...] = (
-    (benchmarks.RAO_GARNIER, "SRIVC", srivc, True),
-    (benchmarks.RAO_GARNIER, "RIVC, AR by AIC", rivc, True),
-    (benchmarks.DELAYED_LAG, "SRIVC", srivc, True),
-    (benchmarks.NON_MINIMUM_PHASE, "SRIVC", srivc, True),
-    (benchmarks.CLOSED_LOOP, "CLSRIVC", srivc, True),
-    (benchmarks.RIVBJ, "SRIVC", srivc, False),
-    (benchmarks.RIVBJ, "RIVC, AR by AIC", rivc, True),
-    (benchmarks.RIVBJ, "RIVC, ARMA(2, 1)", partial(rivc, noise_order=(2, 1)), True),
-    (benchmarks.COLOURED, "SRIVC", srivc, False),
-    (benchmarks.COLOURED, "RIVC, AR by AIC", rivc, True),
-    (benchmarks.COLOURED, "RIVC, ARMA(2, 1)", partial(rivc, noise_order=(2, 1)), True),
+    (published_systems.RAO_GARNIER, "SRIVC", srivc, True),
+    (published_systems.RAO_GARNIER, "RIVC, AR by AIC", rivc, True),
+    (published_systems.DELAYED_LAG, "SRIVC", srivc, True),
+    (published_systems.NON_MINIMUM_PHASE, "SRIVC", srivc, True),
+    (published_systems.CLOSED_LOOP, "CLSRIVC", srivc, True),
+    (published_systems.RIVBJ, "SRIVC", srivc, False),
+    (published_systems.RIVBJ, "RIVC, AR by AIC", rivc, True),
+    (published_systems.RIVBJ, "RIVC, ARMA(2, 1)", partial(rivc, noise_order=(2, 1)), True),
+    (published_systems.COLOURED, "SRIVC", srivc, False),
+    (published_systems.COLOURED, "RIVC, AR by AIC", rivc, True),
+    (published_systems.COLOURED, "RIVC, ARMA(2, 1)", partial(rivc, noise_order=(2, 1)), True),
     (TWO_IMPULSES, "ARX", arx, False),
     (TWO_IMPULSES, "SRIV", sriv, False),
     (TWO_IMPULSES, "RIV, AR by AIC", riv, True),
@@ -125,7 +125,7 @@ def print_case(system: AnyBenchmark, name: str, figures: dict, judged: bool) -> 
 
 def order_search(runs: int, samples: int) -> float:
     """Part of the runs in which [2 4] is chosen on the Rao-Garnier system."""
-    system, hits = benchmarks.RAO_GARNIER, 0
+    system, hits = published_systems.RAO_GARNIER, 0
     for seed in range(runs):
         record = system.record(seed)
         table = select_orders(record.u[:samples], record.y[:samples], system.dt, (0, 1), (3, 4, 5))
@@ -147,7 +147,7 @@ def main() -> None:
         print_case(system, name, figures, judged)
         results[f"{system.name} {name}"] = figures
     if not options.systems or "RG" in options.systems:
-        for samples in (1000, benchmarks.RAO_GARNIER.samples):
+        for samples in (1000, published_systems.RAO_GARNIER.samples):
             part = order_search(options.runs, samples)
             print(
                 f"\nRG order search on {samples} samples: [2 4] in {100 * part:.0f} % of the runs"

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pivident.linear.discrete_benchmark import TWO_IMPULSES
+from tests.linear.two_impulses import TWO_IMPULSES
 
 TRUTH = TWO_IMPULSES.theta
 

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pivident.linear.benchmarks import Benchmark
 from pivident.linear.estimate import LinearEstimate
+from tests.linear.published_systems import Benchmark
 
 Estimator = Callable[..., LinearEstimate]
 

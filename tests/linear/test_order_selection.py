@@ -7,20 +7,20 @@ import pytest
 from scipy.signal import lfilter
 
 from pivident.errors import IdentificationError, UnusableSignal
-from pivident.linear import benchmarks
 from pivident.linear.order_selection import select_orders
+from tests.linear import published_systems
 
 
 @pytest.fixture(scope="module")
 def table():
-    record = benchmarks.RAO_GARNIER.record(0)
+    record = published_systems.RAO_GARNIER.record(0)
     return select_orders(record.u, record.y, 0.01, (0, 1), (3, 4, 5))
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_first_samples_of_the_published_example(seed):
     """CONTSID's demonstration: nb 1 to 2, nf 3 to 5 on 1000 samples selects [2 4 0]."""
-    record = benchmarks.RAO_GARNIER.record(seed)
+    record = published_systems.RAO_GARNIER.record(seed)
     table = select_orders(record.u[:1000], record.y[:1000], 0.01, (0, 1), (3, 4, 5))
     assert (table.rows[0].numerator_order, table.rows[0].denominator_order) == (1, 4)
 
@@ -34,14 +34,14 @@ def test_all_samples_of_the_published_example(table):
 
 def test_small_model_of_better_yic_is_not_chosen():
     """A first-order model of a delayed lag is well determined, and explains less."""
-    record = benchmarks.DELAYED_LAG.record(0)
+    record = published_systems.DELAYED_LAG.record(0)
     table = select_orders(record.u, record.y, 0.1, (0,), (1, 2), (80,))
     assert table.best.denominator.size == 3
     assert table.rows[1].score("r2") < table.rows[0].score("r2") - 0.005
 
 
 def test_delay_is_found():
-    system = benchmarks.NON_MINIMUM_PHASE
+    system = published_systems.NON_MINIMUM_PHASE
     record = system.record(1)
     table = select_orders(record.u, record.y, 0.1, (1,), (2,), range(76, 85, 2))
     assert table.rows[0].delay == 80
@@ -49,7 +49,7 @@ def test_delay_is_found():
 
 @pytest.mark.parametrize("criterion", ["aic", "bic", "r2"])
 def test_other_criteria_rank_by_their_value(criterion):
-    record = benchmarks.NON_MINIMUM_PHASE.record(0)
+    record = published_systems.NON_MINIMUM_PHASE.record(0)
     table = select_orders(
         record.u, record.y, 0.1, (0, 1), (1, 2), (80,), criterion=criterion, method="rivc"
     )

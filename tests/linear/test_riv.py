@@ -5,10 +5,10 @@ import pytest
 from scipy.signal import lfilter
 
 from pivident.errors import IdentificationError
-from pivident.linear.discrete_benchmark import TWO_IMPULSES
 from pivident.linear.riv import riv
 from pivident.linear.sriv import sriv
 from tests.linear.discrete_case import TRUTH, impulses, outputs
+from tests.linear.two_impulses import TWO_IMPULSES
 
 
 def test_two_impulses_of_table_c3():

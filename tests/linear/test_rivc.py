@@ -6,23 +6,23 @@ import numpy as np
 import pytest
 
 from pivident.errors import IdentificationError
-from pivident.linear import benchmarks
 from pivident.linear.rivc import rivc
 from pivident.linear.simulation import continuous_response
 from pivident.linear.srivc import srivc
+from tests.linear import published_systems
 from tests.linear.monte_carlo import check_against_bound, estimate
 
 
 @pytest.mark.parametrize("noise_order", [None, (4, 0), (2, 1)])
 @pytest.mark.parametrize(
-    "system", [benchmarks.RIVBJ, benchmarks.COLOURED], ids=lambda system: system.name
+    "system", [published_systems.RIVBJ, published_systems.COLOURED], ids=lambda system: system.name
 )
 def test_unbiased_and_efficient_under_coloured_noise(system, noise_order):
     check_against_bound(system, 6, rivc, noise_order=noise_order)
 
 
 def test_noise_model_is_found():
-    system = benchmarks.RIVBJ
+    system = published_systems.RIVBJ
     model = estimate(system, 1, rivc, noise_order=(2, 1))
     truth = np.r_[system.ar[1:], system.ma[1:]]
     found = np.r_[model.noise.ar[1:], model.noise.ma[1:]]
@@ -32,13 +32,13 @@ def test_noise_model_is_found():
 
 def test_noise_model_sharpens_the_estimate():
     """Noise that nearly integrates: fifty times smaller deviations."""
-    system = benchmarks.COLOURED
+    system = published_systems.COLOURED
     white, coloured = estimate(system, 0, srivc), estimate(system, 0, rivc)
     assert white.std[0] > 10 * coloured.std[0]
 
 
 def test_white_noise_costs_nothing():
-    system = benchmarks.NON_MINIMUM_PHASE
+    system = published_systems.NON_MINIMUM_PHASE
     white, coloured = estimate(system, 2, srivc), estimate(system, 2, rivc)
     assert np.all(np.abs(white.theta - coloured.theta) < white.std)
 

@@ -15,19 +15,19 @@ from pivident.errors import (
     UnstableFit,
     UnusableSignal,
 )
-from pivident.linear import benchmarks
 from pivident.linear.simulation import continuous_response, delayed
 from pivident.linear.srivc import srivc
+from tests.linear import published_systems
 from tests.linear.monte_carlo import check_against_bound, estimate
 
 
 @pytest.mark.parametrize(
     "system",
     [
-        benchmarks.RAO_GARNIER,
-        benchmarks.DELAYED_LAG,
-        benchmarks.NON_MINIMUM_PHASE,
-        benchmarks.CLOSED_LOOP,
+        published_systems.RAO_GARNIER,
+        published_systems.DELAYED_LAG,
+        published_systems.NON_MINIMUM_PHASE,
+        published_systems.CLOSED_LOOP,
     ],
     ids=lambda system: system.name,
 )
@@ -37,7 +37,7 @@ def test_unbiased_and_efficient(system):
 
 @pytest.mark.parametrize("hold", ["zoh", "foh"])
 def test_noise_free_data_give_the_truth(hold):
-    system = benchmarks.RAO_GARNIER
+    system = published_systems.RAO_GARNIER
     u = np.random.default_rng(0).normal(size=2000)
     b, a = np.array(system.numerator), np.array(system.denominator)
     x = continuous_response(b, a, u, system.dt, hold)
@@ -58,7 +58,7 @@ def test_biproper_models_are_found():
 @pytest.mark.parametrize("seed", range(4))
 def test_time_scale_does_not_matter(seed):
     """The same record in microseconds gives the same model in 1/µs."""
-    system, scale = benchmarks.NON_MINIMUM_PHASE, 1e-6
+    system, scale = published_systems.NON_MINIMUM_PHASE, 1e-6
     record = system.record(seed)
     slow = srivc(record.u, record.y, system.dt, 1, 2, delay=system.delay)
     fast = srivc(record.u, record.y, system.dt * scale, 1, 2, delay=system.delay)
@@ -101,7 +101,7 @@ def test_several_inputs_with_denominators_of_their_own():
 
 def test_in_a_loop_the_external_signal_removes_the_bias():
     """Noise with memory reaches the input through the controller and the instruments with it."""
-    system = replace(benchmarks.CLOSED_LOOP, ar=(1.0, -0.98))
+    system = replace(published_systems.CLOSED_LOOP, ar=(1.0, -0.98))
     runs = 8
     records = [system.record(seed) for seed in range(runs)]
     means = {}
@@ -117,7 +117,7 @@ def test_in_a_loop_the_external_signal_removes_the_bias():
 
 
 def test_given_filter_pole_and_chosen_one_end_in_the_same_model():
-    system = benchmarks.RAO_GARNIER
+    system = published_systems.RAO_GARNIER
     chosen = estimate(system, 3, srivc)
     given = estimate(system, 3, srivc, svf_pole=25.0)
     np.testing.assert_allclose(given.theta, chosen.theta, atol=0.01 * chosen.std.min())

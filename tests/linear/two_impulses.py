@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import lfilter
 
-from pivident.linear.benchmarks import BenchmarkRecord
+from tests.linear.published_systems import BenchmarkRecord
 
 #: Samples of noise before the record, so that it begins stationary.
 _WARM_UP = 200
