@@ -1,6 +1,6 @@
 """Robust deviations of IV at full rate beside Monte Carlo, on simulated TX40 records.
 
-    python benchmarks/robust_deviations.py [--runs 30] [--scenarios fine loop coloured coarse]
+    python -m benchmarks.robust_deviations [--runs 30] [--scenarios fine loop coloured coarse]
                                            [--masks 0 0.03]
 
 A sandwich adds up all of the residual, the part that repeats from run to run (standstill, where
@@ -18,16 +18,16 @@ import argparse
 from dataclasses import replace
 
 import numpy as np
-
-from pivident.estimation.identify import identify
-from pivident.experiment.simulated_tx40 import tx40_scenario
-from pivident.validation.robust_covariance import (
+from benchmarks.score_covariances import (
     Scores,
     long_run_sum,
     newey_west,
     scores_of,
     window_lags,
 )
+
+from pivident.estimation.identify import identify
+from pivident.experiment.simulated_tx40 import tx40_scenario
 
 COLUMNS = ("formula", "White", "Newey-West", "smooth", "windows")
 

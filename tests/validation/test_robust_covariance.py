@@ -2,13 +2,8 @@
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
-
-from pivident.errors import IdentificationError
-from pivident.estimation.identify import identify
-from pivident.experiment.simulated_tx40 import tx40_scenario
-from pivident.validation import robust_covariance
-from pivident.validation.robust_covariance import (
+from benchmarks import score_covariances
+from benchmarks.score_covariances import (
     Scores,
     andrews_lags,
     block_bootstrap,
@@ -19,6 +14,11 @@ from pivident.validation.robust_covariance import (
     taper_of,
     tapered_sums,
 )
+from scipy.signal import lfilter
+
+from pivident.errors import IdentificationError
+from pivident.estimation.identify import identify
+from pivident.experiment.simulated_tx40 import tx40_scenario
 
 
 def regression(seed=0, samples=400):
@@ -152,7 +152,7 @@ def test_scores_of_an_estimate_sum_to_zero(found):
 
 def test_memory_is_bounded_by_summing_neighbours(found, monkeypatch):
     whole = scores_of(found)
-    monkeypatch.setattr(robust_covariance, "MAX_ROWS", 5000)
+    monkeypatch.setattr(score_covariances, "MAX_ROWS", 5000)
     thin = scores_of(found)
     assert thin.thinning == 3 and thin.rows == 4000
     assert np.allclose(thin.records[0], whole.records[0].reshape(4000, 3, 28).sum(axis=1))
