@@ -1,7 +1,7 @@
 """The page in a browser: figures drawn, no errors, no sideways scrolling on a phone."""
 
 from pivident.audit.audit import audit_log
-from pivident.report.audit.audit_page import render_page
+from pivident.report.audit.audit_files import render_page
 from tests.audit.logs import planar
 from tests.browser import needs_browser, seen_on_a_phone
 

@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from pivident.report.audit.audit_page import CHECKS
+from pivident.report.audit.audit_files import CHECKS
 from pivident.report.drawing_library import DrawingLibrary
 from pivident.text.finding import SEVERITIES
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from pivident.report.downsampling import kept_samples, stretches
+from pivident.report.plot_parts import kept_samples, stretches
 
 
 @pytest.mark.parametrize("samples", [5001, 45_000])

@@ -14,7 +14,7 @@ from pivident.many.fleet.conclusion import conclude_fleet
 from pivident.many.fleet.identify_fleet import identify_fleet
 from pivident.many.study.conclusion import conclude_study
 from pivident.many.study.monte_carlo import run_study
-from pivident.report.friction.friction_page import render_page as friction_page
+from pivident.report.friction.friction_files import render_page as friction_page
 from tests.browser import PHONE, asked, needs_browser
 from tests.comparison.results import result
 from tests.flexibility.flexible_joint import record

@@ -8,7 +8,6 @@ import pytest
 
 from pivident.estimation.methods import Bandpass
 from pivident.report.builder import render_report
-from pivident.report.correlation_figure import correlation_figure
 from pivident.report.frequency_figures import (
     bandpass_figure,
     decimation_figure,
@@ -16,7 +15,8 @@ from pivident.report.frequency_figures import (
     prefilter_figure,
     smoother_figure,
 )
-from pivident.report.spectrum_figures import spectra_figure
+from pivident.report.sections.parameters import correlation_figure
+from pivident.report.sections.residuals import spectra_figure
 from pivident.simulation.controllers import PD
 from pivident.validation.identified_loop import identified_loop, too_slow_smoothers
 from pivident.validation.parameter_correlation import parameter_correlation

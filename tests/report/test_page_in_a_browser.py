@@ -8,7 +8,7 @@ import pytest
 
 from pivident.audit.audit import audit_log
 from pivident.report import builder
-from pivident.report.audit.audit_page import render_page
+from pivident.report.audit.audit_files import render_page
 from pivident.report.builder import render_report
 from tests.audit.logs import planar
 from tests.browser import PHONE, asked, needs_browser, words_printed

@@ -8,7 +8,7 @@ import pytest
 
 from pivident.estimation.output_error.thinning import means_at
 from pivident.report.builder import render_report
-from pivident.report.simulation_figures import simulation_figure, thinned_errors
+from pivident.report.sections.simulation import simulation_figure, thinned_errors
 from pivident.simulation.closed_loop import simulate
 from tests.browser import needs_browser, seen_on_a_phone
 from tests.planar_simulations import simulated_diagnostics, simulated_results

@@ -7,8 +7,7 @@ import html
 import numpy as np
 
 from pivident.excitation.design import PAGE_RATE, Design
-from pivident.report.downsampling import kept_samples
-from pivident.report.plot_parts import LEGEND, Plot, band, packed
+from pivident.report.plot_parts import LEGEND, Plot, band, kept_samples, packed
 from pivident.report.plotly_figures import (
     ERROR,
     MEASURED,

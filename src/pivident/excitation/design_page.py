@@ -30,8 +30,8 @@ from pivident.excitation.design_text import (
 from pivident.excitation.point_lists import pendant_positions, pendant_unit, posture_moves
 from pivident.excitation.robot_programs import unwritten_programs
 from pivident.report.builder import PAGE_SCRIPTS, page_environment, page_of
-from pivident.report.correlation_figure import correlation_figure
 from pivident.report.downloads import Download
+from pivident.report.sections.parameters import correlation_figure
 from pivident.text.numbers import format_exact, format_significant
 from pivident.text.plain_values import plain, strict_json
 from pivident.validation.parameter_correlation import STRONG_CORRELATION

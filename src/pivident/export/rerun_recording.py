@@ -25,8 +25,8 @@ from pivident.errors import ExportError
 from pivident.extras import require
 from pivident.files import atomic_folder
 from pivident.prediction.prediction import Prediction
-from pivident.report.downsampling import kept_samples
 from pivident.report.motion import motion_values
+from pivident.report.plot_parts import kept_samples
 from pivident.robot.description import Robot
 from pivident.robot.refusals import without_base
 from pivident.text.numbers import format_significant

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pivident.figures.paper_style import FigureError, new_figure
-from pivident.report.downsampling import kept_samples
+from pivident.report.plot_parts import kept_samples
 from pivident.robot.naming import nearest
 
 if TYPE_CHECKING:

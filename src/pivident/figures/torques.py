@@ -10,7 +10,7 @@ import numpy as np
 from pivident.estimation.identification import Identification
 from pivident.figures.joint_panels import chosen_signals, draw_trace, joint_panels, legend_above
 from pivident.figures.paper_style import ERROR, MEASURED, paper_style, plain
-from pivident.report.downsampling import stretches
+from pivident.report.plot_parts import stretches
 from pivident.text.numbers import percent
 
 if TYPE_CHECKING:

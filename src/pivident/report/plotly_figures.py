@@ -11,8 +11,7 @@ import numpy as np
 
 from pivident.control_law.law_equations import START
 from pivident.estimation.identification import FittedRecording, Identification
-from pivident.report.downsampling import kept_samples, stretches
-from pivident.report.plot_parts import LEGEND, Plot, Trace, packed
+from pivident.report.plot_parts import LEGEND, Plot, Trace, kept_samples, packed, stretches
 from pivident.simulation.control_loop import IdentifiedLaw
 from pivident.text.numbers import format_significant, percent
 from pivident.validation.residuals.residual_tests import JointResidualTests

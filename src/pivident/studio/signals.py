@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from pivident.report.downsampling import kept_samples
+from pivident.report.plot_parts import kept_samples
 
 #: Content of the folder, beside the arrays.
 SIGNALS = "signals.json"

@@ -14,8 +14,7 @@ from pivident.errors import PividentError
 from pivident.friction.curves import curves_table
 from pivident.friction.friction_study import FrictionStudy, joint_friction
 from pivident.report.drawing_library import DrawingLibrary
-from pivident.report.friction.friction_files import write_friction
-from pivident.report.friction.friction_page import render_page
+from pivident.report.friction.friction_files import render_page, write_friction
 from tests.browser import needs_browser, seen_on_a_phone
 from tests.friction.made_up import friction_torque
 from tests.friction.ripple.test_ripple_lines import cosine, found_in, record

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from pivident.audit.audit import Audit
-from pivident.report.downsampling import kept_samples
 from pivident.report.drawing_library import colour_scale
-from pivident.report.plot_parts import LEGEND, Plot
+from pivident.report.plot_parts import LEGEND, Plot, kept_samples
 from pivident.report.plotly_figures import ERROR, MEASURED, METHOD_COLOURS, Figure, empty_plot
 from pivident.text.numbers import with_spread
 

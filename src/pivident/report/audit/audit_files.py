@@ -1,14 +1,18 @@
-"""An audit as files: ``audit.json`` and ``audit.html``."""
+"""An audit as files: ``audit.json``, and one HTML page in the look of the report."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+
+from markupsafe import Markup
 
 from pivident.audit.audit import Audit, audits_json
 from pivident.files import atomic_folder
-from pivident.report.audit.audit_page import render_page
-from pivident.report.builder import write_page
+from pivident.report.audit import audit_figures as figures
+from pivident.report.builder import page_environment, page_of, write_page
+from pivident.report.plotly_figures import Figure
+from pivident.text.finding import Finding, counted, gravest_first, serious
 
 
 def write_audit(audits: Sequence[Audit], folder: str | Path) -> Path:
@@ -28,3 +32,69 @@ def write_audit(audits: Sequence[Audit], folder: str | Path) -> Path:
     with atomic_folder(folder) as build:
         write_page(build, "audit", page, audits_json(audits))
     return Path(folder) / "audit.html"
+
+
+#: Checks in the order of the page, with their headings.
+CHECKS = {
+    "reading": "What was read",
+    "timing": "Clock",
+    "channels": "Channels",
+    "quantisation": "Quantisation",
+    "speed": "Logged speeds",
+    "scale": "Units and gains",
+    "order": "Order of the joints",
+    "delay": "Delay between torque and position",
+    "power": "Signs: power and gravity",
+    "model": "Inverse model",
+    "excitation": "Excitation",
+}
+
+
+def render_page(audits: Sequence[Audit]) -> str:
+    """The page as text."""
+    environment = page_environment("pivident.report.audit")
+    template = environment.get_template("audit.html")
+    summary = environment.get_template("audit_summary.html")
+    sections = []
+    for number, audit in enumerate(audits, start=1):
+        tag = f"-{number}" if len(audits) > 1 else ""
+        name = f"{audit.log.name}: " if len(audits) > 1 else ""
+        grave = serious(audit.findings)
+        body = summary.render(audit=audit, serious=grave, counted=counted(audit.findings))
+        sections.append((f"summary{tag}", f"{name}What was found", Markup(body)))
+        for check, heading in CHECKS.items():
+            drawn = _figures(audit, check)
+            found = gravest_first(audit.of(check))
+            if found or drawn:
+                body = template.render(
+                    findings=found,
+                    figures=drawn,
+                    position=position,
+                    placed=any(position(finding) for finding in found),
+                )
+                sections.append((f"{check}{tag}", f"{name}{heading}", Markup(body)))
+    # What was found in a single log heads the page, before the list of contents.
+    title = f"Audit of {', '.join(audit.log.name for audit in audits)}"
+    return page_of(environment, title, sections, headed=len(audits) == 1)
+
+
+def position(finding: Finding) -> str:
+    """Where in the log a finding begins."""
+    if finding.sample is None:
+        return ""
+    time = "" if finding.time is None else f", t = {finding.time:.6g} s"
+    return f"sample {finding.sample}{time}"
+
+
+def _figures(audit: Audit, check: str) -> list[Figure]:
+    """The drawings that belong to a check."""
+    drawers: dict[str, Callable[[], Sequence[Figure | None]]] = {
+        "timing": lambda: [figures.interval_figure(audit), figures.clock_figure(audit)],
+        "quantisation": lambda: [figures.grid_figure(audit), *figures.steps_figures(audit)],
+        "order": lambda: [figures.order_figure(audit)],
+        "delay": lambda: [figures.shift_figure(audit)],
+        "power": lambda: figures.torque_speed_figures(audit),
+        "excitation": lambda: figures.excitation_figures(audit),
+    }
+    drawn = drawers[check]() if check in drawers else []
+    return [figure for figure in drawn if figure is not None]

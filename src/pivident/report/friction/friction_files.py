@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+
+from markupsafe import Markup
 
 from pivident.files import atomic_folder
 from pivident.friction.curves import as_json, curves_table
+from pivident.friction.friction_findings import FrictionFinding, headline
 from pivident.friction.friction_study import FrictionStudy
-from pivident.report.builder import write_page
-from pivident.report.friction.friction_page import render_page
+from pivident.report.builder import page_environment, page_of, write_page
+from pivident.report.friction.friction_figures import gain_figure, joint_figures
+from pivident.report.friction.ripple_figures import ripple_figures
 
 
 def write_friction(study: FrictionStudy, folder: str | Path, title: str | None = None) -> Path:
@@ -35,3 +40,30 @@ def write_friction(study: FrictionStudy, folder: str | Path, title: str | None =
         table.write_csv(build / "curves.csv", float_precision=None)
         table.write_parquet(build / "curves.parquet")
     return Path(folder) / "friction.html"
+
+
+def render_page(study: FrictionStudy, title: str | None = None) -> str:
+    """The page as text."""
+    environment = page_environment("pivident.report.friction")
+    environment.globals["headline"] = headline
+    environment.filters["clear"] = _clear
+    summary = environment.get_template("friction_summary.html").render(
+        study=study, gain=gain_figure(study.joints)
+    )
+    sections = [("summary", "What was seen", Markup(summary))]
+    template = environment.get_template("friction_joint.html")
+    for number, joint in enumerate(study.joints, start=1):
+        body = template.render(joint=joint, figures=joint_figures(joint))
+        sections.append((f"joint-{number}", joint.name, Markup(body)))
+    if study.ripple is not None:
+        drawn = {j.name: ripple_figures(j) for j in study.ripple.joints}
+        body = environment.get_template("friction_ripple.html").render(
+            ripple=study.ripple, figures=drawn
+        )
+        sections.append(("ripple", "Ripple over position", Markup(body)))
+    return page_of(environment, title or f"{study.robot}: friction", sections)
+
+
+def _clear(findings: Sequence[FrictionFinding]) -> bool:
+    """Whether anything stands out beyond viscous and Coulomb friction."""
+    return any(f.severity == "warning" for f in findings)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pivident.friction.ripple.ripple_lines import JointRipple
-from pivident.report.downsampling import kept_samples
+from pivident.report.plot_parts import kept_samples
 from pivident.report.plotly_figures import ERROR, MEASURED, METHOD_COLOURS, Figure, empty_plot
 from pivident.text.numbers import format_significant
 

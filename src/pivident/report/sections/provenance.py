@@ -1,4 +1,4 @@
-"""Options, recordings, input files and versions: what it takes to repeat the result."""
+"""Where the results come from, and the files that the page carries."""
 
 from __future__ import annotations
 
@@ -44,3 +44,21 @@ def _flat(options: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, s
             yield f"{prefix}{key}", ", ".join(map(str, value)) or "–"
         else:
             yield f"{prefix}{key}", str(value)
+
+
+class DownloadsSection(Section):
+    """Parameters of every method as CSV, JSON and LaTeX; signals of the one to take as CSV."""
+
+    title = "Downloads"
+    anchor = "downloads"
+
+    def context(self) -> dict[str, Any]:
+        """Files by method."""
+        data = self.data
+        return {
+            "files": data.downloads,
+            "methods": [
+                (label, k, [file for file in data.downloads if file.method == k])
+                for k, label in enumerate(data.labels)
+            ],
+        }
