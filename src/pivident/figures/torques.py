@@ -1,4 +1,4 @@
-"""Measured and reconstructed torque, with the error between them."""
+"""Torques over time: measured and reconstructed, as predicted of a log, and of a control law."""
 
 from __future__ import annotations
 
@@ -8,13 +8,33 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pivident.estimation.identification import Identification
-from pivident.figures.joint_panels import chosen_signals, draw_trace, joint_panels, legend_above
-from pivident.figures.paper_style import ERROR, MEASURED, paper_style, plain
+from pivident.figures.joint_panels import (
+    chosen_signals,
+    draw_trace,
+    joint_panels,
+    joints_named,
+    legend_above,
+)
+from pivident.figures.paper_style import (
+    ERROR,
+    MEASURED,
+    FigureError,
+    new_figure,
+    paper_style,
+    plain,
+)
+from pivident.prediction.prediction import Prediction
 from pivident.report.plot_parts import stretches
+from pivident.simulation.control_loop import FittedLaw
 from pivident.text.numbers import percent
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+#: Measured, predicted and error, as Brunot et al. (2018, figure 4) draw them.
+_MEASURED = {"color": "#0072B2", "linewidth": 1.4}
+_PREDICTED = {"color": "#D55E00", "linewidth": 0.9, "linestyle": (0, (4, 1.5))}
+_ERROR = {"color": "#000000", "linewidth": 0.7, "linestyle": ":"}
 
 
 def figure_of_torques(
@@ -55,4 +75,83 @@ def figure_of_torques(
             ax.set(ylabel=f"{quantity} [{fit.torque_unit}]", xlim=(0.0, float(t[-1])))
             ax.set_title(f"{plain(fit.name)}, relative error {percent(100 * fit.relative_error)}")
         legend_above(figure, axes[0], 3)
+    return figure
+
+
+def figure_of_predictions(
+    predictions: Prediction | Sequence[Prediction],
+    joints: Sequence[str | int] | None = None,
+    *,
+    columns: int = 2,
+) -> Figure:
+    """Measured and predicted torque with their difference: a row for each joint.
+
+    Predictions by several results stand side by side.
+
+    Args:
+        predictions: what `predict` returns for a log with torques, by one result or several.
+        joints: names or numbers from 1; None: all.
+        columns: width, 1 or 2 columns of a page.
+
+    Returns:
+        The figure; `save_figure` writes it.
+
+    Raises:
+        FigureError: a log has no torques, there is no prediction, or no such joint.
+    """
+    made = [predictions] if isinstance(predictions, Prediction) else list(predictions)
+    if not made:
+        raise FigureError("there is no prediction to draw; give at least one")
+    chosen = joints_named(made[0].robot.joint_names, joints)
+    with paper_style():
+        figure, axes = new_figure(
+            len(chosen), len(made), columns=columns, row_height=1.3, share_x=True
+        )
+        for k, own in enumerate(made):
+            if own.tau is None:
+                raise FigureError(f"the log {own.recording!r} has no torques to compare with")
+            part = own.moving
+            t, error = own.t[part] - own.t[part][0], own.tau[part] - own.tau_model[part]
+            for ax, j in zip(axes[k :: len(made)], chosen, strict=True):
+                draw_trace(ax, t, own.tau[part, j], label="measured", **_MEASURED)
+                draw_trace(ax, t, own.tau_model[part, j], label="predicted", **_PREDICTED)
+                draw_trace(ax, t, error[:, j], label="error", **_ERROR)
+                unit = own.robot.joints[j].torque_unit
+                ax.set_ylabel(f"{plain(own.robot.joint_names[j])} [{unit}]" if k == 0 else "")
+                ax.set_xlim(0.0, float(np.max(t)))
+            axes[k].set_title(plain(own.method))
+            axes[-len(made) + k].set_xlabel("time [s]")
+        legend_above(figure, axes[0], 3)
+    return figure
+
+
+def figure_of_control_law(law: FittedLaw, joint: str | int, *, columns: int = 1) -> Figure:
+    """Recorded output of one joint's law, that of the identified law, and their difference.
+
+    Args:
+        law: what `identify_controller` or `identify_free_law` returns.
+        joint: name, or number from 1.
+        columns: width, 1 or 2 columns of a page.
+
+    Returns:
+        The figure; `save_figure` writes it.
+
+    Raises:
+        FigureError: there is no such joint.
+    """
+    (j,) = joints_named(law.joint_names, [joint])
+    output, model = law.output[:, j], law.model[:, j]
+    t = np.arange(len(output)) / law.rate
+    known = np.isfinite(output) & np.isfinite(model)
+    size = np.sqrt(np.mean(output[known] ** 2))
+    left = np.sqrt(np.mean((output - model)[known] ** 2)) / size
+    with paper_style():
+        figure, (above, below) = new_figure(2, columns=columns, row_height=1.5, share_x=True)
+        draw_trace(above, t, output, label="recorded", **_MEASURED)
+        draw_trace(above, t, model, label="identified law", **_PREDICTED)
+        draw_trace(below, t, output - model, color="#000000", linewidth=0.7)
+        name = plain(law.joint_names[j])
+        above.set(ylabel="output [u]", title=f"{name}: {percent(100 * left)} left unexplained")
+        below.set(ylabel="difference [u]", xlabel="time [s]", xlim=(0.0, float(t[-1])))
+        legend_above(figure, above, 2)
     return figure
