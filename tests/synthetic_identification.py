@@ -7,8 +7,7 @@ from scipy.signal import lfilter
 
 from pivident.control_law.identified_law import ControllerIdentification
 from pivident.control_law.joint_law import JointLaw
-from pivident.control_law.point_to_point_fit import Move, PointToPoint
-from pivident.control_law.reference_reconstruction import ReconstructedReference
+from pivident.control_law.reference_reconstruction import Move, PointToPoint, ReconstructedReference
 from pivident.control_law.unknown_loop import Feedback
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pivident.comparison.differences import Estimate, difference
-from pivident.comparison.multiple_tests import holm
+from pivident.comparison.differences import Estimate, difference, holm
 
 
 def symmetric(value, std):

@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pivident.control_law.point_to_point_fit import (
+from pivident.control_law.reference_reconstruction import (
     Move,
     PointToPoint,
     QuinticMove,
     fit_point_to_point,
+    reconstruct_reference,
 )
-from pivident.control_law.reference_reconstruction import reconstruct_reference
 from pivident.signals.random_walk import smooth_channels
 
 RATE = 1000.0

@@ -21,12 +21,11 @@ from pivident.comparison.compared_results import ComparedParameter, ComparedResu
 from pivident.comparison.comparison_errors import ComparisonError
 from pivident.comparison.comparison_text import comparison_text
 from pivident.comparison.cross_torque import cross_torques
-from pivident.comparison.differences import Difference, Estimate, difference, share_a_record
+from pivident.comparison.differences import Difference, Estimate, difference, holm, share_a_record
 from pivident.comparison.entry import Entry, entry_of
 from pivident.comparison.friction_curves import friction_curves
 from pivident.comparison.groups import difference_of_geometry
 from pivident.comparison.load import distinct_labels, load_entries, relabelled
-from pivident.comparison.multiple_tests import holm
 from pivident.comparison.remarks import remarks
 from pivident.estimation.identification import Identification
 

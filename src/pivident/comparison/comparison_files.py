@@ -17,8 +17,7 @@ from pivident.comparison.entry import Entry
 from pivident.comparison.remarks import findings, level_sentence
 from pivident.files import atomic_folder
 from pivident.text.identifiers import latex_name, latex_text, one_line
-from pivident.text.latex import latex_number, latex_unit
-from pivident.text.numbers import format_significant
+from pivident.text.numbers import format_significant, latex_number, latex_unit
 from pivident.text.plain_values import csv_table, json_of_entries, plain
 from pivident.text.printable import sheet_text
 from pivident.version import __version__

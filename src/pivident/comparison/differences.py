@@ -1,4 +1,4 @@
-"""The difference of two estimates with its interval, whether or not their errors are independent.
+"""The difference of two estimates with its interval, and which of many differences are significant.
 
 With the lower and upper halves l and u of the two intervals (2σ each where they are symmetric),
 
@@ -8,12 +8,22 @@ The first c is for independent errors (Zou and Donner 2008 for intervals that ar
 Estimates from the same record share its noise, and how much of it depends on both methods: their
 correlation is not known. The second c holds for any correlation, by Cauchy's inequality:
 √(σ_a² + σ_b² - 2 ρ σ_a σ_b) ≤ σ_a + σ_b.
+
+Of 200 parameters that do not differ, ten differ "significantly" at 5 %. Holm (1979) orders the
+probabilities p_(1) ≤ … ≤ p_(m) and takes
+
+    p̃_(k) = max_{i ≤ k} min(1, (m - i + 1) p_(i))
+
+The probability of one false finding or more among all p̃ ≤ α is then at most α, however the tests
+depend on each other.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+
+import numpy as np
 
 from pivident.comparison.entry import Entry
 
@@ -96,3 +106,14 @@ def _ratio(difference: float, scale: float) -> float:
     if scale == 0.0:
         return math.copysign(math.inf, difference) if difference else 0.0
     return difference / scale
+
+
+def holm(p: np.ndarray) -> np.ndarray:
+    """Adjusted probabilities, same shape; NaN where there is no test."""
+    p = np.asarray(p, dtype=float)
+    adjusted = np.full(p.shape, np.nan)
+    tested = np.flatnonzero(np.isfinite(p))
+    order = tested[np.argsort(p[tested], kind="stable")]
+    factors = np.arange(order.size, 0, -1)
+    adjusted[order] = np.minimum(np.maximum.accumulate(factors * p[order]), 1.0)
+    return adjusted

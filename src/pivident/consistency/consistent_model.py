@@ -15,7 +15,13 @@ from typing import Any
 import numpy as np
 
 from pivident.consistency.consistent_tables import link_table
-from pivident.consistency.constraints import Bounds, Constraint, make_constraints, place_of_link
+from pivident.consistency.constraints import (
+    Bounds,
+    Constraint,
+    make_constraints,
+    place_of_link,
+    plausible_masses,
+)
 from pivident.consistency.geometric_bodies import density_of_estimate
 from pivident.consistency.metric import make_metric
 from pivident.consistency.nearest_consistent import (
@@ -25,7 +31,6 @@ from pivident.consistency.nearest_consistent import (
     nearest_consistent,
     standard_space,
 )
-from pivident.consistency.plausible_masses import plausible_masses
 from pivident.consistency.priors import PRIORS
 from pivident.consistency.profile_intervals import ProfileIntervals, profile_intervals
 from pivident.consistency.pseudo_inertia import LinkBody, link_body

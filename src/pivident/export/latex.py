@@ -16,8 +16,7 @@ from pivident.dynamics.base_parameters import BaseParameters
 from pivident.models.exported import ExportedText
 from pivident.models.runnable_model import RunnableModel
 from pivident.text.identifiers import latex_name, latex_text, one_line
-from pivident.text.latex import latex_number, latex_unit
-from pivident.text.numbers import format_significant, with_spread
+from pivident.text.numbers import format_significant, latex_number, latex_unit, with_spread
 
 #: Digits of a value whose standard error is unknown.
 DIGITS = 5

@@ -5,14 +5,39 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+import numpy as np
+
 from pivident.export.joint_side import JointSide
 from pivident.export.sketch import Stick, sticks
-from pivident.export.urdf_elements import dynamics_line, inertial_lines
 from pivident.export.urdf_mimic import Mimic, mimics
 from pivident.export.xml_text import comment, distinct, number, numbers, quoted, rpy, unlike
-from pivident.models.link_bodies import link_inertias
+from pivident.models.link_bodies import link_inertias, written_body
 from pivident.models.runnable_model import RunnableModel
 from pivident.robot.description import Joint, Robot
+
+
+def inertial_lines(name: str, inertia: np.ndarray) -> list[str]:
+    """An ``<inertial>`` element about the centre of mass, in axes of the link; zeros: no mass."""
+    mass, center, tensor = 0.0, np.zeros(3), np.zeros((3, 3))
+    if inertia.any():
+        body = written_body(name, inertia)
+        mass, center, tensor = body.mass, body.center_of_mass, body.inertia
+    keys = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    elements = tensor[np.triu_indices(3)]
+    written = " ".join(f'{k}="{number(v)}"' for k, v in zip(keys, elements, strict=True))
+    return [
+        "<inertial>",
+        f'  <origin xyz="{numbers(center)}" rpy="0 0 0"/>',
+        f'  <mass value="{number(mass)}"/>',
+        f"  <inertia {written}/>",
+        "</inertial>",
+    ]
+
+
+def dynamics_line(damping: float, friction: float) -> str:
+    """A ``<dynamics>`` element."""
+    return f'<dynamics damping="{number(damping)}" friction="{number(friction)}"/>'
+
 
 #: Value of unknown speed and torque limits; zero would stop the joint in simulators.
 UNKNOWN = 1e6

@@ -13,7 +13,7 @@ import numpy as np
 
 from pivident.errors import ExportError
 from pivident.export.robot_file import RobotFile, plain_content
-from pivident.export.urdf_elements import dynamics_line
+from pivident.export.urdf_new import dynamics_line
 from pivident.export.xml_edit import XmlText
 from pivident.export.xml_text import comment, number
 from pivident.robot.mjcf_model import compilable, mujoco_library, read_spec
