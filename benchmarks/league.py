@@ -23,7 +23,7 @@ from pivident.estimation.methods import METHODS, Method
 from pivident.estimation.signal_recipes import Decimated
 from pivident.many.batch.runner import Processes
 from pivident.many.study.conclusion import conclude_study, write_index
-from pivident.many.study.monte_carlo import run_study
+from pivident.many.study.run import run_study
 from pivident.many.study.scenario import Scenario, load_scenario
 from pivident.many.study.study_store import Store
 from pivident.many.study.summary import MethodSummary, Summary

@@ -27,7 +27,7 @@ from benchmarks.kuka_kr300_blocks import EXAMPLE, held_out, loops, without_vague
 from pivident.errors import PividentError
 from pivident.estimation.methods import METHODS, PrefilteredIV
 from pivident.estimation.problem import Problem
-from pivident.many.study.league_methods import league_methods
+from pivident.many.study.scenario import league_methods
 from pivident.recording.public_records import load_emps, load_emps_pulses, load_kuka_kr300
 from pivident.robot.gallery import load_robot
 from pivident.simulation.control_loop import Loop

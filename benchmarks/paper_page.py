@@ -14,7 +14,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from pivident.many.study.monte_carlo import run_study
+from pivident.many.study.run import run_study
 from pivident.many.study.scenario import load_scenario
 from pivident.paper import make_page
 

@@ -19,7 +19,7 @@ import psutil
 
 from pivident.many.batch.cluster import DaskCluster
 from pivident.many.batch.runner import Pool, Processes
-from pivident.many.study.monte_carlo import run_study
+from pivident.many.study.run import run_study
 from pivident.many.study.scenario import Scenario, load_scenario
 from pivident.many.study.study_store import Store
 

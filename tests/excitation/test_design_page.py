@@ -14,8 +14,7 @@ from pivident.excitation.design_figures import (
     predicted_correlation,
 )
 from pivident.excitation.design_files import write_design
-from pivident.excitation.design_page import DesignFile, next_commands, render_page
-from pivident.excitation.design_picture import picture_values
+from pivident.excitation.design_page import DesignFile, next_commands, picture_values, render_page
 from tests.browser import asked, needs_browser, seen_on_a_phone
 from tests.excitation.designs import made_design, named
 

@@ -5,7 +5,7 @@ import pytest
 
 from pivident.collision import Body, Clearances, outline_of
 from pivident.collision.obstacles import Obstacle
-from pivident.excitation.least_clearances import TOLERANCE, least_clearances
+from pivident.excitation.checked_motion import TOLERANCE, least_clearances
 from pivident.robot.gallery import load_robot
 
 

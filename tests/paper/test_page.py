@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from pivident.paper.claims import IV, LS, PIV, PRINTED, Claim, Judged, verdicts
-from pivident.paper.code_objects import object_named
 from pivident.paper.equations import EQUATIONS
 from pivident.paper.experiment import READINGS
-from pivident.paper.markdown import cell, html_of, markdown_of, table
+from pivident.paper.markdown import cell, html_of, markdown_of, object_named, table
 from pivident.paper.page import STUDY, make_page
 from pivident.paper.published import published_table
 from pivident.paper.repetition import ratio_of_deviations, read_repetition

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pivident.payload.load_estimate import LoadEstimate, seen_from
-from pivident.payload.load_rows import load_rows
+from pivident.payload.payload_text import load_rows
 from pivident.robot.frames import Pose, rotation_from_rpy
 from pivident.robot.inertia import elements, from_center_of_mass, tensor
 

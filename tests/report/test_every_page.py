@@ -13,7 +13,7 @@ from pivident.friction.friction_study import FrictionStudy, joint_friction
 from pivident.many.fleet.conclusion import conclude_fleet
 from pivident.many.fleet.identify_fleet import identify_fleet
 from pivident.many.study.conclusion import conclude_study
-from pivident.many.study.monte_carlo import run_study
+from pivident.many.study.run import run_study
 from pivident.report.friction.friction_files import render_page as friction_page
 from tests.browser import PHONE, asked, needs_browser
 from tests.comparison.results import result

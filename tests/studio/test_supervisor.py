@@ -13,7 +13,7 @@ from pivident.studio import run_folder
 from pivident.studio.lock import is_held, take
 from pivident.studio.output import KeptStream, cleaned, last_line, shown
 from pivident.studio.run_folder import RunError, RunFolder, new_run
-from pivident.studio.run_progress import RunProgress
+from pivident.studio.run_listing import RunProgress
 from pivident.studio.supervisor import supervise
 from tests.studio.projects import WAITS, WRITES, ended, entry, make_project, wait_for
 

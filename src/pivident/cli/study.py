@@ -82,7 +82,7 @@ def _compute(
 ) -> dict[str, Summary]:
     """Runs, summaries and pages of all conditions."""
     from pivident.many.study.conclusion import PAGE, SUMMARY, conclude_study, write_index
-    from pivident.many.study.monte_carlo import run_study
+    from pivident.many.study.run import run_study
     from pivident.many.study.study_text import summary_text
 
     varied = bool(chosen.alternatives)

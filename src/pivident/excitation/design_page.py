@@ -1,4 +1,4 @@
-"""A design as one HTML page that needs nothing else, in the look of the report."""
+"""A design as one HTML page that needs nothing else, with a moving picture of the robot."""
 
 from __future__ import annotations
 
@@ -8,15 +8,17 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from markupsafe import Markup
 
+from pivident.collision.obstacles import Obstacle
 from pivident.excitation.design import Design, PredictedError
 from pivident.excitation.design_figures import (
+    MOTION,
     errors_figure,
     motion_figure,
     predicted_correlation,
 )
-from pivident.excitation.design_picture import picture_values
 from pivident.excitation.design_text import (
     BINDING,
     NO_LIMIT,
@@ -31,10 +33,67 @@ from pivident.excitation.point_lists import pendant_positions, pendant_unit, pos
 from pivident.excitation.robot_programs import unwritten_programs
 from pivident.report.builder import PAGE_SCRIPTS, page_environment, page_of
 from pivident.report.downloads import Download
+from pivident.report.motion import RATE, motion_values
 from pivident.report.sections.parameters import correlation_figure
 from pivident.text.numbers import format_exact, format_significant
 from pivident.text.plain_values import plain, strict_json
 from pivident.validation.parameter_correlation import STRONG_CORRELATION
+
+#: Digits of lengths [m].
+_DIGITS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class _Positions:
+    """What the picture of a recording reads of it."""
+
+    name: str
+    t: np.ndarray
+    q_measured: np.ndarray
+
+
+def picture_values(design: Design) -> dict[str, Any]:
+    """Robot and motion as `motion_values` has them, with ``bodies`` and ``obstacles``.
+
+    ``bodies``: link, start and end in the link's frame, and radius of each capsule; ``obstacles``:
+    shape, size, radius, length, rotation by rows and translation of each. All lengths in m.
+
+    Args:
+        design: the design.
+    """
+    motion = design.motion
+    t = np.linspace(0.0, motion.duration, max(2, int(np.ceil(motion.duration * RATE)) + 1))
+    positions: Any = _Positions(MOTION, t, motion.at(t)[0])
+    content = motion_values(design.robot, [positions])
+    content["bodies"] = [
+        {
+            "link": int(body.link),
+            "start": _rounded(body.start),
+            "end": _rounded(body.end),
+            "radius": round(float(body.radius), _DIGITS),
+        }
+        for body in design.bodies
+    ]
+    content["obstacles"] = [_obstacle(obstacle) for obstacle in design.obstacles]
+    return content
+
+
+def _obstacle(obstacle: Obstacle) -> dict[str, Any]:
+    """One obstacle with all sizes that its shape needs, and its pose."""
+    return {
+        "name": obstacle.name,
+        "shape": obstacle.shape,
+        "size": _rounded((0.0, 0.0, 0.0) if obstacle.size is None else obstacle.size),
+        "radius": round(obstacle.radius, _DIGITS),
+        "length": round(obstacle.length, _DIGITS),
+        "rotation": [round(float(x), 9) for x in np.ravel(obstacle.rotation)],
+        "translation": _rounded(obstacle.translation),
+    }
+
+
+def _rounded(vector: Any) -> list[float]:
+    return [round(float(x), _DIGITS) for x in np.asarray(vector, dtype=float)]
+
 
 #: Larger files stand beside the page, not inside it [characters].
 MAX_HELD = 200_000

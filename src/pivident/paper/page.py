@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from pivident.files import atomic_folder, check_output
 from pivident.many.batch.runner import Pool
-from pivident.many.study.monte_carlo import run_study
+from pivident.many.study.run import run_study
 from pivident.paper.claims import IV, PRINTED
 from pivident.paper.content import page_content
 from pivident.paper.experiment import READINGS, Reading, condition, run_reading

@@ -9,8 +9,8 @@ from typing import Any
 from pivident.files import atomic_folder
 from pivident.payload.joint_masses import JointMasses
 from pivident.payload.load_estimate import LoadEstimate
-from pivident.payload.load_rows import load_rows
 from pivident.payload.payload_identification import PayloadIdentification
+from pivident.payload.payload_text import load_rows
 from pivident.robot.description import INERTIAL
 from pivident.text.plain_values import csv_table, plain
 

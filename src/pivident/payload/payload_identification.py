@@ -11,8 +11,7 @@ from pivident.estimation.identification import Identification
 from pivident.payload.joint_masses import IMPROBABLE, NOTABLE, JointMasses
 from pivident.payload.known_parts import KnownParts
 from pivident.payload.load_estimate import LoadEstimate
-from pivident.payload.load_rows import load_rows
-from pivident.payload.payload_text import load_sentences, load_table
+from pivident.payload.payload_text import load_rows, load_sentences, load_table
 from pivident.payload.possible_load import PossibleLoad, possible_load
 from pivident.text.finding import Finding
 from pivident.text.numbers import percent, plus_minus

@@ -13,7 +13,7 @@ from pivident.estimation.identification import FittedRecording, Identification
 from pivident.estimation.identification_file import to_csv, to_json
 from pivident.estimation.parameter_rows import parameter_rows
 from pivident.text.identifiers import identifiers, latex_name, latex_text, one_line
-from pivident.text.latex import latex_number, latex_unit
+from pivident.text.numbers import latex_number, latex_unit
 from pivident.text.plain_values import csv_table
 
 #: Numbers of all tables of signals together; one takes 9 bytes of the page.

@@ -21,7 +21,6 @@ from pivident.studio.fix_columns import (
     unnamed_torque,
     without_joint,
 )
-from pivident.studio.fix_keys import declared_rate, long_delay, renamed, superfluous, wrong_name
 from pivident.studio.fix_scale import (
     command_gain,
     loop_gain,
@@ -31,7 +30,16 @@ from pivident.studio.fix_scale import (
     unit_of_time,
     zero_position,
 )
-from pivident.studio.fix_settings import advised, gap, one_setting
+from pivident.studio.fix_settings import (
+    advised,
+    declared_rate,
+    gap,
+    long_delay,
+    one_setting,
+    renamed,
+    superfluous,
+    wrong_name,
+)
 from pivident.studio.remark_case import Edits, RemarkCase
 from pivident.text.toml_places import Place
 

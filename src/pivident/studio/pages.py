@@ -16,7 +16,7 @@ from pivident.robot.gallery import gallery_names
 from pivident.studio.assets import templates
 from pivident.studio.example import ROBOT
 from pivident.studio.findings_list import check_context
-from pivident.studio.methods_list import method_context
+from pivident.studio.methods import method_context
 from pivident.studio.projects import (
     RESULTS,
     Project,
@@ -31,8 +31,8 @@ from pivident.studio.studio import Content, Studio
 from pivident.studio.uploads import is_log
 from pivident.studio.view import View
 from pivident.text.lists import plural
+from pivident.text.numbers import bytes_in_words
 from pivident.text.plain_values import strict_json
-from pivident.text.sizes import bytes_in_words
 from pivident.version import __version__
 
 #: Names for new examples.

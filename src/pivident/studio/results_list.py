@@ -15,7 +15,7 @@ from pivident.studio.projects import EXPERIMENT, Project
 from pivident.studio.rows import Row
 from pivident.studio.run_folder import read_object
 from pivident.studio.steps import EXPORTED, STEPS
-from pivident.text.sizes import bytes_in_words
+from pivident.text.numbers import bytes_in_words
 from pivident.text.toml import parse_toml
 from pivident.text.toml_places import Place
 

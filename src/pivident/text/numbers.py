@@ -7,6 +7,7 @@ digits; NaN is a dash.
 from __future__ import annotations
 
 import math
+import re
 
 #: Numbers of this many decimals, or as large as this, are written with an exponent …
 _MANY_DECIMALS, _LARGE = 7, 1e6
@@ -64,3 +65,26 @@ def _is_plain(size: float, decimals: int) -> bool:
 
 def _exponent(x: float) -> int:
     return math.floor(math.log10(abs(x)))
+
+
+def bytes_in_words(size: int) -> str:
+    """A size as people say it."""
+    for unit, factor in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
+        if size >= factor:
+            return f"{size / factor:.3g} {unit}"
+    return f"{size} bytes"
+
+
+def latex_number(text: str) -> str:
+    r"""A printed number in math mode: ``1.2e-07`` as 1.2 · 10⁻⁷."""
+    mantissa, _, exponent = text.replace("∞", r"\infty").replace("−", "-").partition("e")
+    if mantissa == "–":
+        return "--"
+    return f"${mantissa}$" if not exponent else rf"${mantissa} \cdot 10^{{{int(exponent)}}}$"
+
+
+def latex_unit(unit: str) -> str:
+    r"""A unit in upright letters: ``kg m²`` as ``$\mathrm{kg\,m^{2}}$``."""
+    text = unit.replace("²", "^{2}").replace("·", r" ")
+    text = re.sub(r"\^([0-9.]+)", r"^{\1}", text)
+    return rf"$\mathrm{{{text.replace(' ', chr(92) + ',')}}}$"

@@ -18,9 +18,8 @@ from pivident.many.batch import runner
 from pivident.many.batch.batch_errors import SchedulerUnreachable
 from pivident.many.batch.cluster import DaskCluster
 from pivident.many.batch.runner import Processes
-from pivident.many.study import monte_carlo
-from pivident.many.study.monte_carlo import run_study
-from pivident.many.study.run import Row, Task, execute
+from pivident.many.study import run
+from pivident.many.study.run import Row, Task, execute, run_study
 from pivident.many.study.study_store import Store
 from tests.many.study.small import TEXT, small
 
@@ -69,7 +68,7 @@ def test_only_missing_runs_are_computed(reference, tmp_path, monkeypatch):
         computed.append(run)
         return execute(task, run)
 
-    monkeypatch.setattr(monte_carlo, "execute", counting)
+    monkeypatch.setattr(run, "execute", counting)
     with ThreadPoolExecutor(2) as executor:
         run_study(small(), tmp_path, 5, executor=executor)
         store = run_study(small(), tmp_path, RUNS, executor=executor)
@@ -126,11 +125,11 @@ def test_a_killed_study_goes_on_where_it_was(reference, tmp_path):
     folder = tmp_path / "out"
     code = f"""
 from pivident.many.batch import runner
-from pivident.many.study import monte_carlo
+from pivident.many.study import run
 from pivident.many.study.scenario import read_scenario
 runner.PORTION = 1
 if __name__ == "__main__":
-    monte_carlo.run_study(read_scenario({TEXT!r}, "small"), {str(folder)!r}, {RUNS}, workers=1)
+    run.run_study(read_scenario({TEXT!r}, "small"), {str(folder)!r}, {RUNS}, workers=1)
 """
     script = tmp_path / "study.py"
     script.write_text(code)

@@ -274,3 +274,14 @@ def _sync_folder(folder: Path) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
+
+
+#: Largest length of an error message.
+MAX_MESSAGE = 500
+
+
+def failure(error: BaseException, seconds: float) -> Row:
+    """Error class and message in place of estimates."""
+    notes = "".join(f" ({n})" for n in getattr(error, "__notes__", ()))
+    message = (" ".join(str(error).split()) + notes)[:MAX_MESSAGE]
+    return {"error": type(error).__name__, "message": message, "seconds": seconds}

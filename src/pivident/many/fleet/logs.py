@@ -15,8 +15,7 @@ from pivident.errors import ExperimentError
 from pivident.logs.source_files import existing_file, sha256
 from pivident.logs.tables.tables import READERS
 from pivident.many.fleet.fleet_schema import EVERY_LOG
-from pivident.many.fleet.log_pattern import ROBOT, Captures, Pattern
-from pivident.many.fleet.log_times import date_in, kind_of_times
+from pivident.many.fleet.log_pattern import ROBOT, Captures, Pattern, date_in, kind_of_times
 
 #: Captures with the time of a record, unless the file names another one.
 TIMES = ("time", "day", "date")

@@ -19,8 +19,7 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
 from pivident.estimation.problem import Problem
 from pivident.experiment.temperature import TEMPERATURE, without_temperature
-from pivident.many.batch.failure import failure
-from pivident.many.batch.results_folder import Row
+from pivident.many.batch.results_folder import Row, failure
 from pivident.many.fleet.logs import FleetLog
 from pivident.many.fleet.template import Template
 from pivident.recording.recording import Recording

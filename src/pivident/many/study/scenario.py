@@ -35,12 +35,89 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from pivident.errors import ExperimentError
+from pivident.estimation.methods import METHODS
 from pivident.files import regular_file
-from pivident.many.study.checks import check_scenario
-from pivident.many.study.league_methods import league_methods
+from pivident.many.study.bench import Bench
+from pivident.many.study.motion import reach_of
 from pivident.many.study.scenario_tables import ScenarioTables, file_named, merged, short_forms
+from pivident.robot.naming import nearest
+from pivident.robot.refusals import without_loops
 from pivident.text.toml import MAX_FILE, parse_toml
+
+#: Smallest number of samples of a record for all methods.
+MIN_RECORD = 200
+
+#: Largest number of samples of a record: two days at 5 kHz.
+MAX_RECORD = 1_000_000_000
+
+
+def check_scenario(scenario: ScenarioTables) -> None:
+    """Refuse a scenario whose tables do not fit its robot."""
+    without_loops(scenario.robot, "a study of simulated records", "use pivident.simulate")
+    bench = Bench(scenario)
+    scenario.methods, bench.estimated, bench.noise, bench.loop  # noqa: B018 - making them checks
+    bench.controller.check(scenario.robot.size)
+    _check_motion(scenario)
+
+
+def _check_motion(scenario: ScenarioTables) -> None:
+    entry, rate = scenario.content.trajectory, scenario.content.record.rate
+    if entry.type != "fourier":
+        reach_of(entry, scenario.robot.size)
+    speeds = scenario.robot.rated_speeds
+    if not np.isfinite(speeds).all():
+        missing = scenario.robot.joint_names[int(np.flatnonzero(np.isnan(speeds))[0])]
+        raise ExperimentError(
+            f"[trajectory] the robot has no rated speed of joint {missing!r}, which the motion "
+            "needs; add rated_speed to its description"
+        )
+    if entry.duration * rate > MAX_RECORD:
+        raise ExperimentError(
+            f"[trajectory] key 'duration' = {entry.duration:g} s gives a record of more than "
+            f"{MAX_RECORD:,} samples at {rate:g} Hz; shorten it"
+        )
+    samples = round(entry.duration * rate)
+    if samples < MIN_RECORD:
+        raise ExperimentError(
+            f"[trajectory] key 'duration' = {entry.duration:g} s gives a record of {samples} "
+            f"samples at {rate:g} Hz; at least {MIN_RECORD} are needed"
+        )
+
+
+#: Stands for all methods of a league.
+ALL = "all"
+
+#: What ``all`` leaves out: another name of ``ls``, and simulations without feedback, in which an
+#: arm that is held up by its control law falls.
+LEFT_OUT = ("wls", "oloe")
+
+
+def league_methods(names: Sequence[str]) -> list[str]:
+    """Methods by name, ``all`` written out, those named ``-NAME`` taken out; in order, each once.
+
+    Raises:
+        ExperimentError: there is no such method, or none is left.
+    """
+    chosen: dict[str, None] = {}
+    taken_out = set()
+    for name in names:
+        bare = name.removeprefix("-")
+        if bare not in (ALL, *METHODS):
+            raise ExperimentError(f"there is no method {bare!r}; {nearest(bare, (ALL, *METHODS))}")
+        if name.startswith("-"):
+            taken_out.add(bare)
+        elif name == ALL:
+            chosen |= dict.fromkeys(m for m in METHODS if m not in LEFT_OUT)
+        else:
+            chosen[name] = None
+    left = [name for name in chosen if name not in taken_out]
+    if not left:
+        raise ExperimentError("no method is left; name some, such as all,-particle or ls,iv,piv")
+    return left
+
 
 #: Maximum number of conditions of a scenario.
 MAX_CONDITIONS = 1000
