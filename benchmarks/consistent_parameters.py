@@ -20,8 +20,8 @@ from pathlib import Path
 import numpy as np
 from tests.load_scenario import tx40_with_load
 
+from pivident.consistency.consistent_estimate import consistent_prediction
 from pivident.consistency.consistent_model import make_consistent
-from pivident.consistency.consistent_prediction import consistent_prediction
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.errors import IdentificationError

@@ -25,7 +25,7 @@ from pivident.estimation.methods import (
 )
 from pivident.estimation.noise_options import Arma, AutoRegressive
 from pivident.experiment import consistency_keys as consistency_tables
-from pivident.experiment import excite_keys, room_keys, schema
+from pivident.experiment import excite_keys, schema
 from pivident.experiment import method_keys as method_tables
 from pivident.recording.recording import Recording
 from pivident.robot.mdh_schema import Entry, FrictionEntry
@@ -83,9 +83,9 @@ TABLES = {
     "`[excite]`": (excite_keys.ExciteEntry, ()),
     "joint limits": (excite_keys.JointLimitEntry, ()),
     "load": (excite_keys.LoadBodyEntry, ()),
-    "body": (room_keys.BodyEntry, ()),
-    "obstacle": (room_keys.ObstacleEntry, ()),
-    "tool_box": (room_keys.ToolBoxEntry, ()),
+    "body": (excite_keys.BodyEntry, ()),
+    "obstacle": (excite_keys.ObstacleEntry, ()),
+    "tool_box": (excite_keys.ToolBoxEntry, ()),
 }
 
 #: Keys whose default the code finds out instead of reading it from a class.
@@ -131,12 +131,12 @@ def default_of(name, field, classes):
 
 def test_every_table_is_documented():
     assert set(sections()) == set(TABLES)
-    modules = (schema, method_tables, consistency_tables, excite_keys, room_keys)
+    modules = (schema, method_tables, consistency_tables, excite_keys)
     names = {name: value for module in modules for name, value in vars(module).items()}
     models = {m for m in names.values() if isinstance(m, type) and issubclass(m, Entry)}
     described = {model for own, _ in TABLES.values() for model in models_of(own)}
     others = {Entry, method_tables.SharedOptions, consistency_tables.ConsistencyFile}
-    others |= {room_keys.RoomEntry}  # keys of [excite]
+    others |= {excite_keys.RoomEntry}  # keys of [excite]
     assert models - described <= others
 
 

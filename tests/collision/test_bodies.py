@@ -11,7 +11,7 @@ from pivident.collision.outlines import GALLERY, outline_of
 from pivident.collision.room import bodies_of_entries, clearances_of_room
 from pivident.collision.urdf import MAX_CAPSULES, link_capsules
 from pivident.errors import ExperimentError, RobotDescriptionError
-from pivident.experiment.room_keys import BodyEntry, RoomEntry
+from pivident.experiment.excite_keys import BodyEntry, RoomEntry
 from pivident.extras import MissingExtra
 from pivident.robot.frames import rotation_from_rpy
 from pivident.robot.gallery import load_robot

@@ -16,7 +16,7 @@ from pivident.collision.room import (
     tool_box_of_entry,
 )
 from pivident.errors import ExperimentError
-from pivident.experiment.room_keys import ObstacleEntry, RoomEntry
+from pivident.experiment.excite_keys import ObstacleEntry, RoomEntry
 from pivident.robot.frames import rotation_from_rpy
 from pivident.robot.gallery import load_robot
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pivident.errors import IdentificationError
-from pivident.flexibility.joint_impedance import periodic_load_speed
+from pivident.flexibility.impedance_fit import periodic_load_speed
 from pivident.flexibility.multisine import identify_multisine
 from pivident.flexibility.resonance import find_resonance
 from pivident.flexibility.simulated_joint import MotorLoop, loop_motion, simulate_joint

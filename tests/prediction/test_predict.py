@@ -9,8 +9,13 @@ import pivident as pv
 from pivident.errors import ExperimentError
 from pivident.estimation.equation_record import MotionRange
 from pivident.models.runnable_model import runnable_model
-from pivident.prediction.error_interval import block_squares, joint_intervals, total_interval
-from pivident.prediction.frequency_bands import motion_band_start, rms_by_band
+from pivident.prediction.error_interval import (
+    block_squares,
+    joint_intervals,
+    motion_band_start,
+    rms_by_band,
+    total_interval,
+)
 from pivident.text.numbers import format_significant
 from pivident.validation.held_out.held_out_errors import HeldOutErrors
 from tests.planar_log import RATE, planar_log

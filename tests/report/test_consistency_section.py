@@ -20,8 +20,7 @@ from pivident.diagnostics.verdict import verdict
 from pivident.estimation.identify import identify
 from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL
 from pivident.report.builder import render_report
-from pivident.report.consistency_figures import VIEWS, bodies_figure, moved_figure
-from pivident.report.sections.consistency import _figures
+from pivident.report.sections.consistency import VIEWS, _figures, bodies_figure, moved_figure
 from pivident.robot.gallery import load_robot
 from tests.browser import needs_browser, seen_on_a_phone
 from tests.load_scenario import tx40_with_load

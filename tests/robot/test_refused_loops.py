@@ -16,7 +16,7 @@ from pivident.dynamics.regressor_derivatives import RegressorDerivatives
 from pivident.dynamics.robot_regressor import regressor_of
 from pivident.errors import RobotDescriptionError
 from pivident.excitation import design_motion
-from pivident.experiment.room_keys import RoomEntry
+from pivident.experiment.excite_keys import RoomEntry
 from pivident.export import export_model, to_urdf
 from pivident.export.sdf import to_sdf
 from pivident.models.runnable_model import runnable_model

@@ -9,8 +9,7 @@ import pytest
 
 from pivident.experiment.experiment import load_experiment
 from pivident.report.motion import MAX_POSITIONS
-from pivident.studio.look import look, look_key, robot_picture
-from pivident.studio.looks import Looks
+from pivident.studio.looks import Looks, look, look_key, robot_picture
 from pivident.studio.signals import described, window
 from pivident.studio.tasks import Tasks
 from tests.planar_log import EXPERIMENT, HEADER, planar_log, write_experiment

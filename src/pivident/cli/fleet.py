@@ -85,7 +85,7 @@ def fleet(
 def _print(judgement: Judgement, place: Path) -> None:
     """Alarms, what they promise, what could not be judged, and where the files are."""
     from pivident.many.fleet.conclusion import ALARMS, PAGE, PARAMETERS
-    from pivident.many.fleet.fleet_text import judgement_text
+    from pivident.many.fleet.judgement import judgement_text
     from pivident.text.printable import escaped
 
     print(escaped(judgement_text(judgement, MAX_PRINTED)))

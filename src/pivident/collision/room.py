@@ -21,7 +21,7 @@ from pivident.robot.refusals import without_loops
 from pivident.text.lists import listed
 
 if TYPE_CHECKING:
-    from pivident.experiment.room_keys import BodyEntry, ObstacleEntry, RoomEntry
+    from pivident.experiment.excite_keys import BodyEntry, ObstacleEntry, RoomEntry
 
 
 def clearances_of_room(robot: Robot, room: RoomEntry) -> Clearances:

@@ -18,11 +18,10 @@ import numpy as np
 
 from pivident.comparison.aligned import aligned_by_group, aligned_by_name
 from pivident.comparison.compared_results import ComparedParameter, ComparedResults
-from pivident.comparison.comparison_errors import ComparisonError
 from pivident.comparison.comparison_text import comparison_text
 from pivident.comparison.cross_torque import cross_torques
 from pivident.comparison.differences import Difference, Estimate, difference, holm, share_a_record
-from pivident.comparison.entry import Entry, entry_of
+from pivident.comparison.entry import ComparisonError, Entry, entry_of
 from pivident.comparison.friction_curves import friction_curves
 from pivident.comparison.groups import difference_of_geometry
 from pivident.comparison.load import distinct_labels, load_entries, relabelled

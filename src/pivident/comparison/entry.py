@@ -12,8 +12,14 @@ import numpy as np
 
 from pivident.comparison.groups import Groups, base_of, groups_of
 from pivident.consistency.significance import HALF_INTERVAL
+from pivident.errors import PividentError
 from pivident.estimation.identification import Identification
 from pivident.robot.description import Robot
+
+
+class ComparisonError(PividentError, ValueError):
+    """Results that cannot be compared: fewer than two, none in a folder, names that do not fit."""
+
 
 Kind = Literal["identification", "consistent", "model"]
 

@@ -13,8 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from pivident.comparison.comparison_errors import ComparisonError
-from pivident.comparison.entry import Entry, Source, at_two_sigma, entry_of
+from pivident.comparison.entry import ComparisonError, Entry, Source, at_two_sigma, entry_of
 from pivident.comparison.groups import base_of
 from pivident.diagnostics.verdict_file import RESULT
 from pivident.errors import IdentificationFileError

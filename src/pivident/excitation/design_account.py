@@ -8,11 +8,11 @@ import numpy as np
 
 from pivident.excitation.checked_motion import FineCheck
 from pivident.excitation.criteria import condition_number, standard_errors
-from pivident.excitation.descent import Best
 from pivident.excitation.design import PAGE_RATE, Design, PredictedError
 from pivident.excitation.design_task import SAMPLES, DesignTask
 from pivident.excitation.limits import wider_than_described
 from pivident.excitation.motions import ExcitingMotion
+from pivident.excitation.search import Best
 from pivident.motion.wanted_motion import RISE
 from pivident.text.lists import listed
 

@@ -12,7 +12,6 @@ from pivident.collision.clearances import Clearances
 from pivident.errors import ExperimentError
 from pivident.estimation.identification import Identification
 from pivident.excitation.checked_motion import FineCheck, with_more_room
-from pivident.excitation.descent import Best
 from pivident.excitation.design import ClearanceUse, Design
 from pivident.excitation.design_account import account
 from pivident.excitation.design_task import DesignTask
@@ -24,7 +23,7 @@ from pivident.excitation.motions import ExcitingMotion
 from pivident.excitation.objective import Objective
 from pivident.excitation.questions import Question, robot_question
 from pivident.excitation.request import MIN_DURATION, DesignRequest, chosen_parameters
-from pivident.excitation.search import Search
+from pivident.excitation.search import Best, Search
 from pivident.robot.description import Robot
 from pivident.robot.refusals import without_loops
 from pivident.text.lists import listed

@@ -1,19 +1,179 @@
-"""Search for the coefficients of a motion: several starts side by side, the best kept."""
+"""Search for the coefficients of a motion: several starts side by side, the best kept.
+
+It passes through motions that break limits a little, so each one that it tries is a candidate only
+if no sample breaks a limit, and the best candidate is kept: the search can be ended at any time.
+Where limits bend (collisions do), a step may lead to where no linear model of them holds, and the
+program ends there. It then begins anew at the best candidate, in a smaller box around it.
+"""
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from pivident.excitation.descent import Best, Descent
 from pivident.excitation.objective import Objective
-from pivident.excitation.random_motions import random_coefficients
+from pivident.excitation.random_motions import coefficient_box, random_coefficients
 from pivident.text.numbers import percent
 from pivident.threads import linear_algebra_in_one_thread, thread_count
+
+#: Largest coefficient, over that with which its function alone reaches a limit.
+FARTHEST = 3.0
+
+#: Factor of the criterion: the first step goes along the gradient, whose size means nothing.
+GAIN = 0.02
+
+#: Iterations of one program, and the progress of the criterion at which it has ended.
+MAX_ITERATIONS, PROGRESS = 400, 1e-5
+
+#: Progress in a program that is worth another one in the same box; the factor and the least size of
+#: a smaller one.
+WORTH, SMALLER, SMALLEST = 0.02, 0.3, 0.02
+
+
+#: Progress of the criterion, a logarithm of variances, after which a motion is remembered.
+STEP = 0.1
+
+
+class SearchEnded(Exception):
+    """The time is over, or the user has seen enough."""
+
+
+@dataclass(eq=False)
+class Best:
+    """The best motion so far, of all starts."""
+
+    deadline: float  # by `time.perf_counter`
+    value: float = np.inf  # smoothed criterion
+    coefficients: np.ndarray | None = None
+    first: float = np.inf  # criterion of the best random motion, before any descent
+    first_coefficients: np.ndarray | None = None
+    evaluations: int = 0
+    #: Motions on the way, each better than the one before it by ``STEP``: one of them may keep a
+    #: limit between the samples that the best one breaks there.
+    earlier: list[np.ndarray] = field(default_factory=list)
+    ended: threading.Event = field(default_factory=threading.Event)
+    interrupted: bool = False  # by the user
+    _listed: float = np.inf  # criterion of the last of them
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the search has to end."""
+        return self.ended.is_set() or time.perf_counter() > self.deadline
+
+    def offer(self, value: float, coefficients: np.ndarray, first: bool = False) -> None:
+        """Keep a motion if it is better."""
+        with self._lock:
+            if first and value < self.first:
+                self.first, self.first_coefficients = value, coefficients.copy()
+            if value < self.value:
+                if self.coefficients is None or value < self._listed - STEP:
+                    self._listed = value
+                    self.earlier.append(coefficients.copy())
+                self.value, self.coefficients = value, coefficients.copy()
+
+
+@dataclass(eq=False)
+class Descent:
+    """A descent in scaled coefficients z, x = middle + z · scale."""
+
+    objective: Objective
+    best: Best
+    fixed: np.ndarray  # coefficients at the start, shape (size, joints)
+    free: slice  # those of the flat coefficients that the search may change
+    middle: np.ndarray
+    scale: np.ndarray
+    own: float  # criterion of the best candidate of this start
+    z: np.ndarray  # and its scaled coefficients
+    _kept: dict[str, tuple[bytes, tuple]] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, objective: Objective, start: np.ndarray, at_home: bool, best: Best) -> Descent:
+        """A descent from coefficients; ``at_home``: the posture at both ends stays."""
+        middle, scale = (x.ravel() for x in coefficient_box(objective.constraints))
+        free = slice(start.shape[1] if at_home else 0, None)
+        middle, scale = middle[free], scale[free]
+        z = np.clip((start.ravel()[free] - middle) / scale, -FARTHEST, FARTHEST)
+        made = cls(objective, best, start, free, middle, scale, np.inf, z)
+        value = objective.value(made.unpacked(z))
+        made.own = value if np.isfinite(value) else np.inf
+        return made
+
+    def unpacked(self, z: np.ndarray) -> np.ndarray:
+        """Coefficients, shape (size, joints), of scaled ones."""
+        x = self.fixed.ravel().copy()
+        x[self.free] = self.middle + z * self.scale
+        return x.reshape(self.fixed.shape)
+
+    def run(self) -> None:
+        """One program after the other, until nothing gets better or the search has to end."""
+        box = 2.0 * FARTHEST
+        try:
+            while box > SMALLEST:
+                before = self.own
+                self._program(box)
+                if not self.own < before - WORTH:
+                    box = SMALLER * min(box, 1.0)
+        except SearchEnded:
+            return
+
+    def _program(self, box: float) -> None:
+        """SLSQP from the best candidate, in a box around it."""
+        from scipy.optimize import minimize
+
+        low = np.maximum(self.z - box, -FARTHEST)
+        high = np.minimum(self.z + box, FARTHEST)
+        minimize(
+            self._cost,
+            self.z,
+            jac=True,
+            method="SLSQP",
+            bounds=np.column_stack([low, high]),
+            constraints={"type": "ineq", "fun": self._room, "jac": self._room_slope},
+            options={"maxiter": MAX_ITERATIONS, "ftol": GAIN * PROGRESS},
+        )
+
+    def _remembered(
+        self, kind: str, z: np.ndarray, compute: Callable[[np.ndarray], tuple]
+    ) -> tuple:
+        """A result at z, which SLSQP asks for in two calls."""
+        if self.best.is_over:
+            raise SearchEnded
+        key = z.tobytes()
+        if kind not in self._kept or self._kept[kind][0] != key:
+            self._kept[kind] = (key, compute(self.unpacked(z)))
+        return self._kept[kind][1]
+
+    def _cost(self, z: np.ndarray) -> tuple[float, np.ndarray]:
+        """The criterion and its gradient; a motion without information costs more than any."""
+        value, gradient = self._remembered("cost", z, self.objective.value_and_gradient)
+        self.best.evaluations += 1
+        if not np.isfinite(value):
+            return GAIN * 1e4, np.zeros(z.size)
+        if value < self.own and self.objective.constraints.largest_ratio(self.unpacked(z)) <= 1.0:
+            self.own, self.z = value, z.copy()
+            self.best.offer(value, self.unpacked(z))
+        return GAIN * value, GAIN * gradient.ravel()[self.free] * self.scale
+
+    def _room(self, z: np.ndarray) -> np.ndarray:
+        """What is left of each limit, as a share of it."""
+        ratios, _ = self._limits(z)
+        return 1.0 - ratios
+
+    def _room_slope(self, z: np.ndarray) -> np.ndarray:
+        _, gradients = self._limits(z)
+        return -gradients.reshape(len(gradients), -1)[:, self.free] * self.scale
+
+    def _limits(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        compute = self.objective.constraints.ratios_and_gradients
+        ratios, gradients = self._remembered("limits", z, compute)
+        return ratios, gradients
+
 
 #: Random motions of which the best begins a search.
 DRAWS = 16

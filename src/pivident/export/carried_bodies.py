@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.models.link_bodies import is_possible
+from pivident.models.possible_values import is_possible
 from pivident.robot.assembly import tree_order
 from pivident.robot.frames import Pose, rotation_from_z_to
 from pivident.robot.inertia import moved

@@ -16,7 +16,7 @@ import numpy as np
 from pivident.export.joint_side import JointSide
 from pivident.export.sketch import Stick, sticks
 from pivident.export.xml_text import number, numbers, quoted
-from pivident.models.link_bodies import written_body
+from pivident.models.possible_values import written_body
 from pivident.models.runnable_model import RunnableModel
 from pivident.robot.description import Joint, Robot
 from pivident.robot.frames import Pose, rotation_z

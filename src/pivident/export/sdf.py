@@ -14,7 +14,7 @@ from pivident.export.robot_file import RobotFile
 from pivident.export.sketch import Stick, sticks
 from pivident.export.xml_text import comment, distinct, number, numbers, quoted, rpy, unlike
 from pivident.models.exported import refuse_loops
-from pivident.models.link_bodies import is_possible, link_inertias, written_body
+from pivident.models.possible_values import is_possible, link_inertias, written_body
 from pivident.models.runnable_model import RunnableModel
 from pivident.robot.description import Joint
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.export.xml_text import rpy
-from pivident.models.link_bodies import link_inertias
+from pivident.models.possible_values import link_inertias
 from pivident.models.runnable_model import RunnableModel
 from pivident.robot.frames import rotation_from_z_to
 

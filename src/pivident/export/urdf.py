@@ -16,11 +16,10 @@ from pivident.export.carried_bodies import divide
 from pivident.export.differences import differences
 from pivident.export.joint_side import JointProperty, JointSide, joint_side
 from pivident.export.robot_file import RobotFile, plain_content
-from pivident.export.urdf_mimic import mimics
-from pivident.export.urdf_new import dynamics_line, inertial_lines, new_urdf, unknown_limits
+from pivident.export.urdf_new import dynamics_line, inertial_lines, mimics, new_urdf, unknown_limits
 from pivident.export.xml_edit import Element, XmlText
 from pivident.export.xml_text import number, numbers
-from pivident.models.link_bodies import is_possible, link_inertias
+from pivident.models.possible_values import is_possible, link_inertias
 from pivident.models.runnable_model import RunnableModel
 from pivident.robot.description import Robot
 from pivident.robot.frames import exact_angle

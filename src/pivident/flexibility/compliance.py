@@ -30,8 +30,8 @@ import numpy as np
 
 from pivident.flexibility.deflection_fit import DeflectionFit, fit_deflection, torque_through_spring
 from pivident.flexibility.deflection_motion import DeflectionMotion, deflection_motion
-from pivident.flexibility.jackknife import STUDENT
 from pivident.flexibility.measured import Measured
+from pivident.flexibility.spectral_equations import STUDENT
 from pivident.flexibility.transmission_error import TransmissionLine, find_orders, largest_order
 from pivident.recording.recording import Recording
 

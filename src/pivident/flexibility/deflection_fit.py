@@ -15,13 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.flexibility.deflection_motion import TRANSITION, DeflectionMotion
-from pivident.flexibility.jackknife import (
+from pivident.flexibility.measured import Measured
+from pivident.flexibility.spectral_equations import (
     BLOCKS,
     STUDENT,
     jackknife_standard_error,
     solve_with_jackknife,
 )
-from pivident.flexibility.measured import Measured
 from pivident.flexibility.transmission_error import TransmissionLine, line_columns
 
 

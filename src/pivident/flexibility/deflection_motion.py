@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.errors import IdentificationError
-from pivident.flexibility.jackknife import BLOCKS
+from pivident.flexibility.spectral_equations import BLOCKS
 from pivident.recording.recording import Recording
 from pivident.signals.bandpass import butterworth, central_difference
 

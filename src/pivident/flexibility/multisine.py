@@ -30,10 +30,11 @@ from pivident.flexibility.frequency_response import EXCITED, LocalSpectra
 from pivident.flexibility.impedance_fit import (
     fit_flexible,
     fit_rigid,
+    flexible_parts,
     least_squares_fit,
+    periodic_load_speed,
     weighted_errors,
 )
-from pivident.flexibility.joint_impedance import flexible_parts, periodic_load_speed
 from pivident.flexibility.measured import Measured
 from pivident.flexibility.resonance import CLEARLY_BETTER, FRICTION_SHARE, MIN_BINS
 from pivident.recording.recording import Recording

@@ -15,8 +15,13 @@ import numpy as np
 
 from pivident.errors import IdentificationError
 from pivident.flexibility.frequency_response import LocalSpectra, local_spectra
-from pivident.flexibility.impedance_fit import fit_flexible, fit_rigid
-from pivident.flexibility.joint_impedance import flexible_parts, load_speed, rigid_impedance
+from pivident.flexibility.impedance_fit import (
+    fit_flexible,
+    fit_rigid,
+    flexible_parts,
+    load_speed,
+    rigid_impedance,
+)
 from pivident.flexibility.measured import Measured
 from pivident.recording.recording import Recording
 

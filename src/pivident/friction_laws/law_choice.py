@@ -35,7 +35,7 @@ from pivident.estimation.methods import (
 )
 from pivident.estimation.problem import Problem
 from pivident.friction_laws.all_joints import AllJoints, settled_together
-from pivident.friction_laws.chosen_laws import JointLawChoice, LawChoice
+from pivident.friction_laws.chosen_laws import JointLawChoice, LawChoice, TriedRange
 from pivident.friction_laws.filtered_rows import LastPass
 from pivident.friction_laws.held_out_cells import Cells
 from pivident.friction_laws.law_candidates import (
@@ -53,7 +53,6 @@ from pivident.friction_laws.law_candidates import (
 from pivident.friction_laws.law_rules import judged, simplest, with_criterion
 from pivident.friction_laws.law_scores import JointJudge, LawScore
 from pivident.friction_laws.shape_constants import GAMMA
-from pivident.friction_laws.tried_range import TriedRange
 from pivident.robot.description import Robot
 from pivident.robot.friction import FrictionLaw
 from pivident.robot.naming import find_joint

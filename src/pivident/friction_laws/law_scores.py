@@ -21,8 +21,12 @@ from pivident.friction_laws.band_rows import BandRows
 from pivident.friction_laws.filtered_rows import LastPass, row_samples
 from pivident.friction_laws.held_out_cells import Cells, Division
 from pivident.friction_laws.impossible_signs import impossible_signs, impossible_terms
-from pivident.friction_laws.law_search import search_constants
-from pivident.friction_laws.shape_constants import GAMMA, ShapeConstant, shape_constants
+from pivident.friction_laws.shape_constants import (
+    GAMMA,
+    ShapeConstant,
+    search_constants,
+    shape_constants,
+)
 from pivident.friction_laws.training_set import TrainingSet, weighted_sums
 from pivident.motion.motion import with_inner
 from pivident.robot.description import Robot

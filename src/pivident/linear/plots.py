@@ -12,8 +12,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from pivident.extras import require
-from pivident.linear.model import LinearModel
-from pivident.linear.sensitivity import polynomials, response_and_gradient
+from pivident.linear.model import LinearModel, polynomials, response_and_gradient
 from pivident.linear.simulation import continuous_response, delayed
 from pivident.report.plotly_figures import colour
 

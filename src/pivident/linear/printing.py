@@ -7,8 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pivident.linear.model import LinearModel
-from pivident.linear.sensitivity import gain
+from pivident.linear.model import LinearModel, gain
 from pivident.signals.arma import Noise
 
 #: Digits of a value whose standard error is rounding.

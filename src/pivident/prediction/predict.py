@@ -14,8 +14,13 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.problem import Problem
 from pivident.logs.read_log import numbered_joints
 from pivident.models.runnable_model import RunnableModel
-from pivident.prediction.error_interval import block_squares, joint_intervals, total_interval
-from pivident.prediction.frequency_bands import motion_band_start, rms_by_band
+from pivident.prediction.error_interval import (
+    block_squares,
+    joint_intervals,
+    motion_band_start,
+    rms_by_band,
+    total_interval,
+)
 from pivident.prediction.prediction import ErrorOnLog, Prediction, interval_text
 from pivident.prediction.range_exits import COMPARED, exit_findings, range_exits
 from pivident.recording.recording import Recording

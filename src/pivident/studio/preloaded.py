@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 import pivident.studio.drafting
-import pivident.studio.look  # noqa: F401
+import pivident.studio.looks  # noqa: F401
 from pivident.audit.audit import audit_log
 from pivident.compiled import is_compiled
 from pivident.dynamics.base_parameters import base_parameters

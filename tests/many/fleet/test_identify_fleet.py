@@ -16,7 +16,7 @@ import pytest
 from pivident.errors import ExperimentError
 from pivident.many.fleet import identify_fleet as module
 from pivident.many.fleet.conclusion import ALARMS, PARAMETERS, conclude_fleet
-from pivident.many.fleet.fleet_errors import FleetError, OtherFleet
+from pivident.many.fleet.fleet_store import FleetError, OtherFleet
 from pivident.many.fleet.identify_fleet import identify_fleet
 from pivident.many.fleet.judgement import judge
 from pivident.many.fleet.one_log import identify_log

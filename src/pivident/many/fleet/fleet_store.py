@@ -7,14 +7,29 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+from pivident.errors import PividentError
 from pivident.extras import require
+from pivident.many.batch.batch_errors import OtherContents, ResultsFolderError
 from pivident.many.batch.results_folder import ResultsFolder, Row
-from pivident.many.fleet.fleet_errors import FleetFolderError, OtherFleet
 
 if TYPE_CHECKING:
     import polars as pl
 
     from pivident.many.fleet.template import Template
+
+
+class FleetError(PividentError):
+    """A fleet that cannot be identified or judged."""
+
+
+class FleetFolderError(ResultsFolderError):
+    """A results folder of a fleet that cannot be used or written to."""
+
+
+class OtherFleet(OtherContents, FleetFolderError):
+    """A results folder that holds the results of another fleet."""
+
+    rows, owner = "results", "fleet"
 
 
 def row_schema() -> dict[str, Any]:

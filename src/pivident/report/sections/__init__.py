@@ -1,10 +1,9 @@
 """The sections of a report, in the order of the page."""
 
 from pivident.report.sections.base import Section
-from pivident.report.sections.closed_loop import ClosedLoopSection
 from pivident.report.sections.comparison import ComparisonSection
 from pivident.report.sections.consistency import ConsistencySection
-from pivident.report.sections.control_loop import ControlLoopSection
+from pivident.report.sections.control_loop import ClosedLoopSection, ControlLoopSection
 from pivident.report.sections.convergence import ConvergenceSection, PrefiltersSection
 from pivident.report.sections.filters import FiltersSection
 from pivident.report.sections.held_out import HeldOutSection
@@ -18,8 +17,7 @@ from pivident.report.sections.parameters import CorrelationSection, JointsSectio
 from pivident.report.sections.provenance import DownloadsSection, ProvenanceSection
 from pivident.report.sections.residuals import ResidualsSection, SpectraSection, TestsSection
 from pivident.report.sections.simulation import SimulationSection
-from pivident.report.sections.summary import SummarySection
-from pivident.report.sections.verdict import VerdictSection
+from pivident.report.sections.verdict import SummarySection, VerdictSection
 
 SECTIONS: tuple[type[Section], ...] = (
     VerdictSection,

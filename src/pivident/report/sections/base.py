@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from pivident.estimation.identification import FittedRecording, Identification
+from pivident.estimation.methods import SignalRecipe
 from pivident.report.plotly_figures import Figure
 from pivident.report.report_data import ReportData
 
@@ -102,3 +103,19 @@ class RecordingSection(SignalSection):
             "left_out_names": data.left_out,
             "several": data.several,
         }
+
+
+def signal_recipe(identification: Identification) -> SignalRecipe | None:
+    """How positions became derivatives, from the method of the result.
+
+    None for a result loaded from a file: the options of a file are unverified.
+    """
+    if identification.equations is None or identification.method_used is None:
+        return None
+    return identification.method_used.signals
+
+
+def sampling_rate(identification: Identification) -> float:
+    """Rate of the recording before any decimation [Hz]; the equations must be there."""
+    assert identification.equations is not None
+    return float(identification.equations.records[0].kinematics.recording.rate)

@@ -7,8 +7,7 @@ from typing import Any
 from pivident.estimation.identification import Identification
 from pivident.report.frequency_figures import prefilter_figure
 from pivident.report.plotly_figures import Figure, change_figure, distance_figure
-from pivident.report.recipes import sampling_rate
-from pivident.report.sections.base import Gallery, Section
+from pivident.report.sections.base import Gallery, Section, sampling_rate
 from pivident.validation.residuals.residual_spectrum import scaled_prefilters
 
 

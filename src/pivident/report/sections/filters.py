@@ -14,8 +14,7 @@ from pivident.report.frequency_figures import (
     window_figure,
 )
 from pivident.report.plotly_figures import Figure
-from pivident.report.recipes import sampling_rate, signal_recipe
-from pivident.report.sections.base import Section
+from pivident.report.sections.base import Section, sampling_rate, signal_recipe
 
 
 class FiltersSection(Section):

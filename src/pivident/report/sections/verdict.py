@@ -1,4 +1,4 @@
-"""Should one believe it? The verdict, at the head of the page."""
+"""Should one believe it? The verdict, at the head of the page, and how each method ended."""
 
 from __future__ import annotations
 
@@ -7,9 +7,12 @@ from typing import Any
 import numpy as np
 
 from pivident.diagnostics.estimate_statements import WELL
+from pivident.diagnostics.verdict import beside_verdict
 from pivident.estimation.parameter_rows import parameter_rows
-from pivident.estimation.summary_tables import label_lines, rows_kind
+from pivident.estimation.summary_tables import ending, error_rows, label_lines, rows_kind
+from pivident.report.result_findings import disagreements, findings
 from pivident.report.sections.base import Section
+from pivident.text.finding import Finding
 from pivident.text.numbers import format_significant, percent
 
 
@@ -81,3 +84,36 @@ class VerdictSection(Section):
             ("Torque error, motion not fitted", percent(error.total_in_band), remark),
             ("Torque error, fitted motion", percent(result.training.total_in_band), below),
         ]
+
+
+class SummarySection(Section):
+    """One line per method, then the remarks in plain words."""
+
+    title = "Summary"
+    anchor = "summary"
+
+    def context(self) -> dict[str, Any]:
+        """Methods at a glance and remarks."""
+        data = self.data
+        apart = disagreements(data.identifications, data.labels)
+        names = list(data.diagnostics.identifications)
+        noticed = {
+            name: findings(i, tests)
+            for name, i, tests in zip(
+                names, data.identifications, data.diagnostics.residuals.values(), strict=True
+            )
+        }
+        remarks: dict[tuple[str, ...], list[Finding]] = {}
+        for holders, finding in beside_verdict(data.verdict, noticed):
+            remarks.setdefault(holders, []).append(finding)
+        return {
+            "methods": [
+                (label, i, ending(i), error_rows(i))
+                for label, i in zip(data.labels, data.identifications, strict=True)
+            ],
+            "remarks": [
+                ([(data.labels[names.index(n)], names.index(n)) for n in holders], own)
+                for holders, own in remarks.items()
+            ],
+            "disagreement": apart,
+        }
