@@ -27,10 +27,8 @@ from pivident.errors import IdentificationError
 from pivident.linear.arx import arx
 from pivident.linear.estimate import LinearEstimate
 from pivident.linear.order_selection import select_orders
-from pivident.linear.riv import riv
-from pivident.linear.rivc import rivc
-from pivident.linear.sriv import sriv
-from pivident.linear.srivc import srivc
+from pivident.linear.sriv import riv, sriv
+from pivident.linear.srivc import rivc, srivc
 
 #: Bias of the mean and ratio of the deviation to its bound that are accepted.
 BIAS = 4.0

@@ -4,7 +4,7 @@ from dataclasses import replace
 import pytest
 
 from pivident.errors import ExportError, RobotDescriptionError
-from pivident.export.original_urdf import original_urdf
+from pivident.export.urdf import original_urdf
 from pivident.robot.gallery import load_robot
 from pivident.robot.urdf import parse_urdf, read_urdf
 from tests.export.robots import UR

@@ -5,8 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from pivident.errors import IdentificationError
-from pivident.linear.riv import riv
-from pivident.linear.sriv import sriv
+from pivident.linear.sriv import riv, sriv
 from tests.linear.discrete_case import TRUTH, impulses, outputs
 from tests.linear.two_impulses import TWO_IMPULSES
 

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from pivident.errors import IdentificationError
-from pivident.linear.rivc import rivc
 from pivident.linear.simulation import continuous_response
-from pivident.linear.srivc import srivc
+from pivident.linear.srivc import rivc, srivc
 from tests.linear import published_systems
 from tests.linear.monte_carlo import check_against_bound, estimate
 

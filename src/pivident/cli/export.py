@@ -52,7 +52,7 @@ def export(
     from pivident.diagnostics.verdict_file import result_of
     from pivident.errors import ExportError
     from pivident.export.formats import FORMATS, export_model, verify_export
-    from pivident.export.original_urdf import original_urdf
+    from pivident.export.urdf import original_urdf
     from pivident.models.stored_model import stored_model
 
     if robot is not None and to != "urdf":

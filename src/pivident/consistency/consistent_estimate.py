@@ -13,7 +13,7 @@ from pivident.consistency.consistent_tables import link_table
 from pivident.consistency.method_names import consistent_label
 from pivident.consistency.profile_intervals import not_found_sentence
 from pivident.consistency.significance import HALF_INTERVAL
-from pivident.errors import Attempts, in_words
+from pivident.errors import Attempts, IdentificationError, in_words
 from pivident.estimation.identification import Identification
 from pivident.estimation.torque_sums import torque_sums
 from pivident.recording.recording import Recording

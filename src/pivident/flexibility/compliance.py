@@ -28,8 +28,13 @@ from functools import partial
 
 import numpy as np
 
-from pivident.flexibility.deflection_fit import DeflectionFit, fit_deflection, torque_through_spring
-from pivident.flexibility.deflection_motion import DeflectionMotion, deflection_motion
+from pivident.flexibility.deflection_fit import (
+    DeflectionFit,
+    DeflectionMotion,
+    deflection_motion,
+    fit_deflection,
+    torque_through_spring,
+)
 from pivident.flexibility.measured import Measured
 from pivident.flexibility.spectral_equations import STUDENT
 from pivident.flexibility.transmission_error import TransmissionLine, find_orders, largest_order

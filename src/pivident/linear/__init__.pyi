@@ -8,7 +8,7 @@ from .noise import ar as ar
 from .noise import arma as arma
 from .noise import select_arma as select_arma
 from .order_selection import select_orders as select_orders
-from .riv import riv as riv
-from .rivc import rivc as rivc
+from .sriv import riv as riv
 from .sriv import sriv as sriv
+from .srivc import rivc as rivc
 from .srivc import srivc as srivc

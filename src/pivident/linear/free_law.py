@@ -216,7 +216,7 @@ def _estimate(
     """One joint's linear model from the error, or what else the law sees, to the output."""
     from pivident.linear.arx import arx
     from pivident.linear.order_selection import select_orders
-    from pivident.linear.riv import riv
+    from pivident.linear.sriv import riv
 
     if seen.ndim > 1:
         both = (seen[:, 0], SEARCHED), (seen, SEARCHED_WITH_REFERENCE)

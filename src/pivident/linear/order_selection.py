@@ -21,10 +21,8 @@ import numpy as np
 
 from pivident.errors import DelayTooLong, IdentificationError, UnusableSignal
 from pivident.linear.estimate import LinearEstimate
-from pivident.linear.riv import riv
-from pivident.linear.rivc import rivc
-from pivident.linear.sriv import sriv
-from pivident.linear.srivc import srivc
+from pivident.linear.sriv import riv, sriv
+from pivident.linear.srivc import rivc, srivc
 
 OrderCriterion = Literal["yic", "aic", "bic", "r2"]
 Method = Literal["srivc", "rivc", "sriv", "riv"]

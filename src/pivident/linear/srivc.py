@@ -1,9 +1,9 @@
-"""SRIVC: the simplified refined instrumental variable method for continuous-time models.
+"""SRIVC and RIVC: refined instrumental variables for continuous-time models.
 
 y(t_k) = Σ_i B_i(p)/A_i(p) u_i(t_k - delay_i) + ξ_k is estimated directly from samples, without
 an intermediate discrete-time model, by iterating (C3) from a state-variable-filter start. With
 white ξ the estimate is statistically efficient: its covariance (C4) is the Cramér-Rao bound. With
-coloured ξ it stays consistent, but (C4) is then wrong; use :func:`pivident.linear.rivc.rivc`.
+coloured ξ it stays consistent, but (C4) is then wrong; use :func:`rivc`.
 
 In a closed loop give the external signal. This is CLSRIVC (Gilson, Garnier, Young and Van den
 Hof, 2008), whose instruments are the noise-free signals of the loop, with one change: the
@@ -12,6 +12,12 @@ the first stage of the two-stage method (Van den Hof and Schrama, 1993).
 
 Estimates are consistent when ``hold`` is the true behaviour of the input between samples (Pan,
 González, Welsh and Rojas, 2020), as with a digital controller and a D/A converter.
+
+RIVC is for the hybrid Box-Jenkins model (Young, Garnier and Gilson, 2008): ξ = C(z⁻¹)/D(z⁻¹) e, a
+discrete-time noise model of a continuous-time plant. SRIVC gives the residual ξ = y - x; its noise
+model is estimated, everything in (C3) is filtered by D/C, and both are repeated until the plant
+converges. Plant and noise parameters are asymptotically independent, so (C4) with the whitened
+instruments is the Cramér-Rao bound again.
 """
 
 from __future__ import annotations
@@ -24,15 +30,23 @@ from pivident.errors import OrdersNotSupported, UnstableFit
 from pivident.linear.estimate import LinearEstimate
 from pivident.linear.initial_model import initial_models
 from pivident.linear.model import Hold, fit_of
-from pivident.linear.refined_iv import Refined, refine
+from pivident.linear.refined_iv import NoiseFit, Refined, refine
 from pivident.linear.sampled_data import SampledData, columns_of, sampled_data
 from pivident.linear.structure import Structure, structure_of
+from pivident.signals.arma import ar, arma
+from pivident.signals.noise_models import fit_ar
 
 #: Starts refined, best first, until one converges.
 _STARTS = 3
 
 #: Mean of the residual, in its standard deviations, above which an offset is suspected.
 _OFFSET = 0.5
+
+#: Largest AR order searched (CAPTAIN's default).
+_ORDER_MAX = 32
+
+#: Residuals smaller than this fraction of the output are rounding, not noise.
+_ROUNDING = 1e-7
 
 
 def srivc(
@@ -182,3 +196,78 @@ def _warnings(data: SampledData, denominators: Sequence[np.ndarray], refined: Re
             "subtract the operating point from u and y."
         )
     return found
+
+
+def rivc(
+    u: np.ndarray,
+    y: np.ndarray,
+    dt: float,
+    numerator_order: int | Sequence[int],
+    denominator_order: int | Sequence[int],
+    *,
+    noise_order: tuple[int, int] | None = None,
+    delay: int | Sequence[int] = 0,
+    hold: Hold = "zoh",
+    external: np.ndarray | None = None,
+    tolerance: float = 1e-4,
+    max_iterations: int = 50,
+    svf_pole: float | None = None,
+    common: bool = True,
+) -> LinearEstimate:
+    """Continuous-time model of sampled data with coloured noise.
+
+    Args:
+        u: inputs, shape (samples,) or (samples, inputs).
+        y: output, shape (samples,).
+        dt: sampling period [s].
+        numerator_order: degree of B in p, one for all inputs or one each.
+        denominator_order: degree of A; with ``common=False`` one for all inputs or one each.
+        noise_order: degrees of D (AR) and C (MA) in z⁻¹; None: AR, its order by AIC.
+        delay: delay of the inputs in samples, one for all or one each.
+        hold: behaviour of the inputs between samples: ``zoh`` or ``foh``.
+        external: in closed loop, the signals that enter the loop from outside, shape (samples,)
+            or (samples, signals); None: open loop.
+        tolerance: largest change of a parameter at convergence, relative to it or to its
+            standard error.
+        max_iterations: most iterations, of SRIVC and of the refinement each.
+        svf_pole: pole of the first state-variable filter [rad/s], about the bandwidth; None:
+            several are tried.
+        common: whether one denominator serves all inputs.
+
+    Returns:
+        The model with its covariance and its noise model.
+
+    Raises:
+        UnusableSignal: NaN, constant signals, shapes that do not belong together.
+        DelayTooLong: a delay beyond the record.
+        OrdersNotSupported: too few samples, or columns that depend on each other.
+        UnstableFit: only an unstable model fits.
+        IdentificationError: the residual does not support a noise model of these orders.
+    """
+    inputs = columns_of("u", u).shape[1]
+    structure = structure_of(inputs, numerator_order, denominator_order, delay, hold, common)
+    data = sampled_data(u, y, dt, structure, external)
+    white = refined_from_data(data, structure, tolerance, max_iterations, svf_pole)
+    refined = white
+    if np.std(white.residual) > _ROUNDING * np.std(data.y):
+        refined = refine(
+            data,
+            structure,
+            white.theta,
+            tolerance=tolerance,
+            max_iterations=max_iterations,
+            fit_noise=_noise_fit(white.residual, noise_order),
+        )
+    method = "RIVC" if external is None else "CLRIVC"
+    return continuous_estimate(method, data, structure, refined)
+
+
+def _noise_fit(residual: np.ndarray, noise_order: tuple[int, int] | None) -> NoiseFit:
+    """The noise model of a residual; an order is searched once, so that the iteration converges."""
+    if noise_order is None:
+        order = fit_ar(residual, min(_ORDER_MAX, residual.size // 10)).order
+        return lambda v: ar(v, order)
+    ar_order, ma_order = noise_order
+    if ma_order == 0:
+        return lambda v: ar(v, ar_order)
+    return lambda v: arma(v, ar_order, ma_order)

@@ -18,18 +18,16 @@ from typing import Any
 from pivident.errors import ExperimentError
 from pivident.experiment.explained import every_problem, plain_form
 from pivident.init.experiment_text import SURE
-from pivident.studio.added_keys import (
+from pivident.studio.changed_content import (
     added_ways,
+    called,
     comment_lines,
+    content_with,
+    content_without,
     find_item,
     is_below,
     is_head,
     with_ends,
-)
-from pivident.studio.changed_content import (
-    called,
-    content_with,
-    content_without,
     without_empty_tables,
 )
 from pivident.studio.comments import (

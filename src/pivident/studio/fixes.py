@@ -14,20 +14,18 @@ from typing import Any
 from pivident.errors import ExperimentError, PividentError
 from pivident.studio.edits import changed, refuse_new_problems
 from pivident.studio.fix_columns import (
+    command_gain,
     fixed_columns,
+    loop_gain,
+    opposite_sense,
     order_of_columns,
     order_of_reference,
     order_of_torques,
-    unnamed_torque,
-    without_joint,
-)
-from pivident.studio.fix_scale import (
-    command_gain,
-    loop_gain,
-    opposite_sense,
     reversed_reference,
     reversed_torque,
     unit_of_time,
+    unnamed_torque,
+    without_joint,
     zero_position,
 )
 from pivident.studio.fix_settings import (

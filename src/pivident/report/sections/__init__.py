@@ -1,7 +1,6 @@
 """The sections of a report, in the order of the page."""
 
 from pivident.report.sections.base import Section
-from pivident.report.sections.comparison import ComparisonSection
 from pivident.report.sections.consistency import ConsistencySection
 from pivident.report.sections.control_loop import ClosedLoopSection, ControlLoopSection
 from pivident.report.sections.convergence import ConvergenceSection, PrefiltersSection
@@ -13,7 +12,12 @@ from pivident.report.sections.motion import (
     SignalsSection,
     TorqueSection,
 )
-from pivident.report.sections.parameters import CorrelationSection, JointsSection, ParametersSection
+from pivident.report.sections.parameters import (
+    ComparisonSection,
+    CorrelationSection,
+    JointsSection,
+    ParametersSection,
+)
 from pivident.report.sections.provenance import DownloadsSection, ProvenanceSection
 from pivident.report.sections.residuals import ResidualsSection, SpectraSection, TestsSection
 from pivident.report.sections.simulation import SimulationSection

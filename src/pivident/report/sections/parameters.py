@@ -1,14 +1,20 @@
-"""Estimates of all parameters, how they depend on each other, and what they leave by joint."""
+"""Estimates of all parameters and what they depend on, compared with each other and by joint."""
 
 from __future__ import annotations
 
 import html
+import math
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from pivident.estimation.parameter_rows import parameter_rows
+from pivident.estimation.parameter_rows import (
+    CONTRADICTION,
+    aligned_rows,
+    largest_difference,
+    parameter_rows,
+)
 from pivident.estimation.summary_tables import name_lines
 from pivident.report.intervals import interval_drawing
 from pivident.report.plotly_figures import Figure, empty_plot
@@ -18,6 +24,53 @@ from pivident.validation.parameter_correlation import (
     ParameterCorrelation,
     parameter_correlation,
 )
+
+
+class ComparisonSection(Section):
+    """Value and relative σ of each method, largest difference in combined σ."""
+
+    title = "Methods compared"
+    anchor = "comparison"
+
+    @property
+    def applies(self) -> bool:
+        """Only with several methods."""
+        return self.data.several
+
+    def context(self) -> dict[str, Any]:
+        """One entry per parameter with its rows, difference and drawing."""
+        labels = self.data.labels
+        entries: list[dict[str, Any]] = []
+        for name, rows in aligned_rows(self.data.identifications, self.data.truth).items():
+            distance, i, j = largest_difference(rows)
+            entries.append(
+                {
+                    "name": name,
+                    "rows": rows,
+                    "any": next(row for row in rows if row is not None),
+                    "distance": distance,
+                    "pair": f"{labels[i]} – {labels[j]}",
+                    "contradicts": distance > CONTRADICTION,
+                    "drawing": interval_drawing(
+                        rows,
+                        labels,
+                        with_zero=False,
+                        consistent=self.data.consistent.get(name, ()),
+                        nominal=self.data.nominal.get(name, math.nan),
+                    ),
+                }
+            )
+        return {
+            "labels": labels,
+            "consistent": sorted(
+                {(c.method, c.label) for own in self.data.consistent.values() for c in own}
+            ),
+            "nominal": any(entry["drawing"].nominal is not None for entry in entries),
+            "entries": entries,
+            "truth": bool(self.data.truth),
+            "contradiction": CONTRADICTION,
+        }
+
 
 #: Blue for -1, almost nothing for 0, orange for 1, on white as on black.
 _SCALE = [[0.0, "#2f7fd1"], [0.5, "rgba(138, 147, 163, 0.12)"], [1.0, "#e07b00"]]
