@@ -10,11 +10,10 @@ from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.equation_noise import EquationNoise
 from pivident.excitation.constraints import Constraints
-from pivident.excitation.criteria import Criterion, condition_number, standard_errors
+from pivident.excitation.criteria import Criterion, Objective, condition_number, standard_errors
 from pivident.excitation.information import Information, assumed_noise
 from pivident.excitation.limits import joint_limits
 from pivident.excitation.motions import MotionFamily
-from pivident.excitation.objective import Objective
 from pivident.excitation.questions import (
     gain_question,
     load_columns,

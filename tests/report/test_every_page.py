@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 import pivident as pv
-from pivident.comparison.comparison_page import render_page as comparison_page
+from pivident.comparison.comparison_files import render_page as comparison_page
 from pivident.flexibility.flexibility_page import render_page as flexibility_page
 from pivident.flexibility.joint_study import study_flexibility
 from pivident.friction.friction_study import FrictionStudy, joint_friction

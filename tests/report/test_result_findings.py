@@ -2,8 +2,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from pivident.report.result_findings import disagreements
-from pivident.report.result_findings import findings as remarks
+from pivident.report.sections.verdict import disagreements
+from pivident.report.sections.verdict import findings as remarks
 from pivident.text.finding import Finding
 from pivident.validation.residuals.residual_tests import residual_tests
 from tests.synthetic_identification import synthetic_identification

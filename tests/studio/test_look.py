@@ -10,9 +10,14 @@ import pytest
 from pivident.experiment.experiment import load_experiment
 from pivident.report.motion import MAX_POSITIONS
 from pivident.studio.looks import Looks, look, look_key, robot_picture
-from pivident.studio.signals import described, window
+from pivident.studio.signals import SIGNALS, window
 from pivident.studio.tasks import Tasks
 from tests.planar_log import EXPERIMENT, HEADER, planar_log, write_experiment
+
+
+def described(folder):
+    """Recordings, joints and channels of a folder of signals."""
+    return json.loads((folder / SIGNALS).read_text("utf-8"))
 
 
 def looked(experiment, folder):

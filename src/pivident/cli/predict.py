@@ -36,7 +36,7 @@ def predict(
     """
     from pivident.cli.workflow import can_draw, check_output
     from pivident.prediction.new_logs import new_logs
-    from pivident.prediction.prediction_files import write_csv
+    from pivident.prediction.prediction_page import write_csv
     from pivident.prediction.stored_results import stored_result
 
     for file in (csv, html):

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from pivident.control_law.law_gravity import PLACE_TEXTS
-from pivident.estimation.summary_tables import column, lines_of
 from pivident.simulation.control_loop import IdentifiedLaw
 from pivident.text.numbers import format_significant, with_spread
+from pivident.text.plain_table import column, lines_of
 
 
 def controller_table(found: IdentifiedLaw) -> str:

@@ -20,14 +20,13 @@ from pivident.estimation.parameter_rows import (
 )
 from pivident.estimation.simulation_tables import simulation_text
 from pivident.text.numbers import format_exact, format_significant, percent, with_spread
+from pivident.text.plain_table import GAP, column, lines_of
 
 #: Width of a table in characters, unless its numbers need more.
 WIDTH = 110
 
 #: A group written out gets at least this many characters.
 _SHORTEST_EXPRESSION = 12
-
-_GAP = "  "
 
 
 def identification_table(identification: Identification, *, with_warnings: bool = True) -> str:
@@ -44,7 +43,7 @@ def identification_table(identification: Identification, *, with_warnings: bool 
     if not _has_one_covariance(identification):
         own = column("method σ", [format_significant(row.std, 2) for row in rows], ".")
         columns.insert(-1, own)
-    taken = sum(len(own[0]) + len(_GAP) for own in columns)
+    taken = sum(len(own[0]) + len(GAP) for own in columns)
     room = max(WIDTH - taken, _SHORTEST_EXPRESSION)
     columns.append(column("group", [shortened(row.expression, room) for row in rows], "<"))
     parts = [headline(identification), lines_of(columns), _joint_table(identification)]
@@ -259,24 +258,3 @@ def _method_columns(
 
 def _first(rows: Sequence[ParameterRow | None]) -> ParameterRow:
     return next(row for row in rows if row is not None)
-
-
-def column(title: str, cells: Sequence[str], align: str, top: str | None = None) -> list[str]:
-    """Head and cells padded to one width; ``align`` is <, > or . for the decimal points."""
-    body = _on_decimal_point(cells) if align == "." else list(cells)
-    head = [title] if top is None else [top, title]
-    width = max(map(len, head + body))
-    side = "<" if align == "<" else ">"
-    return [f"{cell:{side}{width}}" for cell in head + body]
-
-
-def _on_decimal_point(cells: Sequence[str]) -> list[str]:
-    """Numbers padded so that their decimal points stand below each other."""
-    tails = [len(cell) - cell.find(".") if "." in cell else 0 for cell in cells]
-    widest = max(tails, default=0)
-    return [cell + " " * (widest - tail) for cell, tail in zip(cells, tails, strict=True)]
-
-
-def lines_of(columns: Sequence[Sequence[str]]) -> str:
-    """Columns of equal height side by side, as lines."""
-    return "\n".join(_GAP.join(cells).rstrip() for cells in zip(*columns, strict=True))

@@ -66,10 +66,6 @@ class Constraints:
         """Positions, speeds, accelerations and jerks, shape (4, samples, joints)."""
         return self.functions @ coefficients
 
-    def kinematic_ratio(self, coefficients: np.ndarray) -> float:
-        """Largest ratio of positions, speeds, accelerations and jerks."""
-        return float(self._kinematic(self.motion(coefficients)).max())
-
     def largest_ratio(self, coefficients: np.ndarray) -> float:
         """Largest ratio of all, without smoothing: one or less keeps every limit here."""
         moved = self.motion(coefficients)

@@ -12,6 +12,7 @@ from pivident.collision.clearances import Clearances
 from pivident.errors import ExperimentError
 from pivident.estimation.identification import Identification
 from pivident.excitation.checked_motion import FineCheck, with_more_room
+from pivident.excitation.criteria import Objective
 from pivident.excitation.design import ClearanceUse, Design
 from pivident.excitation.design_account import account
 from pivident.excitation.design_task import DesignTask
@@ -20,7 +21,6 @@ from pivident.excitation.feasibility import check_ranges, check_start, check_tra
 from pivident.excitation.knowledge import Knowledge, knowledge
 from pivident.excitation.limits import PLANNED_SHARE, ROOM, JointLimits, joint_limits
 from pivident.excitation.motions import ExcitingMotion
-from pivident.excitation.objective import Objective
 from pivident.excitation.questions import Question, robot_question
 from pivident.excitation.request import MIN_DURATION, DesignRequest, chosen_parameters
 from pivident.excitation.search import Best, Search

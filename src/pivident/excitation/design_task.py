@@ -8,12 +8,11 @@ import numpy as np
 
 from pivident.collision.clearances import Clearances
 from pivident.excitation.constraints import Constraints
-from pivident.excitation.criteria import Criterion
+from pivident.excitation.criteria import Criterion, Objective
 from pivident.excitation.information import Information, assumed_noise
 from pivident.excitation.knowledge import Knowledge
 from pivident.excitation.limits import JointLimits
 from pivident.excitation.motions import ExcitingMotion, MotionFamily
-from pivident.excitation.objective import Objective
 from pivident.excitation.questions import Question, robot_question
 from pivident.excitation.request import DesignRequest, motion_family
 from pivident.excitation.torque_bound import TorqueModel

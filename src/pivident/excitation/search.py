@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pivident.excitation.objective import Objective
+from pivident.excitation.criteria import Objective
 from pivident.excitation.random_motions import coefficient_box, random_coefficients
 from pivident.text.numbers import percent
 from pivident.threads import linear_algebra_in_one_thread, thread_count

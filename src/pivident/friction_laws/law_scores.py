@@ -17,8 +17,7 @@ import numpy as np
 from pivident.dynamics.parameters import standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.dynamics.robot_regressor import regressor_of
-from pivident.friction_laws.band_rows import BandRows
-from pivident.friction_laws.filtered_rows import LastPass, row_samples
+from pivident.friction_laws.filtered_rows import BandRows, LastPass, row_samples
 from pivident.friction_laws.held_out_cells import Cells, Division
 from pivident.friction_laws.impossible_signs import impossible_signs, impossible_terms
 from pivident.friction_laws.shape_constants import (

@@ -1,4 +1,4 @@
-"""Predictions as one HTML page that needs nothing else, in the look of the report."""
+"""Predictions as one HTML page that needs nothing else, in the look of the report, and as CSV."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
 
+import numpy as np
 from markupsafe import Markup
 
 from pivident.files import atomic_folder
@@ -13,6 +14,7 @@ from pivident.prediction.prediction import Prediction
 from pivident.report.builder import page_environment, page_of
 from pivident.report.plotly_figures import Figure, compared_figure
 from pivident.text.numbers import format_significant, percent
+from pivident.text.plain_values import csv_table
 
 #: Points of a trace.
 POINTS = 3000
@@ -78,3 +80,40 @@ def torque_figure(prediction: Prediction, joint: int) -> Figure:
         POINTS,
         note,
     )
+
+
+def write_csv(prediction: Prediction, path: str | PathLike[str]) -> Path:
+    """Write time, positions, measured and predicted torques as CSV, one line per sample.
+
+    Columns are ``t [s]``, and of each joint ``q_NAME``, ``tau_NAME`` where it was measured and
+    ``tau_model_NAME``, each with its unit.
+
+    Args:
+        prediction: the torques.
+        path: the file.
+
+    Returns:
+        The file.
+
+    Raises:
+        PividentError: it cannot be written.
+    """
+    path = Path(path)
+    columns, values = ["t [s]"], [prediction.t]
+    for j, (joint, torque) in enumerate(
+        zip(prediction.robot.joints, prediction.units, strict=True)
+    ):
+        columns.append(f"q_{joint.name} [{joint.position_unit}]")
+        values.append(prediction.q[:, j])
+        if prediction.tau is not None:
+            columns.append(f"tau_{joint.name} [{torque}]")
+            values.append(prediction.tau[:, j])
+        columns.append(f"tau_model_{joint.name} [{torque}]")
+        values.append(prediction.tau_model[:, j])
+    with atomic_folder(path.parent) as build, (build / path.name).open("w") as file:
+        file.write(csv_table(columns, []))
+        # stamps since 1970 have ten digits before the point, and microseconds behind it
+        digits = max(10, len(str(int(np.abs(prediction.t).max(initial=0.0)))) + 6)
+        formats = [f"%.{digits}g"] + ["%.10g"] * (len(columns) - 1)
+        np.savetxt(file, np.column_stack(values), fmt=formats, delimiter=",")
+    return path

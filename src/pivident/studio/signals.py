@@ -11,10 +11,8 @@ so that every peak stays at its place and height.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -44,16 +42,6 @@ def write_channel(folder: Path, recording: int, channel: str, values: np.ndarray
 def write_times(folder: Path, recording: int, t: np.ndarray) -> None:
     """Write the times of all samples, which never go backward [s]."""
     np.save(folder / _file(recording, "t"), np.asarray(t, dtype=np.float64))
-
-
-def described(folder: Path) -> dict[str, Any]:
-    """Recordings, joints and channels of a folder of signals, or its ``error``.
-
-    Args:
-        folder: where the signals are.
-    """
-    content = json.loads((folder / SIGNALS).read_text(encoding="utf-8"))
-    return dict(content)
 
 
 def window(

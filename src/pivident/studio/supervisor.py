@@ -19,14 +19,38 @@ from pathlib import Path
 from threading import Thread
 from typing import Any, BinaryIO
 
-from pivident.errors import PividentError
+from pivident.errors import ExperimentError, PividentError
 from pivident.files import atomic_folder, clear_up
-from pivident.studio.experiment_copy import with_title
+from pivident.init.experiment_text import string_text
+from pivident.studio.edits import with_value
 from pivident.studio.lock import take
 from pivident.studio.output import KeptStream, last_line, shown
 from pivident.studio.projects import EXPERIMENT
+from pivident.studio.rows import experiment_rows
 from pivident.studio.run_folder import ACCOUNT, OUTPUT, RunFolder, write_whole
 from pivident.text.plain_values import write_json
+
+#: Where the title of a report stands.
+TITLE = ("output", "title")
+
+
+def with_title(text: str, title: str) -> str:
+    """The text with a title for the report, where it has none: that of a hidden copy would be odd.
+
+    Args:
+        text: of the experiment file.
+        title: name of the project.
+
+    Returns:
+        The text; as it is where it cannot be read, which the command then says.
+    """
+    try:
+        if any(row.place == TITLE and row.value is not None for row in experiment_rows(text)):
+            return text
+        return with_value(text, TITLE, string_text(title.replace("_", " ")))
+    except ExperimentError:
+        return text
+
 
 #: Exit codes of commands that have done what was asked, with reservations or without.
 DONE_CODES = (0, 3, 4)

@@ -8,7 +8,7 @@ from pivident.many.study.bench import Bench
 from pivident.many.study.bound import efficiency_bounds
 from pivident.many.study.run import Task, execute
 from pivident.many.study.scenario import read_scenario
-from pivident.many.study.starts import is_physical
+from pivident.models.possible_values import is_possible
 from pivident.simulation.noise import Noise
 from pivident.simulation.transfer_law import TransferLaw
 from tests.many.study.small import TEXT, small
@@ -118,8 +118,8 @@ def test_starts_deviate_by_the_spread_and_stay_physical():
     friction = starts[:, names.index("fv1")] / bench.truth["fv1"]
     assert friction.std() == pytest.approx(0.15, rel=0.2)
     assert bench.start(3) == bench.start(3)
-    assert is_physical(bench.scenario.robot.links[0].inertia)
-    assert not is_physical(np.array([1.0, 0, 0, 0.1, 0, 0.1, 0, 0, 0, 1.0]))
+    assert is_possible(bench.scenario.robot.links[0].inertia)
+    assert not is_possible(np.array([1.0, 0, 0, 0.1, 0, 0.1, 0, 0, 0, 1.0]))
 
 
 def test_true_values_may_be_given():

@@ -15,9 +15,8 @@ from pivident.robot.naming import nearest
 from pivident.simulation.controllers import Cascade
 from pivident.simulation.direction import Direction, Kind, ParametrisedLoop
 
-#: Kinds of one joint each that may be sought, and those of the whole loop.
+#: Kinds of one joint each that may be sought; the others are of the whole loop.
 OF_JOINTS: tuple[Kind, ...] = ("drive_gain", "encoder_offset", "torque_offset")
-OF_LOOP: tuple[Kind, ...] = ("delay", "inputs")
 
 
 def model_unknowns(problem: Problem) -> list[Unknown]:

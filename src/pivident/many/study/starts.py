@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from pivident.consistency.pseudo_inertia import pseudo_inertia
 from pivident.dynamics.base_parameters import BaseParameters
 from pivident.dynamics.parameters import nominal_values
+from pivident.models.possible_values import is_possible
 
 #: Maximum number of draws of a physically possible link.
 DRAWS = 1000
@@ -24,16 +24,11 @@ def perturbed_values(base: BaseParameters, spread: float, rng: np.random.Generat
     for k, p in enumerate(base.standard):
         links.setdefault((p.joint, p.is_inertial), []).append(k)
     for (_, inertial), own in links.items():
-        wanted = inertial and is_physical(nominal[own])
+        wanted = inertial and is_possible(nominal[own])
         for _ in range(DRAWS):
             drawn[own] = nominal[own] * (1.0 + spread * rng.standard_normal(len(own)))
-            if not wanted or is_physical(drawn[own]):
+            if not wanted or is_possible(drawn[own]):
                 break
         else:
             drawn[own] = nominal[own]
     return base.values(drawn)
-
-
-def is_physical(inertia: np.ndarray) -> bool:
-    """Whether ten inertial parameters belong to a body: its pseudo-inertia is positive definite."""
-    return bool(np.linalg.eigvalsh(pseudo_inertia(inertia))[0] > 0.0)

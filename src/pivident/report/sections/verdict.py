@@ -2,18 +2,128 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
 from pivident.diagnostics.estimate_statements import WELL
 from pivident.diagnostics.verdict import beside_verdict
-from pivident.estimation.parameter_rows import parameter_rows
+from pivident.dynamics.signs import NegativeParameter, negative_parameters
+from pivident.estimation.identification import Identification
+from pivident.estimation.parameter_rows import (
+    CONTRADICTION,
+    aligned_rows,
+    largest_difference,
+    parameter_rows,
+    shown_std,
+)
 from pivident.estimation.summary_tables import ending, error_rows, label_lines, rows_kind
-from pivident.report.result_findings import disagreements, findings
 from pivident.report.sections.base import Section
-from pivident.text.finding import Finding
+from pivident.text.finding import Finding, Quantity
+from pivident.text.lists import listed
 from pivident.text.numbers import format_significant, percent
+from pivident.validation.residuals.residual_tests import ResidualTests
+
+#: Robust standard errors larger than the method's own by this factor contradict them.
+_TOO_NARROW = 2.0
+
+
+def findings(identification: Identification, tests: ResidualTests) -> tuple[Finding, ...]:
+    """Findings about one result: the estimator's own warnings first."""
+    own = identification.warnings
+    said = {w.topic for w in own} | ({"physics"} if any(w.topic == "signs" for w in own) else set())
+    more = (
+        *_about_convergence(identification),
+        *_about_parameters(identification),
+        *_about_noise(identification, tests),
+    )
+    return (*own, *(f for f in more if f.topic not in said))
+
+
+def disagreements(identifications: Sequence[Identification], labels: Sequence[str]) -> str | None:
+    """Which parameters two methods contradict each other on, None where there are none."""
+    apart = []
+    for name, rows in aligned_rows(identifications).items():
+        distance, i, j = largest_difference(rows)
+        if distance > CONTRADICTION:
+            apart.append((distance, f"{name} ({labels[i]} and {labels[j]})"))
+    if not apart:
+        return None
+    names = [text for _, text in sorted(apart, reverse=True)]
+    return (
+        f"Two methods differ by more than {CONTRADICTION:g} combined standard errors on "
+        f"{listed(names)}; at least one of their intervals is too narrow."
+    )
+
+
+def _about_convergence(identification: Identification) -> Iterator[Finding]:
+    if not identification.converged:
+        changes = [percent(100.0 * i.change) for i in identification.history[-1:]]
+        last = f" (last change {changes[0]})" if changes else ""
+        text = (
+            f"The iteration did not converge within {identification.iterations} passes{last}; "
+            "these values are not an estimate yet."
+        )
+        evidence = {"passes": Quantity(identification.iterations)}
+        yield Finding("error", "iteration", "not converged", text, evidence=evidence)
+
+
+def _about_parameters(identification: Identification) -> Iterator[Finding]:
+    rows = parameter_rows(identification)
+    undetermined = [row.name for row in rows if row.includes_zero]
+    if undetermined:
+        text = (
+            f"{len(undetermined)} of {len(rows)} parameters are not significantly different from "
+            f"zero, which their ±2σ includes: {listed(undetermined)}."
+        )
+        evidence = {"not significant": Quantity(len(undetermined))}
+        yield Finding("warning", "parameters", "not significant", text, evidence=evidence)
+    certain = [p for p in _negative(identification) if p.is_certain]
+    if certain:
+        names = listed([p.name for p in certain])
+        text = f"Negative, which friction and rotor inertia cannot be: {names}."
+        evidence = {p.name: p.quantity for p in certain}
+        yield Finding("error", "physics", "negative", text, evidence=evidence)
+    narrow = sum(row.robust_std > _TOO_NARROW * row.std for row in rows)
+    if narrow:
+        text = (
+            f"For {narrow} of {len(rows)} parameters the robust standard error is more than "
+            f"{_TOO_NARROW:g} times the method's own."
+        )
+        step = "The tables show the robust one."
+        evidence = {"parameters": Quantity(narrow)}
+        yield Finding("note", "parameters", "too narrow", text, "", step, evidence)
+
+
+def _about_noise(identification: Identification, tests: ResidualTests) -> Iterator[Finding]:
+    bound = [joint.name for joint in identification.joints if joint.ar_at_bound]
+    if bound:
+        text = f"Noise models of the largest order allowed: {listed(bound)}."
+        step = "A larger one might fit better."
+        yield Finding("warning", "noise model", "order at its bound", text, next_step=step)
+    correlated = [joint for joint, test in tests.of("whiteness") if test.matters]
+    if correlated:
+        text = (
+            f"Residuals that are not white: {listed(correlated)}. "
+            f"{_about_standard_errors(identification)}"
+        )
+        yield Finding("warning", "noise", "coloured", text)
+
+
+def _about_standard_errors(identification: Identification) -> str:
+    """What correlated residuals mean for the reported standard errors."""
+    if np.array_equal(identification.covariance, identification.robust_covariance):
+        return (
+            "The standard errors account for that (they come from windows of time), but a better "
+            "model of friction, elasticity or noise would make them smaller."
+        )
+    return "The method's own standard errors assume that they are; the tables show the robust ones."
+
+
+def _negative(identification: Identification) -> list[NegativeParameter]:
+    found = identification
+    return negative_parameters(found.parameters, found.names, found.theta, shown_std(found))
 
 
 class VerdictSection(Section):
