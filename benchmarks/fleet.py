@@ -146,9 +146,8 @@ def write_logs(folder: Path, options: argparse.Namespace) -> set[str]:
 
 def busy(folder: str, first: int, count: int, barrier: str) -> tuple[float, float]:
     """Seconds and processor seconds of one process for so many logs, warm."""
-    from pivident.many.fleet.identify_fleet import template_of
+    from pivident.many.fleet.identify_fleet import Task, identify_log, template_of
     from pivident.many.fleet.logs import find_logs
-    from pivident.many.fleet.one_log import Task, identify_log
 
     template = template_of(Path(folder))
     logs, _ = find_logs(Path(folder), template.pattern)

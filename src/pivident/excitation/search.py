@@ -1,9 +1,10 @@
 """Search for the coefficients of a motion: several starts side by side, the best kept.
 
-It passes through motions that break limits a little, so each one that it tries is a candidate only
-if no sample breaks a limit, and the best candidate is kept: the search can be ended at any time.
-Where limits bend (collisions do), a step may lead to where no linear model of them holds, and the
-program ends there. It then begins anew at the best candidate, in a smaller box around it.
+Each start descends by sequential quadratic programming (SciPy's SLSQP, Kraft 1988). It passes
+through motions that break limits a little, so each one that it tries is a candidate only if no
+sample breaks a limit, and the best candidate is kept: the search can be ended at any time. Where
+limits bend (collisions do), a step may lead to where no linear model of them holds, and the program
+ends there. It then begins anew at the best candidate, in a smaller box around it.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Keys of the table ``[excite]``: what a designed motion must keep to, and what is asked of it.
+"""Keys of the table ``[excite]``: what a designed motion must keep to, its room, and its aim.
 
 All in SI units on the joint side: rad and m, rad/s and m/s, N m and N. This module needs pydantic
 and is imported only when a file is read.

@@ -3,6 +3,8 @@
 Link frames are the model's, with the joint's axis as z. A motor's control is the joint torque tau
 of the model; a constant torque of the joint is a bias of its motor. Shapes are for display only.
 
+Closed loops become equality constraints between sites, joints and sums of joints:
+
     point       connect of two sites
     axis        two of them, at the origins and at a point of the axes
     full        weld of two sites

@@ -4,7 +4,7 @@ The fit minimises
 
     Σ |Y - (U - (fc + H fc_l) S)/Z|² / σ²(θ)
 
-over the bins, with Z and H of `joint_impedance` and σ²(θ) from the noise of speed Y and torque U,
+over the bins, with Z and H as below and σ²(θ) from the noise of speed Y and torque U,
 which neither the reference nor the sign S of friction explains (`frequency_response`), so noise fed
 back by the loop does not bias it. The sum is the cost.
 

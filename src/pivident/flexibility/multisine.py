@@ -2,7 +2,7 @@
 
 A multisine that repeats has lines, and what differs between its periods is noise: the mean over
 them gives speed Y_k, torque U_k and signs S_k of friction on each line k, the scatter their noise
-(Wernholt and Gunnarsson 2006 to 2008). With Z of `joint_impedance` the constants minimise
+(Wernholt and Gunnarsson 2006 to 2008). With Z of `impedance_fit` the constants minimise
 
     Σ_p Σ_k |Y_pk - (U_pk - (fc + H fc_l) S_pk)/Z_p|² / σ²_pk
 
@@ -204,7 +204,7 @@ def _check_excited(run: _Run, spectra: LocalSpectra) -> None:
 
 
 def _of_posture(theta: np.ndarray, posture: int) -> np.ndarray:
-    """Parameters of `joint_impedance` at one posture."""
+    """Parameters of `impedance_fit` at one posture."""
     motor, stiffness, damping, *friction = theta[: len(SHARED)]
     load = theta[len(SHARED) + posture]
     omega = 0.5 * (stiffness - load)

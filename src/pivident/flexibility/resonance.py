@@ -1,6 +1,6 @@
 """Stiffness of a joint from its motor's encoder alone: resonance and antiresonance in the loop.
 
-The impedance of a joint (`joint_impedance`) has a maximum at the antiresonance and a minimum at the
+The impedance of a joint (`impedance_fit`) has a maximum at the antiresonance and a minimum at the
 resonance; it is fitted over the bins that the reference excites (`impedance_fit`). The sign of the
 load's friction comes from the motor's speed through the spring, in a second fit; half of the change
 is added to the standard errors. A rigid joint is fitted as well. If the flexible one is not clearly

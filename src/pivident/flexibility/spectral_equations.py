@@ -6,9 +6,8 @@ matrix S(f) of the equations' residuals. With instruments Z that have no noise,
 
     θ = Re(Σ Zᴴ S⁻¹ Φ)⁻¹ Re(Σ Zᴴ S⁻¹ y),     P = ½ A⁻¹ Re(Σ Zᴴ S⁻¹ Z) A⁻ᵀ,   A = Re(Σ Zᴴ S⁻¹ Φ)
 
-The estimate of y = Φθ + e with instruments Z is θ = (ZᵀΦ)⁻¹Zᵀy; without block b of n consecutive
-ones it is θ_b. The standard error √((n-1)/n Σ (θ_b - mean θ_b)²) includes model error and needs no
-model of e.
+In time the estimate is θ = (ZᵀΦ)⁻¹Zᵀy; without block b of n consecutive ones it is θ_b. The
+standard error √((n-1)/n Σ (θ_b - mean θ_b)²) includes model error and needs no model of e.
 """
 
 from __future__ import annotations

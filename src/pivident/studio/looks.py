@@ -1,4 +1,13 @@
-"""The current look at each project: begun when its inputs change, the older one stopped."""
+"""The current look at each project: begun when its inputs change, the older one stopped.
+
+A look has signals of the logs to draw, then everything that is wrong with them:
+
+    experiment file ─▶ signals/   recordings, channels, the arm in motion
+                    ─▶ findings/  check, audit and its page
+
+Both are derived and belong to one state of the inputs, whose hash names their folder. Each appears
+whole or not at all.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Lines of the experiment file in the groups of the signals that they are about."""
+"""Lines of the experiment file in the groups of their signals, with the names of their keys."""
 
 from __future__ import annotations
 

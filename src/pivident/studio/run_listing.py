@@ -1,4 +1,4 @@
-"""Runs as plain values for a page: what was asked, where they are, what they have written."""
+"""Runs as plain values for a page: what was asked, how far they are, what was written."""
 
 from __future__ import annotations
 

@@ -17,9 +17,8 @@ from pivident.errors import ExperimentError
 from pivident.many.fleet import identify_fleet as module
 from pivident.many.fleet.conclusion import ALARMS, PARAMETERS, conclude_fleet
 from pivident.many.fleet.fleet_store import FleetError, OtherFleet
-from pivident.many.fleet.identify_fleet import identify_fleet
+from pivident.many.fleet.identify_fleet import identify_fleet, identify_log
 from pivident.many.fleet.judgement import judge
-from pivident.many.fleet.one_log import identify_log
 from pivident.report.drawing_library import DrawingLibrary
 from tests.many.fleet.planar_fleet import TEMPLATE, WARMTH, write_fleet
 

@@ -1,5 +1,7 @@
 """What comes with a fit: covariances, the least determined direction, errors of unit variance.
 
+Where the errors are stationary noise of any colour, the covariance is
+
     P = H⁻¹ V H⁻¹,   V the variance of the scores Σ_j Σ_t z_j(t) w_j(t)   (`score_spectra`)
 
 w are the whitened errors over √λ that the fit leaves, z their derivatives, less what the initial

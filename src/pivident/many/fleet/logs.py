@@ -1,7 +1,7 @@
 """The logs of a folder: robot, day, and files of the same record.
 
-Patterns of paths (`log_pattern`) distinguish logs, and a part of the path gives the time of each
-(`log_times`). Without a pattern every readable file is a log; its robot is its folder.
+Patterns of paths (`log_pattern`) distinguish logs, and a part of the path gives the time of each.
+Without a pattern every readable file is a log; its robot is its folder.
 """
 
 from __future__ import annotations

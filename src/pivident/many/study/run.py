@@ -1,6 +1,7 @@
-"""One run of a study: simulate its record, identify it with every method, one row for each.
+"""Runs of a study: simulate a record, identify it with every method, one row for each.
 
 A failed run has a row too: error class and message in place of estimates.
+They are computed on any executor and written once; see `batch.runner`.
 """
 
 from __future__ import annotations
