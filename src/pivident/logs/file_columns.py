@@ -8,8 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from pivident.errors import BadCell, FileFormatError, NoSamples
+from pivident.logs.recognition.time_columns import is_clock
 from pivident.logs.tables.read_csv import read_csv_forgiving
 from pivident.logs.tables.tables import names_in, read_table
+
+#: Longest axis from which on an array of other samples is named; shorter ones are constants.
+MIN_ARRAY = 10
 
 
 def read_columns(path: Path) -> dict[str, np.ndarray]:
@@ -45,18 +49,49 @@ def lenient_table(path: Path, names: Sequence[str] | None = None) -> dict[str, n
 
 
 def numeric_columns(table: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """One-dimensional columns of a table; those of an array carry its name and their index."""
+    """One-dimensional columns of a table; those of an array carry its name and their place in it.
+
+    Samples may run along any axis of an array: ``q[:, 0]`` is a column, ``q[0, :]`` a row.
+    """
+    samples = _samples(table)
     columns: dict[str, np.ndarray] = {}
-    lengths = [max(v.shape) for v in table.values() if v.ndim in (1, 2) and v.size]
-    samples = max(lengths, default=0)
     for name, values in table.items():
-        array = np.asarray(values, dtype=float)
-        if array.ndim == 2 and array.shape[0] != samples and array.shape[1] == samples:
-            array = array.T
-        if array.ndim == 2 and array.shape[1] == 1:
-            array = array[:, 0]
-        if array.ndim == 1 and len(array) == samples:
-            columns[name] = array
-        elif array.ndim == 2 and len(array) == samples:
-            columns |= {f"{name}[:, {j}]": array[:, j] for j in range(array.shape[1])}
+        array, long = np.asarray(values, dtype=float), [n for n in values.shape if n != 1]
+        if max(array.shape, default=0) != samples or len(long) > 2:
+            continue
+        if array.size == samples:
+            columns[name] = array.ravel()
+            continue
+        axis = array.shape.index(samples)
+        for place in np.ndindex(*array.shape[:axis], *array.shape[axis + 1 :]):
+            index = [*map(str, place[:axis]), ":", *map(str, place[axis:])]
+            columns[f"{name}[{', '.join(index)}]"] = np.moveaxis(array, axis, -1)[place]
     return columns
+
+
+def beside_columns(table: Mapping[str, np.ndarray]) -> dict[str, str]:
+    """What is no column of a table, or may be one along either axis, with the reason, by name."""
+    samples, beside = _samples(table), {}
+    for name, values in table.items():
+        shape = " × ".join(map(str, values.shape))
+        if max(values.shape, default=0) != samples and max(values.shape, default=0) >= MIN_ARRAY:
+            beside[name] = f"has other samples ({shape}, the log has {samples})"
+        elif sum(n != 1 for n in values.shape) > 2:
+            beside[name] = f"has {values.ndim} axes ({shape})"
+        elif values.shape.count(samples) > 1 and samples > 1:
+            beside[name] = f"is square ({shape}), and its first axis taken for that of the samples"
+    return beside
+
+
+def _samples(table: Mapping[str, np.ndarray]) -> int:
+    """Number of samples: that of a time column which other arrays share, or of most numbers."""
+    numbers: dict[int, int] = {}
+    clocks = set()
+    for name, values in table.items():
+        length = max(values.shape, default=0)
+        if values.size == length and is_clock(name, values.ravel()):
+            clocks.add(length)
+        else:
+            numbers[length] = numbers.get(length, 0) + values.size
+    lengths = clocks & numbers.keys() or numbers.keys() or clocks
+    return max(lengths, key=lambda length: (numbers.get(length, 0), length), default=0)
