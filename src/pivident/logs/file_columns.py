@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -10,18 +11,50 @@ import numpy as np
 from pivident.errors import BadCell, FileFormatError, NoSamples
 from pivident.logs.recognition.time_columns import is_clock
 from pivident.logs.tables.read_csv import read_csv_forgiving
-from pivident.logs.tables.tables import names_in, read_table
+from pivident.logs.tables.tables import names_in, read_table, unread_in
+from pivident.text.printable import escaped
 
 #: Longest axis from which on an array of other samples is named; shorter ones are constants.
 MIN_ARRAY = 10
 
+#: Things beside the columns that a message names.
+MAX_NAMED = 6
+
+
+@dataclass(frozen=True, eq=False)
+class FileColumns:
+    """Everything that a file holds."""
+
+    columns: dict[str, np.ndarray]  # numeric, shape (samples,)
+    constants: dict[str, np.ndarray]  # short arrays of other lengths: gains, ratios
+    beside: dict[str, str]  # what else there is, and why it is no column, by name
+
+
+def file_columns(path: Path) -> FileColumns:
+    """The columns of a file, arrays of two axes one by one, and what it holds beside them."""
+    table = lenient_table(path)
+    columns, beside = numeric_columns(table), unread_in(path)
+    beside |= dict.fromkeys((n for n in names_in(path) if n not in table), "holds no numbers")
+    if not columns:
+        raise FileFormatError(
+            f"{path.name} holds no columns of numbers{beside_text(beside)}; export the log again"
+        )
+    samples, beside = len(next(iter(columns.values()))), beside | beside_columns(table)
+    short = {n: v for n, v in table.items() if 0 < v.size and max(v.shape, default=1) < MIN_ARRAY}
+    constants = {n: v.ravel() for n, v in short.items() if max(v.shape, default=1) != samples}
+    return FileColumns(columns, constants, beside)
+
 
 def read_columns(path: Path) -> dict[str, np.ndarray]:
     """Every numeric column of a file; arrays of two axes column by column."""
-    columns = numeric_columns(lenient_table(path))
-    if not columns:
-        raise FileFormatError(f"{path.name} holds no columns of numbers; export the log again")
-    return columns
+    return file_columns(path).columns
+
+
+def beside_text(beside: Mapping[str, str]) -> str:
+    """What is no column, in brackets; empty where there is nothing."""
+    parts = [f"{escaped(name[:60])} {why}" for name, why in list(beside.items())[:MAX_NAMED]]
+    more = f"; {len(beside) - MAX_NAMED} more" if len(beside) > MAX_NAMED else ""
+    return f" (left out: {'; '.join(parts)}{more})" if parts else ""
 
 
 def lenient_table(path: Path, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:

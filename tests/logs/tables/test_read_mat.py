@@ -139,7 +139,7 @@ def test_structures_inside_each_other_without_end_are_named(tmp_path):
         deep = {"s": deep}
     scipy.io.savemat(tmp_path / "log.mat", {"t": np.arange(30.0), "deep": deep})
     assert mat_names(tmp_path / "log.mat") == ("t",)
-    assert "too many inside" in mat_unread(tmp_path / "log.mat")["deep" + 8 * ".s"]
+    assert "too many structures" in mat_unread(tmp_path / "log.mat")["deep" + 8 * ".s"]
 
 
 def test_complex_variables_are_passed_over_and_refused_by_name(tmp_path):

@@ -90,7 +90,10 @@ def _fields(
     """The fields of a structure; ``at``: where their names begin in the content of ``own``."""
     elements = math.prod(own.shape)
     if elements > MAX_ELEMENTS or not levels:
-        yield replace(own, why_not=f"has {elements} structures, or too many inside each other")
+        why = (
+            f"has {elements} structures" if levels else "has too many structures inside each other"
+        )
+        yield replace(own, why_not=why)
         return
     width, at = _part(content, at, order)
     text, at = _part(content, at, order)
