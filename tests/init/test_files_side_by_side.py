@@ -53,8 +53,8 @@ def test_arrays_of_other_lengths_and_square_ones_are_named(tmp_path):
     )
     draft = draft_experiment([tmp_path / "log.npz"], "planar_2r", out=tmp_path / "e.toml")
     (line,) = [a for a in draft.assumptions if a.key == "files"]
-    assert "long has other samples (2 × 90000, the log has 300)" in line.seen
-    assert "square is square (300 × 300), and its first axis" in line.seen
+    assert "long: other samples (2 × 90000, the log has 300)" in line.seen
+    assert "square: square (300 × 300), its first axis" in line.seen
 
 
 @pytest.mark.parametrize("names", [("t", "q", "tau"), ("time", "pos", "effort")])

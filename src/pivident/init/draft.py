@@ -186,9 +186,7 @@ def _recording(
     rows = "each with stamps of its own" if clocks else "with the same rows"
     seen = "as given" if len(files) == 1 else f"one run in files side by side, {rows}"
     seen += "".join(
-        f"; {file.shown} holds more than its columns{beside_text(file.beside)}"
-        for file in run.files
-        if file.beside
+        f"; {file.shown} holds more{beside_text(file.beside)}" for file in run.files if file.beside
     )
     lines = [Assumption("recording", "files", value, "certain", seen)]
     if column_names and single:

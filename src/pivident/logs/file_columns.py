@@ -34,7 +34,7 @@ def file_columns(path: Path) -> FileColumns:
     """The columns of a file, arrays of two axes one by one, and what it holds beside them."""
     table = lenient_table(path)
     columns, beside = numeric_columns(table), unread_in(path)
-    beside |= dict.fromkeys((n for n in names_in(path) if n not in table), "holds no numbers")
+    beside |= dict.fromkeys((n for n in names_in(path) if n not in table), "no numbers")
     if not columns:
         raise FileFormatError(
             f"{path.name} holds no columns of numbers{beside_text(beside)}; export the log again"
@@ -52,9 +52,9 @@ def read_columns(path: Path) -> dict[str, np.ndarray]:
 
 def beside_text(beside: Mapping[str, str]) -> str:
     """What is no column, in brackets; empty where there is nothing."""
-    parts = [f"{escaped(name[:60])} {why}" for name, why in list(beside.items())[:MAX_NAMED]]
+    parts = [f"{escaped(name[:60])}: {why}" for name, why in list(beside.items())[:MAX_NAMED]]
     more = f"; {len(beside) - MAX_NAMED} more" if len(beside) > MAX_NAMED else ""
-    return f" (left out: {'; '.join(parts)}{more})" if parts else ""
+    return f" ({'; '.join(parts)}{more})" if parts else ""
 
 
 def lenient_table(path: Path, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
@@ -108,11 +108,11 @@ def beside_columns(table: Mapping[str, np.ndarray]) -> dict[str, str]:
     for name, values in table.items():
         shape = " × ".join(map(str, values.shape))
         if max(values.shape, default=0) != samples and max(values.shape, default=0) >= MIN_ARRAY:
-            beside[name] = f"has other samples ({shape}, the log has {samples})"
+            beside[name] = f"other samples ({shape}, the log has {samples})"
         elif sum(n != 1 for n in values.shape) > 2:
-            beside[name] = f"has {values.ndim} axes ({shape})"
+            beside[name] = f"{values.ndim} axes ({shape})"
         elif values.shape.count(samples) > 1 and samples > 1:
-            beside[name] = f"is square ({shape}), and its first axis taken for that of the samples"
+            beside[name] = f"square ({shape}), its first axis is taken for that of the samples"
     return beside
 
 

@@ -128,6 +128,55 @@ def test_joints_in_messages_of_their_own_are_merged_by_joint(tmp_path):
     np.testing.assert_allclose(made.tau, np.column_stack([np.cos(3 * t), np.sin(5 * t)]), atol=1e-4)
 
 
+@pytest.mark.parametrize("filled", ["positions", "everything", "drifting"])
+@pytest.mark.parametrize("kind", [".bag", "mcap"])
+def test_another_publisher_of_the_same_joints_is_left_out_and_named(tmp_path, kind, filled):
+    """A node for a display sends zeros five times as often; the driver's messages are the log."""
+    store, is_ros1 = typestore(kind), kind == ".bag"
+    display = Messages("/joint_states", "sensor_msgs/msg/JointState")
+    for t in np.arange(0.0131, 0.7, 0.2e-3):
+        arrays = [[5.0 * t if filled == "drifting" else 0.0, 0.0]]
+        arrays += [] if filled == "positions" else 2 * [[0.0, 0.0]]
+        display.content.append((t, joint_state(store, is_ros1, t, NAMES[::-1], *arrays)))
+    driver = joint_states(store, is_ros1, NAMES, T, Q, TAU)
+    path = write_bag(tmp_path, kind, store, [driver, display])
+    made = load_recording(path, COLUMNS, joint_names=NAMES)
+    np.testing.assert_array_equal(made.q, Q)
+    np.testing.assert_array_equal(made.tau, TAU)
+    why = open_bag(path).passed_over["/joint_states"]
+    number, total = len(display.content), len(display.content) + len(T)
+    assert f"{number} (" in why and f"of {total} messages come from other sources" in why
+
+
+def test_a_publisher_of_other_joints_beside_the_same_ones_keeps_those(tmp_path):
+    """The display's own joint is no other source; its copies of the arm's joints are."""
+    store = typestore("mcap")
+    head = Messages("/joint_states", "sensor_msgs/msg/JointState")
+    for t in T[::4] + 0.2e-3:
+        message = joint_state(store, False, t, [*NAMES, "head"], [0.0, 0.0, np.sin(t)])
+        head.content.append((t, message))
+    path = write_bag(tmp_path, "mcap", store, [joint_states(store, False, NAMES, T, Q, TAU), head])
+    np.testing.assert_array_equal(load_recording(path, COLUMNS, joint_names=NAMES).q, Q)
+    own = read_bag(path)["/joint_states/position/head"]
+    np.testing.assert_array_equal(own[np.isfinite(own)], np.sin(T[::4] + 0.2e-3))
+
+
+def test_joints_in_turns_are_one_source(tmp_path):
+    store = typestore("mcap")
+    turns = Messages("/joint_states", "sensor_msgs/msg/JointState")
+    names, q = [*NAMES, "wrist"], np.column_stack([Q, Q[:, :1] + 1.0])
+    for k, t in enumerate(T):
+        own = [j for j in range(3) if j != k % 3]
+        message = joint_state(store, False, t, [names[j] for j in own], q[k, own])
+        turns.content.append((t, message))
+    path = write_bag(tmp_path, "mcap", store, [turns])
+    assert not open_bag(path).passed_over
+    found = read_bag(path)
+    for j, name in enumerate(names):
+        rows = [k for k in range(len(T)) if j != k % 3]
+        np.testing.assert_array_equal(found[f"/joint_states/position/{name}"][rows], q[rows, j])
+
+
 def test_missing_efforts_are_no_columns_and_nan_efforts_are_refused_by_name(tmp_path):
     with pytest.raises(UnknownColumn, match="effort"):
         load_recording(simple(tmp_path, "mcap", tau=None), COLUMNS, joint_names=NAMES)

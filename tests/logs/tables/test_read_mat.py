@@ -96,7 +96,7 @@ def test_text_and_cells_are_not_offered_but_named(tmp_path):
     content = {"q": np.ones((3, 1)), "note": "fast", "c": np.array(["x"], object)}
     scipy.io.savemat(tmp_path / "log.mat", content)
     assert mat_names(tmp_path / "log.mat") == ("q",)
-    assert mat_unread(tmp_path / "log.mat") == {"note": "is text", "c": "is a cell array"}
+    assert mat_unread(tmp_path / "log.mat") == {"note": "text", "c": "a cell array"}
 
 
 @pytest.mark.parametrize("packed", [False, True])
@@ -118,7 +118,7 @@ def test_fields_of_structures_are_variables(tmp_path, packed):
     assert {n for n, v in table.items() if v.size} == set(truth)
     for name, values in truth.items():
         np.testing.assert_array_equal(table[name], values, err_msg=name)
-    assert mat_unread(tmp_path / "log.mat") == {"scope.signals.label": "is text"}
+    assert mat_unread(tmp_path / "log.mat") == {"scope.signals.label": "text"}
 
 
 def test_objects_beside_numbers_are_named(tmp_path):
@@ -129,7 +129,7 @@ def test_objects_beside_numbers_are_named(tmp_path):
     inside += element(14, element(6, struct.pack("<II", 13, 0), "<") + b"\0" * 24, "<")
     with (tmp_path / "log.mat").open("ab") as stream:
         stream.write(element(14, inside, "<"))
-    assert mat_unread(tmp_path / "log.mat") == {"robot": "is an object of class SerialLink"}
+    assert mat_unread(tmp_path / "log.mat") == {"robot": "an object of class SerialLink"}
     assert read_mat(tmp_path / "log.mat")["q"].shape == (30, 2)
 
 
@@ -165,7 +165,7 @@ def test_text_groups_and_empty_variables_of_version_73_are_not_offered(tmp_path)
     assert set(table) == {"q", "s.x.tau"}
     np.testing.assert_array_equal(table["s.x.tau"], [[0, 3], [1, 4], [2, 5]])
     why = mat_unread(tmp_path / "log.mat")
-    assert why["s.robot"] == "is of class SerialLink" and why["nothing"] == "is empty"
+    assert why["s.robot"] == "of class SerialLink" and why["nothing"] == "empty"
     assert set(why) == {"note", "nothing", "s.robot"}
 
 

@@ -59,7 +59,7 @@ def test_lists_and_structures_are_columns(tmp_path):
         np.testing.assert_array_equal(found[name], values, err_msg=name)
         np.testing.assert_array_equal(read_table(path, [name])[name], values, err_msg=name)
     assert parquet_unread(path) == {
-        "seen": "has lists of 0 to 2 numbers", "names": "is of type list<element: string>",
+        "seen": "lists of 0 to 2 numbers", "names": "of type list<element: string>",
     }  # fmt: skip
 
 

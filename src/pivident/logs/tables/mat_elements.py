@@ -213,14 +213,14 @@ def _variable(
     shape = struct.unpack(f"{order}{len(sizes) // 4}i", sizes)
     if min(shape) < 0:
         raise ValueError(f"the variable at byte {place} has the size {shape}")
-    why_not = "" if number in _NUMBERS else f"is {_OTHERS.get(number, 'of an unknown class')}"
+    why_not = "" if number in _NUMBERS else _OTHERS.get(number, "of an unknown class")
     if number in (_OBJECT, _OPAQUE):
         names = [_part(content, at, order)]
         if number == _OPAQUE:  # "MCOS" stands before its name
             names.append(_part(content, names[0][1], order))
         why_not += f" of class {bytes(names[-1][0]).decode('utf-8', 'replace')}"
     elif flag & _COMPLEX and not why_not:
-        why_not = "is complex; save its real part"
+        why_not = "complex; save its real part"
     name = called or bytes(text).decode("utf-8", "replace")
     return Variable(name, shape, number, why_not, place), at
 

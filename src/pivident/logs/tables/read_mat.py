@@ -98,14 +98,14 @@ def _hdf5_datasets(path: Path) -> dict[str, tuple[tuple[int, ...], str]]:
             if len(found) > MAX_VARIABLES:
                 raise ValueError(f"it has more than {MAX_VARIABLES} variables")
             if not isinstance(group.get(name, getlink=True), h5py.HardLink):
-                found[own] = ((), "lies in another file; save it in one file")
+                found[own] = ((), "in another file; save it in one file")
             elif isinstance(item := group[name], h5py.Group) and levels:
                 if (place := h5py.h5o.get_info(item.id).addr) in visited:
                     continue
                 visited.add(place)
                 walk(item, f"{own}.", levels - 1)
             elif not isinstance(item, h5py.Dataset):
-                found[own] = ((), "has too many structures inside each other")
+                found[own] = ((), "too many structures inside each other")
             else:
                 found[own] = (item.shape[::-1], _why_no_numbers(item))
 
@@ -123,17 +123,17 @@ def _why_no_numbers(dataset: Any) -> str:
     kind = dataset.attrs.get("MATLAB_class", b"double")
     kind = kind.decode("utf-8", "replace") if isinstance(kind, bytes) else str(kind)
     if dataset.attrs.get("MATLAB_empty", 0):  # stored as the list of its dimensions
-        return "is empty"
+        return "empty"
     if kind in NUMERIC and dataset.dtype.kind in "biuf":
         return ""
-    return f"is of class {kind}" if kind not in NUMERIC else "is no array of real numbers"
+    return f"of class {kind}" if kind not in NUMERIC else "no array of real numbers"
 
 
 def _read_v5(path: Path, names: Sequence[str]) -> dict[str, np.ndarray]:
     known = {v.name: v for v in variables(path)}
     for name in names:
         if known[name].why_not:
-            raise FileFormatError(f"{path.name}: {name!r} {known[name].why_not}")
+            raise FileFormatError(f"{path.name}: {name!r} is {known[name].why_not}")
     return {name: array_of(path, known[name]) for name in names}
 
 

@@ -108,9 +108,9 @@ def _columns(path: Path, table: ParquetFile) -> tuple[dict[str, _Column], dict[s
                 for place, label in enumerate(_labels(path, name, high)):
                     found[f"{name}{label}"] = _Column(fields, high, place)
             else:
-                unread[name] = f"has lists of {low} to {high} numbers"
+                unread[name] = f"lists of {low} to {high} numbers"
         else:
-            unread[name] = f"is of type {str(kind)[:60]}"
+            unread[name] = f"of type {str(kind)[:60]}"
 
     for field in table.schema_arrow:
         add(field, ())
