@@ -31,6 +31,7 @@ from pivident.init.torque_unit import (
     torque_unit,
     without_torque,
 )
+from pivident.init.unnamed_signals import explained_columns, followed_columns, named_gain
 from pivident.logs.clocks.gaps import stretches
 from pivident.logs.file_columns import beside_text
 from pivident.logs.recognition.channel_words import plain_channel
@@ -107,6 +108,22 @@ def recording_lines(
     rows &= (clock.seconds >= window[0]) & (clock.seconds <= window[1])
     torque: TorqueUnit | None = None
     found = without_torque(robot)
+    unnamed: dict[str, str] = {}
+    if "tau" not in joints.channels and not _references(
+        run, joints, kept, si[:, own], clock, unit, own
+    ):
+
+        def compared(tau: np.ndarray) -> Comparison:
+            used = rows & np.isfinite(tau).all(axis=1)
+            return compare(robot, si[used][:, own], tau[used], clock.seconds[used])
+
+        joints, seen = explained_columns(run, joints, kept.names, compared)
+        if seen:
+            unnamed["tau"] = seen
+            turning = any(unit.units[j] not in ("m", "mm") for j in own)
+            joints = followed_columns(run, joints, kept.names, si[:, own], turning)
+            if "q_ref" in joints.channels:
+                unnamed["q_ref"] = "no name says reference, but the positions follow these columns"
     if (channel := joints.channels.get("tau")) is not None:
         tau = channel.values(run, kept.names)
         named = next(iter(channel.units.values()), None)
@@ -117,7 +134,10 @@ def recording_lines(
             unit = _other_angle(unit)
             si = raw * unit.factors(POSITION)
             found = compare(robot, si[rows][:, own], tau[rows], clock.seconds[rows])
-        torque = torque_unit(robot, found, named, channel.is_current, answers.get("unit of tau"))
+        gain = named_gain(run, channel, len(kept.names)) if unnamed else None
+        torque = torque_unit(
+            robot, found, named, channel.is_current, answers.get("unit of tau"), gain
+        )
     joints = _as_references_follow(run, joints, kept, si[:, own])
     references = _references(run, joints, kept, si[:, own], clock, unit, own)
     speeds = measured_speeds(
@@ -136,7 +156,9 @@ def recording_lines(
         *clock_lines(clock, others),
         *window_line(clock, window, still, (first, last)),
         *side_lines(torque, found),
-        *column_lines(joints, kept, clock, clock_file, others, besides, keys, _like_torques(run)),
+        *column_lines(
+            joints, kept, clock, clock_file, others, besides, keys, unnamed, _like_torques(run)
+        ),
         *unit_lines(clock, unit, own, torque, besides),
     ]
     return RecordingLines(
