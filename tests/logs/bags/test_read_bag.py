@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from rosbags.typesys import get_types_from_msg
 
 from pivident.errors import FileFormatError, NonFiniteSamples, RecordingError, UnknownColumn
 from pivident.logs.bags import joint_topics
@@ -175,6 +176,58 @@ def test_joints_in_turns_are_one_source(tmp_path):
     for j, name in enumerate(names):
         rows = [k for k in range(len(T)) if j != k % 3]
         np.testing.assert_array_equal(found[f"/joint_states/position/{name}"][rows], q[rows, j])
+
+
+MOTORS = "uint8 mode\nfloat32 q\nfloat32 tau_est\nint16[2] temperature\nfloat32[2] spare"
+LOW = "builtin_interfaces/Time time\ndemo_msgs/Motor[3] motor_state\ngeometry_msgs/Point[] points"
+
+
+@pytest.mark.parametrize("kind", [".bag", "mcap"])
+def test_arrays_of_a_robot_s_own_type_are_columns_by_number(tmp_path, kind):
+    """As the low-level states of a legged robot: motor_state[3], each with its own fields."""
+    store = typestore(kind)
+    store.register(get_types_from_msg(MOTORS, "demo_msgs/msg/Motor"))
+    low = LOW if kind == "mcap" else LOW.replace("builtin_interfaces/Time", "time")
+    store.register(get_types_from_msg(low, "demo_msgs/msg/Low"))
+    make, low, point = (
+        store.types[f"{name}"] for name in
+        ("demo_msgs/msg/Motor", "demo_msgs/msg/Low", "geometry_msgs/msg/Point")
+    )  # fmt: skip
+    stamp = store.types["builtin_interfaces/msg/Time"](1, 2)
+    sent = Messages("/lowstate", "demo_msgs/msg/Low")
+    q = np.float32(np.random.default_rng(1).normal(size=(40, 3)))
+    for k in range(40):
+        motors = [
+            make(k % 3, q[k, j], 2 * q[k, j], np.int16([20, 30]), np.float32([j, k]))
+            for j in range(3)
+        ]
+        sent.content.append((0.01 * k, low(stamp, motors, [point(1.0, 2.0, 3.0)])))
+    columns = read_bag(write_bag(tmp_path, kind, store, [sent]))
+    assert not any("points" in name for name in columns), "points are no states of drives"
+    for j in range(3):
+        np.testing.assert_array_equal(columns[f"/lowstate/motor_state/q/{j}"], q[:, j])
+        np.testing.assert_array_equal(columns[f"/lowstate/motor_state/tau_est/{j}"], 2 * q[:, j])
+        np.testing.assert_array_equal(columns[f"/lowstate/motor_state/spare/{j}/1"], np.arange(40))
+
+
+def test_names_beside_the_values_of_each_joint_stand_before_it(tmp_path):
+    """control_msgs/DynamicJointState: a list of interfaces for each joint."""
+    store = typestore("mcap")
+    value = "string[] interface_names\nfloat64[] values"
+    state = "std_msgs/Header header\nstring[] joint_names\ndemo_msgs/Value[] interface_values"
+    store.register(get_types_from_msg(value, "demo_msgs/msg/Value"))
+    store.register(get_types_from_msg(state, "demo_msgs/msg/State"))
+    value, state = (store.types[f"demo_msgs/msg/{name}"] for name in ("Value", "State"))
+    sent = Messages("/dynamic", "demo_msgs/msg/State")
+    for k in range(len(T)):
+        own = [value(["position", "effort"], np.array([Q[k, j], TAU[k, j]])) for j in range(2)]
+        sent.content.append((T[k], state(header(store, T[k], False), NAMES, own)))
+    path = write_bag(tmp_path, "mcap", store, [sent])
+    made = load_recording(
+        path, {"q": "values/position", "tau": "values/effort"}, joint_names=NAMES[::-1]
+    )
+    np.testing.assert_array_equal(made.q, Q[:, ::-1])
+    np.testing.assert_array_equal(made.tau, TAU[:, ::-1])
 
 
 def test_missing_efforts_are_no_columns_and_nan_efforts_are_refused_by_name(tmp_path):

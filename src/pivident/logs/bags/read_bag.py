@@ -5,6 +5,8 @@ Every topic whose messages hold floats gives columns ``topic/field/joint``:
     /joint_states/position/elbow            sensor_msgs/JointState
     /arm_controller/state/actual/positions/elbow    control_msgs/JointTrajectoryControllerState
     /franka_states/q/0                      arrays without names, by number
+    /lowstate/motor_state/tau_est/3         fields of the elements of arrays, by their number
+    /dynamic_joint_states/interface_values/values/effort/elbow      or by the names beside them
     /joint_states/stamp                     time stamps of the headers [s], where there are any
     /joint_states/receive_time              when the recorder received each message [s]
 
