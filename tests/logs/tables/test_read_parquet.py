@@ -114,3 +114,11 @@ def test_a_bomb_is_refused_before_it_is_unpacked(tmp_path, monkeypatch):
     pl.DataFrame({"q": np.zeros(2**19)}).write_parquet(tmp_path / "log.parquet")
     with pytest.raises(FileFormatError, match="200 times"):
         read_parquet(tmp_path / "log.parquet")
+
+
+def test_a_bomb_of_lists_is_refused_before_they_are_unpacked(tmp_path, monkeypatch):
+    monkeypatch.setattr(files, "HARMLESS_SIZE", 2**20)
+    table = pa.table({"t": [0.0, 1.0], "q": pa.array([[0.0] * 2**19] * 2)})
+    pq.write_table(table, tmp_path / "log.parquet")
+    with pytest.raises(FileFormatError, match="200 times"):
+        parquet_names(tmp_path / "log.parquet")
