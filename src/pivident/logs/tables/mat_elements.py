@@ -204,7 +204,7 @@ def _variable(
         raise ValueError(f"the variable at byte {place} has no class")
     flag = struct.unpack(order + "I", flags[:4])[0]
     number = flag & 0xFF
-    sizes = struct.pack(order + "ii", 1, 1)
+    sizes = memoryview(struct.pack(order + "ii", 1, 1))
     if number != _OPAQUE:  # an object of a newer class has no size
         sizes, at = _part(content, at, order)
     text, at = _part(content, at, order)

@@ -42,7 +42,9 @@ READERS: dict[str, tuple[Names, Read]] = {
 }
 
 #: What tells why a kind of file holds something that its reader passes over.
-UNREAD = {mat_names: mat_unread, parquet_names: parquet_unread}
+UNREAD: dict[Names, Callable[[Path], dict[str, str]]] = {
+    mat_names: mat_unread, parquet_names: parquet_unread,
+}  # fmt: skip
 
 #: Files that a message about a folder names, levels of folders in which they are looked for, and
 #: entries of a level that are looked at.
