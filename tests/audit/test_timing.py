@@ -21,7 +21,7 @@ def clocked(t, **more):
 def test_gap():
     rows = np.r_[:2000, 2030:5000]
     (finding,) = serious(only_rows(planar(), rows))
-    assert (finding.kind, finding.severity, finding.sample) == ("gap", "error", 1999)
+    assert (finding.kind, finding.severity, finding.sample) == ("gap", "warning", 1999)
     assert finding.quantity.value == 30.0
 
 
@@ -29,7 +29,7 @@ def test_a_clock_that_was_set_is_not_an_hour_of_lost_samples():
     t = np.arange(5000) * 1e-3
     t[3000:] += 3600.0
     (finding,) = serious(clocked(t))
-    assert (finding.kind, finding.severity, finding.sample) == ("gap", "error", 2999)
+    assert (finding.kind, finding.severity, finding.sample) == ("gap", "warning", 2999)
     assert "jumps ahead by 3600 s after sample 2999" in finding.message
     assert "4.998 s" in finding.message and "are missing" not in finding.message
     t[3000:] -= 3599.0  # lost samples: shorter than the log
@@ -57,8 +57,9 @@ def test_what_new_samples_make_good_is_told_and_not_wrong():
     assert serious(log) == [] and serious(replace(log, resample=False)) != []
     t[4000:] += 0.5
     (gap,) = serious(clocked(t, resample=True))
-    assert gap.kind == "gap" and gap.severity == "error" and gap.sample == 3999
+    assert gap.kind == "gap" and gap.severity == "warning" and gap.sample == 3999
     assert "part = " in gap.next_step and "resample" not in gap.next_step
+    assert "2 stretch(es) between gaps are used" in gap.message
 
 
 def test_repeated_backward_and_missing_stamps():

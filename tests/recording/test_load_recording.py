@@ -226,8 +226,14 @@ def test_a_bad_sample_is_named_with_joint_and_sample(tmp_path):
     wrong = TAU.copy()
     wrong[123, 1] = np.nan
     np.savez(tmp_path / "log.npz", q=Q, tau=wrong)
-    with pytest.raises(NonFiniteSamples, match=r"joint 'elbow'.*sample 123"):
-        load_recording(tmp_path / "log.npz", ARRAYS, rate=RATE, joint_names=["shoulder", "elbow"])
+    options = {"rate": RATE, "joint_names": ["shoulder", "elbow"]}
+    made = load_recording(tmp_path / "log.npz", ARRAYS, **options)
+    assert np.argwhere(~made.valid).tolist() == [[123, 1]]
+    assert "tau of elbow is empty, NaN or infinite at sample 123" in made.notes[0]
+    wrong[:, 1] = np.nan
+    np.savez(tmp_path / "log.npz", q=Q, tau=wrong)
+    with pytest.raises(NonFiniteSamples, match=r"joint 'elbow'.*sample 0"):
+        load_recording(tmp_path / "log.npz", ARRAYS, **options)
 
 
 def test_a_bad_cell_is_named_with_file_line_and_column(tmp_path):

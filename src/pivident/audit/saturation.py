@@ -7,8 +7,11 @@ import math
 import numpy as np
 
 from pivident.audit.frozen import check_frozen
+from pivident.logs.bad_samples import TOLERATED
 from pivident.logs.log import Log
+from pivident.logs.misplaced_positions import cuts
 from pivident.recording.checks import TOLERATED_CLIPPING, clipped_samples
+from pivident.recording.usable_samples import left_out
 from pivident.text.finding import Finding, Quantity, Severity, at_sample
 
 #: A spike stands out of its neighbourhood by so many of its standard deviations.
@@ -36,7 +39,7 @@ ONE_VALUE = 0.5
 
 def check_channels(log: Log) -> tuple[Finding, ...]:
     """Judge each signal by itself."""
-    findings: list[Finding] = []
+    findings = [*_no_measurements(log), *_breaks(log)]
     for name, values in log.signals().items():
         findings += _missing(log, name, values)
         finite = np.flatnonzero(np.isfinite(values))
@@ -59,20 +62,63 @@ def check_channels(log: Log) -> tuple[Finding, ...]:
     return tuple(findings)
 
 
+def _no_measurements(log: Log) -> list[Finding]:
+    """Rows that were left out, and samples that are no measurement but are there."""
+    step = "Check the logger."
+    findings = [
+        Finding("warning", "channels", "rows left out", text, "the log", step)
+        for text in log.dropped
+    ]
+    for fault in log.bad:
+        if fault.kind == "missing":
+            continue
+        first, number = int(fault.rows[0]), len(fault.rows)
+        text = f"{left_out(fault, log.joint_names, log.samples)}."
+        step = "They are left out of the equations; check the logger."
+        evidence = {"samples": Quantity(float(number)), **at_sample(first, log.time_of(first))}
+        name = fault.name(log.joint_names)
+        many = number > TOLERATED * log.samples
+        severity: Severity = "error" if many else "warning"
+        findings.append(Finding(severity, "channels", fault.kind, text, name, step, evidence))
+    return findings
+
+
+def _breaks(log: Log) -> list[Finding]:
+    """Places at which the positions jump and do not come back."""
+    at = cuts(log.logged["q"], log.clock) if "q" in log.logged else np.empty(0, int)
+    if not at.size:
+        return []
+    first = int(at[0])
+    text = f"The positions jump in {at.size} place(s) and do not come back, first at sample {first}"
+    text += f" (t = {log.time_of(first):.6g} s)." if log.time_of(first) is not None else "."
+    step = "Rows were lost or logged twice. The stretches before and behind are used separately."
+    evidence = {"breaks": Quantity(float(at.size)), **at_sample(first, log.time_of(first))}
+    return [Finding("warning", "channels", "break", text, "q", step, evidence)]
+
+
 def _missing(log: Log, name: str, values: np.ndarray) -> list[Finding]:
-    bad = np.flatnonzero(~np.isfinite(values))
+    missing = ~np.isfinite(values)
+    faults = [f for f in log.bad if not f.channel or f.name(log.joint_names) == name]
+    for fault in faults:
+        if fault.kind != "missing":
+            missing[fault.rows[fault.rows < len(missing)]] = False
+    bad = np.flatnonzero(missing)
     if not bad.size:
         return []
     text = (
         f"{name} has {bad.size} sample(s) that are empty, NaN or infinite, the first at "
         f"sample {bad[0]}."
     )
+    left_out_here = bool(faults) and bad.size <= TOLERATED * len(values)
     step = "Cut the recording there, or repair the log."
+    if left_out_here:
+        step = "They are left out of the equations; repair the log where they matter."
+    severity: Severity = "warning" if left_out_here else "error"
     evidence = {
         "missing": Quantity(float(bad.size), "samples"),
         **at_sample(int(bad[0]), log.time_of(int(bad[0]))),
     }
-    return [Finding("error", "channels", "missing", text, name, step, evidence)]
+    return [Finding(severity, "channels", "missing", text, name, step, evidence)]
 
 
 def _constant(name: str, value: float) -> Finding:
@@ -124,7 +170,8 @@ def _spikes(
         usual, 0.3 * float(np.std(second[np.abs(second) <= np.quantile(abs(second), 0.99)]))
     )
     spikes = []
-    speed = name.startswith("dq of ")
+    kind = name.partition(" of ")[0]
+    speed = kind == "dq"
     least = LEAST_SPEED if speed else 0.0
     excused = np.zeros(x.size, bool)
     if q is not None and np.isfinite(q).all():
@@ -145,7 +192,11 @@ def _spikes(
         f"{name} has {len(spikes)} isolated outlier(s), of up to {largest:.4g} (unit of the log); "
         f"the first is sample {first}."
     )
-    step = "Remove them (bandpass = {median = 3} under [identify] does), and check the logger."
+    step = "Check the logger."
+    if kind == "q":
+        step += " A median filter (bandpass = {median = 3} under [identify]) removes them from ls."
+    elif kind == "tau":
+        step += " The method irls gives them hardly any weight."
     evidence = {
         "height": Quantity(largest, "unit of the file", bound=SPIKE * usual),
         **at_sample(first, log.time_of(first)),

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pivident.audit.steps import check_steps
+from pivident.errors.recordings import written
 from pivident.logs.clocks.gaps import GAP, bridged_interval, stretches
 from pivident.logs.clocks.timestamps import (
     EVEN,
@@ -30,6 +31,9 @@ DRIFT_WRONG = 1e-2
 
 #: Two time columns that differ by more do not mean the same time.
 ANOTHER_CLOCK = 0.2
+
+#: What is done with the stretches between gaps.
+USED_APART = "The {n} stretch(es) between gaps are used as recordings of their own."
 
 #: Intervals that differ by less differ by the rounding of their stamps, relative.
 ROUNDING = 1e-9
@@ -172,7 +176,12 @@ def _one_clock(
             advice = (replace(left, resample=False) if log.resample else left).advice()
             step = f"{advice[0].upper()}{advice[1:]}."
         missing = Quantity(float(lost), "samples")
-        findings.append(finding("error", "gap", text, k, step, missing=missing))
+        apart = regular and (log.resample or not left.resample) and bool(left.parts)
+        if apart:
+            text += f" {USED_APART.format(n=len(left.parts))}"
+            step = f"{written(left.longest)} under [recording] uses the longest alone."
+        severity = "warning" if apart else "error"
+        findings.append(finding(severity, "gap", text, k, step, missing=missing))
         regular = False
         steps = steps[steps <= tolerated]
         ratio = steps / period

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from pivident.check.remark import Remark
+from pivident.check.remark import Remark, of_finding
 from pivident.estimation.kinematics import MIN_RUN, settled_recipe
 from pivident.estimation.methods import Bandpass, Method, RandomWalk
+from pivident.experiment.method_table import median_finding
 from pivident.recording.recording import Recording
 from pivident.signals.bandpass import EDGE
 from pivident.text.finding import Quantity
@@ -16,6 +17,8 @@ def check_filters(methods: Mapping[str, Method], recordings: Iterable[Recording]
     """Filters that a recording is too slow or too short for."""
     recordings = list(recordings)
     remarks = [_slowed(r) for r in recordings if r.slowed]
+    if (median := median_finding(methods)) is not None:
+        remarks.append(of_finding(median, ("identify",)))
     remarks += [r for own in recordings for r in _too_short(own, methods)]
     slowest = min(recordings, key=lambda r: r.rate, default=None)
     if slowest is None:

@@ -23,6 +23,7 @@ from pivident.check.torque_side import check_torque_side
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.errors import (
     BadCell,
+    BrokenMotion,
     ConstantChannel,
     GapInClock,
     IrregularSampling,
@@ -32,7 +33,7 @@ from pivident.errors import (
     PositionsBeyondLimits,
     SaturatedSignal,
 )
-from pivident.experiment.recording_tables import columns_in_file, log_of, recording_of
+from pivident.experiment.recording_tables import columns_in_file, log_of, run_of
 from pivident.experiment.schema import ControllerEntry, RecordingEntry
 from pivident.logs.clocks.timestamps import LOWEST_RATE
 from pivident.logs.file_columns import read_columns
@@ -99,9 +100,9 @@ def check_log(
     # that there is no torque concerns the control law, which is looked at later
     grave = [f for f in audit.findings if f.severity != "ok" and f.kind != "no torque"]
     own = [of_finding(f, place) for f in grave]
-    if failure is not None and not _is_reported(failure, audit):
+    if failure is not None and not recordings and not _is_reported(failure, audit):
         remarks.append(of_error(failure, "recording", place, _kind(failure)))
-    elif failure is not None:
+    elif failure is not None and not recordings:
         kinds = _kinds(failure)
         own = [replace(r, refused=True) if r.kind in kinds else r for r in own]
     remarks += own
@@ -132,24 +133,20 @@ def _recordings(
     if robot is None:
         return (), None
     try:
-        return (recording_of(entry, robot, folder),), None
-    except (MissingSamples, GapInClock) as gap:
-        left, failure = gap.stretches, gap
+        return run_of(entry, robot, folder)
+    except (MissingSamples, GapInClock, BrokenMotion) as gap:
+        try:  # what the plan is going to be once the short gaps are filled
+            return run_of(entry.model_copy(update={"resample": True}), robot, folder)[0], gap
+        except PividentError:
+            return (), gap
     except PividentError as error:
         return (), error
-    changed = {"resample": True} if left.resample else {}
-    try:
-        return tuple(
-            recording_of(entry.model_copy(update={**changed, "part": list(part)}), robot, folder)
-            for part in left.parts
-        ), failure
-    except PividentError:
-        return (), failure
 
 
 def _without_gaps(log: Log, timing: Timing, failure: PividentError | None) -> tuple[Log, Timing]:
     """The longest stretch without a gap, whose clock is regular; else the log as it is."""
-    if not isinstance(failure, (MissingSamples, GapInClock)) or not failure.stretches.lost:
+    gaps = (MissingSamples, GapInClock, BrokenMotion)
+    if not isinstance(failure, gaps) or len(failure.stretches.parts) < 2:
         return log, timing
     longest = log.between(*failure.stretches.longest)
     return longest, check_timing(longest)
@@ -164,6 +161,7 @@ def _with_other_columns(log: Log, entry: RecordingEntry, folder: Path) -> Log:
         every = read_columns(folder / entry.files)
     except PividentError:
         return log
+    every = {n: log.rows_kept(x) for n, x in every.items()}
     rest = {n: x for n, x in every.items() if repr(n) not in used and len(x) == log.samples}
     return replace(log, columns=rest)
 

@@ -40,6 +40,8 @@ KEYS: dict[tuple[str, str], Place] = {
     ("speed", "derivative"): ("columns", "dq_ref"),
     ("motion", "standstill"): ("columns", "q"),
     ("timing", "rate change"): ("part",),
+    ("channels", "break"): ("part",),
+    ("methods", "median"): ("bandpass", "median"),
 }
 
 #: Findings of single kinds that are fixed in the robot's table, by its key.

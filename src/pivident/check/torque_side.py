@@ -116,7 +116,7 @@ def torque_side_evidence(log: Log, timing: Timing, model: InverseModel) -> Torqu
     for theta, shares in zip(estimates, rotor, strict=True):
         inertia = mass_matrix(robot, parameters, theta, postures).mean(axis=0).diagonal()
         for joint, k in places:
-            shares[joint] = theta[k] / inertia[joint]
+            shares[joint] = theta[k] / inertia[joint] if inertia[joint] else np.nan
     errors = jackknife(rotor[1:])
     weights = np.nan_to_num(1.0 / np.maximum(errors, 1e-6) ** 2)
     total = max(float(weights.sum()), 1e-300)

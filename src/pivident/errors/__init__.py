@@ -32,6 +32,7 @@ from pivident.errors.kinds import (
 )
 from pivident.errors.recordings import (
     BadCell,
+    BrokenMotion,
     ChecksumMismatch,
     ClocksDisagree,
     ConstantChannel,
@@ -50,6 +51,7 @@ from pivident.errors.recordings import (
 
 __all__ = [
     "BadCell",
+    "BrokenMotion",
     "ChecksumMismatch",
     "ClocksDisagree",
     "ConstantChannel",

@@ -39,7 +39,7 @@ class Stretches:
     def advice(self) -> str:
         """What the gaps cost, and what to write into the experiment file, as a half sentence."""
         fill = "set resample = true" if self.resample else ""
-        if not self.lost:
+        if not self.lost and len(self.parts) < 2:
             return f"{fill}, which fills gaps as short as these" if fill else ""
         length = self.longest[1] - self.longest[0]
         kept = f"{length:.4g} s of {self.seconds:.4g} s"
@@ -50,11 +50,12 @@ class Stretches:
             number = "both" if len(self.parts) == 2 else f"the {len(first)} longest"
             number = "each" if 2 < len(self.parts) <= LISTED else number
             text += f", or one table [[recording]] for {number}: {listed}"
-        costs = [f"{self.lost:.3g} s are lost inside the gaps"]
+        costs = [f"{self.lost:.3g} s are lost inside the gaps"] if self.lost else []
         if self.short:
             costs.append(f"{self.short:.3g} s in stretches too short for a motion")
         more = f"; {fill} too, which fills the shorter gaps" if fill else ""
-        return f"{text} ({' and '.join(costs)}){more}"
+        lost = f" ({' and '.join(costs)})" if costs else ""
+        return f"{text}{lost}{more}"
 
 
 def written(part: tuple[float, float]) -> str:
@@ -232,6 +233,7 @@ class MissingSamples(IrregularSampling):
         time: its stamp [s].
         interval: length of the largest gap, from stamp to stamp [s].
         stretches: the stretches between the gaps.
+        fact: what is wrong, without the next step.
     """
 
     place = ("part",)
@@ -249,11 +251,11 @@ class MissingSamples(IrregularSampling):
         self.sample, self.time, self.interval = sample, time, interval
         self.stretches = stretches
         where = "in one gap" if gaps == 1 else f"in {gaps} gaps, the largest"
-        RecordingError.__init__(
-            self,
+        self.fact = (
             f"{missing} sample(s) are missing {where} of {_duration(interval)} after sample "
-            f"{sample} (t = {time:.6f} s); {stretches.advice()}",
+            f"{sample} (t = {time:.6f} s)"
         )
+        RecordingError.__init__(self, f"{self.fact}; {stretches.advice()}")
 
 
 class GapInClock(IrregularSampling):
@@ -266,6 +268,7 @@ class GapInClock(IrregularSampling):
         interval: length of that gap [s].
         gaps: number of gaps.
         stretches: the stretches between the gaps.
+        fact: what is wrong, without the next step.
     """
 
     place = ("part",)
@@ -282,11 +285,34 @@ class GapInClock(IrregularSampling):
         self.channel, self.clock, self.time, self.interval = channel, clock, time, interval
         self.gaps, self.stretches, self.kind = gaps, stretches, "gap"
         others = "" if gaps == 1 else f", the longest of {gaps} gaps"
-        RecordingError.__init__(
-            self,
+        self.fact = (
             f"{channel} has no samples for {_duration(interval)} after {time:.3f} s on the clock "
-            f"{clock}{others}, and nothing is interpolated over that; {stretches.advice()}",
+            f"{clock}{others}, and nothing is interpolated over that"
         )
+        RecordingError.__init__(self, f"{self.fact}; {stretches.advice()}")
+
+
+class BrokenMotion(IrregularSampling):
+    """Positions that jump and do not come back, or that are not known for too long.
+
+    Attributes:
+        sample: first sample behind the first break.
+        time: its stamp [s].
+        breaks: number of breaks.
+        stretches: the stretches between the breaks.
+        fact: what is wrong, without the next step.
+    """
+
+    place = ("part",)
+
+    def __init__(
+        self, what: str, sample: int, time: float, breaks: int, stretches: Stretches
+    ) -> None:
+        self.sample, self.time, self.breaks, self.stretches = sample, time, breaks, stretches
+        self.kind = "break"
+        others = "" if breaks == 1 else f", the first of {breaks} such places"
+        self.fact = f"{what} at sample {sample} (t = {time:.6f} s){others}"
+        RecordingError.__init__(self, f"{self.fact}; {stretches.advice()}")
 
 
 class ClocksDisagree(RecordingError):

@@ -16,6 +16,7 @@ from pivident.estimation.signal_recipes import Decimated
 from pivident.motion.kinematics import Kinematics
 from pivident.motion.motion import SimulatedMotion, packed_stretch
 from pivident.motion.speed_limits import SpeedLimits
+from pivident.recording.usable_samples import mostly_usable
 from pivident.signals.decimation import (
     Convention,
     decimation_blocks,
@@ -175,9 +176,12 @@ def decimate_record(
     z = None if motion is None else decimated_columns(regressor, motion, part, factor, like)
     dq = parallel_decimation(source.dq[:, part].T, factor, convention=like).T
     used = limits.moving(dq)
+    at = np.round((t - kinematics.recording.start_time) * kinematics.recording.rate).astype(int)
     if motion is not None and motion.valid is not None:
-        at = np.round((t - kinematics.recording.start_time) * kinematics.recording.rate)
-        used = used & motion.valid[at.astype(int)]
+        used = used & motion.valid[at]
+    if kinematics.measured is not None:  # the decimation mixes a sample with those beside it
+        reach = int(np.prod(decimation_stages(factor)))
+        used = used & [mostly_usable(measured, reach)[at] for measured in kinematics.measured]
     return DecimatedRecord(kinematics, t, phi, z, tau, dq, used)
 
 

@@ -17,7 +17,7 @@ from pivident.dynamics.regressor import Regressor
 from pivident.estimation.covariance.windows import Windows
 from pivident.estimation.equation_record import FittedRecording, JointColumns
 from pivident.estimation.normal_equations import JointSums
-from pivident.motion.kinematics import Kinematics, residual_of
+from pivident.motion.kinematics import Kinematics, measured_samples, residual_of
 from pivident.motion.motion import Motion, SimulatedMotion, packed_stretch
 from pivident.motion.speed_limits import SpeedLimits
 from pivident.scratch import working_array
@@ -184,7 +184,7 @@ def valid_samples(kinematics: Kinematics, dq: np.ndarray, limits: SpeedLimits) -
 
     ``dq``: speeds that decide, shape (joints, samples): the instruments', where there are any.
     """
-    valid = limits.moving(dq)
+    valid = limits.moving(dq) & measured_samples(kinematics)
     valid[:, : kinematics.start] = False
     valid[:, kinematics.stop :] = False
     return valid

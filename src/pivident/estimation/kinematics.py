@@ -21,6 +21,7 @@ from pivident.errors import RecordingError, RecordingTooShort
 from pivident.estimation.methods import Algebraic, Bandpass, RandomWalk, SignalRecipe
 from pivident.motion.kinematics import MIN_RUN, Kinematics, aligned_torque
 from pivident.recording.recording import Recording
+from pivident.recording.usable_samples import without_neighbours
 from pivident.scratch import working_array
 from pivident.signals.algebraic import algebraic_derivative, half_gain_product
 from pivident.signals.bandpass import EDGE, bandpass
@@ -35,6 +36,9 @@ from pivident.signals.random_walk import (
 )
 from pivident.signals.spectral_lines import SpectralLine
 from pivident.threads import run_in_threads
+
+#: Samples beside a torque that its value at the instant is made from, to a thousandth.
+NUMEROV = 3
 
 #: Cut-off over the half-power frequency: the Butterworth filter then keeps 96 % there.
 ABOVE_HALF_POWER = 1.5
@@ -91,12 +95,17 @@ def _kinematics(recording: Recording, signals: SignalRecipe) -> Kinematics:
     align = signals.align or recording.wrench_torque is not None
     at_instants = align and not isinstance(signals, Bandpass)
     lost = [(0, 0)] * recording.joints
+    measured = None if recording.valid is None else np.ascontiguousarray(recording.valid.T)
 
     def work(j: int) -> None:
         torque = aligned_torque(recording, j, align)
         lost[j] = torque.lost_start, torque.lost_end
         averaged = at_instants and torque.is_average
         tau[j] = torque_at_instants(torque.tau) if averaged else torque.tau
+        if measured is not None:  # by all samples that the torque was moved from
+            reach = NUMEROV * averaged
+            first, last = torque.lost_start + reach, torque.lost_end + reach
+            measured[j] = without_neighbours(measured[j], first, last)
         if recording.wrench_torque is not None:
             tau[j] += recording.wrench_torque[:, j]
         if at_instants and walks:
@@ -110,7 +119,10 @@ def _kinematics(recording: Recording, signals: SignalRecipe) -> Kinematics:
     stop = recording.samples - max(ends[1], *(last for _, last in lost))
     if stop - start < MIN_RUN:
         raise RecordingTooShort(recording.samples, recording.samples - (stop - start) + MIN_RUN)
-    return Kinematics(recording, q, dq, ddq, tau, start, stop, f50, encoder_std, lines, smoothers)
+    return Kinematics(
+        recording, q, dq, ddq, tau, start, stop, f50, encoder_std, lines, smoothers,
+        measured=measured,
+    )  # fmt: skip
 
 
 def settled_recipe(signals: SignalRecipe, recordings: Sequence[Recording]) -> SignalRecipe:

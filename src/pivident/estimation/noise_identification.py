@@ -17,8 +17,17 @@ from pivident.estimation.equation_record import EquationRecord
 from pivident.estimation.methods import PrefilteredIV
 from pivident.estimation.noise_options import Arma, Repetition
 from pivident.estimation.problem import Problem
-from pivident.estimation.standstill import valid_samples, without_recent, worth_using
-from pivident.motion.kinematics import Kinematics, residual_of, usable_samples
+from pivident.estimation.standstill import (
+    reached_by_measured,
+    valid_samples,
+    without_recent,
+    worth_using,
+)
+from pivident.motion.kinematics import (
+    Kinematics,
+    residual_of,
+    usable_samples,
+)
 from pivident.recording.repeated_motion import repeated_motion
 from pivident.signals.noise_models import (
     continued_into_band,
@@ -91,12 +100,13 @@ class Prefilters:
         """Use standstill where it is worth it, and exclude what filters remember of others."""
         for record in records:
             used = record.used
-            used[self.with_standstill] = valid_samples(record)
+            used[self.with_standstill] = valid_samples(record)[self.with_standstill]
             record.seen[:] = used
             for j, prefilter in enumerate(self.filters):
                 if prefilter.begins_anew:
                     continue
                 used[j, : record.kinematics.start + prefilter.transient()] = False
+                used[j] &= reached_by_measured(record.kinematics, j, prefilter.transient())
                 if record.motion is not None and record.motion.valid is not None:
                     used[j] &= without_recent(record.motion.valid, prefilter.transient())
                 if not self.with_memory[j]:
@@ -253,6 +263,7 @@ class Whitening:
             usable = slice(record.kinematics.start, record.kinematics.stop)
             pieces.append(inverse.stream(1).process(residual[j : j + 1, usable])[0])
             out = ~record.used[j, usable] & noise.on_unmasked
+            out |= ~reached_by_measured(record.kinematics, j, skip)[usable]
             out[:skip] = True
             left_out.append(out)
             pieces.append(np.zeros(1))  # recordings do not continue each other

@@ -24,7 +24,12 @@ import numpy as np
 
 from pivident.estimation.equation_record import EquationRecord
 from pivident.estimation.problem import Problem
-from pivident.motion.kinematics import MOTION_BAND
+from pivident.motion.kinematics import (
+    MOTION_BAND,
+    Kinematics,
+    measured_samples,
+    usable_samples,
+)
 from pivident.signals.prefilter import Prefilter
 from pivident.threads import run_in_threads
 
@@ -59,7 +64,8 @@ def worth_using(
 
         def add(j: int, record=record, residual=residual, moving=moving, rate=rate, valid=valid):
             transient = filters[j].transient()
-            usable = valid & (np.arange(valid.size) >= record.kinematics.start + transient)
+            late = np.arange(valid.shape[1]) >= record.kinematics.start + transient
+            usable = valid[j] & late & reached_by_measured(record.kinematics, j, transient)
             settled = without_recent(moving[j], transient)
             white = filters[j].stream(1).process(residual[j : j + 1])[0]
             # without standstill, whose squares would spread to the samples beside it
@@ -92,11 +98,15 @@ def moving_samples(problem: Problem, record: EquationRecord) -> np.ndarray:
 
 
 def valid_samples(record: EquationRecord) -> np.ndarray:
-    """Samples that may be used whatever the speed, shape (samples,)."""
-    kin, motion = record.kinematics, record.motion
-    valid = np.zeros(kin.q.shape[1], bool)
-    valid[kin.start : kin.stop] = True
+    """Samples that may be used whatever the speed, shape (joints, samples)."""
+    valid, motion = usable_samples(record.kinematics), record.motion
     return valid if motion is None or motion.valid is None else valid & motion.valid
+
+
+def reached_by_measured(kinematics: Kinematics, joint: int, transient: int) -> np.ndarray:
+    """Samples of a joint that a filter reaches over measured ones alone, shape (samples,)."""
+    measured = np.broadcast_to(measured_samples(kinematics)[joint], kinematics.q.shape[1:])
+    return measured if measured.all() else without_recent(measured, transient)
 
 
 def without_recent(used: np.ndarray, length: int) -> np.ndarray:

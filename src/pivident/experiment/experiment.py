@@ -36,9 +36,13 @@ from pivident.estimation.without_torque import needs_torques
 from pivident.experiment.consistency_table import consistency_of
 from pivident.experiment.explained import validated
 from pivident.experiment.method_keys import IdentifyEntry
-from pivident.experiment.method_table import method_of, takes_any_instruments
+from pivident.experiment.method_table import (
+    median_finding,
+    method_of,
+    takes_any_instruments,
+)
 from pivident.experiment.missing_torque import check_torque, is_without_torque
-from pivident.experiment.recording_tables import loop_of, one_by_one, recording_of
+from pivident.experiment.recording_tables import loop_of, one_by_one, run_of
 from pivident.experiment.robot_table import FRICTION_KEYS, robot_of
 from pivident.experiment.schema import ExperimentFile
 from pivident.experiment.toml_file import errors_name, toml_content
@@ -100,18 +104,22 @@ class Experiment:
         return self.content.torque_side == "link" and not chosen
 
     def recordings(self) -> tuple[Recording, ...]:
-        """All recordings, read and checked.
+        """All recordings, read and checked; of a log with gaps those between them.
 
         Raises:
             RecordingError: a file or its content cannot be used.
             DatasetUnavailable: a public record is not here and cannot be fetched.
         """
+        return tuple(recording for run in self.runs() for recording in run)
+
+    def runs(self) -> tuple[tuple[Recording, ...], ...]:
+        """The recordings of each table ``[[recording]]``, see `recordings`."""
         several = len(self.content.recording) > 1
-        read = []
+        read: list[tuple[Recording, ...]] = []
         for number, entry in enumerate(self.content.recording, start=1):
             table = f"[[recording]] {number}:" if several else "[recording]"
             with errors_name(self.path, table):
-                read.append(recording_of(entry, self.robot, self.path.parent))
+                read.append(run_of(entry, self.robot, self.path.parent)[0])
         return tuple(read)
 
     def unseen_recordings(self) -> tuple[Recording, ...]:
@@ -122,11 +130,11 @@ class Experiment:
             DatasetUnavailable: a public record is not here and cannot be fetched.
             ExperimentError: a log without torque, which does not follow from the control law.
         """
-        read = []
+        read: list[Recording] = []
         for number, entry in enumerate(self.content.validation.recording, start=1):
             with errors_name(self.path, f"[[validation.recording]] {number}:"):
-                recording = recording_of(entry, self.robot, self.path.parent)
-                read.append(self._with_torque(recording))
+                run, _ = run_of(entry, self.robot, self.path.parent)
+                read += map(self._with_torque, run)
         return tuple(read)
 
     def _with_torque(self, recording: Recording) -> Recording:
@@ -162,6 +170,8 @@ class Experiment:
         if recordings is None:
             say("reading the recordings")
             recordings = self.recordings()
+            for note in dict.fromkeys(note for each in recordings for note in each.notes):
+                say(note)
         controller, given = self.content.controller, self.content.identify
         loop, reason = None, ""
         if controller is not None:
@@ -182,7 +192,10 @@ class Experiment:
                 robot, recordings = on_planted_feet(robot, recordings)
         say("finding the base parameters")
         with errors_name(self.path, ""):
-            return replace(problem_of(given, robot, recordings, loop), without_loop=reason)
+            problem = problem_of(given, robot, recordings, loop)
+        median = median_finding(self.methods())
+        findings = (*problem.findings, *([] if median is None else [median]))
+        return replace(problem, without_loop=reason, findings=findings)
 
     def methods(self, names: Sequence[str] | None = None) -> dict[str, Method]:
         """Methods with the file's options, by name.

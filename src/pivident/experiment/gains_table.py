@@ -77,10 +77,11 @@ def gains_of(
                     f'"{UNKNOWN_GAIN}" under [controller], and one known mass gives it'
                 )
     complete = with_unit_gains(experiment)
-    problem = complete.problem(progress)
+    runs = complete.runs()
+    problem = complete.problem(progress, [recording for run in runs for recording in run])
     temperatures: tuple[MotorTemperature, ...] = ()
     with errors_name(experiment.path, "[gains]"):
-        count = len(experiment.content.recording)
+        count = sum(map(len, runs[: len(experiment.content.recording)]))
         recordings = problem.recordings
         bare = tuple(without_temperature(r) for r in recordings)
         problem = replace(problem, recordings=bare)

@@ -5,7 +5,7 @@ A ready method takes the shared options that concern it, and then those of its o
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import fields, replace
 from typing import Any
@@ -33,6 +33,7 @@ from pivident.experiment.method_keys import (
     SimulationEntry,
 )
 from pivident.robot.mdh_schema import Entry
+from pivident.text.finding import Finding
 
 #: Recipes by the names of their tables.
 _RECIPES = {"bandpass": Bandpass, "algebraic": Algebraic, "random_walk": RandomWalk}
@@ -76,6 +77,25 @@ def method_of(name: str, entry: IdentifyEntry) -> Method:
         return PrefilteredIV(noise=noise, as_printed=True, **options)
     options |= _given(own, {"prefilter", "covariance", "start"}) | {"regressor": ready.regressor}
     return PrefilteredIV(signals=_random_walk(entry, own), noise=noise, **options)
+
+
+def median_finding(methods: Mapping[str, Method]) -> Finding | None:
+    """That a median filter of the positions is not in all methods; None where it is, or is none."""
+    recipes = {name: getattr(method, "signals", None) for name, method in methods.items()}
+    passes = {name: s for name, s in recipes.items() if isinstance(s, Bandpass)}
+    acts = {name: s.median for name, s in passes.items() if s.median > 1}
+    others = [name for name in methods if name not in acts]
+    if not acts or not others:
+        return None
+    text = (
+        f"The median filter of the positions (bandpass.median = {max(acts.values())}) acts on "
+        f"{', '.join(acts)} only: {', '.join(others)} smooth them in another way."
+    )
+    step = (
+        "Positions that leave the motion and come back are left out of all methods without it; "
+        "repair smaller outliers in the log."
+    )
+    return Finding("warning", "methods", "median", text, "", step)
 
 
 @contextmanager

@@ -10,7 +10,17 @@ from typing import Any
 import numpy as np
 
 from pivident.control_law.unknown_loop import reconstruct_loop
-from pivident.errors import ExperimentError, RecordingError, UnknownColumn, concerning
+from pivident.errors import (
+    BrokenMotion,
+    ExperimentError,
+    GapInClock,
+    IrregularSampling,
+    MissingSamples,
+    RecordingError,
+    RecordingTooShort,
+    UnknownColumn,
+    concerning,
+)
 from pivident.experiment.schema import ControllerEntry, RecordingEntry
 from pivident.logs.bags.read_bag import is_bag
 from pivident.logs.described_log import described_log
@@ -27,6 +37,12 @@ from pivident.simulation.virtual_pd import virtual_pd
 
 #: What `pivident excite` calls a design, and the log of its motion may lie beside.
 DESIGN_FILE = "design.json"
+
+#: What cuts a log into stretches.
+Gap = MissingSamples | GapInClock | BrokenMotion
+
+#: Fewest samples of a stretch between gaps: three times what filters spoil at its two ends.
+MIN_STRETCH = 300
 
 #: Fields of a recording that a file may set for a public record too.
 ADJUSTABLE = (
@@ -93,6 +109,50 @@ def recording_of(entry: RecordingEntry, robot: Robot, folder: Path) -> Recording
             )
     with concerning("part"):
         return recording if entry.part is None else recording.slice(*entry.part)
+
+
+def run_of(
+    entry: RecordingEntry, robot: Robot, folder: Path
+) -> tuple[tuple[Recording, ...], Gap | None]:
+    """The run of one table: one recording, or one for each stretch between gaps and breaks.
+
+    Nothing is used over a gap, and everything on both sides of it. Shorter gaps are filled where
+    the table asks for new samples (``resample``).
+
+    Returns:
+        The recordings, and the gaps or breaks between them; None: there is one recording.
+
+    Raises:
+        RecordingError: the log cannot be used, or no stretch of it is long enough.
+    """
+    try:
+        return (recording_of(entry, robot, folder),), None
+    except (MissingSamples, GapInClock, BrokenMotion) as gap:
+        left = gap.stretches
+        if left.resample and not entry.resample:
+            raise
+        cause, kept = gap, []
+        for part in left.parts:
+            try:
+                kept.append(recording_of(entry.model_copy(update={"part": part}), robot, folder))
+            except (RecordingTooShort, IrregularSampling):
+                continue
+        kept = [recording for recording in kept if recording.samples >= MIN_STRETCH]
+        if not kept:
+            raise
+    used = sum(recording.duration for recording in kept)
+    return tuple(
+        replace(
+            recording,
+            name=f"{recording.name}, {recording.start_time:.4g} s on",
+            notes=(
+                *recording.notes,
+                f"{cause.fact[0].upper()}{cause.fact[1:]}: {used:.4g} s of {left.seconds:.4g} s "
+                f"are used, in {len(kept)} stretch(es).",
+            ),
+        )
+        for recording in kept
+    ), cause
 
 
 def design_file(entry: RecordingEntry, folder: Path) -> Path | None:

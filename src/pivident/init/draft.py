@@ -188,6 +188,7 @@ def _recording(
     seen += "".join(
         f"; {file.shown} holds more{beside_text(file.beside)}" for file in run.files if file.beside
     )
+    seen = ". ".join([seen, *(note.rstrip(".") for note in findings.notes)])
     lines = [Assumption("recording", "files", value, "certain", seen)]
     if column_names and single:
         seen = "the log has no header; as given, in the order of its columns"

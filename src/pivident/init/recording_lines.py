@@ -32,6 +32,7 @@ from pivident.init.torque_unit import (
     without_torque,
 )
 from pivident.init.unnamed_signals import explained_columns, followed_columns, named_gain
+from pivident.logs.bad_samples import bad_samples, marked
 from pivident.logs.clocks.gaps import stretches
 from pivident.logs.file_columns import beside_text
 from pivident.logs.recognition.channel_words import plain_channel
@@ -84,13 +85,16 @@ def recording_lines(
     joints = _of_its_joints(joint_map(run, machine.joint_names))
     if "q" not in joints.channels:
         raise DraftError(_not_found("position", run))
+    run = _without_bad_samples(run, joints)
     kept = kept_joints(run, joints, machine, wanted)
     clock, clock_file = _clock(run, joints, kept, answers)
     q = joints.channels["q"]
     logged = machine.robot(kept.logged if machine.is_tree else None)
     raw = q.values(run, logged.joint_names)
     own = [logged.joint_names.index(name) for name in kept.names]
+    torques = joints.channels.get("tau")
     rows = np.isfinite(raw[:, own]).all(axis=1)
+    rows[list(clock.twice)] = False
     if rows.sum() < MIN_ROWS:
         raise DraftError(
             f"{int(rows.sum())} of {len(rows)} rows of {run.files[q.file].shown} have a position "
@@ -124,9 +128,11 @@ def recording_lines(
             joints = followed_columns(run, joints, kept.names, si[:, own], turning)
             if "q_ref" in joints.channels:
                 unnamed["q_ref"] = "no name says reference, but the positions follow these columns"
-    if (channel := joints.channels.get("tau")) is not None:
-        tau = channel.values(run, kept.names)
-        named = next(iter(channel.units.values()), None)
+        torques = joints.channels.get("tau")
+    logged_torque = () if torques is None else ("tau",)
+    if torques is not None:
+        tau = torques.values(run, kept.names)
+        named = next(iter(torques.units.values()), None)
         tau = tau * TORQUE.get(answers.get("unit of tau", named or ""), 1.0)
         rows &= np.isfinite(tau).all(axis=1)
         found = compare(robot, si[rows][:, own], tau[rows], clock.seconds[rows])
@@ -134,9 +140,9 @@ def recording_lines(
             unit = _other_angle(unit)
             si = raw * unit.factors(POSITION)
             found = compare(robot, si[rows][:, own], tau[rows], clock.seconds[rows])
-        gain = named_gain(run, channel, len(kept.names)) if unnamed else None
+        gain = named_gain(run, torques, len(kept.names)) if unnamed else None
         torque = torque_unit(
-            robot, found, named, channel.is_current, answers.get("unit of tau"), gain
+            robot, found, named, torques.is_current, answers.get("unit of tau"), gain
         )
     joints = _as_references_follow(run, joints, kept, si[:, own])
     references = _references(run, joints, kept, si[:, own], clock, unit, own)
@@ -146,7 +152,6 @@ def recording_lines(
     if torque is None and "q_ref" not in references:
         raise DraftError(_not_found("torque", run))
     besides = references | speeds
-    logged_torque = () if torque is None else ("tau",)
     keys = _file_keys(joints, ("q", *logged_torque, "q_ref", "dq_ref", *speeds))
     if clock.column is not None and clock_file not in keys.values():
         keys = {"t": clock_file} | ({"q": q.file} if "log" in keys else keys)
@@ -180,6 +185,17 @@ def _of_its_joints(joints: JointMap) -> JointMap:
     if q is None or tau is None or set(q.columns) & set(tau.columns):
         return joints
     return replace(joints, channels={k: c for k, c in joints.channels.items() if k != "tau"})
+
+
+def _without_bad_samples(run: Run, joints: JointMap) -> Run:
+    """The run with NaN in place of positions and torques that are no measurement."""
+    named = {k: c for k, c in joints.channels.items() if k in ("q", "tau")}
+    measured = {k: c.values(run, list(c.columns)) for k, c in named.items()}
+    files = [dict(file.columns) for file in run.files]
+    for key, values in marked(measured, bad_samples(measured)).items():
+        if values is not measured[key]:
+            files[named[key].file] |= zip(named[key].columns.values(), values.T, strict=True)
+    return Run(tuple(replace(f, columns=c) for f, c in zip(run.files, files, strict=True)))
 
 
 def _like_torques(run: Run) -> list[str]:
@@ -380,9 +396,8 @@ def _references(
     position = _reference_channel("q_ref", run, joints, kept)
     followed = si
     if position is not None:
-        values, rows = position.values(run, kept.names), np.full(len(si), True)
-        if position.own_clock(run) is not None:  # it begins later, ends earlier, has its own gaps
-            rows = np.isfinite(values).all(axis=1) & np.isfinite(si).all(axis=1)
+        values = position.values(run, kept.names)  # may begin later, end earlier, have own gaps
+        rows = np.isfinite(values).all(axis=1) & np.isfinite(si).all(axis=1)
         names = ("rad", "deg", "rev") if turning else ("m", "mm")
         match = following_unit(values[rows][:, judged], si[rows][:, judged], names, POSITION)
         if match is not None and match[1] >= COPY:

@@ -55,6 +55,7 @@ class Findings:
     law_found: str = ""  # what the identified law is like, or empty
     instruments: str = ""  # what the instruments are made of, where no loop is simulated
     failed: dict[str, str] = field(default_factory=dict)  # why, by method
+    notes: tuple[str, ...] = ()  # what was left out of the recordings, in sentences
     troubles: tuple[str, ...] = ()  # what a person has to do before it runs
     explained: dict[str, float] = field(default_factory=dict)  # relative error by joint
     folds: int | None = None  # blocks that can be held out, where those of a long record cannot
@@ -71,6 +72,7 @@ def try_out(text: str, out: Path, known: Findings, say: Callable[[str], None]) -
         if line is None or any(line.key == other.key for other in known.recording):
             return _stuck(known, error)
         return replace(known, recording=(*known.recording, line))
+    known = replace(known, notes=tuple(dict.fromkeys(n for r in recordings for n in r.notes)))
     controller = experiment.content.controller
     try:
         problem = experiment.problem(say, recordings)

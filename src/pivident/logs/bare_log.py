@@ -13,6 +13,7 @@ from pivident.logs.bags.read_bag import is_bag, open_bag
 from pivident.logs.described_log import described_log, in_si
 from pivident.logs.file_columns import beside_text
 from pivident.logs.log import Description, Log
+from pivident.logs.read_log import without_bad_samples
 from pivident.logs.recognition.joint_columns import ChannelColumns, JointMap, joint_map
 from pivident.logs.recognition.log_file import Run, read_log_file
 from pivident.logs.recognition.time_columns import clocks_in, is_clock
@@ -52,13 +53,16 @@ def bare_log(path: str | Path, robot: Robot | None = None, column_names: Sequenc
     if is_bag(file.path):
         return _bag_log(run, found, robot)
     stamps = {n: v for n, v in file.columns.items() if is_clock(n, v)}
-    clocks, unit, notes = clocks_in(stamps, None)
     joints = _joints(found, robot)
     doubtful = {kind for kind, own in found.channels.items() if own.contested}
     if doubtful & {"q", "tau"}:
         joints = []
     names = _columns(found, joints, doubtful)
     logged = {k: np.column_stack([file.columns[n] for n in own]) for k, own in names.items()}
+    clock = dict(list(stamps.items())[:1])
+    clean = without_bad_samples(Log(file.shown, tuple(joints), clock, {}, logged=logged))
+    kept = {n: clean.rows_kept(v) for n, v in file.columns.items()} | clean.columns
+    clocks, unit, notes = clocks_in({n: kept[n] for n in stamps}, None)
     if logged:
         taken = "; ".join(f"{kind} = {', '.join(own)}" for kind, own in names.items())
         notes.append(TAKEN.format(source="their names", taken=taken))
@@ -66,12 +70,10 @@ def bare_log(path: str | Path, robot: Robot | None = None, column_names: Sequenc
         notes.append(f"{file.shown} holds more than its columns{beside_text(file.beside)}.")
     claimed = {n for own in names.values() for n in own}
     units = {kind: _units(found.channels[kind], joints) for kind in names}
-    log = Log(
-        file.shown,
-        tuple(joints),
-        {n: v for n, v in file.columns.items() if n not in claimed},
-        clocks,
-        logged=logged,
+    log = replace(
+        clean,
+        columns={n: v for n, v in kept.items() if n not in claimed},
+        clocks=clocks,
         robot=robot,
         sources=(SourceFile.of(file.path),),
         notes=tuple(notes),

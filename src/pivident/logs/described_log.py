@@ -17,6 +17,7 @@ import numpy as np
 
 from pivident.errors import RecordingError, concerning
 from pivident.logs.bags.read_bag import is_bag
+from pivident.logs.clocks.clock_alignment import have_one_clock
 from pivident.logs.clocks.common_clock import on_one_clock
 from pivident.logs.file_columns import lenient_table, numeric_columns
 from pivident.logs.joint_side import factors_of, gains_of, on_joint_side, sides_of
@@ -63,7 +64,8 @@ def described_log(
     if log.own_clocks:
         with concerning("columns", "t"):
             logged, clocks, notes = on_one_clock(list(log.own_clocks.values()), log.rate)
-        log = replace(log, logged=logged, clocks=clocks, columns={}, notes=tuple(notes))
+        bad = log.bad if have_one_clock(list(log.own_clocks.values())) else ()
+        log = replace(log, logged=logged, clocks=clocks, columns={}, notes=tuple(notes), bad=bad)
     else:
         log = _with_clocks(log, file_paths(files))
     rate = None if log.resample and log.clocks else log.rate  # it is not that of the stamps
@@ -88,7 +90,9 @@ def _with_clocks(log: Log, paths: Mapping[str, Path]) -> Log:
             continue
         names = [name for name in names_in(path) if names_time(name) and name not in stamps]
         found = numeric_columns(lenient_table(path, names)) if names else {}
-        stamps |= {n: v for n, v in found.items() if n not in stamps and is_clock(n, v)}
+        stamps |= {
+            n: log.rows_kept(v) for n, v in found.items() if n not in stamps and is_clock(n, v)
+        }
     with concerning("units", "t"):
         clocks, unit, notes = clocks_in(stamps, log.description.units.get("t"))
     size = next(iter(log.logged.values())).shape[1] if log.logged else 0

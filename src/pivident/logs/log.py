@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from pivident.errors import PividentError, RecordingError
+from pivident.logs.bad_samples import BadSamples
 from pivident.logs.clocks.clock_alignment import ClockedChannel
 from pivident.logs.source_files import SourceFile
 from pivident.logs.torque_scale import TorqueScale
@@ -57,6 +58,9 @@ class Log:
         description: what was said about the channels.
         own_clocks: channels that were logged by clocks of their own, with their stamps [s].
         faults: what a recording refuses, in the order in which it was met.
+        bad: samples that are no measurement, NaN in ``logged`` and ``channels``.
+        kept: rows of the files that the log has, shape (rows of the files,); None: all of them.
+        dropped: which rows it does not have and why, in sentences.
     """
 
     name: str
@@ -80,6 +84,14 @@ class Log:
     description: Description = Description()
     own_clocks: dict[str, ClockedChannel] = field(default_factory=dict)
     faults: tuple[PividentError, ...] = ()
+    bad: tuple[BadSamples, ...] = ()
+    kept: np.ndarray | None = None
+    dropped: tuple[str, ...] = ()
+
+    def rows_kept(self, column: np.ndarray) -> np.ndarray:
+        """Another column of the files without the rows that the log has left out."""
+        fits = self.kept is not None and len(self.kept) == len(column)
+        return column[self.kept] if fits else column
 
     @property
     def samples(self) -> int:
@@ -143,4 +155,5 @@ class Log:
             clocks={k: v[cut] for k, v in self.clocks.items()},
             logged={k: v[cut] for k, v in self.logged.items()},
             channels={k: v[cut] for k, v in self.channels.items()},
+            bad=tuple(b for f in self.bad if (b := f.within(cut.start, cut.stop)).rows.size),
         )

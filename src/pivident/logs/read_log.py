@@ -2,8 +2,9 @@
 
     files → columns → channels in the units, on the side and by the clocks of the file
 
-Nothing is judged here. What only a recording refuses (a cell that is no number, an array with more
-columns than joints) is kept as a fault, and the rest is read all the same.
+What only a recording refuses (a cell that is no number, an array with more columns than joints) is
+kept as a fault, and the rest is read all the same. Samples that are no measurement become NaN. Rows
+that were logged twice are left out, and so are those by which a logger was faster than its source.
 """
 
 from __future__ import annotations
@@ -13,11 +14,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from pivident.errors import concerning
+from pivident.logs.bad_samples import bad_samples, fresh_rows, marked
 from pivident.logs.body_channels import TABLES, body_channels
 from pivident.logs.channel_places import locate
 from pivident.logs.channel_reading import read_channels, stamp_channels
-from pivident.logs.log import Description, Log
+from pivident.logs.clocks.timestamps import without_repeats
+from pivident.logs.log import CHANNELS, Description, Log
 from pivident.logs.source_files import SourceFile, printable_name
 from pivident.logs.units import factor_to_si
 from pivident.robot.description import Robot
@@ -95,7 +100,7 @@ def read_log(
     size = next(iter(logged.values())).shape[1] if logged else 0
     in_use = [paths[key] for key in dict.fromkeys(place.file for place in places.values())]
     first = places.get("q", next(iter(places.values()), None))
-    return Log(
+    log = Log(
         name or printable_name(paths[first.file] if first else next(iter(paths.values()))),
         tuple(joint_names or numbered_joints(size)),
         stamps,
@@ -110,6 +115,67 @@ def read_log(
         own_clocks=own_clocks,
         faults=tuple(faults),
     )
+    return without_bad_samples(log)
+
+
+def without_bad_samples(log: Log) -> Log:
+    """The log without rows that are there twice, and NaN in place of what is no measurement."""
+    log = log if log.own_clocks else _without_repeats(log)
+    if not log.own_clocks and (every := fresh_rows(log.logged)) is not None:
+        slower = None if log.rate is None else log.rate / every[1]
+        text = (
+            f"Of {len(every[0])} rows only every {every[1]}th has new values: the source is "
+            f"{every[1]} times slower than the log. The others were left out."
+        )
+        log = replace(_of_rows(log, every[0], text), rate=slower)
+    clocks = [log.own_clocks["q"].t] if "q" in log.own_clocks else list(log.columns.values())
+    measured = {key: values for key, values in log.logged.items() if key in CHANNELS}
+    bad = bad_samples(measured, clocks[0] if clocks else None)
+    logged = log.logged | marked(measured, bad)
+    own = {key: replace(c, values=logged[key]) for key, c in log.own_clocks.items()}
+    return replace(log, logged=logged, own_clocks=own, bad=bad)
+
+
+def _without_repeats(log: Log) -> Log:
+    """The log with stamps that increase, where a few repeat the one before."""
+    ((name, t),) = log.columns.items() or [("", np.empty(0))]
+    if any(len(values) != len(t) for values in log.logged.values()):
+        return log
+    stamps, keep = without_repeats(t, log.logged.values())
+    if stamps is t:
+        return log
+    log = replace(log, columns={name: stamps})
+    moved, twice = np.flatnonzero(keep & (stamps != t)), np.flatnonzero(~keep)
+    text = []
+    if moved.size:
+        text.append(f"{moved.size} repeat that of the row before where one is missing: corrected")
+    if twice.size:
+        text.append(f"{twice.size} belong to rows that were logged twice: left out")
+    first = int(np.concatenate([moved, twice]).min())
+    return _of_rows(log, keep, f"Of {len(t)} time stamps {'; '.join(text)} (first row {first}).")
+
+
+def _of_rows(log: Log, keep: np.ndarray, note: str) -> Log:
+    """Some rows of a log."""
+    return replace(
+        log,
+        columns={key: values[keep] for key, values in log.columns.items()},
+        logged={
+            key: values[keep] if len(values) == len(keep) else values
+            for key, values in log.logged.items()
+        },
+        kept=_rows_of(log.kept, keep),
+        dropped=(*log.dropped, note),
+    )
+
+
+def _rows_of(kept: np.ndarray | None, keep: np.ndarray) -> np.ndarray:
+    """Which rows of the files are left, of rows that were kept before."""
+    if kept is None:
+        return keep
+    rows = kept.copy()
+    rows[kept] = keep
+    return rows
 
 
 def file_paths(files: str | Path | Mapping[str, str | Path]) -> dict[str, Path]:

@@ -27,7 +27,7 @@ from pivident.model_errors.record_motion import (
     stride_of,
     thinned,
 )
-from pivident.motion.kinematics import Kinematics
+from pivident.motion.kinematics import Kinematics, measured_samples
 from pivident.motion.motion import Motion
 from pivident.threads import run_in_threads
 from pivident.validation.held_out.prediction import motion_band
@@ -131,6 +131,7 @@ class CauseRows:
         valid = getattr(motion, "valid", None)
         allowed = np.ones(rows.at.size, bool) if valid is None else valid[:: grid.stride][rows.at]
         used = self._used(number, kin)[:, :: grid.stride]
+        known = np.broadcast_to(measured_samples(kin), kin.q.shape)[:, :: grid.stride]
         reaches = [int(np.ceil(periods * grid.rate / self.band)) for periods in (MIXED, SHOWN)]
         rates = [cause.is_smooth for cause in self.causes for _ in range(cause.count)]
         out: list[JointRows | None] = [None] * self.problem.robot.size
@@ -140,6 +141,7 @@ class CauseRows:
             smooth = np.array([rates[c] for c in alive], bool)
             own = slice(regressor.offsets[j], regressor.offsets[j + 1])
             near, far = (without_neighbours(used[j], reach)[rows.at] for reach in reaches)
+            free = allowed & known[j][rows.at]
             gain = rows.gain(self._weight(j, rate, grid.rate))
 
             def passed(columns: Columns) -> np.ndarray:
@@ -160,7 +162,7 @@ class CauseRows:
             tau, whole, rest = rows.passed(
                 np.vstack([torque, residual, np.where(used[j], 0.0, residual)]), gain
             )
-            counts = rows_worth_using(whole, rest, allowed & near, allowed & far)
+            counts = rows_worth_using(whole, rest, free & near, free & far)
             out[j] = JointRows(index, x * counts, y * counts, tau * counts, place)
 
         run_in_threads(thin, range(len(out)))
@@ -178,7 +180,8 @@ class CauseRows:
         equations = self.found.equations
         if equations is not None and equations.full_rate:
             return equations.records[number].used
-        return np.abs(kin.dq) > self.problem.low_speeds(kin.recording)[:, None]
+        moving = np.abs(kin.dq) > self.problem.low_speeds(kin.recording)[:, None]
+        return moving & measured_samples(kin)
 
     def _weight(self, j: int, rate: float, working: float) -> np.ndarray | None:
         """|L_j| below the highest frequency of the motion as a filter without phase.

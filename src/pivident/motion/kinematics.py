@@ -53,6 +53,8 @@ class Kinematics:
     #: Columns with memory or load, shape (inner entries, samples), see ``Regressor.inner``; None
     #: where they were not made.
     inner: np.ndarray | None = None
+    #: True for samples whose motion and torque were measured, see ``Recording.valid``; None: all.
+    measured: np.ndarray | None = None
 
     def stretch(self, span: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """q, dq and ddq on some samples."""
@@ -78,11 +80,17 @@ def aligned_torque(recording: Recording, joint: int, align: bool = True) -> Alig
     )
 
 
+def measured_samples(kinematics: Kinematics) -> np.ndarray:
+    """Samples of a joint's equation that were measured, shape (joints, samples) or (joints, 1)."""
+    measured = kinematics.measured
+    return np.ones((len(kinematics.q), 1), bool) if measured is None else measured
+
+
 def usable_samples(kinematics: Kinematics) -> np.ndarray:
-    """Samples between the ends that the smoother distorts, shape (joints, samples)."""
+    """Those between the ends that the smoother distorts, shape (joints, samples)."""
     usable = np.zeros(kinematics.q.shape, bool)
     usable[:, kinematics.start : kinematics.stop] = True
-    return usable
+    return usable & measured_samples(kinematics)
 
 
 def torque_of(regressor: Regressor, motion: Kinematics, theta: np.ndarray) -> np.ndarray:

@@ -63,8 +63,9 @@ def load_of(
     chosen = _method(every, method or given.method)
     empty: Problem | Identification
     if arm is None:
-        together = every.problem(progress)
-        count = len(experiment.content.recording)
+        runs = every.runs()
+        together = every.problem(progress, [recording for run in runs for recording in run])
+        count = sum(map(len, runs[: len(experiment.content.recording)]))
         loaded = replace(together, recordings=together.recordings[count:])
         empty = replace(together, recordings=together.recordings[:count])
     else:

@@ -17,6 +17,7 @@ from pivident.errors import (
 )
 from pivident.logs.clocks import timestamps
 from pivident.logs.clocks.gaps import runs_of
+from pivident.logs.frozen_torque import moves
 from pivident.robot.description import Robot
 
 #: Longest drive_delay that is believed [s]; more is a delay in milliseconds without its 1e-3.
@@ -27,9 +28,6 @@ MIN_RUN = 5
 
 #: How much more frequent the limit is than the next value inside the range.
 DOMINANCE = 10
-
-#: A joint moves if it is at least this fast, relative to its range over the whole duration.
-SLOWEST_MOTION = 0.1
 
 
 def clipped_samples(tau: np.ndarray, q: np.ndarray) -> np.ndarray:
@@ -56,11 +54,6 @@ def clipped_samples(tau: np.ndarray, q: np.ndarray) -> np.ndarray:
             if stop - start >= MIN_RUN and moves(q, start, stop):
                 clipped[start:stop] = True
     return clipped
-
-
-def moves(q: np.ndarray, start: int, stop: int) -> bool:
-    """Whether the joint travels during some samples, compared with its whole motion."""
-    return bool(np.ptp(q[start:stop]) / (stop - start) > SLOWEST_MOTION * np.ptp(q) / len(q))
 
 
 #: How far beyond its limits a joint may be logged, in spans of its limits.

@@ -17,6 +17,7 @@ import numpy as np
 from pivident.errors import RecordingError, concerning
 from pivident.logs.body_channels import TABLES, body_channels, columns_of
 from pivident.logs.channel_places import ColumnSpec
+from pivident.logs.clocks.clock_alignment import ClockedChannel
 from pivident.logs.joint_side import factors_of, gains_of, on_joint_side, sides_of
 from pivident.logs.log import Description, Log
 from pivident.logs.read_log import read_log
@@ -26,6 +27,7 @@ from pivident.recording import checks
 from pivident.recording.clock import Clock, beside_torque, on_one_clock
 from pivident.recording.measured_wrenches import with_wrenches
 from pivident.recording.recording import CHANNELS, Recording
+from pivident.recording.usable_samples import check_unbroken, fill_unusable, left_out_sentences
 from pivident.robot.description import Robot
 from pivident.robot.measured_base import (
     continued_quaternions,
@@ -212,7 +214,12 @@ def _recording(
             own = clocked[channel].t if channel in clocked else logged["q"]
             names = columns_of(channel) or joint_names
             checks.check_shape(channel, values, (len(own), len(names)))
-            checks.check_finite(channel, values, names)
+            if channel not in CHANNELS:
+                checks.check_finite(channel, values, names)
+    stamps = _stamps(log, logged, clocked)
+    with concerning("part"):
+        check_unbroken(logged["q"], stamps["q"], part)
+    usable = fill_unusable(logged, joint_names, logged["q"].shape[1])
     # Limits are judged on the log itself: couplings and interpolation would blur them.
     if "tau" in logged and options.get("saturation", "refuse") == "refuse":
         moving = beside_torque(logged, clocked)
@@ -224,6 +231,9 @@ def _recording(
     clock = Clock(log.rate, log.resample, "t" in said.units, part)
     with concerning("columns", "t"):
         found = on_one_clock(logged, clocked, clock)
+    grid = found.start + np.arange(len(logged["q"])) / found.rate
+    mixed = sides["tau"] == "motor" and said.transmission is not None
+    valid = usable.on(grid, stamps, said.transmission.reduction if mixed else None)  # type: ignore[union-attr]
     with concerning("position_offset"):
         _to_joint_side(logged, sides, said)
     if robot is not None:
@@ -239,10 +249,23 @@ def _recording(
         key.removeprefix("inputs."): logged[key] for key in logged if key.startswith("inputs.")
     }
     content["torque_scale"] = torque_scales(said.units.get("tau"), joint_names)
-    content |= {"start_time": found.start, "notes": found.notes, "slowed": found.slowed}
+    left_out = left_out_sentences(log.bad, joint_names, len(stamps["q"]))
+    content |= {"start_time": found.start, "notes": (*log.dropped, *left_out, *found.notes)}
+    content |= {"slowed": found.slowed, "valid": valid}
     return Recording(
         joint_names=joint_names, rate=found.rate, sources=log.sources, **content | dict(options)
     )
+
+
+def _stamps(
+    log: Log, logged: Mapping[str, np.ndarray], clocked: Mapping[str, ClockedChannel]
+) -> dict[str, np.ndarray]:
+    """Instants of positions and torques as they were logged, shape (samples,) each [s]."""
+    if clocked:
+        t = {key: clocked[key].t for key in ("q", "tau") if key in clocked}
+    else:
+        t = {"q": logged.get("t", np.arange(len(logged["q"])) / (log.rate or 1.0))}
+    return {"tau": t["q"]} | t
 
 
 def _check_arguments(columns: Any, units: Any, robot: Any, options: Mapping[str, Any]) -> None:
@@ -265,7 +288,7 @@ def _check_arguments(columns: Any, units: Any, robot: Any, options: Mapping[str,
     if robot is not None and not isinstance(robot, Robot):
         raise RecordingError(f"robot is {robot!r}; give a Robot, such as load_robot({robot!r})")
     made_here = {*CHANNELS, "inputs", "sources", "slowed", "reading", "torque_source"}
-    made_here |= {"wrenches", "wrench_torque"}
+    made_here |= {"wrenches", "wrench_torque", "valid"}
     known = {field.name for field in fields(Recording)} - made_here
     for name in options:
         if name not in known:

@@ -92,6 +92,8 @@ class Recording:
         wrench_torque: torque at the joints that they stand for, Σ Jᵀ f at the instants of the
             samples, shape (samples, joints) [N m or N], or None. It is no part of ``tau``, which is
             that of the motors; the equations of motion have the sum of both.
+        valid: True for samples that may stand in a joint's equation, shape (samples, joints); None:
+            all of them. The others were no measurement and have been filled.
 
     Raises:
         ShapeMismatch: a channel is not (samples, joints).
@@ -130,6 +132,7 @@ class Recording:
     torque_source: TorqueSource = field(default="measured", kw_only=True)
     wrenches: tuple[MeasuredWrench, ...] = field(default=(), kw_only=True)
     wrench_torque: np.ndarray | None = field(default=None, kw_only=True)
+    valid: np.ndarray | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         settle = object.__setattr__
@@ -142,6 +145,8 @@ class Recording:
         if self.wrench_torque is not None:
             settle(self, "wrench_torque", settled("wrench_torque", self.wrench_torque))
         settle(self, "inputs", {key: settled(key, value) for key, value in self.inputs.items()})
+        if self.valid is not None:
+            settle(self, "valid", np.asarray(self.valid, bool))
         self._check()
 
     def _check(self) -> None:
@@ -157,7 +162,8 @@ class Recording:
         channels = {"tau": self.tau} | self.channels()
         if self.wrench_torque is not None:
             channels["wrench_torque"] = self.wrench_torque
-        for channel, values in channels.items():
+        masks = {} if self.valid is None else {"valid": self.valid}
+        for channel, values in (channels | masks).items():
             checks.check_shape(channel, values, (*self.q.shape[:1], self.joints))
         timestamps.check_length(self.samples)
         for channel, values in channels.items():
@@ -250,6 +256,7 @@ class Recording:
             joint_names=self.joint_names[joints:],
             inputs={key: values[:, joints:] for key, values in self.inputs.items()},
             wrench_torque=None if self.wrench_torque is None else self.wrench_torque[:, joints:],
+            valid=None if self.valid is None else self.valid[:, joints:],
         )
 
     def with_reference_of(self, driven: Recording) -> Recording:
@@ -343,6 +350,7 @@ class Recording:
             inputs={key: values[start:stop] for key, values in self.inputs.items()},
             wrenches=tuple(replace(w, values=w.values[start:stop]) for w in self.wrenches),
             wrench_torque=None if self.wrench_torque is None else self.wrench_torque[start:stop],
+            valid=None if self.valid is None else self.valid[start:stop],
             start_time=self.start_time + start / self.rate,
             allow_constant=True,
             saturation="allow",

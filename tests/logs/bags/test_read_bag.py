@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from rosbags.typesys import get_types_from_msg
 
-from pivident.errors import FileFormatError, NonFiniteSamples, RecordingError, UnknownColumn
+from pivident.errors import FileFormatError, RecordingError, UnknownColumn
 from pivident.logs.bags import joint_topics
 from pivident.logs.bags.read_bag import open_bag, read_bag
 from pivident.logs.bare_log import bare_log
@@ -230,13 +230,14 @@ def test_names_beside_the_values_of_each_joint_stand_before_it(tmp_path):
     np.testing.assert_array_equal(made.tau, TAU[:, ::-1])
 
 
-def test_missing_efforts_are_no_columns_and_nan_efforts_are_refused_by_name(tmp_path):
+def test_missing_efforts_are_no_columns_and_nan_efforts_are_left_out_by_name(tmp_path):
     with pytest.raises(UnknownColumn, match="effort"):
         load_recording(simple(tmp_path, "mcap", tau=None), COLUMNS, joint_names=NAMES)
     spoilt = TAU.copy()
     spoilt[7, 1] = np.nan
-    with pytest.raises(NonFiniteSamples, match="tau of joint 'elbow' has 1 sample"):
-        load_recording(simple(tmp_path, "sqlite3", tau=spoilt), COLUMNS, joint_names=NAMES)
+    made = load_recording(simple(tmp_path, "sqlite3", tau=spoilt), COLUMNS, joint_names=NAMES)
+    assert np.argwhere(~made.valid).tolist() == [[7, 1]]
+    assert "tau of elbow is empty, NaN or infinite at sample 7" in made.notes[0]
 
 
 @pytest.mark.parametrize("kind", [".bag", "sqlite3", "mcap"])

@@ -49,12 +49,22 @@ def test_messages_that_arrived_together_lie_in_a_gap():
     assert seconds[0] >= t[521] and seconds[1] == pytest.approx(t[-1])
 
 
-@pytest.mark.parametrize("change", ["one sample twice", "many", "backward"])
+def test_one_stamp_twice_is_corrected_and_a_row_twice_left_out():
+    t = T.copy()
+    t[500] = t[499]
+    clock = read_clock({"time": t, "q": Q}, None, None)
+    assert not clock.by_rate and clock.twice == () and np.array_equal(clock.seconds, T)
+    rows = np.sort(np.r_[np.arange(2000), 700, 900])
+    clock = read_clock({"time": T[rows], "q": Q[rows]}, None, None)
+    assert not clock.by_rate and not clock.resample and clock.twice == (701, 902)
+    assert (np.diff(clock.seconds) > 0.0).all()
+    assert "2 row(s) were logged twice, the first is 701" in clock.seen
+
+
+@pytest.mark.parametrize("change", ["many", "backward"])
 def test_other_repeated_stamps_leave_the_rate_only(change):
     t = T.copy()
-    if change == "one sample twice":
-        t[500] = t[499]
-    elif change == "many":
+    if change == "many":
         for k in range(0, 2000, 100):
             t[k : k + 21] = t[k + 20] if k + 20 < 2000 else t[-1]
     else:

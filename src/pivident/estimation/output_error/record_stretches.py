@@ -23,7 +23,7 @@ from pivident.estimation.auxiliary_model import loop_signals
 from pivident.estimation.output_error.stretch import Stretch
 from pivident.estimation.output_error.unknowns import start_directions
 from pivident.estimation.problem import Problem
-from pivident.motion.kinematics import Kinematics
+from pivident.motion.kinematics import Kinematics, measured_samples
 from pivident.recording.recording import Recording
 from pivident.scratch import working_array
 from pivident.simulation.closed_loop import LoopSignals, simulate_blocks
@@ -191,7 +191,7 @@ def _stretch(
     """A recording beside its loop; at rates that do not fit it is interpolated to the loop's."""
     rate, control = recording.rate, float(loop.signals.rate)
     q, tau = recording.q, recording.tau
-    moving = problem.speed_limits(recording).moving(smooth.dq).T
+    moving = (problem.speed_limits(recording).moving(smooth.dq) & measured_samples(smooth)).T
     step = round(control / rate)
     if step < 1 or abs(control / rate - step) > 1e-9:
         from scipy.interpolate import CubicSpline

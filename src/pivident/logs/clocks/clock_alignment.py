@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pivident.errors import ClocksDisagree, GapInClock, RecordingError
+from pivident.logs.bad_samples import LARGEST
 from pivident.logs.clocks import timestamps
 from pivident.logs.clocks.gaps import bridged_interval, stretches_of
 
@@ -28,9 +29,6 @@ REDUCED = 1.1
 
 #: Cut-off of that low-pass, as share of the new rate.
 CUTOFF = 0.4
-
-#: Values above this are no measurement in any unit, and overflow a spline.
-LARGEST = 1e100
 
 #: Header stamps of two topics whose lead over their receipt differs by more are two clocks [s].
 ONE_CLOCK = 1.0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from pivident.errors import IrregularSampling, MissingSamples, RecordingError, RecordingTooShort
@@ -25,6 +27,9 @@ LIKELY_RATES = (LOWEST_RATE, 20e3)
 
 #: Ratio of `stamp_error` from which on samples are equally spaced, and their stamps are not.
 EVEN = 2.0
+
+#: Share of stamps that may repeat the one before as rows that were logged twice.
+TOLERATED_REPEATS = 0.02
 
 #: Samples that are closer than this share of the median interval nearly coincide.
 CLOSE = 0.1
@@ -77,6 +82,37 @@ def check_increasing(t: np.ndarray) -> None:
         k = int(wrong[0])
         kind = "duplicate" if intervals[k] == 0 else "backward"
         raise _irregular(kind, k + 1, t, intervals)
+
+
+def without_repeats(
+    t: np.ndarray, columns: Iterable[np.ndarray] = ()
+) -> tuple[np.ndarray, np.ndarray]:
+    """Stamps of which a few repeat the one before, and the rows to keep, shape (samples,).
+
+    Where the interval behind such a stamp is two periods and most of the ``columns`` are nearer to
+    the middle of the rows on both sides than to the row before, only the stamp is wrong, and lies
+    midway. Elsewhere the row was logged twice. Longer runs are messages that arrived together, and
+    many repeats a clock that is coarse: they stay as they are.
+    """
+    keep, steps = np.ones(len(t), bool), np.diff(t)
+    again = np.flatnonzero(steps == 0.0) + 1
+    if not 0 < again.size <= TOLERATED_REPEATS * len(t) or (np.diff(again) == 1).any():
+        return t, keep
+    if not (steps >= 0.0).all():  # NaN, too
+        return t, keep
+    votes, inside = np.zeros(again.size), np.minimum(again + 1, len(t) - 1)
+    for x in columns:
+        before, here, behind = (x[k].reshape(again.size, -1) for k in (again - 1, again, inside))
+        moved = np.abs(here - 0.5 * (before + behind)) < np.abs(here - before)
+        votes += np.where(before != behind, np.where(moved, 1, -1), 0).sum(axis=1)
+    t, period = t.copy(), usual_interval(steps[steps > 0.0])
+    for k, vote in zip(again.tolist(), votes, strict=True):
+        interval = (t[k + 1] - t[k]) / period if k + 1 < len(t) else np.inf
+        if vote > 0 and abs(interval - 2.0) < 2.0 * JITTER_TOLERANCE:
+            t[k] += 0.5 * (t[k + 1] - t[k])
+        else:
+            keep[k] = False
+    return t, keep
 
 
 def usual_interval(intervals: np.ndarray) -> float:

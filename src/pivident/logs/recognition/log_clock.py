@@ -12,6 +12,7 @@ from pivident.logs.clocks.timestamps import (
     likely_time_units,
     round_rate,
     usual_interval,
+    without_repeats,
 )
 from pivident.logs.recognition.channel_words import TIME_UNITS, words_of
 from pivident.logs.recognition.sureness import Sureness
@@ -38,6 +39,7 @@ class LogClock:
     by_rate: bool  # whether the rate stands for the stamps, which repeat or go backward
     seconds: np.ndarray  # the stamps [s], or those that follow from the rate, shape (samples,)
     together: int = 0  # samples that were stamped together, which lie in a gap of ``seconds``
+    twice: tuple[int, ...] = ()  # rows that were logged twice, which are not used
 
 
 def read_clock(columns: dict[str, np.ndarray], hint: float | None, given: float | None) -> LogClock:
@@ -57,6 +59,13 @@ def read_clock(columns: dict[str, np.ndarray], hint: float | None, given: float 
     if (apart := _apart(seconds)) is not None:
         together, seconds = int((steps == 0).sum()), apart
         steps = np.diff(seconds)
+    seconds, keep = without_repeats(
+        seconds, (values for name, values in columns.items() if name != column)
+    )
+    twice = np.flatnonzero(~keep)
+    for k in twice:  # somewhere between its neighbours: it is not used
+        seconds[k] += 0.5 * ((seconds[k + 1] if k + 1 < samples else seconds[k] + 1.0) - seconds[k])
+    steps = np.diff(seconds)
     if (steps <= 0).any():
         repeats = int((steps <= 0).sum())
         seen = (
@@ -64,6 +73,7 @@ def read_clock(columns: dict[str, np.ndarray], hint: float | None, given: float 
             f"go backward, so that only the rate is taken from them: {rate:.6g} Hz"
         )
         return LogClock(None, unit, rate, "assumed", seen, False, True, np.arange(samples) / rate)
+    steps = np.diff(seconds[keep])
     period = usual_interval(steps)
     worst = float(np.abs(steps[steps <= bridged_interval(period)] / period - 1.0).max())
     jitter = f"intervals from {1e3 * steps.min():.4g} to {1e3 * steps.max():.4g} ms"
@@ -72,9 +82,14 @@ def read_clock(columns: dict[str, np.ndarray], hint: float | None, given: float 
             f"but {together} samples have the stamp of the one before, as messages that arrive "
             "together; the longer side of them is used"
         )
+    elif twice.size:
+        jitter += f"; {twice.size} row(s) were logged twice, the first is {twice[0]}"
     seen = f"column {column!r} increases, {why}; {rate:.6g} Hz, {jitter}"
     resample = bool(together) or worst > JITTER_TOLERANCE
-    return LogClock(column, unit, rate, sure, seen, resample, False, seconds + start, together)
+    rows = tuple(twice.tolist())
+    return LogClock(
+        column, unit, rate, sure, seen, resample, False, seconds + start, together, rows
+    )
 
 
 def _apart(seconds: np.ndarray) -> np.ndarray | None:

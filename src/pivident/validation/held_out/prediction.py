@@ -17,7 +17,7 @@ import numpy as np
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import RandomWalk
 from pivident.estimation.problem import LOW_SPEED, rated_speeds
-from pivident.motion.kinematics import MOTION_BAND
+from pivident.motion.kinematics import MOTION_BAND, measured_samples
 from pivident.motion.speed_limits import SpeedLimits
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
@@ -189,9 +189,10 @@ class Judge:
         return butterworth(self.kinematics.tau.T, self.recording.rate, self.band)
 
     def residual(self, found: Predictor) -> np.ndarray:
-        """τ - Φ(q̂)θ on all samples, shape (samples, joints) [N m or N]."""
+        """τ - Φ(q̂)θ, zero where it is not known, shape (samples, joints) [N m or N]."""
         k = self.kinematics
-        return k.tau.T - found.predict(k.q.T, k.dq.T, k.ddq.T)
+        residual = k.tau.T - found.predict(k.q.T, k.dq.T, k.ddq.T)
+        return np.where(measured_samples(k).T, residual, 0.0)
 
     def score(self, found: Predictor, spans: Sequence[slice]) -> list[PredictionError]:
         """Errors of an estimate on stretches of the recording."""
@@ -213,12 +214,14 @@ class Judge:
         """Errors on one stretch; ``low``: the residual below ``band``."""
         span = self._usable(span)
         level = level_beyond(residual[span], self.recording.rate, self.band)
+        valid = np.broadcast_to(measured_samples(self.kinematics).T, residual.shape)[span]
+        known = np.sqrt(np.maximum(valid.mean(axis=0), 1.0 / len(valid)))
         return PredictionError(
             joint_names=self.recording.joint_names,
             units=tuple("N m" if j.kind == "revolute" else "N" for j in robot.joints),
-            rms=_rms(residual[span]),
+            rms=_rms(residual[span]) / known,
             torque=_rms(self.kinematics.tau.T[span]),
-            rms_in_band=_rms(low[span]),
+            rms_in_band=_rms(low[span]) / known,
             torque_in_band=_rms(self.torque_in_band[span]),
             noise_in_band=np.sqrt(level * _width(self.band)),
             rest_in_band=_rms(np.where(self._resting(robot, span), low[span], 0.0)),
