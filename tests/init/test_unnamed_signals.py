@@ -69,10 +69,13 @@ def test_command_reference_and_gain_are_assumed_by_the_motion(folder):
     assert lines["identify", "methods"].value == ["ls", "iv-full-rate", "piv"]
 
 
-def test_columns_that_the_motion_does_not_explain_are_no_torque(folder, tmp_path):
-    t, reference, q, _ = turned()
+@pytest.mark.parametrize("kind", ["noise", "late command"])
+def test_columns_that_the_motion_does_not_explain_are_no_torque(folder, tmp_path, kind):
+    """Nor are those that look like positions: a policy's action, 30 ms before the joint follows."""
+    t, _, q, _ = turned()
     noise = np.random.default_rng(5).standard_normal(t.size)
-    scipy.io.savemat(tmp_path / "log.mat", {"t": t, "qm": q, "qg": reference, "vir": noise})
+    other = noise if kind == "noise" else np.roll(q, -30)
+    scipy.io.savemat(tmp_path / "log.mat", {"t": t, "qm": q, "vir": other})
     with pytest.raises(DraftError, match="seems to hold torques"):
         draft_experiment(
             [tmp_path / "log.mat"], str(folder / "axis.urdf"), out=tmp_path / "experiment.toml"

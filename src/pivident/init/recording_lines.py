@@ -121,7 +121,7 @@ def recording_lines(
             used = rows & np.isfinite(tau).all(axis=1)
             return compare(robot, si[used][:, own], tau[used], clock.seconds[used])
 
-        joints, seen = explained_columns(run, joints, kept.names, compared)
+        joints, seen = explained_columns(run, joints, kept.names, si[:, own], compared)
         if seen:
             unnamed["tau"] = seen
             turning = any(unit.units[j] not in ("m", "mm") for j in own)

@@ -24,7 +24,10 @@ from pivident.logs.units import POSITION
 MISSED = 0.3
 
 #: Share of a torque that the motion must leave unexplained at most.
-UNEXPLAINED = 0.5
+UNEXPLAINED = 0.2
+
+#: Correlation with the positions from which on a column is no torque, but a copy or a command.
+LIKE_POSITIONS = 0.9
 
 #: Words of a constant that is the torque of one unit of a command.
 GAIN_WORDS = set("gtau ktau kt gain gains".split())
@@ -46,15 +49,28 @@ def followed_columns(
 
 
 def explained_columns(
-    run: Run, joints: JointMap, names: Sequence[str], compared: Callable[[np.ndarray], Comparison]
+    run: Run,
+    joints: JointMap,
+    names: Sequence[str],
+    si: np.ndarray,
+    compared: Callable[[np.ndarray], Comparison],
 ) -> tuple[JointMap, str]:
     """The channels with ``tau``: the series that the motion explains best, and what was seen.
 
-    ``compared``: holds torques (samples, joints) against the description.
+    ``si``: positions, shape (samples, joints); ``compared``: holds torques of the same shape
+    against the description. What looks like the positions is no torque, however well these
+    explain it.
     """
     best, smallest = None, UNEXPLAINED
     for channel in _unnamed(run, joints, "tau"):
-        errors = compared(channel.values(run, names)).errors
+        values = channel.values(run, names)
+        rows = np.isfinite(values).all(axis=1) & np.isfinite(si).all(axis=1)
+        alike = [
+            abs(np.corrcoef(x, y)[0, 1]) for x, y in zip(values[rows].T, si[rows].T, strict=True)
+        ]
+        if not rows.any() or np.median(alike) > LIKE_POSITIONS:
+            continue
+        errors = compared(values).errors
         worst = 1.0 if errors is None else float(np.max(errors))
         if worst < smallest:
             best, smallest = channel, worst
