@@ -12,6 +12,7 @@ from __future__ import annotations
 import warnings
 from collections import defaultdict
 from collections.abc import Sequence
+from itertools import chain
 
 import numpy as np
 
@@ -49,27 +50,20 @@ def one_source(parts: Sequence[Part], received: np.ndarray) -> tuple[list[Part],
         changing = _fields(_changing(sources[names]))
         return sizes[names] >= few, len(changing), sizes[names] * len(names)
 
-    taken: list[tuple[str, ...]] = []
-    kept: list[Part] = []
+    taken: list[list[Part]] = []
     left_out: list[str] = []
     for names in sorted(sources, key=merit, reverse=True):
-        against = [
-            o for o in taken if set(o) & set(names) and not _alike(sources, o, names, received)
-        ]
-        rest = [k for k, name in enumerate(names) if not any(name in other for other in against)]
-        if against:
+        others = [own for own in taken if not _alike(own, sources[names], received)]
+        rest = [k for k, name in enumerate(names) if not any(name in own[0][0] for own in others)]
+        if len(rest) < len(names):
             what = listed(sorted(_fields(names)), 4)
             left_out.append(f"{sizes[names]} ({what} of {plural(_joints(names), 'joint')})")
         if rest:
             own = tuple(names[k] for k in rest)
-            taken.append(own)
-            kept += [(own, rows, numbers[:, rest], t) for _, rows, numbers, t in sources[names]]
-            sources[own] = [
-                (own, rows, numbers[:, rest], t) for _, rows, numbers, t in sources[names]
-            ]
+            taken.append([(own, rows, x[:, rest], t) for _, rows, x, t in sources[names]])
     if not left_out:
         return list(parts), ""
-    return kept, (
+    return list(chain.from_iterable(taken)), (
         f"{listed(left_out, 4)} of {len(received)} messages come from other sources of the same "
         "joints and are left out"
     )
@@ -94,20 +88,16 @@ def _joints(names: Sequence[str]) -> int:
     return len({name.rpartition("/")[2] for name in names})
 
 
-def _alike(
-    sources: dict[tuple[str, ...], list[Part]],
-    one: tuple[str, ...],
-    other: tuple[str, ...],
-    received: np.ndarray,
-) -> bool:
+def _alike(first: Sequence[Part], second: Sequence[Part], received: np.ndarray) -> bool:
     """Whether two sources fill the same arrays of the joints that both have, with values alike."""
+    one, other = first[0][0], second[0][0]
     shared = sorted(set(one) & set(other))
     joints = {name.rpartition("/")[2] for name in shared}
     if any(n.rpartition("/")[2] in joints for n in set(one) ^ set(other)):
         return False
     agreeing = 0
     for name in shared:
-        (t, x), (s, y) = (_values(sources[names], name, received) for names in (one, other))
+        (t, x), (s, y) = (_values(parts, name, received) for parts in (first, second))
         if not (t.size and s.size):
             agreeing += 1
             continue
