@@ -47,8 +47,9 @@ MAX_LINES = 143_400
 #: torque, eleven for regressions, thirteen for filters, four for algebraic signals and the lines of
 #: periodic motions, thirteen for mechanisms with closed loops, three for force sensors and feet,
 #: one for a base that forces move, one for derivatives kept in blocks, two for joints and channels
-#: that have files of their own, one for work that methods share, five for tangents in blocks.
-MAX_MODULES_OF_IDENTIFY = 195
+#: that have files of their own, one for work that methods share, five for tangents in blocks,
+#: one for what a record separates.
+MAX_MODULES_OF_IDENTIFY = 196
 
 #: Subpackages with a budget of their own.
 ROOMS = (

@@ -207,7 +207,7 @@ def test_constant_channel():
     q[:, 1] = 0.3
     audit = audit_log(with_channels(planar(), q=q))
     assert ("error", "constant", "q of elbow") in serious(audit)
-    assert any("fv2" in f.subject for f in audit.of("excitation") if f.kind == "inseparable")
+    assert any("fc2 (fv2" in f.message for f in audit.of("excitation") if f.kind == "inseparable")
 
 
 def test_turning_past_a_full_turn():

@@ -34,6 +34,7 @@ from pivident.robot.friction import (
 from pivident.robot.gallery import load_robot
 from pivident.robot.urdf import parse_urdf, read_urdf
 from tests.export.robots import ARM, UR, random_tree, ur, with_values
+from tests.robot.test_printed_angles import urdf
 
 if sys.platform == "win32":
     pytest.skip("there is no Pinocchio for Windows", allow_module_level=True)
@@ -63,6 +64,16 @@ def test_a_new_urdf_of_a_gallery_robot_has_the_models_torques(name):
     file = to_urdf(model)
     for verify in BOTH:
         assert verify(file, model).agrees, verify(file, model)
+
+
+@pytest.mark.parametrize("verify", BOTH)
+def test_angles_that_the_original_rounds_are_written_in_full(verify):
+    original = urdf("1.57", "3.1416")
+    model = with_values(parse_urdf(original))
+    file = to_urdf(model, original.encode())
+    assert verify(file, model).agrees, verify(file, model)
+    (sentence,) = [text for text in file.differences if "written in full" in text]
+    assert sentence.endswith("two, flange, three")
 
 
 @pytest.mark.parametrize("verify", BOTH)

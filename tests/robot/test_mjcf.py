@@ -1,5 +1,7 @@
 """Robots read from MJCF, against MuJoCo's own dynamics, and what is refused."""
 
+import re
+
 import mujoco
 import numpy as np
 import pytest
@@ -15,7 +17,7 @@ from pivident.experiment.schema import RobotEntry
 from pivident.init.robot_file import robot_file
 from pivident.robot.gallery import load_robot
 from pivident.robot.mjcf import read_mjcf
-from pivident.robot.mjcf_gains import position_gains
+from pivident.robot.mjcf_actuators import actuator_law
 
 #: Signs without smoothing would add MuJoCo's dry friction; only the linear part is compared.
 STATES = 5
@@ -152,12 +154,68 @@ def test_joint_properties_are_nominal_values(tmp_path):
     assert robot.friction_nominal == {"fv1": 0.2, "fc1": 0.3}
 
 
-def test_gains_of_actuators(tmp_path):
-    more = """<actuator><position joint="a" kp="20" kv="2" gear="2" delay="0.004" nsample="5"/>
-    <velocity joint="a" kv="1"/><motor joint="b"/></actuator>"""
-    gains = position_gains(arm(tmp_path, more=more))
-    assert set(gains) == {"a"}
-    assert (gains["a"].kp, gains["a"].kv, gains["a"].delay) == (80.0, 9.0, 0.004)
+LAWS = """<default><default class="stiff"><position kp="30" kv="1.5" forcerange="-7 7"/></default>
+</default><actuator><position class="stiff" name="pa" joint="a" gear="-2" ctrlrange="-1 3"/>
+<velocity joint="a" kv="0.5"/><general name="gb" joint="b" gear="0.5" gainprm="40" biastype="affine"
+biasprm="3 -80 -4"/></actuator>"""
+
+
+def test_the_law_of_actuators_is_the_torque_of_mujoco(tmp_path):
+    path = arm(tmp_path, more=LAWS)
+    law = actuator_law(path, ("a", "b"))
+    assert not law.reasons
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data, rng = mujoco.MjData(model), np.random.default_rng(1)
+    for _ in range(20):
+        data.qpos, data.qvel, command, speed = rng.uniform(-0.1, 0.1, (4, 2))
+        data.ctrl = [command[0], speed[0], command[1]]
+        mujoco.mj_forward(model, data)
+        q_ref = np.array([-0.5, 1.0]) * command + [0.0, 0.075]  # as the notes say
+        dq_ref = np.array([speed[0] * (law.servo[0] > 0.0), 0.0])
+        torque = law.kp * (q_ref - data.qpos) - law.kd * data.qvel + law.servo * dq_ref
+        np.testing.assert_allclose(data.qfrc_actuator, torque, rtol=0, atol=1e-12)
+    said = " ".join(law.notes)
+    assert "actuator 'pa' holds -0.5 times its control (joint 'a')" in said
+    assert "actuator 'gb' holds 1 times its control +0.075 (joint 'b')" in said
+    assert "actuator 'number 2' is one of several" in said
+    np.testing.assert_allclose(law.limit, [14.0, np.inf])
+    np.testing.assert_allclose(law.reach[0], [-1.5, 0.5])
+    assert law.speed_feed_forward(with_speeds=False) == 0.0
+    assert law.speed_feed_forward(with_speeds=True) is None  # another share at each joint
+
+
+@pytest.mark.parametrize(
+    ("actuators", "says"),
+    [
+        ('<motor name="m" joint="b" gear="3"/>', "'m' is a motor.* 3 N m.*joint 'b'"),
+        (
+            '<velocity name="v" joint="b" kv="1"/>',
+            "'b' follows a speed and no position, of .*'v'",
+        ),
+        ('<intvelocity name="i" joint="b" kp="9"/>', "'i' has dyntype=integrator.*joint 'b'"),
+        ('<position name="l" joint="b" timeconst="0.1"/>', "'l' has dyntype=filter.*joint 'b'"),
+        (
+            '<position joint="b"/><position joint="b"/>',
+            "'b' follows two commands, of .*number 2.* and .*number 3",
+        ),
+        ("", "no actuator moves joint 'b'"),
+    ],
+)
+def test_actuators_that_are_no_position_loop_are_named(tmp_path, actuators, says):
+    path = arm(tmp_path, more=f'<actuator><position joint="a" kp="5"/>{actuators}</actuator>')
+    law = actuator_law(path, ("a", "b"))
+    (reason,) = law.reasons
+    assert re.search(says, reason), reason
+    assert law.kp.tolist() == [5.0, 0.0]
+
+
+def test_actuators_of_tendons_and_of_other_joints_are_no_law_of_a_joint(tmp_path):
+    more = """<tendon><fixed name="t"><joint joint="a" coef="1"/></fixed></tendon>
+    <actuator><position joint="a" kp="5"/><motor name="m" tendon="t"/><motor joint="b"/>
+    </actuator>"""
+    law = actuator_law(arm(tmp_path, more=more), ("a",))
+    assert not law.reasons and law.kp.tolist() == [5.0]
+    assert law.notes == ("actuator 'm' acts on a tendon and is in no law",)
 
 
 def test_a_floating_base_can_be_held(tmp_path):

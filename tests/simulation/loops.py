@@ -81,6 +81,7 @@ class PIDSteps:
         self.kp, self.kd = float(law.kp[0]), float(law.kd[0])
         self.ki = 0.0 if law.ki is None else float(law.ki[0])
         self.h, self.lag = h, law.derivative_time
+        self.share = law.speed_feed_forward
         self.last_q, self.last_ref = q, q_ref
         self.speed = self.wanted = self.integral = 0.0
 
@@ -92,7 +93,7 @@ class PIDSteps:
         error = q_ref - q
         wanted = self.wanted if dq_ref is None else dq_ref
         grown = self.integral + self.ki * self.h * error
-        u = self.kp * error + self.kd * (wanted - self.speed) + grown
+        u = self.kp * error + self.kd * (self.share * wanted - self.speed) + grown
         held = max(-limit, min(limit, u))
         if (u - held) * error <= 0.0:
             self.integral = grown

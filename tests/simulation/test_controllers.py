@@ -1,5 +1,7 @@
 """The sampled laws against their difference equations in plain Python, and their inverses."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -22,6 +24,7 @@ RATE = 1000.0
 LAWS = {
     "PD": PD([900.0], [20.0]),
     "PD with filter": PD([900.0], [20.0], derivative_time=0.004),
+    "PD that damps the speed": PD([900.0], [20.0], speed_feed_forward=0.0),
     "PID": PID([900.0], [20.0], [4000.0]),
     "PID with filter": PID([900.0], [20.0], [4000.0], derivative_time=0.002),
     "P": PD([900.0], [0.0]),
@@ -107,6 +110,17 @@ def test_the_reference_is_differentiated_as_the_measurement_is():
         sampled = law.law(RATE, q_ref, None)
         answer = lfilter(sampled.feedback[0], sampled.pole[0], q_ref[:, 0])
         np.testing.assert_allclose(sampled.reference[:, 0], answer, atol=1e-9)
+
+
+def test_a_pd_law_that_damps_the_speed_is_a_cascade_without_feed_forward():
+    q_ref = np.random.default_rng(2).normal(size=(9, 2))
+    one = replace(PD([60.0, 25.0], 1.0, speed_feed_forward=0.0), kd=[2.0, 0.8])
+    other = Cascade([30.0, 31.25], [2.0, 0.8])
+    for ours, theirs in zip(one.law(RATE, q_ref, None)[:2], other.law(RATE, q_ref, None)[:2],
+                            strict=True):  # fmt: skip
+        np.testing.assert_allclose(ours, theirs)
+    reference = other.law(RATE, q_ref, None).reference
+    np.testing.assert_allclose(one.law(RATE, q_ref, None).reference, reference)
 
 
 def test_backward_difference():

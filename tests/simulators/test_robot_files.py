@@ -4,6 +4,7 @@ import ast
 import sys
 import types
 import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 from pivident.errors import ExportError
 from pivident.export.xml_text import number
 from pivident.simulators.robot_files import fitted_file, fitted_urdf, isaac_actuators
+from pivident.simulators.simulator_fit import FittedValue
 
 URDF = b"""<?xml version="1.0"?>
 <!-- a leg -->
@@ -94,6 +96,30 @@ def test_isaac_reads_the_table(leg, monkeypatch):
     assert made["friction"] == made["dynamic_friction"]
     assert made["min_delay"] == made["max_delay"] == 2
     assert "-0.8 ms that whole steps cannot give" in text  # 3.2 ms are 2 steps of 2 ms less 0.8
+
+
+def test_fitted_gains_go_through_gears_into_position_actuators(leg, tmp_path):
+    """Torque of MuJoCo's actuators at one state: kp (q_ref - q) - kd dq with what was fitted."""
+    actuators = """<actuator><position joint="hip" kp="9" kv="3" gear="-2"/><motor joint="knee"/>
+    <general joint="abduction" gainprm="8" biastype="affine" biasprm="4 -16 -1"/></actuator>"""
+    text = (leg.folder / "leg.xml").read_text().replace("</mujoco>", f"{actuators}</mujoco>")
+    (tmp_path / "leg.xml").write_text(text)
+    names, gains = leg.fit.robot.joint_names, {"kp": (31.0, 32.0, 33.0), "kd": (1.1, 1.2, 1.3)}
+    values = [
+        FittedValue(quantity, name, "", value, 0.1, value, value, value)
+        for quantity, own in gains.items()
+        for name, value in zip(names, own, strict=True)
+    ]
+    fit = replace(leg.fit, values=(*leg.fit.values, *values))
+    model = mujoco.MjModel.from_xml_string(
+        fitted_file(fit, "mjcf", tmp_path / "leg.xml", tmp_path).content.decode()
+    )
+    data = mujoco.MjData(model)
+    data.qpos, data.qvel, data.ctrl = [0.2, -0.3, 0.1], [0.5, 0.4, -0.6], [0.3, 0.7, -0.2]
+    mujoco.mj_forward(model, data)
+    q_ref = np.array([-0.2 / 2 + 4 / 16, -0.3 / 2])  # as the given actuators hold them
+    torque = [31.0, 32.0] * (q_ref - data.qpos[:2]) - [1.1, 1.2] * data.qvel[:2]
+    np.testing.assert_allclose(data.qfrc_actuator, [*torque, 0.7], rtol=1e-5)
 
 
 def test_formats_that_cannot_be_written_are_refused(leg, tmp_path):

@@ -15,11 +15,9 @@ import numpy as np
 
 from pivident.audit.inverse_model import OVERSAMPLING, InverseModel
 from pivident.dynamics.parameters import Parameter, nominal_values
+from pivident.dynamics.separation import LeftOut, left_out, preferred, sentence
 from pivident.motion.wanted_motion import FullMotion, MotionLimits, motions_for
 from pivident.text.finding import Finding, Quantity, Severity
-
-#: Singular values below this, relative to the largest one, count as zero.
-RANK = 1e-6
 
 #: Condition of the scaled matrix above which errors of the model are magnified too much.
 CONDITION = 1e4
@@ -50,33 +48,35 @@ def check_excitation(models: Sequence[InverseModel]) -> Excitation:
     base = models[0].base
     size = len(base)
     gram, right, rows = np.zeros((size, size)), np.zeros(size), 0
-    torque, noise = np.full(size, 1e-12), np.full(size, np.inf)
+    torque, noise, square = np.full(size, 1e-12), np.full(size, np.inf), np.zeros(size)
     for model in models:
-        rows += _add_equations(model, gram, right, torque, noise)
+        rows += _add_equations(model, gram, right, torque, noise, square)
     length = np.sqrt(np.diag(gram))
     scale = 1.0 / np.where(length > 0, length, 1.0)
-    values, vectors = np.linalg.eigh(gram * np.outer(scale, scale))
-    singular = np.sqrt(np.clip(values, 0.0, None))
-    largest = singular[-1] if singular[-1] > 0 else 1.0
-    seen = singular > RANK * largest
-    condition = float(largest / singular[seen][0]) if seen.any() else np.inf
-    inverse = (vectors[:, seen] / singular[seen]) ** 2
+    gram *= np.outer(scale, scale)
+    order = preferred(base, range(size))
+    out = left_out(gram, np.sqrt(square), order)
+    kept = np.setdiff1d(np.arange(size), list(out))
+    values, vectors = np.linalg.eigh(gram[np.ix_(kept, kept)])
+    values = np.maximum(values, 1e-300)
     # Rows follow each other faster than the band has new values.
-    standard_error = np.sqrt(inverse.sum(axis=1) * OVERSAMPLING / 2.0) * scale
-    standard_error[length == 0] = np.inf
-    theta = scale * (vectors[:, seen] @ ((vectors[:, seen].T @ (scale * right)) / values[seen]))
+    error = np.sqrt((vectors**2 / values).sum(axis=1) * OVERSAMPLING / 2.0)
+    standard_error, theta = np.full(size, np.inf), np.zeros(size)
+    standard_error[kept] = error * scale[kept]
+    theta[kept] = scale[kept] * (vectors @ (vectors.T @ (scale * right)[kept] / values))
+    singular = np.sqrt(np.clip(np.linalg.eigvalsh(gram), 0.0, None))
     motion = (np.concatenate([getattr(m, name) for m in models]) for name in ("q", "dq", "ddq"))
     limits = MotionLimits.of(models[0].robot, *motion)
     motions = FullMotion.within(models[0].robot, limits)
-    full, needed = _sizes(models[0], motions, theta)
+    full, needed, never = _in_full_motion(models[0], motions, theta, order)
     for own, most in zip(models[0].own, needed, strict=True):
         torque[own] = np.maximum(torque[own], most)
     found = Excitation(
         (),
         base.names,
-        int(seen.sum()),
-        condition,
-        singular[::-1] / largest,
+        len(kept),
+        float(np.sqrt(values[-1] / values[0])) if kept.size else np.inf,
+        singular[::-1] / (singular[-1] or 1.0),
         standard_error * full / torque,
         length / np.sqrt(max(rows, 1)) / np.maximum(full / noise, 1e-300),
         limits.used,
@@ -86,18 +86,14 @@ def check_excitation(models: Sequence[InverseModel]) -> Excitation:
         wanted = [str(motion) for motion in motions_for(parameters, motions, limits)]
         return [f"{text[0].upper()}{text[1:]}." for text in wanted]
 
-    unseen = _sparse(vectors[:, ~seen])
-    return replace(found, findings=tuple(_findings(models, found, unseen, advice)))
-
-
-def _sparse(null: np.ndarray) -> list[np.ndarray]:
-    """A basis of the unseen directions with few parameters in each: one belongs to it alone."""
-    from scipy.linalg import qr
-
-    if not null.shape[1]:
-        return []
-    pivots = qr(null.T, pivoting=True, mode="r")[1][: null.shape[1]]
-    return list(np.linalg.solve(null[pivots].T, null.T))
+    step = ""
+    if out:
+        possible = [base.parameters[k] for k in out if k not in never]
+        step = " ".join(dict.fromkeys(advice(possible)))
+        lost = [found.names[k] for k in out if k in never]
+        if lost:
+            step += f" No motion within the robot's limits separates {', '.join(lost)}."
+    return replace(found, findings=tuple(_findings(models, found, out, step.strip(), advice)))
 
 
 def _noise(model: InverseModel) -> np.ndarray:
@@ -109,9 +105,17 @@ def _noise(model: InverseModel) -> np.ndarray:
 
 
 def _add_equations(
-    model: InverseModel, gram: np.ndarray, right: np.ndarray, torque: np.ndarray, noise: np.ndarray
+    model: InverseModel,
+    gram: np.ndarray,
+    right: np.ndarray,
+    torque: np.ndarray,
+    noise: np.ndarray,
+    square: np.ndarray,
 ) -> int:
-    """Add the weighted equations of one log to WᵀW and Wᵀτ; gram (parameters, parameters)."""
+    """Add the weighted equations of one log to WᵀW and Wᵀτ; gram (parameters, parameters).
+
+    ``square``: of the torque that each parameter acts on, in residuals, shape (parameters,).
+    """
     residual, rows, tau = _noise(model), 0, model.tau()
     size = np.sqrt(np.mean(tau**2, axis=0))
     for j, columns in enumerate(model.columns):
@@ -119,17 +123,21 @@ def _add_equations(
         own = model.own[j]
         gram[np.ix_(own, own)] += moving.T @ moving
         torque[own] = np.maximum(torque[own], size[j])
+        square[own] += np.sum((tau[model.moving[:, j], j] / residual[j]) ** 2)
         right[own] += moving.T @ (tau[model.moving[:, j], j] / residual[j])
         noise[own] = np.minimum(noise[own], residual[j])
         rows = max(rows, len(moving))
     return rows
 
 
-def _sizes(
-    model: InverseModel, motions: FullMotion, theta: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Rms in motions within all limits: of each column, and of each joint's torque."""
-    base = model.base
+def _in_full_motion(
+    model: InverseModel, motions: FullMotion, theta: np.ndarray, order: Sequence[int]
+) -> tuple[np.ndarray, np.ndarray, set[int]]:
+    """In motions within all limits the rms of each column and of each joint's torque.
+
+    Also the parameters that are not separated there either.
+    """
+    base, residual = model.base, _noise(model)
     full, described = (
         motions.columns(base.parameters),
         base.values(nominal_values(model.robot, base.standard)),
@@ -137,18 +145,25 @@ def _sizes(
     # Of fit and description the smaller: neither can be trusted where the motion is poor.
     torques = full @ np.column_stack([theta, described])
     columns = np.sqrt(np.mean(full**2, axis=0).max(axis=0))
-    return columns, np.sqrt(np.mean(torques**2, axis=0)).min(axis=1)
+    needed = np.sqrt(np.mean(torques**2, axis=0)).min(axis=1)
+    rows = (full / residual[:, None]).reshape(-1, len(base))
+    rows = rows / np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
+    acts = (full != 0.0).any(axis=0)
+    torque = np.sqrt(len(full) * ((needed / residual) ** 2) @ acts)
+    return columns, needed, set(left_out(rows.T @ rows, torque, order))
 
 
 def _findings(
     models: Sequence[InverseModel],
     found: Excitation,
-    unseen: list[np.ndarray],
+    out: LeftOut,
+    separating: str,
     advice: Callable[[Sequence[Parameter]], list[str]],
 ) -> list[Finding]:
-    """Rank, directions that were not seen, weak parameters and the use of the limits.
+    """Rank, parameters that are not separated, weak ones and the use of the limits.
 
-    ``advice``: gives the motion that each of some parameters would need.
+    ``out``: what is left out; ``separating``: what would separate it; ``advice``: gives the motion
+    that each of some parameters would need.
     """
     model, names, parameters = models[0], found.names, models[0].base.parameters
     rank, condition = found.rank, found.condition
@@ -157,27 +172,17 @@ def _findings(
     if len(models) > 1:
         who = f"The motions of all {len(models)} recordings together separate"
     text = f"{who} {rank} of {len(names)} base parameters; condition {condition:.4g}."
-    bad = rank < len(names)
-    severity: Severity = "error" if bad else "warning" if condition > CONDITION else "ok"
-    named = {k for vector in unseen for k in np.flatnonzero(np.abs(vector) > 0.3)}
+    severity: Severity = "warning" if condition > CONDITION else "ok"
     weak = (open_torque > WEAK) | (used < UNUSED)
-    chosen = [int(k) for k in np.argsort(-open_torque) if weak[k] and k not in named]
+    chosen = [int(k) for k in np.argsort(-open_torque) if weak[k] and k not in out]
     step = ""
     if severity != "ok":
-        more = "Add motions as below" if unseen or chosen else "Let `pivident excite` add a motion"
+        more = "Add motions as below" if chosen else "Let `pivident excite` add a motion"
         step = f"{more}, or name fewer parameters under [identify]."
     evidence = {"condition": Quantity(condition, bound=CONDITION)}
     findings = [Finding(severity, "excitation", "rank", text, next_step=step, evidence=evidence)]
-    groups = [_largest(vector) for vector in unseen]
-    steps = advice([parameters[group[0]] for group in groups])
-    for group, step in zip(groups, steps, strict=True):
-        listed = ", ".join(names[k] for k in group)
-        kind, words = "inseparable", f"{listed} cannot be separated"
-        if len(group) == 1:
-            kind, words = "no effect", f"{listed} has no effect"
-        findings.append(
-            Finding("error", "excitation", kind, f"{words} in this motion.", listed, step)
-        )
+    if out:
+        findings = [replace(sentence(out, names, separating), topic="excitation")]
     for k, step in zip(chosen, advice([parameters[k] for k in chosen]), strict=True):
         share = 100 * float(open_torque[k])
         findings.append(
@@ -204,9 +209,3 @@ def _findings(
             Finding("ok", "excitation", "used", f"{joint.name} uses {shares}.", joint.name)
         )
     return findings
-
-
-def _largest(vector: np.ndarray) -> list[int]:
-    """At most four parameters that a direction is made of above all, the largest one first."""
-    size = np.abs(vector)
-    return [int(k) for k in np.argsort(-size)[:4] if size[k] > 0.3 * size.max()]

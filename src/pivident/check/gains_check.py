@@ -1,9 +1,9 @@
 """Gains and limits of the controller beside those that the log shows.
 
-With e = q_ref - q the error of joint j, a PD loop makes u_j = kp e + kd de/dt, a cascade
-u_j = kv kp e - kv dq/dt (+ kv dq_ref/dt). Both are linear in two products of gains, which least
-squares finds from the log in no time. Where they explain the torque, they are compared with the
-gains of the file.
+With e = q_ref - q the error of joint j, a PD loop makes u_j = kp e + kd (s dq_ref - dq)/dt with
+s = 1, a cascade u_j = kv kp e + kv (s dq_ref - dq)/dt with s = 0. Both are linear in two products
+of gains, which least squares finds from the log in no time. Where they explain the torque, they are
+compared with the gains of the file.
 """
 
 from __future__ import annotations
@@ -107,10 +107,8 @@ def _products(
 ) -> tuple[float, float] | None:
     """Gains on error and on speed, or None where they do not explain the torque."""
     e = q_ref - q
-    slope = np.diff(e, prepend=e[:1]) * rate
-    if entry.type == "cascade":
-        slope = entry.speed_feed_forward * np.diff(q_ref, prepend=q_ref[:1]) * rate
-        slope = slope - np.diff(q, prepend=q[:1]) * rate
+    share = entry.feed_forward_share
+    slope = (share * np.diff(q_ref, prepend=q_ref[:1]) - np.diff(q, prepend=q[:1])) * rate
     columns = np.column_stack([e, slope, np.ones_like(e)])[2:]
     size = np.linalg.norm(columns, axis=0)
     if not size.all():

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pivident.check.actuators_check import check_actuators
 from pivident.check.filters_check import check_filters
 from pivident.check.motion_check import SHORTEST
 from pivident.check.plan import Plan, plan_of
@@ -106,6 +107,7 @@ class ProblemCheck:
                 loop = None
             else:
                 self._stability(robot, fitted)
+                self.remarks += check_actuators(law, robot, fitted)
         try:
             check_torque(self._content)
         except PividentError as error:

@@ -30,8 +30,8 @@ def fit_simulator(
     to
         mjcf, urdf, or isaac: actuators of Isaac Lab.
     free
-        What is fitted: armature, damping, frictionloss, bias, delay, kp, kd. Default: the first
-        five.
+        What is fitted: armature, damping, frictionloss, bias, delay, kp, kd; several separated by
+        commas. Default: the first five.
     held_out
         Share of the recordings at their end for the judgement, where the file has no
         [[validation.recording]]; 0: none.
@@ -46,6 +46,7 @@ def fit_simulator(
     from pivident.simulators.simulator_files import file_name, save_simulator
     from pivident.simulators.simulator_table import simulator_of
     from pivident.simulators.simulator_text import simulator_text
+    from pivident.text.lists import separated
 
     mujoco_library("fitting a simulator")
     folder = out or file.with_name(f"{file.stem}-simulator")
@@ -53,14 +54,15 @@ def fit_simulator(
     experiment = load_experiment(file)
     with Progress() as progress:
         fit, robot, judged = simulator_of(
-            experiment, to, folder, free or DEFAULT_QUANTITIES, held_out, progress.say
+            experiment, to, folder, separated(free or DEFAULT_QUANTITIES), held_out, progress.say
         )
         progress.say("writing the results")
         drawn = is_installed("plotly")
         save_simulator(fit, robot, judged, folder, page=drawn)
     print(simulator_text(fit, judged))
-    for sentence in robot.differences:
+    for sentence in () if robot is None else robot.differences:
         note(f"{sentence}.")
-    page = ", simulator.html" if drawn else ""
-    print(f"\nFiles: {folder / file_name(robot)}, simulator.csv, simulator.json{page}")
-    return 0 if fit.converged else 3
+    names = [] if robot is None else [file_name(robot)]
+    names += ["simulator.csv", "simulator.json", *(["simulator.html"] if drawn else [])]
+    print(f"\nFiles: {', '.join([str(folder / names[0]), *names[1:]])}")
+    return 3 if not fit.converged or (judged is not None and judged.findings()) else 0

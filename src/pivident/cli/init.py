@@ -138,6 +138,8 @@ def print_draft(draft: Draft, out: Path) -> None:
     print(f"\nWritten: {escaped(str(out))}; {number}.")
     print(f"Next:    pivident check {escaped(str(out))}")
     print(f"         pivident identify {escaped(str(out))}")
+    if any(line.key == "speed_feed_forward" for line in draft.assumptions):
+        print(f"or:      pivident fit-simulator {escaped(str(out))}")
 
 
 def _asked(question: Question) -> str:

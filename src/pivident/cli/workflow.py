@@ -33,7 +33,7 @@ from pivident.diagnostics.verdict_file import VERDICT_FILE, save_verdict
 from pivident.errors import PividentError
 from pivident.estimation.identification import Identification
 from pivident.estimation.identification_file import save_identification
-from pivident.estimation.identify import identify
+from pivident.estimation.identify import identify, narrowed
 from pivident.estimation.methods import METHODS, Method
 from pivident.estimation.parameter_rows import parameter_rows
 from pivident.estimation.problem import Problem
@@ -131,7 +131,7 @@ def run_experiment(
             problem = shaped.problem
         if experiment.content.identify.essential:
             essential = essential_parameters(problem, last, progress=progress.say)
-            problem = replace(problem, parameters=essential.names)
+            problem = narrowed(problem, essential.identification)
         freed = None
         if kinds := kinds_of(free or experiment.content.identify.free or ()):
             freed = corrections(problem, last, kinds, progress.say)
@@ -247,6 +247,7 @@ def identify_all(problem: Problem, methods: Mapping[str, Method], progress: Prog
             continue
         seconds = time.perf_counter() - begin
         progress.keep(f"{_verdict(found[name])} ({seconds:.1f} s)")
+        problem = narrowed(problem, found[name])  # all methods estimate the same parameters
     if not found:
         raise next(iter(failures.values()))
     return Outcome(found, tuple(failures))

@@ -18,6 +18,7 @@ from pivident.consistency.consistent_model import ConsistentModel, make_consiste
 from pivident.diagnostics.other_readings import Reading, better_readings
 from pivident.errors import ExperimentError, IdentificationError, PividentError
 from pivident.estimation.identification import Identification
+from pivident.estimation.identify import narrowed
 from pivident.estimation.methods import METHODS, Method
 from pivident.estimation.problem import Problem
 from pivident.estimation.torque_sums import torque_sums
@@ -168,6 +169,7 @@ def _diagnose(
     split = None
     name = diagnostics.recommended if out_of_sample is None else out_of_sample.recommended
     validation = None if out_of_sample is None else out_of_sample.results.get(name)
+    problem = narrowed(problem, identifications[name])
     try:
         split = model_error(problem, identifications[name], validation)
     except IdentificationError as error:

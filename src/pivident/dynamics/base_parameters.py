@@ -134,7 +134,7 @@ def base_parameters(robot: Robot) -> BaseParameters:
     phi = _probe(robot, standard)
     length = np.linalg.norm(phi, axis=0)
     active = length > 1e-12 * length.max()
-    order = [i for i in _preference(robot, standard) if active[i]]
+    order = [i for i in preference(robot, standard) if active[i]]
     chosen, basis = independent_columns(phi / np.where(active, length, 1.0), order)
     kept, dropped = sorted(chosen), sorted(set(order) - set(chosen))
     # Φ_k = Q R with Q the basis, so K = R⁻¹ Qᵀ Φ_d
@@ -189,8 +189,13 @@ def _closed_probe(
     return phi.reshape(-1, len(standard))
 
 
-def _preference(robot: Robot, standard: tuple[Parameter, ...]) -> list[int]:
-    """Indices of the standard parameters, those to be kept first."""
+def preference(robot: Robot, standard: tuple[Parameter, ...]) -> list[int]:
+    """Indices of the standard parameters, those to be kept first.
+
+    Args:
+        robot: the robot.
+        standard: its standard parameters, in order.
+    """
     joints = robot.tree.joints
 
     def rank(p: Parameter) -> int:
@@ -207,7 +212,9 @@ def _preference(robot: Robot, standard: tuple[Parameter, ...]) -> list[int]:
     return sorted(range(len(standard)), key=lambda i: (rank(standard[i]), i))
 
 
-def independent_columns(phi: np.ndarray, order: list[int]) -> tuple[list[int], np.ndarray]:
+def independent_columns(
+    phi: np.ndarray, order: list[int], least: float | np.ndarray = DEPENDENCE
+) -> tuple[list[int], np.ndarray]:
     """Columns that are not combinations of those before them in ``order``, and a basis of them.
 
     Gram–Schmidt with a second pass (twice is enough), so that a remainder of rounding errors
@@ -216,6 +223,8 @@ def independent_columns(phi: np.ndarray, order: list[int]) -> tuple[list[int], n
     Args:
         phi: columns of length one, shape (rows, columns).
         order: indices of the columns that may be kept.
+        least: length of a column's remainder up to which it depends on those before it, one or
+            one for each column.
 
     Returns:
         Indices of those that are kept, in the order of ``order``, and an orthonormal basis, shape
@@ -223,13 +232,14 @@ def independent_columns(phi: np.ndarray, order: list[int]) -> tuple[list[int], n
     """
     basis = np.empty((phi.shape[0], len(order)))
     kept: list[int] = []
+    least = np.broadcast_to(least, phi.shape[1])
     for i in order:
         remainder = phi[:, i].copy()
         for _ in range(2):
             span = basis[:, : len(kept)]
             remainder -= span @ (span.T @ remainder)
         size = np.linalg.norm(remainder)
-        if size > DEPENDENCE:
+        if size > least[i]:
             basis[:, len(kept)] = remainder / size
             kept.append(i)
     return kept, basis[:, : len(kept)]

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
 from pivident.errors.kinds import IdentificationError
+
+if TYPE_CHECKING:
+    import numpy as np
 
 
 class RankDeficientRegressor(IdentificationError):
@@ -14,10 +18,18 @@ class RankDeficientRegressor(IdentificationError):
         rank: numerical rank of the observation matrix.
         expected: number of requested parameters.
         groups: names of the inseparable parameters, one tuple per missing rank.
+        evidence: Gram matrix of weighted columns of length one and the torque that each acts on,
+            in noise; None where there are no such columns.
     """
 
-    def __init__(self, rank: int, expected: int, groups: Sequence[Sequence[str]]) -> None:
-        self.rank, self.expected = rank, expected
+    def __init__(
+        self,
+        rank: int,
+        expected: int,
+        groups: Sequence[Sequence[str]],
+        evidence: tuple[np.ndarray, np.ndarray] | None = None,
+    ) -> None:
+        self.rank, self.expected, self.evidence = rank, expected, evidence
         self.groups = tuple(tuple(group) for group in groups)
         listed = "; ".join(", ".join(group) for group in self.groups)
         super().__init__(

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from pivident.errors import IdentificationError
+from pivident.dynamics.separation import KIND, separated
+from pivident.errors import IdentificationError, RankDeficientRegressor
 from pivident.estimation.counted_loop import (
     LABEL,
     NOT_SIMULATED,
@@ -65,8 +66,9 @@ def identify(
         The identification.
 
     Raises:
-        IdentificationError: unknown method, rank-deficient motion, a loop that cannot be
-            simulated (its children say which).
+        IdentificationError: unknown method, a loop that cannot be simulated (its children say
+            which). Parameters that the motion does not separate are left out, and a warning says
+            so; see `pivident.dynamics.separation`.
     """
     if not isinstance(problem, Problem):
         made = getattr(problem, "problem", None)
@@ -80,12 +82,30 @@ def identify(
     if isinstance(method, (Regression, StateFilter, InstrumentalVariables)) and not lines:
         method = replace(method, signals=settled_recipe(method.signals, problem.recordings))
     say = progress or (lambda line: None)
-    with linear_algebra_in_one_thread():
-        found = _estimate(problem, method, say, test_gains)
     noticed = equation_error(method, problem.recordings)
+    with linear_algebra_in_one_thread():
+        while True:
+            try:
+                found = _estimate(problem, method, say, test_gains)
+                break
+            except RankDeficientRegressor as error:
+                if isinstance(method, OutputError):  # holds what it cannot determine, or refuses
+                    raise
+                names, why = separated(problem.base, problem.selection, error)
+                problem = replace(problem, parameters=names)
+                say(f"{method.label}: {why.message}")
+                noticed = (why, *noticed)
     if reads_counts(problem) and found.method != LABEL:
         noticed = (*noticed, NOT_SIMULATED)
     return replace(found, warnings=(*found.warnings, *noticed)) if noticed else found
+
+
+def narrowed(problem: Problem, found: Identification) -> Problem:
+    """The problem of the parameters that a result has, which says why others were left out."""
+    if found.names == problem.names:
+        return problem
+    why = [w for w in found.warnings if w.kind == KIND and w not in problem.findings]
+    return replace(problem, parameters=found.names, findings=(*problem.findings, *why))
 
 
 def _estimate(problem: Problem, method: Method, say: Progress, test_gains: bool) -> Identification:

@@ -122,15 +122,10 @@ def _solve(
     problem: Problem, method: LeastSquares, sums: list[JointSums]
 ) -> tuple[Solution, np.ndarray]:
     """One solution; its variances are those of the weights, or the common one without weights."""
-    own = np.array([s.own_variance() for s in sums])
-    if method.weighted:
-        variance = own
-        solution = solve(sums, variance, problem.names)
-    else:
-        ones = np.ones(len(sums))
-        theta = solve(sums, ones, problem.names).theta
+    variance = np.array([s.own_variance() for s in sums])
+    if not method.weighted:
+        theta = solve(sums, np.ones(len(sums)), problem.names).theta
         rows = sum(s.rows for s in sums)
         common = sum(s.residual_sum(theta) for s in sums) / max(rows - theta.size, 1)
         variance = np.full(len(sums), max(common, 1e-300))
-        solution = solve(sums, variance, problem.names)
-    return solution, variance
+    return solve(sums, variance, problem.names, checked=True), variance

@@ -24,7 +24,8 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from pivident.errors import IdentificationError, RankDeficientRegressor
+from pivident.dynamics.separation import is_separated, refusal, weakest_direction
+from pivident.errors import IdentificationError
 from pivident.estimation.covariance.white_noise import white_noise_covariance
 from pivident.estimation.covariance.windows import Share
 
@@ -128,13 +129,6 @@ def _add_block(left, right, i, j, t, u, count, out):
             out[i + a, j + b] += total
 
 
-#: Share of a parameter in the weakest direction from which on it is named.
-WEAKEST_SHARE = 0.3
-
-#: Smallest singular value of the scaled observation matrix, relative to the largest.
-RANK_TOLERANCE = 1e-6
-
-
 @dataclass(eq=False)
 class JointSums:
     """Sums of one joint over samples, on its own columns."""
@@ -225,8 +219,8 @@ class JointSums:
             self.ft / scale
         )
         remainder = self.tt - float(self.ft / scale @ solution)
-        rank = self.columns.size
-        return max(remainder, 1e-30 * max(self.tt, 1e-300)) / max(self.rows - rank, 1)
+        freedom = max(self.rows - self.columns.size, 1)
+        return max(remainder, 1e-30 * max(self.tt, 1e-300)) / freedom
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,9 +234,16 @@ class Solution:
 
 
 def solve(
-    sums: Sequence[JointSums], variance: np.ndarray, names: Sequence[str], weight_power: float = 1.0
+    sums: Sequence[JointSums],
+    variance: np.ndarray,
+    names: Sequence[str],
+    weight_power: float = 1.0,
+    checked: bool = False,
 ) -> Solution:
-    """θ = (Σ ZᵀΦ λ^-w)⁻¹ Σ Zᵀτ λ^-w and its covariance (Σ ZᵀZ/λ)⁻¹."""
+    """θ = (Σ ZᵀΦ λ^-w)⁻¹ Σ Zᵀτ λ^-w and its covariance (Σ ZᵀZ/λ)⁻¹.
+
+    ``checked``: what only noise separates is refused too, see `pivident.dynamics.separation`.
+    """
     for joint in sums:
         if joint.rows <= joint.columns.size:
             raise IdentificationError(
@@ -260,7 +261,10 @@ def solve(
         ff[grid] += joint.ff / lam
     scale = _scales(ff)
     outer = np.outer(scale, scale)
-    condition, weakest = _check_rank(ff / outer, np.flatnonzero(np.diag(ff) <= 0), names)
+    weak = weakest_direction(ff / outer, names)
+    if weak is None or (checked and not is_separated(*_evidence(sums, size))):
+        raise refusal(*_evidence(sums, size), names)
+    condition, weakest = weak
     theta = np.linalg.solve(zf / outer, zt / scale) / scale
     squares = [(joint.columns, joint.zz) for joint in sums]
     return Solution(theta, white_noise_covariance(squares, variance, outer), condition, weakest)
@@ -281,9 +285,9 @@ def weighted_solution(
 ) -> tuple[Solution, np.ndarray]:
     """Solve with weights from the residual, twice, so that weights and estimate agree."""
     theta = start
-    for _ in range(3):
+    for number in range(3):
         variance = joint_variances(sums, theta)
-        solution = solve(sums, variance, names, weight_power)
+        solution = solve(sums, variance, names, weight_power, checked=number == 0)
         theta = solution.theta
     return solution, joint_variances(sums, theta)
 
@@ -301,24 +305,12 @@ def _scales(gram: np.ndarray) -> np.ndarray:
     return np.where(length > 0, length, 1.0)
 
 
-def _check_rank(
-    gram: np.ndarray, empty: np.ndarray, names: Sequence[str]
-) -> tuple[float, tuple[str, ...]]:
-    """Condition number of the observation matrix with columns of unit length, and its weakest.
-
-    ``gram``: its Gram matrix, shape (parameters, parameters).
-    """
-    values, vectors = np.linalg.eigh(gram)
-    if values[0] > RANK_TOLERANCE**2 * values[-1]:
-        share = np.abs(vectors[:, 0])
-        weakest = tuple(names[int(i)] for i in np.argsort(-share) if share[i] > WEAKEST_SHARE)
-        return float(np.sqrt(values[-1] / values[0])), weakest
-    weak = np.flatnonzero(values <= RANK_TOLERANCE**2 * values[-1])
-    groups: list[tuple[str, ...]] = [(names[int(i)],) for i in empty]
-    for k in weak:
-        share = np.abs(vectors[:, k])
-        share[empty] = 0.0
-        members = tuple(names[int(i)] for i in np.argsort(-share) if share[i] > 0.1)
-        if members:
-            groups.append(members)
-    raise RankDeficientRegressor(len(names) - weak.size, len(names), groups)
+def _evidence(sums: Sequence[JointSums], size: int) -> tuple[np.ndarray, np.ndarray]:
+    """Gram matrix of instruments of length one, weighted by the noise, and the torque in noise."""
+    gram, square = np.zeros((size, size)), np.zeros(size)
+    for joint in sums:
+        noise = joint.own_variance()
+        gram[np.ix_(joint.columns, joint.columns)] += joint.zz / noise
+        square[joint.columns] += joint.tt / noise
+    scale = _scales(gram)
+    return gram / np.outer(scale, scale), np.sqrt(square)

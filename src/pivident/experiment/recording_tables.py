@@ -268,11 +268,10 @@ def control_law(entry: ControllerEntry, joints: int) -> Controller:
         for key in ("kp", "kd", "kv", "ki")
         if (value := getattr(entry, key)) is not None
     }
+    share = entry.feed_forward_share
     if entry.type == "cascade":
-        return Cascade(
-            averaged=entry.averaged, speed_feed_forward=entry.speed_feed_forward, **gains
-        )
-    return PID(derivative_time=entry.derivative_time, **gains)
+        return Cascade(averaged=entry.averaged, speed_feed_forward=share, **gains)
+    return PID(derivative_time=entry.derivative_time, speed_feed_forward=share, **gains)
 
 
 def _gains(key: str, value: float | list[float], joints: int) -> np.ndarray:

@@ -37,8 +37,8 @@ LOOP_KEYS = {"drive_gain", "limit", "feed_forward", "counts"}
 
 #: Keys of each control law: those it needs, and those it may have besides.
 LAW_KEYS = {
-    "pd": ({"kp", "kd"}, LOOP_KEYS | {"derivative_time"}),
-    "pid": ({"kp", "kd"}, LOOP_KEYS | {"ki", "derivative_time"}),
+    "pd": ({"kp", "kd"}, LOOP_KEYS | {"derivative_time", "speed_feed_forward"}),
+    "pid": ({"kp", "kd"}, LOOP_KEYS | {"ki", "derivative_time", "speed_feed_forward"}),
     "cascade": ({"kp", "kv"}, LOOP_KEYS | {"ki", "averaged", "speed_feed_forward"}),
     "virtual_pd": (set(), {"bandwidth", "damping"}),
     "identify": (set(), {"drive_gain", "limit", "counts"}),
@@ -209,7 +209,7 @@ class ControllerEntry(Entry):
     kv: Numbers | None = None
     derivative_time: NonNegativeFloat = 0.0
     averaged: bool = False
-    speed_feed_forward: float = 0.0
+    speed_feed_forward: float | None = None
     drive_gain: DriveGain = 1.0
     limit: Numbers | None = None
     feed_forward: FeedForward = "none"
@@ -244,6 +244,13 @@ class ControllerEntry(Entry):
     def gain(self) -> float | list[float]:
         """Joint torque per unit of the output; 1 where it is not known."""
         return 1.0 if isinstance(self.drive_gain, str) else self.drive_gain
+
+    @property
+    def feed_forward_share(self) -> float:
+        """Share of the reference speed that the law's gain on speed counts."""
+        if self.speed_feed_forward is None:
+            return 0.0 if self.type == "cascade" else 1.0
+        return self.speed_feed_forward
 
     @property
     def source(self) -> Literal["recorded", "smoothed", "reconstruct"]:

@@ -24,9 +24,11 @@ from pivident.export.xml_text import number, numbers
 from pivident.models.link_bodies import is_possible, link_inertias
 from pivident.models.runnable_model import RunnableModel
 from pivident.robot.description import Robot
+from pivident.robot.frames import exact_angle
 from pivident.robot.refusals import without_base
 from pivident.robot.urdf import DOWN, parse_urdf
 from pivident.robot.urdf_xml import parse_model
+from pivident.text.lists import listed
 
 #: Joint properties of URDF.
 SUPPORTED: frozenset[JointProperty] = frozenset({"damping", "dry friction"})
@@ -88,6 +90,11 @@ def _changed(
     for i, name in enumerate(kept):
         _set_dynamics(text, joints[name], side.damping[i], side.dry_friction[i])
     sentences = list(division.sentences)
+    turned = [name for name, joint in joints.items() if _written_in_full(text, joint)]
+    if turned:
+        sentences.append(
+            f"angles that the original rounds are written in full, as identified: {listed(turned)}"
+        )
     if any(
         not np.allclose(ours.inertia, theirs.inertia, rtol=1e-6, atol=1e-9)
         for ours, theirs in zip(model.robot.tree.links, nominal.tree.links, strict=True)
@@ -155,6 +162,18 @@ def _set_inertial(text: XmlText, link: Element, name: str, inertia: np.ndarray) 
         text.append(link, lines)
     else:
         text.replace(before, lines)
+
+
+def _written_in_full(text: XmlText, joint: Element) -> bool:
+    """Write angles that a joint's origin rounds with all digits; whether there were any."""
+    if (origin := joint.first("origin")) is None:
+        return False
+    words = origin.attributes.get("rpy", "").split()
+    exact = [exact_angle(word) for word in words]
+    rounded = any(abs(x - float(word)) > 1e-10 for x, word in zip(exact, words, strict=True))
+    if rounded:
+        text.set_attributes(origin, {"rpy": numbers(exact)})
+    return rounded
 
 
 def _set_dynamics(text: XmlText, joint: Element, damping: float, friction: float) -> None:

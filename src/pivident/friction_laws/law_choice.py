@@ -22,7 +22,7 @@ import numpy as np
 
 from pivident.dynamics.parameters import standard_parameters
 from pivident.errors import IdentificationError
-from pivident.estimation.identify import identify
+from pivident.estimation.identify import identify, narrowed
 from pivident.estimation.methods import (
     LeastSquares,
     Method,
@@ -111,6 +111,7 @@ def choose_laws(
     numbers = [robot.joint_index(name) for name in wanted]
     say("fitting the present laws")
     found = identify(problem, method)
+    problem = narrowed(problem, found)
     last = LastPass.of(problem, method, found)
     band = min(motion_band(r) for r in problem.recordings) if band is None else band
     gap = GAP_PERIODS / band if gap is None else gap

@@ -17,7 +17,7 @@ import numpy as np
 from pivident.errors import IdentificationError
 from pivident.estimation.covariance.sandwich import sandwich
 from pivident.estimation.identification import Identification
-from pivident.estimation.identify import identify
+from pivident.estimation.identify import identify, narrowed
 from pivident.estimation.methods import (
     LeastSquares,
     Method,
@@ -215,6 +215,7 @@ def identify_shapes(
         # a prefilter made for the residual of wrong constants removes the information about them
         used = LeastSquares(signals=method.signals) if wide else method
         found = identify(problem, used)
+        problem = narrowed(problem, found)
         state = _State(problem, used, found)
         if not constants:
             motions = [r.kinematics for r in state.equations.records]

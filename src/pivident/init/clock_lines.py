@@ -16,6 +16,10 @@ from pivident.logs.clocks.clock_alignment import ClockedChannel
 from pivident.logs.clocks.timestamps import EVEN, mean_rate, stamp_error
 from pivident.logs.recognition.log_clock import LogClock
 
+#: Periods of a sampled law in a time step of MuJoCo, whose actuators know the speed and damp by it
+#: at the end of the step, and periods in a sample of the log at most.
+PER_STEP, MAX_MULTIPLE = 4, 64
+
 
 def clock_lines(clock: LogClock, others: Mapping[str, OwnClock]) -> list[Assumption]:
     """Rate and resampling."""
@@ -45,6 +49,18 @@ def clock_lines(clock: LogClock, others: Mapping[str, OwnClock]) -> list[Assumpt
             seen = f"the clock is irregular ({clock.seen}), so that samples are interpolated"
         lines.append(Assumption("recording", "resample", True, "certain", seen))
     return lines
+
+
+def control_rate_line(clock: LogClock, step: float) -> list[Assumption]:
+    """The rate of a loop that MuJoCo closes in each of its time steps [s]."""
+    multiple = int(np.ceil(PER_STEP / (step * clock.rate) - 1e-6))
+    if not 1 < multiple <= MAX_MULTIPLE:
+        return []
+    rate = float(f"{multiple * float(f'{clock.rate:.8g}'):.10g}")
+    seen = f"the actuators of the robot's file act in each of its time steps of {1e3 * step:g} ms, "
+    seen += f"and not only at the samples of the log: {PER_STEP} periods of the law in each step"
+    correct = "In Hz. Where the log is of a real drive, the rate of its position loop."
+    return [Assumption("recording", "control_rate", rate, "likely", seen, correct)]
 
 
 def as_the_joints_move(clock: LogClock, q: np.ndarray) -> LogClock:

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pivident.check.actuators_check import controller_keys
 from pivident.estimation.methods import WITHOUT_TORQUE
 from pivident.init.assumption import UNKNOWN, Answers, Assumption, Question
+from pivident.logs.recognition.sureness import Sureness
 
 if TYPE_CHECKING:
     from pivident.init.recording_lines import RecordingLines
     from pivident.init.trial import Findings
+    from pivident.robot.mjcf_actuators import ActuatorLaw
 
 
 #: Why those methods are taken where there is no torque.
@@ -65,8 +69,13 @@ def _methods(findings: Findings, names: Sequence[str], seen: str) -> list[Assump
 
 def _known_law(found: RecordingLines, answers: Answers) -> list[Assumption]:
     """Lines of the law that gives the torque that was not logged, as far as somebody knows it."""
+    law, of_file = found.law, ""
+    if law is not None and not law.reasons and not any(answers.get(key) for key in GAINS):
+        return _law_of_actuators(found, law)
+    if law is not None and law.reasons:
+        of_file = f". Nor do the actuators of the robot's file: {'. '.join(law.reasons)}"
     seen = "no torque was logged, and the control law that was active gives it: its gains are the "
-    seen += "scale of all parameters, and nobody but you knows them"
+    seen += f"scale of all parameters, and nobody but you knows them{of_file}"
     correct = 'Or "pid" with ki, "cascade" with kp, kv and ki. Where the gains are not in N m (N): '
     correct += 'drive_gain, the joint torque per unit of the output, or "unknown" for ratios.'
     given = {key: _numbers(answers.get(key, "")) for key in GAINS}
@@ -84,6 +93,32 @@ def _known_law(found: RecordingLines, answers: Answers) -> list[Assumption]:
         value = values[0] if len(values) == 1 else values
         lines.append(Assumption("controller", key, value, "certain", "as answered"))
     return lines
+
+
+def _law_of_actuators(found: RecordingLines, law: ActuatorLaw) -> list[Assumption]:
+    """Lines of the law that the actuators of the robot's file are."""
+    file = Path(found.machine.description).name
+    with_speeds = any(line.key == "dq_ref" for line in found.recording)
+    keys = controller_keys(law, with_speeds)
+    said = {
+        "type": f"no torque was logged; the position actuators of {file} give it by this law",
+        "speed_feed_forward": "position actuators of MuJoCo damp the speed itself: 0; a drive that "
+        "damps the speed of the error: 1",
+    }
+    correct = {
+        "type": " ".join(
+            ("The gains are the scale of all parameters: where the log is of a real drive, its "
+             "own belong here.", *(f"{note}." for note in law.notes))
+        )
+    }  # fmt: skip
+    sure: Sureness = "assumed" if law.notes else "likely"
+    return [
+        Assumption(
+            "controller", key, value, sure, said.get(key, f"of the actuators of {file}"),
+            correct.get(key, ""),
+        )
+        for key, value in keys.items()
+    ]  # fmt: skip
 
 
 def _numbers(answer: str) -> list[float]:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from pivident.init.assumption import Answers, Assumption, DraftError
-from pivident.init.clock_lines import as_the_joints_move, clock_lines
+from pivident.init.clock_lines import as_the_joints_move, clock_lines, control_rate_line
 from pivident.init.column_lines import (
     MARGIN,
     column_lines,
@@ -44,7 +44,8 @@ from pivident.logs.recognition.time_columns import is_usable_clock, names_time
 from pivident.logs.tables.column_names import header_advice
 from pivident.logs.units import POSITION, SPEED, TORQUE
 from pivident.robot.description import Robot
-from pivident.robot.naming import nearest
+from pivident.robot.mjcf_actuators import ActuatorLaw, actuator_law
+from pivident.robot.naming import MJCF_FILES, nearest
 from pivident.text.lists import listed
 
 #: Standstill at the ends that is worth cutting off [s].
@@ -76,6 +77,7 @@ class RecordingLines:
     comparison: Comparison  # torque and motion against the description; empty without torque
     link_torques: bool  # whether the torques are those of sensors behind the gears
     has_torque: bool = True  # whether a torque was found
+    law: ActuatorLaw | None = None  # of the actuators of an MJCF, where no torque was found
 
 
 def recording_lines(
@@ -157,8 +159,12 @@ def recording_lines(
         keys = {"t": clock_file} | ({"q": q.file} if "log" in keys else keys)
     used = (*logged_torque, *besides)
     others = {n: c for n in used if (c := joints.channels[n].own_clock(run)) is not None}
+    law = None
+    if torque is None and machine.name.endswith(MJCF_FILES):
+        law = actuator_law(machine.name, kept.names)
     lines = [
         *clock_lines(clock, others),
+        *(control_rate_line(clock, law.step) if law is not None and not law.reasons else ()),
         *window_line(clock, window, still, (first, last)),
         *side_lines(torque, found),
         *column_lines(
@@ -176,6 +182,7 @@ def recording_lines(
         found,
         torque is not None and measures_link_torques(torque, found),
         torque is not None,
+        law,
     )
 
 

@@ -27,8 +27,8 @@ from .measured_base import with_floating_base as with_floating_base
 from .measured_base import with_held_base as with_held_base
 from .measured_base import with_wrench_sensors as with_wrench_sensors
 from .mjcf import read_mjcf as read_mjcf
-from .mjcf_gains import PositionGains as PositionGains
-from .mjcf_gains import position_gains as position_gains
+from .mjcf_actuators import ActuatorLaw as ActuatorLaw
+from .mjcf_actuators import actuator_law as actuator_law
 from .modified_dh import parse_modified_dh as parse_modified_dh
 from .modified_dh import read_modified_dh as read_modified_dh
 from .transmission import Transmission as Transmission

@@ -2,6 +2,7 @@
 
 Fixed joints carry bodies but no motion: each such body is added to the moving link that carries
 it, and the frames behind it are expressed in that link. Bodies carried by the base are left out.
+What rounded angles left over in the frames of the moving joints is taken away, see `frames`.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pivident.robot.description import Joint, Link, Robot
-from pivident.robot.frames import Pose, rotation_z
+from pivident.robot.frames import Pose, rotation_z, without_residues
 from pivident.robot.inertia import moved
 
 
@@ -58,7 +59,17 @@ def merge_fixed(members: Sequence[Member]) -> tuple[tuple[Joint, ...], tuple[Lin
             body = moved(member.link.inertia, pose.rotation, pose.translation)
             inertia = links[carrier].inertia + body
             links[carrier] = replace(links[carrier], inertia=inertia, is_body=True)
-    return tuple(joints), tuple(links)
+    return with_exact_frames(joints), tuple(links)
+
+
+def with_exact_frames(joints: Sequence[Joint]) -> tuple[Joint, ...]:
+    """Joints whose frames are free of what rounded angles left over."""
+    size = max((float(np.abs(joint.translation).max()) for joint in joints), default=0.0)
+    poses = [without_residues(Pose(j.rotation, j.translation), size) for j in joints]
+    return tuple(
+        replace(joint, rotation=pose.rotation, translation=pose.translation)
+        for joint, pose in zip(joints, poses, strict=True)
+    )
 
 
 def chosen_order(

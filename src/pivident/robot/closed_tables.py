@@ -11,7 +11,7 @@ from pivident.errors import RobotDescriptionError
 from pivident.robot.closed_chains import closed_robot
 from pivident.robot.constraints import Closure, LinearConstraint
 from pivident.robot.description import Robot
-from pivident.robot.frames import Pose, rotation_from_rpy
+from pivident.robot.frames import Pose, exact_angle, rotation_from_rpy
 from pivident.robot.naming import find_joint, nearest
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ def _link(tree: Robot, where: str, name: str) -> int:
 
 
 def _frame(end: EndEntry, radians: float) -> Pose:
-    roll, pitch, yaw = (radians * angle for angle in end.rpy)
+    roll, pitch, yaw = (exact_angle(x) if radians == 1.0 else radians * x for x in end.rpy)
     return Pose(rotation_from_rpy(roll, pitch, yaw), np.array(end.at, dtype=float))
 
 

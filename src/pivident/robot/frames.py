@@ -1,13 +1,28 @@
-"""Frames: rotations, poses and the rule that makes a joint's axis the z axis."""
+"""Frames: rotations, poses and the rule that makes a joint's axis the z axis.
+
+Files print angles with few digits. Axes that are parallel or perpendicular in the robot are then
+a few microradians off, and each of them makes a base parameter that no motion determines. So
+geometry within its printed precision is exact: an angle written as 1.57, 1.5707 or 1.5708 is a
+quarter turn, and what such angles leave over in directions and lengths is zero.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from decimal import Decimal
+from math import pi
 
 import numpy as np
 
 #: Distance from ±z below which an axis counts as exactly ±z.
 AXIS_TOLERANCE = 1e-12
+
+#: Elements of directions and angles [rad] below this are left over from rounded angles (3.1416:
+#: 7e-6); no torque shows them. Those below ``AXIS_TOLERANCE`` are rounding of the arithmetic.
+RESIDUE = 1e-5
+
+#: Coarsest unit of the last printed digit of an angle from which a quarter turn is known [rad].
+COARSEST = Decimal("0.01")
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +42,38 @@ class Pose:
         return Pose(
             self.rotation @ other.rotation, self.rotation @ other.translation + self.translation
         )
+
+
+def exact_angle(written: str | float) -> float:
+    """An angle as a file writes it, or the quarter turns that it is rounded or cut off from [rad].
+
+    Residues of rounded angles are zero.
+    """
+    angle, unit = float(written), Decimal(1).scaleb(int(Decimal(str(written)).as_tuple().exponent))
+    turns = round(angle / (pi / 2)) * (pi / 2)
+    short = abs(turns) - abs(angle)
+    rounded = turns and unit <= COARSEST and -0.5 <= short / float(unit) < 1.0
+    return turns if rounded or AXIS_TOLERANCE < abs(short) < RESIDUE else angle
+
+
+def without_residues(pose: Pose, size: float) -> Pose:
+    """The pose without what rounded angles left over, bit by bit the same where nothing is.
+
+    ``size``: largest length in the robot [m], of which residues of lengths are a share.
+    """
+    rotation, translation = pose.rotation, pose.translation
+    for _ in range(40):  # each pass at least halves what is left; most end after the first
+        rest = residues(rotation, 1.0)
+        if not rest.any():
+            break
+        rotation = np.where(rest, 0.0, rotation)
+        rotation = 1.5 * rotation - 0.5 * rotation @ rotation.T @ rotation  # orthogonal again
+    return Pose(rotation, np.where(residues(translation, min(size, 1.0)), 0.0, translation))
+
+
+def residues(x: np.ndarray, scale: float) -> np.ndarray:
+    """True where an element is neither zero up to rounding nor geometry."""
+    return (np.abs(x) > AXIS_TOLERANCE * scale) & (np.abs(x) < RESIDUE * scale)
 
 
 def rotation_about(axis: np.ndarray, angle: float) -> np.ndarray:

@@ -36,6 +36,7 @@ from pivident.robot.mjcf_model import (
     read_spec,
     refuse_unknown_physics,
     rotation_of_quaternion,
+    with_exact_angles,
 )
 from pivident.robot.naming import errors_name, frozen_example, nearest, repeated
 from pivident.robot.transmission import Transmission
@@ -80,7 +81,7 @@ def read_mjcf(
         RobotDescriptionError: the file cannot be read or used; names element, value, next step.
     """
     with errors_name(str(path)):
-        model = compiled(read_spec(path))
+        model = compiled(with_exact_angles(read_spec(path)))
         names = joint_names(model)
         equalities = read_equalities(model)
         held = _frozen_positions(model, names, joints, frozen or {}, equalities)
@@ -158,7 +159,7 @@ def movable_joints(path: str | Path) -> tuple[tuple[str, ...], tuple[str, ...]]:
         RobotDescriptionError: the file cannot be read, or no joint of it can be kept.
     """
     with errors_name(str(path)):
-        model = compiled(read_spec(path))
+        model = compiled(with_exact_angles(read_spec(path)))
         names = joint_names(model)
         usable = [_kind(model, k) in ("hinge", "slide") for k in range(len(names))]
         if not any(usable):

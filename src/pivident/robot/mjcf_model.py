@@ -15,6 +15,7 @@ import numpy as np
 from pivident.errors import RobotDescriptionError
 from pivident.extras import require
 from pivident.files import regular_file
+from pivident.robot.frames import exact_angle
 
 #: Largest MJCF that is read, without what it includes [bytes].
 MAXIMUM_SIZE = 8 * 2**20
@@ -49,29 +50,61 @@ def read_spec(path: str | Path) -> Any:
         raise _refused(error) from error
 
 
-def compiled(spec: Any) -> Any:
-    """The ``mujoco.MjModel`` of a spec; shapes are left out where their files are missing.
+def with_exact_angles(spec: Any) -> Any:
+    """The spec with angles of bodies that are rounded quarter turns made exact, in place."""
+    for body in spec.bodies if not spec.compiler.degree else ():
+        turn = body.alt
+        turn.euler = [exact_angle(float(x)) for x in turn.euler]
+        turn.axisangle = [*turn.axisangle[:3], exact_angle(float(turn.axisangle[3]))]
+    return spec
 
-    Without shapes MuJoCo cannot compute the inertia of a body that has none written, so they are
-    left out only where every moving body has its own.
+
+def compiled(spec: Any) -> Any:
+    """The ``mujoco.MjModel`` of a spec, see `compilable`.
+
+    Raises:
+        RobotDescriptionError: MuJoCo refuses it; the message is MuJoCo's.
+    """
+    return compilable(spec)[1]
+
+
+def compilable(spec: Any) -> tuple[Any, Any, str]:
+    """A spec that compiles, its ``mujoco.MjModel``, and what was left out of it, or nothing.
+
+    Where files of meshes are missing or no meshes, the shapes that need them are left out, and all
+    shapes if that is not enough. Without them MuJoCo cannot compute the inertia of a body that has
+    none written, so this is done only where every such body has its own.
 
     Raises:
         RobotDescriptionError: MuJoCo refuses it; the message is MuJoCo's.
     """
     try:
-        return spec.compile()
+        return spec, spec.compile(), ""
     except ValueError as error:
         bodies = [body for body in spec.bodies if body.name != "world"]
         if not spec.meshes or not all(body.explicitinertial for body in bodies):
             raise _refused(error) from error
-    bare = spec.copy()
-    for kind in (bare.geoms, bare.meshes, bare.textures, bare.materials, bare.excludes, bare.pairs):
-        for element in list(kind):
-            bare.delete(element)
-    try:
-        return bare.compile()
-    except ValueError as error:
-        raise _refused(error) from error
+        refusal, said = error, _said(error)
+    for whole in (False, True):
+        bare, meshes = spec.copy(), mujoco_library().mjtGeom.mjGEOM_MESH
+        whole = whole or bare.compiler.inertiafromgeom == 1  # of what is left it would be wrong
+        geoms = [geom for geom in bare.geoms if whole or geom.type == meshes]
+        rest = (bare.excludes, bare.pairs) if whole else ()
+        for kind in (geoms, bare.meshes, bare.materials, bare.textures, *rest):
+            for element in list(kind):
+                bare.delete(element)
+        for geom in bare.geoms:
+            geom.material = ""
+        for site in bare.sites:
+            site.material = ""
+        try:
+            model = bare.compile()
+        except ValueError as error:
+            refusal = error
+            continue
+        shapes = "all shapes" if whole else "meshes, materials and textures"
+        return bare, model, f"{shapes} are left out, since MuJoCo says: {said}"
+    raise _refused(refusal) from refusal
 
 
 def rotation_of_quaternion(quaternion: np.ndarray) -> np.ndarray:
@@ -87,8 +120,11 @@ def rotation_of_quaternion(quaternion: np.ndarray) -> np.ndarray:
 
 
 def _refused(error: ValueError) -> RobotDescriptionError:
-    said = " ".join(str(error).split()).removesuffix(".")
-    return RobotDescriptionError(f"MuJoCo refuses it: {said}")
+    return RobotDescriptionError(f"MuJoCo refuses it: {_said(error)}")
+
+
+def _said(error: ValueError) -> str:
+    return " ".join(str(error).split()).removesuffix(".").removeprefix("Error: ")
 
 
 #: What makes a tendon act on its joints, arrays of a compiled model.
@@ -121,8 +157,15 @@ def joint_names(model: Any) -> tuple[str, ...]:
 def actuated_joints(model: Any) -> frozenset[int]:
     """Indices of the joints that an actuator moves."""
     return frozenset(
-        int(model.actuator_trnid[k, 0]) for k in range(model.nu) if moves_a_joint(model, k)
+        int(model.actuator_trnid[k, 0])
+        for k in range(len(model.actuator_trntype))
+        if moves_a_joint(model, k)
     )
+
+
+def actuator_name(model: Any, k: int) -> str:
+    """An actuator as a sentence names it."""
+    return f"actuator {model.actuator(k).name or f'number {k + 1}'!r}"
 
 
 def moves_a_joint(model: Any, actuator: int) -> bool:
@@ -141,7 +184,7 @@ def _only_couples(model: Any, k: int) -> bool:
     moved = any(
         int(model.actuator_trntype[u]) == int(mujoco.mjtTrn.mjTRN_TENDON)
         and int(model.actuator_trnid[u, 0]) == k
-        for u in range(model.nu)
+        for u in range(len(model.actuator_trntype))
     )
     held = any(
         int(model.eq_type[e]) == int(mujoco.mjtEq.mjEQ_TENDON)

@@ -60,7 +60,7 @@ from pivident.robot.assembly import Member, merge_fixed
 from pivident.robot.closed_tables import BASE, closed_from_tables
 from pivident.robot.description import Coupling, Joint, Link, Robot
 from pivident.robot.drives import implied_coupling, with_drives
-from pivident.robot.frames import Pose, rotation_x, rotation_z
+from pivident.robot.frames import Pose, exact_angle, rotation_x, rotation_z
 from pivident.robot.friction import (
     DEFAULT_FRICTION,
     FrictionLaw,
@@ -250,10 +250,14 @@ def _parents(rows: Sequence[JointEntry]) -> list[int]:
 
 def _pose(row: JointEntry, angle: _AngleUnit) -> Pose:
     """Rz(gamma) Tz(b) Rx(alpha) Tx(d) Rz(theta) Tz(r): the frame at q = 0."""
-    turn = Pose(rotation_z(angle.radians * row.gamma), np.array([0.0, 0.0, row.b]))
-    tilt = Pose(rotation_x(angle.radians * row.alpha), np.zeros(3))
+    gamma, alpha, theta = (
+        exact_angle(x) if angle.radians == 1.0 else angle.radians * x
+        for x in (row.gamma, row.alpha, row.theta)
+    )
+    turn = Pose(rotation_z(gamma), np.array([0.0, 0.0, row.b]))
+    tilt = Pose(rotation_x(alpha), np.zeros(3))
     # Rz(theta) and the translation along z commute, so r needs no rotation of its own.
-    screw = Pose(rotation_z(angle.radians * row.theta), np.array([row.d, 0.0, row.r]))
+    screw = Pose(rotation_z(theta), np.array([row.d, 0.0, row.r]))
     return turn @ tilt @ screw
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from pivident.errors import RobotDescriptionError
 from pivident.files import regular_file
-from pivident.robot.frames import Pose, rotation_from_rpy
+from pivident.robot.frames import Pose, exact_angle, residues, rotation_from_rpy
 from pivident.robot.inertia import from_center_of_mass, moved, tensor
 from pivident.robot.naming import nearest, repeated
 
@@ -248,8 +248,9 @@ def _origin(element: ElementTree.Element, where: str) -> Pose:
     if origin is None:
         return Pose.identity()
     xyz = _numbers(origin.get("xyz", "0 0 0"), 3, f"{where}: origin xyz")
-    rpy = _numbers(origin.get("rpy", "0 0 0"), 3, f"{where}: origin rpy")
-    return Pose(rotation_from_rpy(*rpy), xyz)
+    written = origin.get("rpy", "0 0 0")
+    _numbers(written, 3, f"{where}: origin rpy")
+    return Pose(rotation_from_rpy(*map(exact_angle, written.split())), xyz)
 
 
 def _axis(element: ElementTree.Element, joint_type: str, where: str) -> np.ndarray:
@@ -264,6 +265,7 @@ def _axis(element: ElementTree.Element, joint_type: str, where: str) -> np.ndarr
             f"{where}: axis xyz = {axis.get('xyz')!r} has no direction; give the joint's axis"
         )
     direction = vector / largest  # the square of a very long one would be infinite
+    direction[residues(direction, 1.0)] = 0.0
     return direction / np.linalg.norm(direction)
 
 

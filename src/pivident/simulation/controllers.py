@@ -80,22 +80,25 @@ def backward_difference(x: np.ndarray, rate: float) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class PID:
-    """u = kp e + ki ∫e + kd (dq_ref - dq̂), dq̂ the (filtered) backward difference of q.
+    """u = kp e + ki ∫e + kd (s dq_ref - dq̂), dq̂ the (filtered) backward difference of q.
 
     With derivative_time T > 0 the difference is filtered by h/(T + h - T z⁻¹) (backward Euler of
     1/(T s + 1)). Where dq_ref is not recorded, the reference is differentiated in the same way.
+    With s = 0 the speed itself is damped, as by position actuators of MuJoCo.
 
     Attributes:
         kp: proportional gains, shape (joints,) or one for all [u per rad or m]; likewise:
         kd: derivative gains, shape (joints,) [u per rad/s or m/s].
         ki: integral gains, shape (joints,) [u per rad s or m s]; None: no integrator.
         derivative_time: filter time T of the derivative [s].
+        speed_feed_forward: share s of the reference speed that the derivative counts.
     """
 
     kp: Gains
     kd: Gains
     ki: Gains | None = None
     derivative_time: float = 0.0
+    speed_feed_forward: float = 1.0
 
     def __post_init__(self) -> None:
         _check_lengths(kp=self.kp, kd=self.kd, ki=self.ki)
@@ -123,7 +126,7 @@ class PID:
         if dq_ref is None:
             dq_ref = _faded(backward_difference(q_ref, rate), fade)
         ki = zero if self.ki is None else _for_each(self.ki, n)
-        reference = kd * dq_ref
+        reference = kd * self.speed_feed_forward * dq_ref
         reference += kp * q_ref
         return SampledLaw(feedback, pole, integrand, ki, reference, q_ref)
 
@@ -146,10 +149,14 @@ class PD(PID):
         kd: derivative gains, likewise [u per rad/s or m/s].
         ki: None: there is no integrator.
         derivative_time: filter time of the derivative [s].
+        speed_feed_forward: share of dq_ref that it counts; 0: the speed itself is damped.
     """
 
-    def __init__(self, kp: Gains, kd: Gains, derivative_time: float = 0.0) -> None:
-        super().__init__(kp, kd, None, derivative_time)
+    def __init__(
+        self, kp: Gains, kd: Gains, derivative_time: float = 0.0, speed_feed_forward: float = 1.0,
+        ki: None = None,
+    ) -> None:  # fmt: skip
+        super().__init__(kp, kd, ki, derivative_time, speed_feed_forward)
 
 
 @dataclass(frozen=True, eq=False)

@@ -86,7 +86,10 @@ def law_of(controller: Controller, joints: Sequence[int], size: int) -> Controll
             controller.speed_feed_forward,
         )  # fmt: skip
     assert isinstance(controller, PID)
-    return PID(changed["kp"], changed["kd"], changed.get("ki"), controller.derivative_time)
+    return PID(
+        changed["kp"], changed["kd"], changed.get("ki"), controller.derivative_time,
+        controller.speed_feed_forward,
+    )  # fmt: skip
 
 
 def signals_of(signals: LoopSignals, joints: Sequence[int]) -> LoopSignals:

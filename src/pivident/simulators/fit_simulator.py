@@ -20,6 +20,7 @@ from pivident.estimation.output_error.stretch import Stretch
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.robot.refusals import without_loops, without_wrenches
+from pivident.signals.random_walk import smooth_channels
 from pivident.simulation.closed_loop import LoopSignals
 from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import Controller
@@ -47,6 +48,10 @@ WARM_UP = 0.5
 DELAY_START = 1.0
 
 
+#: Relative error of a rate that comes from stamps, at most.
+MAX_OFF = 1e-4
+
+
 @dataclass(frozen=True, eq=False)
 class _Drive:
     """One recording: what drives the loop, and what was measured."""
@@ -54,6 +59,7 @@ class _Drive:
     name: str
     signals: LoopSignals
     q: np.ndarray
+    speed: np.ndarray  # at the first sample
     step: int
     start_time: float
 
@@ -133,18 +139,30 @@ def _drive(robot: Robot, loop: Loop, recording: Recording, sought: bool) -> _Dri
             f"recording {recording.name!r} has no reference: a simulator is driven by what the "
             "robot was commanded; map the column of q_ref under [recording]"
         )
-    step = round(recording.control_rate / recording.rate)
-    if step < 1 or abs(recording.control_rate / recording.rate - step) > 1e-9:
+    recording, step = in_whole_periods(recording)
+    speed = np.gradient(recording.q, axis=0) * recording.rate
+    signals, _ = loop_signals(robot, loop, recording, recording.q, speed)
+    if sought and signals.drive_delay == 0.0:
+        signals = replace(signals, drive_delay=DELAY_START / signals.rate)
+    begin = smooth_channels(recording.q, recording.rate).dq[0]
+    return _Drive(recording.name, signals, recording.q, begin, step, recording.start_time)
+
+
+def in_whole_periods(recording: Recording) -> tuple[Recording, int]:
+    """A recording whose control rate is a whole multiple of its own, and the multiple.
+
+    Raises:
+        ExperimentError: it is none, by more than the stamps of a log are off.
+    """
+    ratio = recording.control_rate / recording.rate
+    step = round(ratio)
+    if step < 1 or abs(ratio - step) > MAX_OFF * step:
         raise ExperimentError(
             f"recording {recording.name!r}: the control rate {recording.control_rate:g} Hz is no "
             f"whole multiple of the recorded {recording.rate:g} Hz; give control_rate under "
             "[recording], or resample the log"
         )
-    speed = np.gradient(recording.q, axis=0) * recording.rate
-    signals, _ = loop_signals(robot, loop, recording, recording.q, speed)
-    if sought and signals.drive_delay == 0.0:
-        signals = replace(signals, drive_delay=DELAY_START / signals.rate)
-    return _Drive(recording.name, signals, recording.q, step, recording.start_time)
+    return replace(recording, control_rate=step * recording.rate), step
 
 
 def _stretch(
@@ -163,7 +181,7 @@ def _stretch(
         theta,
         law,
         signals_of(drive.signals, joints),
-        (q[0].copy(), np.zeros(len(joints))),
+        (q[0].copy(), drive.speed[list(joints)]),
     )
     first = round(warm_up * drive.signals.rate / drive.step)
     if not 0 <= first < len(q) // 2:
@@ -296,7 +314,9 @@ def _fitted(
     elif fit.held[k]:
         note = "the record does not determine it; the value is that of the start"
     elif fit.bound[k]:
-        note = "it lies at its bound, which is as far as it may go"
+        note = "the record shows none, and less than zero there is not"
+        if value != 0.0:
+            note = "it lies at its bound, which is as far as it may go"
     start = float(begin.loop.value(quantity.unknown.direction))
     unknown = quantity.unknown
     return FittedValue(

@@ -42,6 +42,9 @@ MAX_BIAS = 1.0
 #: and of the torque that the law commands at the measured errors.
 INERTIA_SHARE, TORQUE_SHARE = 0.1, 0.1
 
+#: Part of those shares that is as good as zero.
+NOTHING = 1e-2
+
 
 def simulator_robot(robot: Robot) -> Robot:
     """The robot with the friction that simulators have, its nominal values kept."""
@@ -120,8 +123,8 @@ def start_values(
     """Standard parameters where the search starts, (parameters,).
 
     ``inertia``: of each joint [kg m² or kg], ``torque``: that its law commands, ``speed``: its
-    root mean square, each (joints,). Quantities that the description has and those that are not
-    sought keep their values.
+    root mean square, each (joints,). What is not sought keeps its value, and what the description
+    has of some size, since MuJoCo's own fits begin at 1e-8 for zero.
     """
     parameters = standard_parameters(robot)
     values = nominal_values(robot, parameters)
@@ -132,6 +135,6 @@ def start_values(
     }
     sought = {STEMS[q] for q in free if q in STEMS}
     for k, p in enumerate(parameters):
-        if p.stem in sought and values[k] == 0.0:
+        if p.stem in sought and values[k] < NOTHING * begin[p.stem][p.joint]:
             values[k] = begin[p.stem][p.joint]
     return values

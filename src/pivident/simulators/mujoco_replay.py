@@ -35,12 +35,14 @@ class Replay:
         signals: what drives it, at the control rate.
         q: measured positions, shape (samples, joints) [rad or m].
         step: control samples from one measured sample to the next.
+        speed: with which it begins [rad/s or m/s], shape (joints,) or one for all.
     """
 
     controller: Controller
     signals: LoopSignals
     q: np.ndarray
     step: int
+    speed: np.ndarray | float = 0.0
 
 
 def held_spec(spec: Any, joint_names: Sequence[str], frozen: Mapping[str, float]) -> Any:
@@ -127,8 +129,8 @@ def replay(
     data = mujoco.MjData(model)
     at_q = [int(model.joint(name).qposadr[0]) for name in joint_names]
     at_v = [int(model.joint(name).dofadr[0]) for name in joint_names]
-    data.qpos[at_q] = run.q[0] - bias
-    law = _Law(run.controller, signals, run.q[0])
+    data.qpos[at_q], data.qvel[at_v] = run.q[0] - bias, run.speed
+    law = _Law(run.controller, signals, run.q[0], np.broadcast_to(run.speed, len(at_q)))
     whole, part = divmod(delay / model.opt.timestep, 1.0)
     periods, late = divmod(int(whole), steps)
     torques: list[np.ndarray] = []
@@ -157,7 +159,9 @@ def replay(
 class _Law:
     """A sampled law, sample by sample; see ``simulation.controllers``."""
 
-    def __init__(self, controller: Controller, signals: LoopSignals, start: np.ndarray) -> None:
+    def __init__(
+        self, controller: Controller, signals: LoopSignals, start: np.ndarray, speed: np.ndarray
+    ) -> None:
         if isinstance(controller, (PythonController, GravityCompensated)):
             raise ExperimentError(
                 f"a replay in MuJoCo needs a law of single joints, not {type(controller).__name__}"
@@ -165,8 +169,10 @@ class _Law:
         self.law = controller.law(float(signals.rate), signals.q_ref, signals.dq_ref)
         self.signals, n = signals, len(start)
         total = self.law.pole.sum(axis=1)
-        steady = np.divide(start, total, out=np.zeros(n), where=total != 0.0)
-        self.past = np.tile(steady[:, None], (1, TAPS))  # w_{k-1}, w_{k-2}, …
+        ago = np.arange(1, TAPS + 1) / float(signals.rate)
+        before = start[:, None] - speed[:, None] * ago
+        total = np.where(total != 0.0, total, np.inf)[:, None]
+        self.past = before / total  # w_{k-1}, w_{k-2}, …
         self.integral = np.zeros(n)
         inputs = np.zeros((1, n)) if signals.inputs is None else signals.inputs
         self.inputs = np.broadcast_to(inputs, signals.q_ref.shape)

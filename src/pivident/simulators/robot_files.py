@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from pivident.export.robot_file import RobotFile, plain_content
 from pivident.export.urdf_elements import dynamics_line
 from pivident.export.xml_edit import XmlText
 from pivident.export.xml_text import comment, number
-from pivident.robot.mjcf_model import compiled, mujoco_library, read_spec
+from pivident.robot.mjcf_model import compilable, mujoco_library, read_spec
 from pivident.robot.naming import MJCF_FILES, URDF_FILES
 from pivident.robot.urdf_xml import parse_model
 from pivident.simulators.mujoco_replay import set_hard_friction
@@ -45,7 +46,7 @@ def fitted_mjcf(fit: SimulatorFit, original: Path, folder: Path) -> RobotFile:
         RobotDescriptionError: MuJoCo refuses the original.
         ExportError: it has no joint of a fitted name.
     """
-    spec = read_spec(original)
+    spec, _, left_out = compilable(read_spec(original))
     for joint in _joints_of(spec, fit):
         name = _name(joint)
         for quantity in _OF_MJCF:
@@ -60,15 +61,10 @@ def fitted_mjcf(fit: SimulatorFit, original: Path, folder: Path) -> RobotFile:
     _set_actuators(spec, fit)
     if original.name.endswith(URDF_FILES):
         spec.option.gravity = np.array(fit.robot.gravity, dtype=float)
-    for kind in ("meshdir", "texturedir"):
-        given = getattr(spec, kind)
-        place = os.path.relpath(original.parent.absolute() / given, folder.absolute())
-        if spec.meshes or spec.textures or given:
-            setattr(spec, kind, Path(place).as_posix())
-    compiled(spec)
     head = [comment(line) for line in _heading(fit, "MJCF")]
-    text = _to_xml(spec)
+    text = _to_xml(spec, original, folder)
     sentences = (
+        *((left_out,) if left_out else ()),
         "dry friction stops a joint within a time step (solreffriction, solimpfriction)",
         *_not_in_file(fit, (*_OF_MJCF, "kp", "kd"), "MJCF"),
     )
@@ -82,11 +78,7 @@ def fitted_urdf(fit: SimulatorFit, original: Path) -> RobotFile:
         ExportError: the original is no URDF.
         RobotDescriptionError: it cannot be read.
     """
-    if not original.name.endswith(URDF_FILES):
-        raise ExportError(
-            f"{original.name} is no URDF, and only a URDF can be edited into one; write "
-            "--to mjcf, or name a URDF as robot"
-        )
+    check_format("urdf", original.name)
     content = plain_content(original.read_bytes())
     known = {joint.name for joint in parse_model(content).joints}
     text = XmlText(content)
@@ -176,16 +168,30 @@ def fitted_file(fit: SimulatorFit, to: str, original: Path, folder: Path) -> Rob
     Raises:
         ExportError: no such format, or a description that cannot be written back.
     """
-    if to not in ENDINGS:
-        raise ExportError(f"there is no format {to!r}; choose one of {', '.join(ENDINGS)}")
+    check_format(to, original.name)
     if to == "isaac":
         return isaac_actuators(fit)
-    if not original.name.endswith((*URDF_FILES, *MJCF_FILES)):
+    return fitted_urdf(fit, original) if to == "urdf" else fitted_mjcf(fit, original, folder)
+
+
+def check_format(to: str, name: str) -> None:
+    """Refuse a format that there is not, or that a robot of this name cannot be written in.
+
+    Raises:
+        ExportError: says what can be written.
+    """
+    if to not in ENDINGS:
+        raise ExportError(f"there is no format {to!r}; choose one of {', '.join(ENDINGS)}")
+    if to != "isaac" and not name.endswith((*URDF_FILES, *MJCF_FILES)):
         raise ExportError(
-            f"the robot is {original.name}, and only a URDF or MJCF can be written back; name one "
+            f"the robot is {name}, and only a URDF or MJCF can be written back; name one "
             "under [robot], or write --to isaac"
         )
-    return fitted_urdf(fit, original) if to == "urdf" else fitted_mjcf(fit, original, folder)
+    if to == "urdf" and not name.endswith(URDF_FILES):
+        raise ExportError(
+            f"{name} is no URDF, and only a URDF can be edited into one; write --to mjcf, or name "
+            "a URDF as robot"
+        )
 
 
 def _joints_of(spec: Any, fit: SimulatorFit) -> list[Any]:
@@ -206,31 +212,64 @@ def _name(joint: Any) -> str:
 
 
 def _set_actuators(spec: Any, fit: SimulatorFit) -> None:
-    """Fitted gains into position actuators of unit gear."""
+    """Fitted gains into position actuators, which keep the positions that they hold."""
     mujoco = mujoco_library()
     for actuator in spec.actuators:
-        joint = (
-            fit.robot.joint_names.index(actuator.target)
-            if (actuator.target in fit.robot.joint_names)
-            else -1
-        )
-        if joint < 0 or actuator.biastype != mujoco.mjtBias.mjBIAS_AFFINE or actuator.gear[0] != 1:
+        name, bias, square = actuator.target, actuator.biasprm, actuator.gear[0] ** 2
+        of_joint = actuator.trntype == mujoco.mjtTrn.mjTRN_JOINT
+        affine = actuator.biastype == mujoco.mjtBias.mjBIAS_AFFINE
+        if not of_joint or not affine or not bias[1] * square:
             continue
-        name = fit.robot.joint_names[joint]
-        if name in fit.of("kp") and actuator.biasprm[1]:
-            actuator.gainprm[0] = fit.value("kp", name)
-            actuator.biasprm[1] = -fit.value("kp", name)
-        if name in fit.of("kd") and actuator.biasprm[1]:
-            actuator.biasprm[2] = -fit.value("kd", name)
+        if name in fit.of("kp"):
+            factor = -fit.value("kp", name) / (square * bias[1])
+            actuator.gainprm[0] *= factor
+            bias[:2] *= factor
+        if name in fit.of("kd"):
+            bias[2] = -fit.value("kd", name) / square
 
 
-def _to_xml(spec: Any) -> str:
-    """MuJoCo's text, without its own first line."""
+def check_writable(to: str, original: Path, folder: Path) -> str:
+    """What a file that can be written will leave out of the original, or nothing.
+
+    Args:
+        to: ``mjcf``, ``urdf`` or ``isaac``.
+        original: the description.
+        folder: where the file will lie.
+
+    Raises:
+        RobotDescriptionError: MuJoCo refuses the original.
+        ExportError: it cannot be written.
+    """
+    if to != "mjcf":
+        return ""
+    spec, _, left_out = compilable(read_spec(original))
+    _to_xml(spec, original, folder)
+    return left_out
+
+
+def _to_xml(spec: Any, original: Path, folder: Path) -> str:
+    """MuJoCo's text of a spec, whose meshes and textures are found from another folder.
+
+    MuJoCo looks for them where the original lies while it writes, so that paths are changed after.
+    """
     try:
-        return spec.to_xml()
+        spec.compile()
+        text = XmlText(spec.to_xml().encode())
     except ValueError as error:
         said = " ".join(str(error).split())
         raise ExportError(f"MuJoCo cannot write the file: {said}") from error
+    places = {}
+    for kind in ("meshdir", "texturedir"):
+        given = getattr(spec, kind)
+        place = original.parent.absolute() / given
+        with suppress(ValueError):  # on another drive
+            place = Path(os.path.relpath(place, folder.absolute()))
+        if given or any(list(files) for files in (spec.meshes, spec.textures, spec.hfields)):
+            places[kind] = place.as_posix()
+    compiler = text.root.first("compiler")
+    if places and compiler is not None:
+        text.set_attributes(compiler, places)
+    return text.content().decode()
 
 
 def _heading(fit: SimulatorFit, form: str) -> Iterable[str]:

@@ -11,7 +11,7 @@ from pivident.simulators.held_out import HeldOut
 from pivident.simulators.robot_files import ENDINGS
 from pivident.simulators.simulator_fit import FittedValue, SimulatorFit
 from pivident.simulators.simulator_page import simulator_page
-from pivident.simulators.simulator_text import simulator_text
+from pivident.simulators.simulator_text import findings, simulator_text
 from pivident.text.plain_values import csv_table, plain, write_json
 
 #: Version of the layout of ``simulator.json``.
@@ -28,7 +28,7 @@ def file_name(robot: RobotFile) -> str:
 
 def save_simulator(
     fit: SimulatorFit,
-    robot: RobotFile,
+    robot: RobotFile | None,
     held_out: HeldOut | None,
     folder: str | PathLike[str],
     *,
@@ -38,13 +38,14 @@ def save_simulator(
 
     Args:
         fit: what was fitted.
-        robot: the file of the simulator.
+        robot: the file of the simulator; None: the values only.
         held_out: errors on held-out motion, or None.
         folder: where.
         page: whether the page is written, which needs plotly.
     """
     with atomic_folder(folder) as build:
-        (build / file_name(robot)).write_bytes(robot.content)
+        if robot is not None:
+            (build / file_name(robot)).write_bytes(robot.content)
         write_json(build / "simulator.json", simulator_values(fit, robot, held_out))
         texts = {
             "simulator.csv": csv_table(CSV_COLUMNS, [_cells(v) for v in fit.values]),
@@ -57,7 +58,7 @@ def save_simulator(
 
 
 def simulator_values(
-    fit: SimulatorFit, robot: RobotFile, held_out: HeldOut | None
+    fit: SimulatorFit, robot: RobotFile | None, held_out: HeldOut | None
 ) -> dict[str, Any]:
     """The result as plain values; numbers that are not finite are null."""
     errors = None
@@ -70,8 +71,8 @@ def simulator_values(
     content = {
         "schema": SCHEMA,
         "robot": fit.robot.name,
-        "file": file_name(robot),
-        "differences": list(robot.differences),
+        "file": None if robot is None else file_name(robot),
+        "differences": [] if robot is None else list(robot.differences),
         "values": [dict(zip(CSV_COLUMNS, _cells(v), strict=True)) for v in fit.values],
         "kp": fit.kp,
         "kd": fit.kd,
@@ -80,7 +81,7 @@ def simulator_values(
         "delay_p_value": fit.delay_p_value,
         "held_out": errors,
         "recordings": list(fit.recordings),
-        "findings": list(fit.findings()),
+        "findings": findings(fit, held_out),
         "version": fit.version,
     }
     return plain(content)

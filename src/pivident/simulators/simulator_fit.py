@@ -60,6 +60,7 @@ class SimulatorFit:
         samples: number of compared samples of each joint.
         control_rate: rate of the control loop [Hz].
         version: of pivident.
+        notes: reservations that come from file and law, as sentences.
     """
 
     robot: Robot
@@ -74,6 +75,7 @@ class SimulatorFit:
     samples: int
     control_rate: float
     version: str = __version__
+    notes: tuple[str, ...] = ()
 
     def of(self, quantity: str) -> dict[str, FittedValue]:
         """Fitted values of one quantity by the name of the joint."""
@@ -105,6 +107,7 @@ class SimulatorFit:
 
     def findings(self) -> Iterator[str]:
         """What a reader should know, in sentences."""
+        yield from self.notes
         if not self.converged:
             yield (
                 "The fit did not settle; its intervals do not hold. Check the gains, the control "

@@ -10,8 +10,9 @@ from markupsafe import Markup
 
 from pivident.report.builder import page_environment, page_of
 from pivident.report.plotly_figures import Figure, errors_figure
-from pivident.simulators.held_out import HeldOut
+from pivident.simulators.held_out import HeldOut, milli
 from pivident.simulators.simulator_fit import FittedValue, SimulatorFit
+from pivident.simulators.simulator_text import findings
 from pivident.text.numbers import format_significant, with_spread
 
 #: Points of a trace.
@@ -27,7 +28,7 @@ def simulator_page(fit: SimulatorFit, held_out: HeldOut | None) -> str:
             "positions only"
         ),
         rows=[_row(value) for value in fit.values],
-        findings=list(fit.findings()),
+        findings=findings(fit, held_out),
     )
     sections = [("values", "Fitted values", Markup(values))]
     if held_out is not None:
@@ -55,10 +56,7 @@ def _errors(held_out: HeldOut) -> dict[str, Any]:
     rms = held_out.rms()
     rows = []
     for j, joint in enumerate(held_out.robot.joints):
-        cells = [
-            format_significant(1e3 * float(own[j])) if np.isfinite(own[j]) else "diverged"
-            for own in rms.values()
-        ]
+        cells = [milli(float(own[j])) for own in rms.values()]
         unit = "mrad" if joint.position_unit == "rad" else "mm"
         rows.append({"joint": joint.name, "cells": cells, "unit": unit})
     return {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from pivident.simulators.held_out import HeldOut
+from pivident.simulators.held_out import HeldOut, milli
 from pivident.simulators.simulator_fit import FittedValue, SimulatorFit
 from pivident.text.numbers import format_significant, with_spread
 from pivident.text.plain_table import plain_table
@@ -43,14 +43,15 @@ def held_out_table(held_out: HeldOut) -> str:
     units = ["mrad" if j.position_unit == "rad" else "mm" for j in robot.joints]
     columns = [("joint", "<", list(robot.joint_names))]
     columns += [
-        (title, ".", [_milli(x) for x in errors.tolist()])
+        (title, ".", [milli(x) for x in errors.tolist()])
         for title, errors in held_out.rms().items()
     ]
     return plain_table([*columns, ("unit", "<", units)])
 
 
-def _milli(x: float) -> str:
-    return format_significant(1e3 * x) if math.isfinite(x) else "diverged"
+def findings(fit: SimulatorFit, held_out: HeldOut | None) -> list[str]:
+    """What speaks against a fit, in sentences."""
+    return [*fit.findings(), *(() if held_out is None else held_out.findings())]
 
 
 def simulator_text(fit: SimulatorFit, held_out: HeldOut | None) -> str:
@@ -66,5 +67,5 @@ def simulator_text(fit: SimulatorFit, held_out: HeldOut | None) -> str:
             held_out_table(held_out),
         ]
         parts += [f"{sentence}." for sentence in held_out.sentences()]
-    parts += list(fit.findings())
+    parts += findings(fit, held_out)
     return "\n\n".join(parts)

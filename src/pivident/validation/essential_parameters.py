@@ -34,7 +34,7 @@ from pivident.errors import (
     SimulationDiverged,
 )
 from pivident.estimation.identification import Identification
-from pivident.estimation.identify import identify
+from pivident.estimation.identify import identify, narrowed
 from pivident.estimation.methods import METHODS, LeastSquares, Method
 from pivident.estimation.problem import Problem
 from pivident.text.numbers import format_significant, with_spread
@@ -189,6 +189,7 @@ def essential_parameters(
             f"With all {len(problem.names)} parameters the loop cannot be simulated ({error}); "
             "the first round is by least squares."
         )
+    problem = narrowed(problem, full)
     while True:
         number = len({s.round for s in steps}) + 1
         elimination = EliminationRound(found, full, number, level, most)

@@ -136,8 +136,8 @@ def closed_form_base_parameters(
 
     ``geometry`` "names" writes lengths and angles as symbols (``d3``, ``alpha2``), "numbers" as
     their values. Elements of rotation matrices within ``tolerance`` of 0 or ±1, and positions
-    within it of 0 [m], count as exact: a URDF whose right angles are written 1.5708 needs 1e-5 for
-    its axes to count as perpendicular.
+    within it of 0 [m], count as exact: 1e-3 makes axes perpendicular that are within a milliradian
+    of it (angles rounded in a file are exact already, see `pivident.robot.frames`).
 
     Raises:
         RobotDescriptionError: a geometry or tolerance that there is not; a robot with closed loops.

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from pivident.dynamics.separation import WEAKEST_SHARE
 from pivident.estimation.covariance.sandwich import Jackknife
 from pivident.estimation.covariance.stationary_noise import covariance_by_test
-from pivident.estimation.normal_equations import WEAKEST_SHARE
 from pivident.estimation.output_error.bounded_step import condition_of
 from pivident.estimation.output_error.noise_weights import whitened_errors
 from pivident.estimation.output_error.simulation_fit import (

@@ -15,7 +15,7 @@ from typing import Literal
 from pivident.errors import IdentificationError, SimulationDiverged
 from pivident.errors import MassMatrixNotPositiveDefinite as IndefiniteMass
 from pivident.estimation.identification import Identification
-from pivident.estimation.identify import identify
+from pivident.estimation.identify import identify, narrowed
 from pivident.estimation.methods import Method, StateFilter
 from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
@@ -250,6 +250,8 @@ def judged_on(
     """The same on motion that is there already; arguments as for :func:`cross_validate`."""
     problem, moving = motion.problem, motion.moving
     found = identification or identify(problem, method, say)
+    if (smaller := narrowed(problem, found)) is not problem:
+        problem, motion = smaller, replace(motion, problem=smaller)
     fitted = [Piece(k, *part) for k, part in enumerate(moving)]
     training = pooled([motion.fitted[p.recording].score(found, [p.span])[0] for p in fitted])
     notes = _replay_notes(problem)

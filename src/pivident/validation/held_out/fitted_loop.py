@@ -59,7 +59,7 @@ def closed_motion(
     """
     assert problem.loop is not None
     (stretch,) = closed_stretches(
-        problem, problem.loop, problem.regressor.parameters, found.theta, [kinematics]
+        problem, problem.loop, found.parameters, found.theta, [kinematics]
     )
     loop = with_loop_parameters(problem, stretch.loop, found)
     made, rate = motion_of(loop), kinematics.recording.rate

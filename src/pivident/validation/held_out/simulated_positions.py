@@ -70,9 +70,7 @@ class OpenLoop:
         method = found.method_used
         longest = method.segment if isinstance(method, OutputError) else None
         squares, samples = np.zeros(recording.joints), 0
-        for stretch in open_stretches(
-            problem, problem.regressor.parameters, found.theta, [cut], longest
-        ):
+        for stretch in open_stretches(problem, found.parameters, found.theta, [cut], longest):
             loop = with_loop_parameters(problem, stretch.loop, found)
             own = (motion_of(loop).q + encoder_offsets(loop))[:: stretch.step][: stretch.samples]
             squares += np.sum((own - stretch.q[: len(own)]) ** 2, axis=0)
