@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import struct
 from datetime import date
 
 import numpy as np
@@ -50,7 +51,21 @@ def mat_seeds() -> tuple[bytes, ...]:
         content |= {"c": np.array([[1j]]), "u": np.uint8([[1, 2]]), "l": np.array([[True]])}
         savemat(stream, content, **options)
         made.append(stream.getvalue())
+        made.append(_structures(options))
     return tuple(made)
+
+
+def _structures(options: dict[str, bool]) -> bytes:
+    """Structures inside each other, an array of them, and an object of a newer class."""
+    from scipy.io import savemat
+
+    stream, t = io.BytesIO(), np.arange(9.0)
+    axes = np.array([(t,), (2 * t,)], [("tau", object)])
+    inner = {"values": np.ones((9, 2)), "label": "q", "none": [], "deep": {"x": {"y": t}}}
+    savemat(stream, {"out": {"time": t, "signals": inner}, "axis": axes, "t": t}, **options)
+    parts = [(6, struct.pack("<II", 17, 0)), *((1, x) for x in (b"robot", b"MCOS", b"table"))]
+    inside = b"".join(struct.pack("<II", k, len(x)) + x.ljust(8, b"\0") for k, x in parts)
+    return stream.getvalue() + struct.pack("<II", 14, len(inside)) + inside
 
 
 def hdf5_seeds() -> tuple[bytes, ...]:
@@ -66,6 +81,8 @@ def hdf5_seeds() -> tuple[bytes, ...]:
                     "double"
                 )
             file.create_group("#refs#")
+            file["s/x/tau"] = np.arange(6.0).reshape(2, 3)
+            file["s/again"] = file["s"]
             file["text"] = "abc"
             file["soft"] = h5py.SoftLink("/q")
         made.append(stream.getvalue())
@@ -95,4 +112,22 @@ def parquet_seeds() -> tuple[bytes, ...]:
         stream = io.BytesIO()
         pl.DataFrame(content).write_parquet(stream, compression=packing)
         made.append(stream.getvalue())
-    return tuple(made)
+    return (*made, _lists("zstd"), _lists("none"))
+
+
+def _lists(packing: str) -> bytes:
+    """Lists of fixed and of variable length, with and without empty ones, and structures."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    stream, q = io.BytesIO(), log_table()[:, 1:3]
+    table = {
+        "t": log_table()[:, 0],
+        "q": pa.FixedSizeListArray.from_arrays(pa.array(q.ravel(), pa.float32()), 2),
+        "tau": pa.array(q.tolist(), pa.large_list(pa.float64())),
+        "ragged": pa.array([[1.0] * (k % 3) for k in range(len(q))]),
+        "gone": pa.array([[1.0, None] if k % 7 else None for k in range(len(q))]),
+        "motor": pa.array([{"speed": float(k), "on": {"mode": k}} for k in range(len(q))]),
+    }
+    pq.write_table(pa.table(table), stream, compression=packing, row_group_size=25)
+    return stream.getvalue()

@@ -6,6 +6,8 @@ import tempfile
 from functools import cache
 from pathlib import Path
 
+import numpy as np
+
 from fuzzing.table_inputs import log_table
 
 
@@ -23,7 +25,27 @@ def _joint_states(is_ros1: bool):
         names, columns = (["q1", "q2"], [1, 2]) if k % 3 else (["q2"], [2])
         q, tau = row[columns], row[[5, 6]][: len(names)]
         messages.append((10**9 + 1_000_000 * k, state(header, names, q, q[:0], tau)))
+        if k % 5 == 0:  # another publisher, whose joints stand still
+            other = state(header, ["q2", "q1"], np.zeros(2), q[:0], q[:0])
+            messages.append((10**9 + 1_000_000 * k + 1, other))
     return store, messages
+
+
+def _motors(store, is_ros1: bool):
+    """Messages of a robot's own type, which has arrays of other types, and names in them."""
+    from rosbags.typesys import get_types_from_msg
+
+    time = "time" if is_ros1 else "builtin_interfaces/Time"
+    motor = "float32 q\nstring[] names\nfloat64[] values\nint16[2] temperature"
+    low = f"{time} stamp\nstring[] joint_names\nown_msgs/Motor[2] motor\nown_msgs/Motor[] more"
+    store.register(get_types_from_msg(motor, "own_msgs/msg/Motor"))
+    store.register(get_types_from_msg(low, "own_msgs/msg/Low"))
+    motor, low = store.types["own_msgs/msg/Motor"], store.types["own_msgs/msg/Low"]
+    stamp = store.types["builtin_interfaces/msg/Time"](1, 2)
+    for k in range(20):
+        one = motor(0.1 * k, ["position", "effort"], np.ones(2), np.int16([20, 30]))
+        sent = low(stamp, ["a", "b"], [one, one], [one] * (k % 3))
+        yield 10**9 + 1_000_000 * k, sent
 
 
 def _written_bag(kind: str) -> bytes:
@@ -51,6 +73,11 @@ def _written_bag(kind: str) -> bytes:
             serialize = store.serialize_ros1 if is_ros1 else store.serialize_cdr
             for received, message in messages:
                 writer.write(topic, received, serialize(message, name))
+            own = "own_msgs/msg/Low"
+            motors = list(_motors(store, is_ros1))
+            low = writer.add_connection("/lowstate", own, typestore=store)
+            for received, message in motors:
+                writer.write(low, received, serialize(message, own))
         return (path if is_ros1 else next(path.glob(f"*.{kind[-4:].lstrip('.')}"))).read_bytes()
 
 

@@ -111,9 +111,10 @@ def _study(path: Path) -> object:
 
 
 def _table(path: Path) -> object:
-    from pivident.logs.tables.tables import names_in, read_table
+    from pivident.logs.tables.tables import names_in, read_table, unread_in
 
     names = names_in(path)
+    unread_in(path)
     return read_table(path, names[:1] if len(names) % 3 == 2 else None)
 
 

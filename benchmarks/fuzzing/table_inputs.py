@@ -63,11 +63,16 @@ def grown_csv(rng: random.Random) -> bytes:
 
 
 def habit_seeds() -> tuple[bytes, ...]:
-    """Tables as controllers write them: blanks, decimal commas, titles, units, UTF-16."""
+    """Tables as controllers write them: blanks, decimal commas, titles, preambles, UTF-16."""
+    numbers = "".join(f"{k}\t{k / 8:.3f}\t{k}\t-2\r\n" for k in range(9))
+    scope = "Name\tScope\r\nFile\tC:/a.svdx\r\n\r\nName\tq1\tName\ttau1\r\nUnit\tdeg\tUnit\tNm\r\n"
+    trace = "Trace;KR C4, 12\nRate;250\n\nZeit;A1;M1\ns;Grad;Nm\n" + 9 * "0,004;1,5;-2\n"
     german = "sep=;\r\nZeit;A1_Ist;A2_Ist\r\ns;Grad;Grad\r\n0,004;1,5;-2\r\n0,008;1,6;-3\r\n"
     return (
         b"timestamp actual_q_0 actual_q_1\n0.002 1.5  2\n0.004 1.6 3\n",
         german.encode(),
         german.encode("utf-16"),
+        f"{scope}\r\n{numbers}EOF\r\n".encode(),
+        trace.encode("latin-1"),
         b"%time,field.position0\n1700000000000000000,0.5\n1700000000002000000,0.6\n",
     )

@@ -231,3 +231,17 @@ def test_a_log_without_torque_is_audited_as_far_as_it_goes():
     turns = {"q": np.rad2deg(channels["q"])}
     wrong = audit_log(replace(log, logged=turns, channels=turns))
     assert "reach" in [f.kind for f in wrong.findings]
+
+
+@pytest.mark.parametrize("name", ["tau", "channel"])
+def test_a_log_without_positions_is_not_ok(tmp_path, name):
+    """Clock and columns are in order, but nothing that is worth knowing was judged."""
+    table = np.column_stack(
+        [np.arange(500) / 100.0, np.random.default_rng(0).normal(size=(500, 6))]
+    )
+    header = ",".join(["t", *(f"{name}_{k}" for k in range(1, 7))])
+    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header=header, comments="")
+    (audit,) = audit_file(tmp_path / "log.csv")
+    (finding,) = [f for f in audit.findings if f.severity == "error"]
+    assert finding.message.startswith("log.csv has no positions") and f"{name}_3" in finding.message
+    assert audit.severity == "error"

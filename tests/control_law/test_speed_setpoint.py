@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from pivident.control_law.identified_law import identify_controller
+from pivident.control_law.law_equations import channel_of
+from pivident.control_law.speed_setpoint import speed_setpoint
 from pivident.control_law.unknown_loop import reconstruct_loop
 from pivident.errors import IdentificationError
 from pivident.recording.public_records import load_kuka_kr300
@@ -23,12 +25,15 @@ POSITION, SPEED, INTEGRAL, DELAY = 0.5, 10.0, 70.0, 0.006
 INERTIA, VISCOUS, DRY = 0.1, 0.8, 0.9
 
 
-def setpoint_record(seed, seconds=10.0, mass=0.7):
-    """An axis whose drive gets T late the reference's speed, K e and a feed-forward off by 30 %."""
+def setpoint_record(seed, seconds=10.0, mass=0.7, size=1.0):
+    """An axis whose drive gets T late the reference's speed, K e and a feed-forward off by 30 %.
+
+    The reference is as large as ``size`` says.
+    """
     rng = np.random.default_rng(seed)
     t = np.arange(int(seconds * DRIVE)) / DRIVE
     waves = [(f, *rng.uniform((0.2, 0.0), (0.4, 6.0))) for f in (0.11, 0.23, 0.41)]
-    r = sum(a * np.sin(2 * np.pi * f * t + p) for f, a, p in waves)
+    r = 0.3 + size * sum(a * np.sin(2 * np.pi * f * t + p) for f, a, p in waves)
     dr, ddr = np.gradient(r, t), np.gradient(np.gradient(r, t), t)
     feed = mass * (INERTIA * ddr + VISCOUS * dr + DRY * np.tanh(50 * dr))
     push = 0.05 * np.convolve(rng.normal(size=t.size), np.ones(40), "same")
@@ -97,10 +102,17 @@ def test_without_the_inputs_the_law_is_refused(records):
         identify_controller(bare)
 
 
-def test_a_reversed_torque_is_no_speed_loop(records):
-    from pivident.control_law.law_equations import channel_of
-    from pivident.control_law.speed_setpoint import speed_setpoint
+def test_a_reference_that_stays_has_no_band_but_a_law(found):
+    """The joint is pushed about by the others; a reference without power has no frequency."""
+    held = [setpoint_record(seed, size=0.0) for seed in (1, 2)]
+    assert all(np.ptp(r.q_ref) == 0.0 and np.ptp(r.q) > 1e-4 for r in held)
+    own = speed_setpoint([channel_of(r, 0, 1.0, np.inf) for r in held], [np.zeros(2500)] * 2)
+    assert abs(own.position_gain - POSITION) < 4 * own.std[0] + 0.02 * POSITION
+    assert abs(own.speed_gain - SPEED) < 4 * own.std[1] + 0.1 * SPEED
+    assert 0.0 < own.cutoff < found.setpoints[0].cutoff
 
+
+def test_a_reversed_torque_is_no_speed_loop(records):
     turned = [dataclasses.replace(r, tau=-r.tau) for r in records]
     channels = [channel_of(r, 0, 1.0, np.inf) for r in turned]
     own = speed_setpoint(channels, [r.inputs["feed_forward"][:, 0] for r in turned])

@@ -278,3 +278,11 @@ def test_any_choice_of_columns_gives_the_columns_of_the_whole(seed):
     whole = Regressor.build(robot, parameters).matrix(q, dq, ddq)
     part = Regressor.build(robot, [parameters[k] for k in chosen]).matrix(q, dq, ddq)
     np.testing.assert_array_equal(part, whole[:, :, chosen])
+
+
+def test_no_parameters_at_all_give_no_torque(tx40):
+    """The first moments that an axis about the vertical has among its base parameters."""
+    regressor = Regressor.build(tx40, ())
+    q = np.ones((5, tx40.size))
+    assert regressor.entries == 0
+    assert not regressor.torque(q, q, q, np.zeros(0)).any()

@@ -10,7 +10,7 @@ import pytest
 
 from pivident.errors import FileFormatError, PividentError
 from pivident.logs.tables.read_npz import read_npz
-from pivident.logs.tables.tables import read_table
+from pivident.logs.tables.tables import read_table, unread_in
 from tests.faults.hostile import archive, npy, written
 
 
@@ -112,7 +112,9 @@ def test_parquet_with_nested_and_other_types(tmp_path):
         "s": ["="],
     }
     pl.DataFrame(content).write_parquet(path)
-    assert list(read_table(path)) == ["x"]
+    numbers = ["x", "n.a.b[0]", *(f"l[{k}]" for k in range(1000))]
+    assert list(read_table(path)) == numbers
+    assert set(unread_in(path)) == {"d", "s"}
     pl.DataFrame({f"c{k}": [1.0] for k in range(2000)}).write_parquet(path)
     assert len(read_table(path)) == 2000
 

@@ -26,6 +26,7 @@ from pivident.audit.timing import Timing, check_timing
 from pivident.errors import PividentError, RecordingError
 from pivident.logs.log import Log
 from pivident.text.finding import Finding, Quantity, Severity, worst
+from pivident.text.lists import listed
 from pivident.threads import linear_algebra_in_one_thread
 from pivident.version import __version__
 
@@ -167,7 +168,7 @@ def _audit(log: Log, say: Callable[[str], None]) -> Audit:
         findings += [*check_standstill(log), *check_reach(log, timing), _NO_TORQUE]
         return Audit(log, tuple(findings), timing, quantisation)
     if "q" not in log.channels:
-        findings.append(_not_judged("no columns are known for q and tau"))
+        findings.append(_no_positions(log))
         return Audit(log, tuple(findings), timing, quantisation)
     still = check_standstill(log)
     findings += still
@@ -241,6 +242,20 @@ def _inverse_model(log: Log, timing: Timing) -> InverseModel:
     if not timing.rate:
         raise RecordingError("the sampling rate is not known")
     return build_inverse_model(log, timing)
+
+
+def _no_positions(log: Log) -> Finding:
+    """That nothing but the clock could be judged, and which columns there are."""
+    names = listed(list(log.columns), 12) if log.columns else "none"
+    return Finding(
+        "error",
+        "reading",
+        "no positions",
+        f"{log.name} has no positions, or none that their names show: delay, signs, gains and "
+        f"excitation were not judged. Its columns: {names}.",
+        next_step="Log the positions of the joints, rename their columns (q_1 …), or name them in "
+        "an experiment file (--experiment).",
+    )
 
 
 def _not_judged(reason: str) -> Finding:

@@ -229,14 +229,18 @@ def _speed_loop(
 
 
 def _motion_band(channels: Sequence[Channel]) -> float:
-    """Frequency below which nearly all power of the reference speed is [Hz]."""
+    """Frequency below which nearly all power of the reference speed is [Hz].
+
+    At least one step of the spectrum: a reference that stays where it is has no power.
+    """
     from scipy.signal import periodogram
 
     bands = []
     for c in channels:
         frequency, power = periodogram(np.diff(c.q_ref), c.rate, window="hann")
         within = np.cumsum(power) / max(float(np.sum(power)), 1e-300)
-        bands.append(float(frequency[np.searchsorted(within, MOTION)]))
+        highest = int(np.searchsorted(within, MOTION)) if power.any() else 1
+        bands.append(float(frequency[np.clip(highest, 1, frequency.size - 1)]))
     return min(max(bands), 0.5 * UPPER * channels[0].rate / BEYOND)
 
 

@@ -79,7 +79,7 @@ class Regressor:
         packed = everything.packed(q, dq, ddq, inner=inner)
         scale = max(1.0, float(np.abs(packed).max(initial=0.0)))
         alive = np.abs(packed).max(axis=1) > 1e-12 * scale
-        alive |= [parameters[c].friction is not None for c in everything.column]
+        alive |= np.array([parameters[c].friction is not None for c in everything.column], bool)
         if alive.all():
             return everything
         return cls._from_entries(

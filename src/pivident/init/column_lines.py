@@ -71,13 +71,17 @@ def column_lines(
     joints: JointMap,
     kept: KeptJoints,
     clock: LogClock,
+    clock_file: int,
     others: Mapping[str, OwnClock],
     besides: Mapping[str, Any],
     keys: Mapping[str, int],
+    unnamed: Mapping[str, str],
     like_torques: Sequence[str] = (),
 ) -> list[Assumption]:
     """Where every channel is; ``besides``: unit and reason of those that are not needed.
 
+    ``clock_file``: number of the file with the stamps; ``unnamed``: why columns were taken whose
+    names do not say what they hold, by channel.
     ``like_torques``: columns that read like torques, where none were recognised as those of joints.
     """
     numbers = {number: key for key, number in keys.items()}
@@ -89,8 +93,8 @@ def column_lines(
         if len(keys) > 1 and others:  # each name is looked up in the file of its channel
             own = {name: others[name].column for name in read if name in others}
             place = dict.fromkeys(read, clock.column) | own
-        elif len(keys) > 1 and isinstance(place, str):
-            place = {"file": numbers[joints.channels["q"].file], "columns": clock.column}
+        elif len(keys) > 1 and isinstance(place, str) and numbers[clock_file] != "t":
+            place = {"file": numbers[clock_file], "columns": clock.column}
         lines.append(Assumption("recording.columns", "t", place, clock.sure, clock.seen))
     for name in read:
         channel = joints.channels[name]
@@ -105,6 +109,8 @@ def column_lines(
         if channel.others:
             seen += f". Other series that could be meant begin with {', '.join(channel.others[:4])}"
         sure = joints.sure if name == "q" or joints.sure == "assumed" else "likely"
+        if name in unnamed:
+            sure, seen = "assumed", f"{unnamed[name]}; {joints.seen}"
         lines.append(Assumption("recording.columns", name, value, sure, seen))
     if not has_torque:
         seen = "no column seems to hold torques or currents of the joints; name them if there are "

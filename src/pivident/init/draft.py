@@ -17,6 +17,7 @@ from pivident.init.log_files import read_runs
 from pivident.init.recording_lines import RecordingLines, recording_lines
 from pivident.init.robot_file import RobotFile, robot_file
 from pivident.init.trial import Findings, try_out
+from pivident.logs.file_columns import beside_text
 from pivident.logs.recognition.log_file import Run
 from pivident.robot.naming import ROBOT_FILES, nearest
 
@@ -184,9 +185,12 @@ def _recording(
     clocks = any(run.files[k].own_clocks for k in found.file_keys.values())
     rows = "each with stamps of its own" if clocks else "with the same rows"
     seen = "as given" if len(files) == 1 else f"one run in files side by side, {rows}"
+    seen += "".join(
+        f"; {file.shown} holds more{beside_text(file.beside)}" for file in run.files if file.beside
+    )
     seen = ". ".join([seen, *(note.rstrip(".") for note in findings.notes)])
     lines = [Assumption("recording", "files", value, "certain", seen)]
-    if column_names:
+    if column_names and single:
         seen = "the log has no header; as given, in the order of its columns"
         lines.append(Assumption("recording", "column_names", list(column_names), "certain", seen))
     tried = {line.key for line in findings.recording}

@@ -14,6 +14,9 @@ from pivident.logs.clocks.clock_alignment import ClockedChannel, at_instants
 from pivident.logs.clocks.timestamps import mean_rate
 from pivident.logs.recognition.log_clock import LogClock, read_clock
 from pivident.logs.recognition.log_file import LogFile, Run, file_reading, read_log_file
+from pivident.logs.recognition.time_columns import names_time
+from pivident.logs.tables.column_names import header_advice, written_out
+from pivident.logs.tables.tables import names_in
 
 
 def read_runs(
@@ -23,14 +26,48 @@ def read_runs(
 
     Parts with other rows have clocks of their own, as topics of a bag that were exported apart.
     """
-    files = [read_log_file(path, joint_names, column_names) for path in paths]
+    names = _names_by_file(paths, column_names)
+    several = len(set(names)) > 1
+    files = [
+        read_log_file(path, joint_names, own, one_of_several=several)
+        for path, own in zip(paths, names, strict=True)
+    ]
+    unnamed = {f.shown: list(f.columns) for f in files if not (f.titles or _is_named(f.path))}
+    if len(files) > 1 and (advice := header_advice(unnamed)):
+        raise DraftError(advice)
     kinds = {reading.channel for f in files if (reading := file_reading(f.path)).channel}
-    alike = len({tuple(n for n in f.columns if n not in f.own_clocks) for f in files}) == 1
-    if len(files) > 1 and alike and len(kinds) < 2:
+    called = {tuple(f.title(n) for n in f.columns if n not in f.own_clocks) for f in files}
+    if len(files) > 1 and len(called) == 1 and len(kinds) < 2:
         return [Run((file,)) for file in files]
     if len({file.samples for file in files}) > 1:
         return [Run(_side_by_side(files))]
     return [Run(tuple(files))]
+
+
+def _is_named(path: Path) -> bool:
+    """Whether the name of a file says what its columns hold: a quantity, or time."""
+    return file_reading(path).channel is not None or names_time(path.name.partition(".")[0])
+
+
+def _names_by_file(paths: Sequence[Path], given: Sequence[str]) -> list[tuple[str, ...]]:
+    """Names of the columns of each file: all of them, or one after another where they are for all.
+
+    Only files without a header have columns to be named.
+    """
+    names = tuple(written_out(given))
+    if len(paths) < 2 or not names:
+        return [names] * len(paths)
+    widths = [len(own) if (own := names_in(p))[:1] == ("column_1",) else 0 for p in paths]
+    if set(widths) == {len(names)}:  # runs of the same columns
+        return [names] * len(paths)
+    if sum(widths) != len(names):
+        counts = ", ".join(f"{p.name} {width}" for p, width in zip(paths, widths, strict=True))
+        raise DraftError(
+            f"{len(names)} columns are named, but the files have others without a name ({counts}); "
+            "name all of them in their order, file after file, - for those that are not needed"
+        )
+    ends = np.cumsum(widths)
+    return [names[end - width : end] for end, width in zip(ends, widths, strict=True)]
 
 
 def _side_by_side(files: Sequence[LogFile]) -> tuple[LogFile, ...]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -29,18 +31,22 @@ from pivident.init.torque_unit import (
     torque_unit,
     without_torque,
 )
+from pivident.init.unnamed_signals import explained_columns, followed_columns, named_gain
 from pivident.logs.bad_samples import bad_samples, marked
 from pivident.logs.clocks.gaps import stretches
+from pivident.logs.file_columns import beside_text
 from pivident.logs.recognition.channel_words import plain_channel
 from pivident.logs.recognition.joint_columns import ChannelColumns, JointMap, joint_map
 from pivident.logs.recognition.log_clock import LogClock, read_clock, speed_rate
-from pivident.logs.recognition.log_file import Run
+from pivident.logs.recognition.log_file import LogFile, Run
 from pivident.logs.recognition.position_units import AssumedUnits, following_unit, position_unit
+from pivident.logs.recognition.time_columns import is_usable_clock, names_time
 from pivident.logs.tables.column_names import header_advice
 from pivident.logs.units import POSITION, SPEED, TORQUE
 from pivident.robot.description import Robot
 from pivident.robot.mjcf_actuators import ActuatorLaw, actuator_law
 from pivident.robot.naming import MJCF_FILES, nearest
+from pivident.text.lists import listed
 
 #: Standstill at the ends that is worth cutting off [s].
 WORTH_CUTTING = 1.0
@@ -83,13 +89,12 @@ def recording_lines(
         raise DraftError(_not_found("position", run))
     run = _without_bad_samples(run, joints)
     kept = kept_joints(run, joints, machine, wanted)
-    clock = _clock(run, joints, kept, answers)
+    clock, clock_file = _clock(run, joints, kept, answers)
     q = joints.channels["q"]
     logged = machine.robot(kept.logged if machine.is_tree else None)
     raw = q.values(run, logged.joint_names)
     own = [logged.joint_names.index(name) for name in kept.names]
     torques = joints.channels.get("tau")
-    logged_torque = () if torques is None else ("tau",)
     rows = np.isfinite(raw[:, own]).all(axis=1)
     rows[list(clock.twice)] = False
     if rows.sum() < MIN_ROWS:
@@ -109,6 +114,24 @@ def recording_lines(
     rows &= (clock.seconds >= window[0]) & (clock.seconds <= window[1])
     torque: TorqueUnit | None = None
     found = without_torque(robot)
+    unnamed: dict[str, str] = {}
+    if "tau" not in joints.channels and not _references(
+        run, joints, kept, si[:, own], clock, unit, own
+    ):
+
+        def compared(tau: np.ndarray) -> Comparison:
+            used = rows & np.isfinite(tau).all(axis=1)
+            return compare(robot, si[used][:, own], tau[used], clock.seconds[used])
+
+        joints, seen = explained_columns(run, joints, kept.names, si[:, own], compared)
+        if seen:
+            unnamed["tau"] = seen
+            turning = any(unit.units[j] not in ("m", "mm") for j in own)
+            joints = followed_columns(run, joints, kept.names, si[:, own], turning)
+            if "q_ref" in joints.channels:
+                unnamed["q_ref"] = "no name says reference, but the positions follow these columns"
+        torques = joints.channels.get("tau")
+    logged_torque = () if torques is None else ("tau",)
     if torques is not None:
         tau = torques.values(run, kept.names)
         named = next(iter(torques.units.values()), None)
@@ -119,7 +142,10 @@ def recording_lines(
             unit = _other_angle(unit)
             si = raw * unit.factors(POSITION)
             found = compare(robot, si[rows][:, own], tau[rows], clock.seconds[rows])
-        torque = torque_unit(robot, found, named, torques.is_current, answers.get("unit of tau"))
+        gain = named_gain(run, torques, len(kept.names)) if unnamed else None
+        torque = torque_unit(
+            robot, found, named, torques.is_current, answers.get("unit of tau"), gain
+        )
     joints = _as_references_follow(run, joints, kept, si[:, own])
     references = _references(run, joints, kept, si[:, own], clock, unit, own)
     speeds = measured_speeds(
@@ -128,7 +154,9 @@ def recording_lines(
     if torque is None and "q_ref" not in references:
         raise DraftError(_not_found("torque", run))
     besides = references | speeds
-    keys = _file_keys(run, joints, ("q", *logged_torque, "q_ref", "dq_ref", *speeds))
+    keys = _file_keys(joints, ("q", *logged_torque, "q_ref", "dq_ref", *speeds))
+    if clock.column is not None and clock_file not in keys.values():
+        keys = {"t": clock_file} | ({"q": q.file} if "log" in keys else keys)
     used = (*logged_torque, *besides)
     others = {n: c for n in used if (c := joints.channels[n].own_clock(run)) is not None}
     law = None
@@ -139,7 +167,9 @@ def recording_lines(
         *(control_rate_line(clock, law.step) if law is not None and not law.reasons else ()),
         *window_line(clock, window, still, (first, last)),
         *side_lines(torque, found),
-        *column_lines(joints, kept, clock, others, besides, keys, _like_torques(run)),
+        *column_lines(
+            joints, kept, clock, clock_file, others, besides, keys, unnamed, _like_torques(run)
+        ),
         *unit_lines(clock, unit, own, torque, besides),
     ]
     return RecordingLines(
@@ -182,44 +212,74 @@ def _like_torques(run: Run) -> list[str]:
 
 def _not_found(what: str, run: Run) -> str:
     """That no column seems to hold a channel, and what columns there are."""
-    names = [name for file in run.files for name in file.columns]
-    if advice := header_advice(run.files[0].shown, list(run.files[0].columns)):
+    called = {f.shown: [f.title(name) for name in f.columns] for f in run.files}
+    if advice := header_advice(called):
         return advice
-    listed = ", ".join(names[:12]) + (f" and {len(names) - 12} more" if len(names) > 12 else "")
+    names = [name for own in called.values() for name in own]
     near = nearest(what, names)
     hint = f"; {near}" if near.startswith("did you mean") else ""
     if what == "torque":
         hint += ", nor references of the positions, from which a known control law would give them"
+    if not _like_torques(run):
+        hint += ". Without torques, and without the gains of a control law, only delays and ratios "
+        hint += "of gains can be had"
+    beside = "".join(beside_text(file.beside) for file in run.files)
     return (
-        f"no column of {', '.join(file.shown for file in run.files)} seems to hold {what}s of "
-        f"joints; there are {listed}{hint}. Rename the columns (q_1, tau_1 …), or write the "
-        "experiment file by hand"
+        f"no column of {', '.join(called)} seems to hold {what}s of joints; there are "
+        f"{listed(_families(names), 12)}{beside}{hint}. Rename the columns (q_1, tau_1 …), or "
+        "write the experiment file by hand"
     )
 
 
-def _clock(run: Run, joints: JointMap, kept: KeptJoints, answers: Answers) -> LogClock:
-    """Clock of the file with the positions; those of other files must agree with it."""
+def _families(names: Sequence[str]) -> list[str]:
+    """Names of columns, those of one array or list together: ``action[26]``."""
+    of_name = {name: re.split(r"\[|\.(?=[^.]*$)", name)[0] for name in names}
+    sizes = Counter(of_name.values())
+    shown = [f"{of_name[n]}[{sizes[of_name[n]]}]" if sizes[of_name[n]] > 1 else n for n in names]
+    return list(dict.fromkeys(shown))
+
+
+def _clock(run: Run, joints: JointMap, kept: KeptJoints, answers: Answers) -> tuple[LogClock, int]:
+    """Clock of the positions and the number of its file; those of other files must agree with it.
+
+    It may lie in a file of its own with the same rows.
+    """
     q, dq = joints.channels["q"], joints.channels.get("dq")
     hint = None
     names = [n for n in kept.names if dq is not None and n in dq.columns]
     if dq is not None and names:
         hint = speed_rate(q.values(run, names), dq.values(run, names))
     given = float(answers["rate"]) if "rate" in answers else None
-    clock = read_clock(run.files[q.file].columns, hint, given)
-    for file in run.files:
-        other = file.columns.get(clock.column or "")
-        if other is None or file is run.files[q.file]:
+    base = run.files[q.file]
+    stamps = {k: _stamps(file) for k, file in enumerate(run.files) if file.samples == base.samples}
+    number = next((k for k in (q.file, *stamps) if stamps[k]), q.file)
+    columns = base.columns if number == q.file else stamps[number]
+    titles = {run.files[number].title(name): name for name in columns}
+    clock = read_clock({title: columns[name] for title, name in titles.items()}, hint, given)
+    clock = replace(clock, column=titles.get(clock.column or ""))
+    for k, other in enumerate(_stamps(file).get(clock.column or "") for file in run.files):
+        if other is None or k == number:
             continue
-        worst = float(np.max(np.abs(other - run.files[q.file].columns[clock.column or ""])))
-        if not worst <= 0.5 * float(
-            np.median(np.diff(run.files[q.file].columns[clock.column or ""]))
-        ):
+        here = run.files[number].columns[clock.column or ""]
+        worst = float(np.max(np.abs(other - here)))
+        if not worst <= 0.5 * float(np.median(np.diff(here))):
             raise DraftError(
-                f"the time stamps of {file.shown} differ from those of "
-                f"{run.files[q.file].shown} by up to {worst:.4g} {clock.unit}; join the files by "
+                f"the time stamps of {run.files[k].shown} differ from those of "
+                f"{run.files[number].shown} by up to {worst:.4g} {clock.unit}; join the files by "
                 "their stamps first"
             )
-    return clock
+    return clock, number
+
+
+def _stamps(file: LogFile) -> dict[str, np.ndarray]:
+    """Columns that can be time stamps, by their names or by that of a file with only one."""
+    alone = len(file.columns) == 1 and names_time(file.path.name.partition(".")[0])
+    return {
+        name: values
+        for name, values in file.columns.items()
+        if is_usable_clock("t" if alone else (title := file.title(name)), values)
+        and (alone or names_time(title))
+    }
 
 
 def _window(clock: LogClock, first: float, last: float) -> tuple[float, float]:
@@ -292,7 +352,7 @@ def _joint_lines(
     return lines
 
 
-def _file_keys(run: Run, joints: JointMap, channels: Sequence[str]) -> dict[str, int]:
+def _file_keys(joints: JointMap, channels: Sequence[str]) -> dict[str, int]:
     """A key for each file that is used: the first channel that it holds."""
     keys: dict[str, int] = {}
     for name in channels:

@@ -25,6 +25,7 @@ from pivident.logs.log import Log
 from pivident.logs.torque_scale import ASSUMED, MASSES
 from pivident.logs.units import COMMAND, TORQUE
 from pivident.robot.description import Robot
+from pivident.text.lists import listed
 from pivident.text.numbers import plus_minus
 
 #: Factor between log and description up to which an unnamed torque passes for N m.
@@ -32,6 +33,9 @@ NEAR_ONE = 2.0
 
 #: A factor is within this factor of a gear ratio if it comes from it.
 NEAR_RATIO = 1.4
+
+#: Relative difference below which a gain of the log is that of the description.
+SAME_GAIN = 0.01
 
 #: Rows below which nothing is compared.
 MIN_ROWS = 10
@@ -117,14 +121,21 @@ def compare(robot: Robot, q: np.ndarray, tau: np.ndarray, seconds: np.ndarray) -
 
 
 def torque_unit(
-    robot: Robot, found: Comparison, named: str | None, is_current: bool, answer: str | None
+    robot: Robot,
+    found: Comparison,
+    named: str | None,
+    is_current: bool,
+    answer: str | None,
+    gain: tuple[str, np.ndarray] | None = None,
 ) -> TorqueUnit:
-    """The unit of the logged torques."""
+    """The unit of the logged torques; ``gain``: of a constant of the log, with its name."""
     named = answer if answer in ("N m", "A") else named
     kind = "current" if is_current else "effort"
     if named in COMMAND or (is_current and named not in TORQUE) or answer == ANSWERS[2]:
         unit = named if named in COMMAND else ("A" if is_current else "command")
-        return _command(robot, found, str(unit), f"the columns hold a {kind}")
+        return _command(robot, found, str(unit), f"the columns hold a {kind}", gain)
+    if gain is not None and answer is None:
+        return _command(robot, found, "command", "no name says a unit", gain)
     factors = found.factors
     known = np.isfinite(factors)
     ratios = np.abs(np.diag(robot.transmission.reduction))
@@ -151,7 +162,7 @@ def torque_unit(
         value = {"unit": "N m", "scale": ASSUMED}
         return TorqueUnit(value, "assumed", seen, correct, question=question)
     return _command(
-        robot, found, "command", "the scale of the torque is not that of the robot's masses"
+        robot, found, "command", "the scale of the torque is not that of the robot's masses", gain
     )
 
 
@@ -196,12 +207,29 @@ def _sliding(robot: Robot, unit: str) -> Any:
     return [torque if joint.kind == "revolute" else force for joint in robot.joints]
 
 
-def _command(robot: Robot, found: Comparison, unit: str, reason: str) -> TorqueUnit:
-    """A drive command with the gain that the robot's masses suggest."""
+def _command(
+    robot: Robot,
+    found: Comparison,
+    unit: str,
+    reason: str,
+    in_log: tuple[str, np.ndarray] | None = None,
+) -> TorqueUnit:
+    """A drive command with the gain of the description, of the log, or of the robot's masses."""
     given = robot.transmission.gain_given
     if given is not None and np.all(given):
         seen = f"{reason}; the robot's description has drive gains"
+        if in_log is not None:
+            own, described = np.asarray(in_log[1]), robot.transmission.drive_gain
+            near = np.all(np.abs(own / described - 1.0) < SAME_GAIN)
+            seen += f", {'as' if near else 'other than'} {in_log[0]!r} in the log, "
+            seen += listed([f"{g:.5g}" for g in own])
         return TorqueUnit(unit, "likely", seen, "They are under drive_gain of [robot].", True)
+    if in_log is not None:
+        name, own = in_log
+        value = [{"unit": unit, "gain": float(f"{gain:.10g}")} for gain in own]
+        seen = f"{reason}; the log holds {name!r}, taken for N m (N) per unit of it"
+        correct = "Compare it with the drive's data: torque constant times gear ratio."
+        return TorqueUnit(value, "assumed", seen, correct)
     gains, assumed = gains_of(robot, found, COMMAND[unit])
     value = [
         {"unit": unit, "gain": float(f"{gain:.4g}"), "scale": ASSUMED if j in assumed else MASSES}

@@ -11,6 +11,7 @@ import numpy as np
 from pivident.errors import FileFormatError
 from pivident.logs.bags.read_bag import is_bag, open_bag
 from pivident.logs.described_log import described_log, in_si
+from pivident.logs.file_columns import beside_text
 from pivident.logs.log import Description, Log
 from pivident.logs.read_log import without_bad_samples
 from pivident.logs.recognition.joint_columns import ChannelColumns, JointMap, joint_map
@@ -45,7 +46,7 @@ def bare_log(path: str | Path, robot: Robot | None = None, column_names: Sequenc
             torques of these joints.
     """
     file = read_log_file(Path(path), robot.joint_names if robot else (), column_names)
-    if advice := header_advice(file.shown, list(file.columns)):
+    if advice := header_advice({file.shown: list(file.columns)}):
         raise FileFormatError(advice)
     run = Run((file,))
     found = joint_map(run, file.joint_names)
@@ -65,6 +66,8 @@ def bare_log(path: str | Path, robot: Robot | None = None, column_names: Sequenc
     if logged:
         taken = "; ".join(f"{kind} = {', '.join(own)}" for kind, own in names.items())
         notes.append(TAKEN.format(source="their names", taken=taken))
+    if file.beside:
+        notes.append(f"{file.shown} holds more than its columns{beside_text(file.beside)}.")
     claimed = {n for own in names.values() for n in own}
     units = {kind: _units(found.channels[kind], joints) for kind in names}
     log = replace(

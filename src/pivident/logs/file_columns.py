@@ -3,21 +3,58 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from pivident.errors import BadCell, FileFormatError, NoSamples
+from pivident.logs.recognition.time_columns import is_clock
 from pivident.logs.tables.read_csv import read_csv_forgiving
-from pivident.logs.tables.tables import names_in, read_table
+from pivident.logs.tables.tables import names_in, read_table, unread_in
+from pivident.text.printable import escaped
+
+#: Longest axis from which on an array of other samples is named; shorter ones are constants.
+MIN_ARRAY = 10
+
+#: Things beside the columns that a message names.
+MAX_NAMED = 6
+
+
+@dataclass(frozen=True, eq=False)
+class FileColumns:
+    """Everything that a file holds."""
+
+    columns: dict[str, np.ndarray]  # numeric, shape (samples,)
+    constants: dict[str, np.ndarray]  # short arrays of other lengths: gains, ratios
+    beside: dict[str, str]  # what else there is, and why it is no column, by name
+
+
+def file_columns(path: Path) -> FileColumns:
+    """The columns of a file, arrays of two axes one by one, and what it holds beside them."""
+    table = lenient_table(path)
+    columns, beside = numeric_columns(table), unread_in(path)
+    beside |= dict.fromkeys((n for n in names_in(path) if n not in table), "no numbers")
+    if not columns:
+        raise FileFormatError(
+            f"{path.name} holds no columns of numbers{beside_text(beside)}; export the log again"
+        )
+    samples, beside = len(next(iter(columns.values()))), beside | beside_columns(table)
+    short = {n: v for n, v in table.items() if 0 < v.size and max(v.shape, default=1) < MIN_ARRAY}
+    constants = {n: v.ravel() for n, v in short.items() if max(v.shape, default=1) != samples}
+    return FileColumns(columns, constants, beside)
 
 
 def read_columns(path: Path) -> dict[str, np.ndarray]:
     """Every numeric column of a file; arrays of two axes column by column."""
-    columns = numeric_columns(lenient_table(path))
-    if not columns:
-        raise FileFormatError(f"{path.name} holds no columns of numbers; export the log again")
-    return columns
+    return file_columns(path).columns
+
+
+def beside_text(beside: Mapping[str, str]) -> str:
+    """What is no column, in brackets; empty where there is nothing."""
+    parts = [f"{escaped(name[:60])}: {why}" for name, why in list(beside.items())[:MAX_NAMED]]
+    more = f"; {len(beside) - MAX_NAMED} more" if len(beside) > MAX_NAMED else ""
+    return f" ({'; '.join(parts)}{more})" if parts else ""
 
 
 def lenient_table(path: Path, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
@@ -45,18 +82,49 @@ def lenient_table(path: Path, names: Sequence[str] | None = None) -> dict[str, n
 
 
 def numeric_columns(table: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """One-dimensional columns of a table; those of an array carry its name and their index."""
+    """One-dimensional columns of a table; those of an array carry its name and their place in it.
+
+    Samples may run along any axis of an array: ``q[:, 0]`` is a column, ``q[0, :]`` a row.
+    """
+    samples = _samples(table)
     columns: dict[str, np.ndarray] = {}
-    lengths = [max(v.shape) for v in table.values() if v.ndim in (1, 2) and v.size]
-    samples = max(lengths, default=0)
     for name, values in table.items():
-        array = np.asarray(values, dtype=float)
-        if array.ndim == 2 and array.shape[0] != samples and array.shape[1] == samples:
-            array = array.T
-        if array.ndim == 2 and array.shape[1] == 1:
-            array = array[:, 0]
-        if array.ndim == 1 and len(array) == samples:
-            columns[name] = array
-        elif array.ndim == 2 and len(array) == samples:
-            columns |= {f"{name}[:, {j}]": array[:, j] for j in range(array.shape[1])}
+        array, long = np.asarray(values, dtype=float), [n for n in values.shape if n != 1]
+        if max(array.shape, default=0) != samples or len(long) > 2:
+            continue
+        if array.size == samples:
+            columns[name] = array.ravel()
+            continue
+        axis = array.shape.index(samples)
+        for place in np.ndindex(*array.shape[:axis], *array.shape[axis + 1 :]):
+            index = [*map(str, place[:axis]), ":", *map(str, place[axis:])]
+            columns[f"{name}[{', '.join(index)}]"] = np.moveaxis(array, axis, -1)[place]
     return columns
+
+
+def beside_columns(table: Mapping[str, np.ndarray]) -> dict[str, str]:
+    """What is no column of a table, or may be one along either axis, with the reason, by name."""
+    samples, beside = _samples(table), {}
+    for name, values in table.items():
+        shape = " × ".join(map(str, values.shape))
+        if max(values.shape, default=0) != samples and max(values.shape, default=0) >= MIN_ARRAY:
+            beside[name] = f"other samples ({shape}, the log has {samples})"
+        elif sum(n != 1 for n in values.shape) > 2:
+            beside[name] = f"{values.ndim} axes ({shape})"
+        elif values.shape.count(samples) > 1 and samples > 1:
+            beside[name] = f"square ({shape}), its first axis is taken for that of the samples"
+    return beside
+
+
+def _samples(table: Mapping[str, np.ndarray]) -> int:
+    """Number of samples: that of a time column which other arrays share, or of most numbers."""
+    numbers: dict[int, int] = {}
+    clocks = set()
+    for name, values in table.items():
+        length = max(values.shape, default=0)
+        if values.size == length and is_clock(name, values.ravel()):
+            clocks.add(length)
+        else:
+            numbers[length] = numbers.get(length, 0) + values.size
+    lengths = clocks & numbers.keys() or numbers.keys() or clocks
+    return max(lengths, key=lambda length: (numbers.get(length, 0), length), default=0)

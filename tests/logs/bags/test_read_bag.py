@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from rosbags.typesys import get_types_from_msg
 
 from pivident.errors import FileFormatError, RecordingError, UnknownColumn
 from pivident.logs.bags import joint_topics
@@ -126,6 +127,107 @@ def test_joints_in_messages_of_their_own_are_merged_by_joint(tmp_path):
     t = made.t - (EPOCH - MIDNIGHT)
     np.testing.assert_allclose(made.q, np.column_stack([np.sin(9 * t), np.cos(7 * t)]), atol=1e-7)
     np.testing.assert_allclose(made.tau, np.column_stack([np.cos(3 * t), np.sin(5 * t)]), atol=1e-4)
+
+
+@pytest.mark.parametrize("filled", ["positions", "everything", "drifting"])
+@pytest.mark.parametrize("kind", [".bag", "mcap"])
+def test_another_publisher_of_the_same_joints_is_left_out_and_named(tmp_path, kind, filled):
+    """A node for a display sends zeros five times as often; the driver's messages are the log."""
+    store, is_ros1 = typestore(kind), kind == ".bag"
+    display = Messages("/joint_states", "sensor_msgs/msg/JointState")
+    for t in np.arange(0.0131, 0.7, 0.2e-3):
+        arrays = [[5.0 * t if filled == "drifting" else 0.0, 0.0]]
+        arrays += [] if filled == "positions" else 2 * [[0.0, 0.0]]
+        display.content.append((t, joint_state(store, is_ros1, t, NAMES[::-1], *arrays)))
+    driver = joint_states(store, is_ros1, NAMES, T, Q, TAU)
+    path = write_bag(tmp_path, kind, store, [driver, display])
+    made = load_recording(path, COLUMNS, joint_names=NAMES)
+    np.testing.assert_array_equal(made.q, Q)
+    np.testing.assert_array_equal(made.tau, TAU)
+    why = open_bag(path).passed_over["/joint_states"]
+    number, total = len(display.content), len(display.content) + len(T)
+    assert f"{number} (" in why and f"of {total} messages come from other sources" in why
+
+
+def test_a_publisher_of_other_joints_beside_the_same_ones_keeps_those(tmp_path):
+    """The display's own joint is no other source; its copies of the arm's joints are."""
+    store = typestore("mcap")
+    head = Messages("/joint_states", "sensor_msgs/msg/JointState")
+    for t in T[::4] + 0.2e-3:
+        message = joint_state(store, False, t, [*NAMES, "head"], [0.0, 0.0, np.sin(t)])
+        head.content.append((t, message))
+    path = write_bag(tmp_path, "mcap", store, [joint_states(store, False, NAMES, T, Q, TAU), head])
+    np.testing.assert_array_equal(load_recording(path, COLUMNS, joint_names=NAMES).q, Q)
+    own = read_bag(path)["/joint_states/position/head"]
+    np.testing.assert_array_equal(own[np.isfinite(own)], np.sin(T[::4] + 0.2e-3))
+
+
+def test_joints_in_turns_are_one_source(tmp_path):
+    store = typestore("mcap")
+    turns = Messages("/joint_states", "sensor_msgs/msg/JointState")
+    names, q = [*NAMES, "wrist"], np.column_stack([Q, Q[:, :1] + 1.0])
+    for k, t in enumerate(T):
+        own = [j for j in range(3) if j != k % 3]
+        message = joint_state(store, False, t, [names[j] for j in own], q[k, own])
+        turns.content.append((t, message))
+    path = write_bag(tmp_path, "mcap", store, [turns])
+    assert not open_bag(path).passed_over
+    found = read_bag(path)
+    for j, name in enumerate(names):
+        rows = [k for k in range(len(T)) if j != k % 3]
+        np.testing.assert_array_equal(found[f"/joint_states/position/{name}"][rows], q[rows, j])
+
+
+MOTORS = "uint8 mode\nfloat32 q\nfloat32 tau_est\nint16[2] temperature\nfloat32[2] spare"
+LOW = "builtin_interfaces/Time time\ndemo_msgs/Motor[3] motor_state\ngeometry_msgs/Point[] points"
+
+
+@pytest.mark.parametrize("kind", [".bag", "mcap"])
+def test_arrays_of_a_robot_s_own_type_are_columns_by_number(tmp_path, kind):
+    """As the low-level states of a legged robot: motor_state[3], each with its own fields."""
+    store = typestore(kind)
+    store.register(get_types_from_msg(MOTORS, "demo_msgs/msg/Motor"))
+    low = LOW if kind == "mcap" else LOW.replace("builtin_interfaces/Time", "time")
+    store.register(get_types_from_msg(low, "demo_msgs/msg/Low"))
+    make, low, point = (
+        store.types[f"{name}"] for name in
+        ("demo_msgs/msg/Motor", "demo_msgs/msg/Low", "geometry_msgs/msg/Point")
+    )  # fmt: skip
+    stamp = store.types["builtin_interfaces/msg/Time"](1, 2)
+    sent = Messages("/lowstate", "demo_msgs/msg/Low")
+    q = np.float32(np.random.default_rng(1).normal(size=(40, 3)))
+    for k in range(40):
+        motors = [
+            make(k % 3, q[k, j], 2 * q[k, j], np.int16([20, 30]), np.float32([j, k]))
+            for j in range(3)
+        ]
+        sent.content.append((0.01 * k, low(stamp, motors, [point(1.0, 2.0, 3.0)])))
+    columns = read_bag(write_bag(tmp_path, kind, store, [sent]))
+    assert not any("points" in name for name in columns), "points are no states of drives"
+    for j in range(3):
+        np.testing.assert_array_equal(columns[f"/lowstate/motor_state/q/{j}"], q[:, j])
+        np.testing.assert_array_equal(columns[f"/lowstate/motor_state/tau_est/{j}"], 2 * q[:, j])
+        np.testing.assert_array_equal(columns[f"/lowstate/motor_state/spare/{j}/1"], np.arange(40))
+
+
+def test_names_beside_the_values_of_each_joint_stand_before_it(tmp_path):
+    """control_msgs/DynamicJointState: a list of interfaces for each joint."""
+    store = typestore("mcap")
+    value = "string[] interface_names\nfloat64[] values"
+    state = "std_msgs/Header header\nstring[] joint_names\ndemo_msgs/Value[] interface_values"
+    store.register(get_types_from_msg(value, "demo_msgs/msg/Value"))
+    store.register(get_types_from_msg(state, "demo_msgs/msg/State"))
+    value, state = (store.types[f"demo_msgs/msg/{name}"] for name in ("Value", "State"))
+    sent = Messages("/dynamic", "demo_msgs/msg/State")
+    for k in range(len(T)):
+        own = [value(["position", "effort"], np.array([Q[k, j], TAU[k, j]])) for j in range(2)]
+        sent.content.append((T[k], state(header(store, T[k], False), NAMES, own)))
+    path = write_bag(tmp_path, "mcap", store, [sent])
+    made = load_recording(
+        path, {"q": "values/position", "tau": "values/effort"}, joint_names=NAMES[::-1]
+    )
+    np.testing.assert_array_equal(made.q, Q[:, ::-1])
+    np.testing.assert_array_equal(made.tau, TAU[:, ::-1])
 
 
 def test_missing_efforts_are_no_columns_and_nan_efforts_are_left_out_by_name(tmp_path):

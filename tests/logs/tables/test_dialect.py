@@ -72,6 +72,36 @@ HABITS = {
         {"t": "t", "q": ["q"], "tau": ["tau"]},
         None,
     ),
+    "trace_with_a_preamble": (
+        "Trace;KR C4, robot 12\nFile;C:/traces/one.dat;2026-04-01\nRate;125\nChannels;3\n\n"
+        "Zeit;A1_Ist;M1_Ist\ns;Grad;Nm\nREAL;REAL;LREAL\n"
+        + decimal_comma(rows(";", "{:.9f}", "\n", T, np.rad2deg(Q), TAU)),
+        {"t": "Zeit", "q": ["A1_Ist"], "tau": ["M1_Ist"]},
+        {"q": "deg"},
+    ),
+    "preamble_of_as_many_cells": (
+        "Project,arm,,\nAuthor,service,v2,b\nCycle,8,ms,\nTime,Mode,Position,Torque\n[s],[-],[rad],[Nm]\n"
+        + rows(",", "{:.9g}", "\n", T, T * 0 + 3, Q, TAU),
+        {"t": "Time", "q": ["Position"], "tau": ["Torque"]},
+        None,
+    ),
+    "beckhoff_time_beside_each_channel": (
+        "Name\tScope 1\nFile\tC:/one.svdx\nStarttime of export\t133000000000000000\t1. April\n\n"
+        "Name\tMAIN.ActPos\tName\tMAIN.ActTrq\nSymbolComment\t\tSymbolComment\t\n"
+        "Data-Type\tREAL64\tData-Type\tREAL64\nSampleTime[ms]\t8\tSampleTime[ms]\t8\n"
+        "Unit\tdeg\tUnit\tNm\n\n"
+        + decimal_comma(rows("\t", "{:.9f}", "\n", 1e3 * T, np.rad2deg(Q), 1e3 * T, TAU))
+        + "EOF\n",
+        {"t": "time MAIN.ActPos", "q": ["MAIN.ActPos"], "tau": ["MAIN.ActTrq"]},
+        {"t": "ms", "q": "deg"},
+    ),
+    "beckhoff_one_time": (
+        "Name,Scope 1\nFile,C:/one.svdx\n\nName,MAIN.ActPos,MAIN.ActTrq\nSymbolComment,,\n"
+        "Data-Type,REAL64,REAL64\nSampleTime[ms],8,8\n"
+        + rows(",", "{:.9g}", "\n", 1e3 * T, Q, TAU),
+        {"t": "time", "q": ["MAIN.ActPos"], "tau": ["MAIN.ActTrq"]},
+        {"t": "ms"},
+    ),
     "tabs_and_commas": (
         "t\tq\ttau\n" + decimal_comma(rows("\t", "{:.9f}")),
         {"t": "t", "q": ["q"], "tau": ["tau"]},
@@ -96,9 +126,10 @@ def test_the_numbers_come_back(tmp_path, habit, encoding):
 def test_the_audit_reads_them_too_and_forgives_a_bad_cell(tmp_path, habit):
     text, columns, _ = HABITS[habit]
     lines = text.splitlines()
-    separator = next((s for s in (";", "\t", ",") if s in lines[-2]), " ")
-    cells = lines[-2].split(separator)
-    lines[-2] = separator.join([*cells[:-1], "x"])
+    separator = next((s for s in (";", "\t", ",") if s in lines[-3]), " ")
+    place = -3 if lines[-1] == "EOF" else -2
+    cells = lines[place].split(separator)
+    lines[place] = separator.join([*cells[:-1], "x"])
     path = tmp_path / "log.txt"
     path.write_text("\n".join(lines) + "\n")
     table = read_columns(path)
@@ -108,6 +139,33 @@ def test_the_audit_reads_them_too_and_forgives_a_bad_cell(tmp_path, habit):
     with pytest.raises(BadCell) as caught:
         read_csv(path)
     assert caught.value.column is not None
+
+
+@pytest.mark.parametrize("bad", ["1,x,3", "1,,3", "x,y,z"])
+@pytest.mark.parametrize("place", [1, 2, 4, 9])
+def test_a_bad_line_among_the_first_is_no_preamble(tmp_path, bad, place):
+    """It is named with its number, however early it comes; nothing above it is passed over."""
+    lines = ["t,q,tau", *(f"{k},{2 * k},{3 * k}" for k in range(60))]
+    lines.insert(place, bad)
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(lines) + "\n")
+    assert csv_names(path) == ("t", "q", "tau")
+    if bad == "x,y,z" and place == 1:  # a line of units
+        assert len(read_csv(path)["t"]) == 60
+        return
+    with pytest.raises(BadCell) as caught:
+        read_csv(path)
+    assert caught.value.line == place + 1
+
+
+def test_a_bad_line_below_a_preamble_is_named(tmp_path):
+    path = tmp_path / "log.csv"
+    numbers = [f"{k};{2 * k};{3 * k}" for k in range(60)]
+    path.write_text("\n".join(["Robot;12", "t;q;tau", "0;-;0", *numbers]) + "\n")
+    assert csv_names(path) == ("t", "q", "tau")
+    with pytest.raises(BadCell) as caught:
+        read_csv(path)
+    assert (caught.value.line, caught.value.column) == (3, "q")
 
 
 def test_a_column_of_text_with_blanks_is_no_table_of_blanks(tmp_path):

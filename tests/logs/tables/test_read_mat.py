@@ -10,7 +10,7 @@ from hypothesis.extra.numpy import arrays
 
 from pivident.errors import FileFormatError
 from pivident.logs import source_files as files
-from pivident.logs.tables.read_mat import mat_names, read_mat
+from pivident.logs.tables.read_mat import mat_names, mat_unread, read_mat
 from pivident.logs.tables.tables import names_in, read_table
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
@@ -69,13 +69,13 @@ def test_arrays_of_all_kinds_are_those_that_scipy_reads(tmp_path, packed, shape)
         np.testing.assert_array_equal(values, expected[name])
 
 
+def element(kind, content, order=">"):
+    size = -(-len(content) // 8) * 8
+    return struct.pack(order + "II", kind, len(content)) + content.ljust(size, b"\0")
+
+
 def test_whole_numbers_that_stand_for_doubles_in_the_other_order_of_bytes(tmp_path):
     """As MATLAB writes doubles that are small whole numbers, on a machine of the other kind."""
-
-    def element(kind, content):
-        return struct.pack(">II", kind, len(content)) + content.ljust(
-            -(-len(content) // 8) * 8, b"\0"
-        )
 
     matrix = element(6, struct.pack(">II", 6, 0)) + element(5, struct.pack(">ii", 2, 3))
     matrix += element(1, b"counts") + element(3, struct.pack(">6h", 1, 2, 300, -4, 5, 6))
@@ -92,10 +92,54 @@ def test_files_of_version_4_are_told_apart(tmp_path):
         read_mat(tmp_path / "log.mat")
 
 
-def test_text_structs_and_cells_are_not_offered(tmp_path):
-    content = {"q": np.ones((3, 1)), "note": "fast", "s": {"a": 1.0}, "c": np.array(["x"], object)}
+def test_text_and_cells_are_not_offered_but_named(tmp_path):
+    content = {"q": np.ones((3, 1)), "note": "fast", "c": np.array(["x"], object)}
     scipy.io.savemat(tmp_path / "log.mat", content)
     assert mat_names(tmp_path / "log.mat") == ("q",)
+    assert mat_unread(tmp_path / "log.mat") == {"note": "text", "c": "a cell array"}
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_fields_of_structures_are_variables(tmp_path, packed):
+    """As Simulink saves a scope, and as one structure for each axis."""
+    rng = np.random.default_rng(7)
+    q, counts = rng.normal(size=(40, 2)), rng.integers(-9, 9, (3, 40)).astype(np.int16)
+    axes = np.array([(rng.normal(size=(40, 1)),) for _ in range(2)], [("tau", object)])
+    content = {
+        "scope": {"time": np.arange(40.0), "signals": {"values": q, "label": "q", "none": []}},
+        "drive": {"counts": counts}, "axis": axes, "kp": 3.0,
+    }  # fmt: skip
+    scipy.io.savemat(tmp_path / "log.mat", content, do_compression=packed)
+    table = read_mat(tmp_path / "log.mat")
+    truth = {
+        "scope.time": np.arange(40.0)[None], "scope.signals.values": q, "drive.counts": counts,
+        "axis(1).tau": axes[0]["tau"], "axis(2).tau": axes[1]["tau"], "kp": np.array([[3.0]]),
+    }  # fmt: skip
+    assert {n for n, v in table.items() if v.size} == set(truth)
+    for name, values in truth.items():
+        np.testing.assert_array_equal(table[name], values, err_msg=name)
+    assert mat_unread(tmp_path / "log.mat") == {"scope.signals.label": "text"}
+
+
+def test_objects_beside_numbers_are_named(tmp_path):
+    """An object of a class such as timetable has no size, but two more names."""
+    scipy.io.savemat(tmp_path / "log.mat", {"q": np.ones((30, 2)), "t": np.arange(30.0)})
+    names = [element(1, name, "<") for name in (b"robot", b"MCOS", b"SerialLink")]
+    inside = element(6, struct.pack("<II", 17, 0), "<") + b"".join(names)
+    inside += element(14, element(6, struct.pack("<II", 13, 0), "<") + b"\0" * 24, "<")
+    with (tmp_path / "log.mat").open("ab") as stream:
+        stream.write(element(14, inside, "<"))
+    assert mat_unread(tmp_path / "log.mat") == {"robot": "an object of class SerialLink"}
+    assert read_mat(tmp_path / "log.mat")["q"].shape == (30, 2)
+
+
+def test_structures_inside_each_other_without_end_are_named(tmp_path):
+    deep = {"q": np.ones(30)}
+    for _ in range(9):
+        deep = {"s": deep}
+    scipy.io.savemat(tmp_path / "log.mat", {"t": np.arange(30.0), "deep": deep})
+    assert mat_names(tmp_path / "log.mat") == ("t",)
+    assert "too many structures" in mat_unread(tmp_path / "log.mat")["deep" + 8 * ".s"]
 
 
 def test_complex_variables_are_passed_over_and_refused_by_name(tmp_path):
@@ -112,8 +156,17 @@ def test_text_groups_and_empty_variables_of_version_73_are_not_offered(tmp_path)
         file["note"].attrs["MATLAB_class"] = np.bytes_("char")
         file["nothing"] = np.array([0, 0], np.uint64)
         file["nothing"].attrs["MATLAB_empty"] = np.uint8(1)
-        file.create_group("s")
-    assert mat_names(tmp_path / "log.mat") == ("q",)
+        file["s/x/tau"] = np.arange(6.0).reshape(2, 3)
+        file["s/robot"] = np.array([1, 2], np.uint32)
+        file["s/robot"].attrs["MATLAB_class"] = np.bytes_("SerialLink")
+        file["s/again"] = file["s"]
+        file["#refs#/a"] = np.ones((1, 3))
+    table = read_mat(tmp_path / "log.mat")
+    assert set(table) == {"q", "s.x.tau"}
+    np.testing.assert_array_equal(table["s.x.tau"], [[0, 3], [1, 4], [2, 5]])
+    why = mat_unread(tmp_path / "log.mat")
+    assert why["s.robot"] == "of class SerialLink" and why["nothing"] == "empty"
+    assert set(why) == {"note", "nothing", "s.robot"}
 
 
 def test_numbers_kept_in_another_file_are_refused(tmp_path):

@@ -47,6 +47,7 @@ class BagTable:
     own_clocks: dict[str, OwnClock]  # of the columns of other topics, by name
     joint_names: tuple[str, ...]  # of the robot, or as the messages call them
     aside: tuple[str, ...]  # other topics with positions
+    beside: dict[str, str]  # what else the bag holds, and why it is not used, by topic
 
 
 def bag_table(path: Path, joint_names: tuple[str, ...] = ()) -> BagTable:
@@ -81,7 +82,7 @@ def bag_table(path: Path, joint_names: tuple[str, ...] = ()) -> BagTable:
                 columns[name], own[name] = values[:, j], clock
     others = [table.name for table in bag.topics.values() if table is not main]
     aside = tuple(name for name in others if any(s.channel == "q" for s in held[name]))
-    return BagTable(columns, own, joint_names, aside)
+    return BagTable(columns, own, joint_names, aside, dict(bag.passed_over))
 
 
 def _labels(bag: Bag) -> tuple[str, ...]:

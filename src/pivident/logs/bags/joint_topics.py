@@ -2,7 +2,8 @@
 
 Messages are kept as bytes for a moment, a few thousand at a time, and then read together: those of
 the same structure are rows of one array. A column that is not in every message, because the topic
-has several publishers or its joints come in turns, keeps the rows in which it is.
+has several publishers or its joints come in turns, keeps the rows in which it is. A bag does not
+say who published a message; `pivident.logs.bags.topic_sources` separates sources that contradict.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from pivident.errors import FileFormatError
 from pivident.logs.bags.bag_containers import MAX_MESSAGE, Topic
 from pivident.logs.bags.message_definitions import KNOWN, Definitions, parse_definition, short_name
 from pivident.logs.bags.message_layout import MAX_VISITS, Layout, layout_of
+from pivident.logs.bags.topic_sources import Part, one_source
 from pivident.logs.source_files import refuse_bomb
 from pivident.scratch import working_array
 
@@ -49,6 +51,7 @@ class TopicTable:
     stamps: np.ndarray | None  # of the headers, shape (messages,) [ns], or None
     columns: dict[str, np.ndarray]  # by field and joint (``position/elbow``), or NaN
     rows: dict[str, np.ndarray]  # messages with a column, where not all have it
+    left_out: str = ""  # messages of other sources that were left out, in words
 
     def rows_of(self, column: str) -> np.ndarray:
         """Indices of the messages that hold a column."""
@@ -79,9 +82,7 @@ class TopicReader:
     _bytes: int = 0
     _received: list[int] = field(default_factory=list)
     _layouts: deque[Layout] = field(default_factory=lambda: deque(maxlen=REMEMBERED))
-    _parts: list[tuple[tuple[str, ...], np.ndarray, np.ndarray, np.ndarray | None]] = field(
-        default_factory=list
-    )
+    _parts: list[Part] = field(default_factory=list)
     _names: set[str] = field(default_factory=set)
     _read: int = 0
     _visits: int = 0
@@ -123,28 +124,33 @@ class TopicReader:
         self._read_waiting()
         if self.why_not or not self._names:
             return None
-        names = list(dict.fromkeys(name for part in self._parts for name in part[0]))
-        samples = len(self._received)
+        received = np.array(self._received, dtype=np.int64)
+        parts, left_out = one_source(self._parts, received)
+        self._parts.clear()
+        names = list(dict.fromkeys(name for part in parts for name in part[0]))
+        samples = len(received)
         refuse_bomb(path, 8 * len(names) * samples)
         place = {name: k for k, name in enumerate(names)}
         values = working_array((len(names), samples))
         every = set(names)
-        together = all(set(part[0]) == every for part in self._parts)
+        used = np.zeros(samples, dtype=bool)
+        together = not left_out and all(set(part[0]) == every for part in parts)
         present = np.zeros((0 if together else len(names), samples), dtype=bool)
         stamps = np.zeros(samples, dtype=np.int64)
         if not together:
             values[:] = np.nan
-        for own, rows, numbers, stamped in self._parts:
+        for own, rows, numbers, stamped in parts:
+            used[rows] = True
             for k, name in enumerate(own):
                 values[place[name], rows] = numbers[:, k]
                 if not together:
                     present[place[name], rows] = True
             if stamped is not None:
                 stamps[rows] = stamped
-        self._parts.clear()
-        received = np.array(self._received, dtype=np.int64)
         order = np.argsort(received, kind="stable")
-        if (order[1:] < order[:-1]).any():  # chunks of a bag may overlap in time
+        if left_out:
+            order = order[used[order]]
+        if left_out or (order[1:] < order[:-1]).any():  # chunks of a bag may overlap in time
             values, received, stamps = values[:, order], received[order], stamps[order]
             present = present[:, order]
         values.flags.writeable = False  # it is kept for whoever asks next
@@ -154,6 +160,7 @@ class TopicReader:
             stamps if stamps.any() else None,
             dict(zip(names, values, strict=True)),
             {n: np.flatnonzero(p) for n, p in zip(names, present, strict=False) if not p.all()},
+            left_out,
         )
 
     def _read_waiting(self) -> None:

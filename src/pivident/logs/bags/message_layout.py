@@ -11,7 +11,8 @@ own size, counted behind four bytes that give the byte order, and ends strings w
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -25,7 +26,17 @@ MAX_VISITS = 20_000
 PADDING = 8
 
 #: Fields of strings that name the elements of the arrays beside them.
-NAMING = ("name", "names", "joint_names")
+NAMING = ("name", "names", "joint_names", "interface_names")
+
+#: Packages whose types are no states of drives where they stand in arrays: points of trajectories,
+#: transforms, markers.
+NO_STATES = {
+    f"{name}_msgs"
+    for name in "diagnostic geometry nav sensor std tf2 trajectory vision visualization".split()
+}
+
+#: Names of the fields that lead somewhere; for an element of an array its number and how many.
+Path = tuple[str | tuple[int, int], ...]
 
 
 class _Unreadable(Exception):
@@ -36,17 +47,27 @@ class _Unreadable(Exception):
 class Run:
     """Floats that lie in one row."""
 
-    path: tuple[str, ...]  # names of the fields that lead there
+    path: Path  # the fields that lead there
     offset: int  # first byte
     count: int | None  # how many, or None for a single value that is no array
     code: str  # numpy's code of one of them
+    beside: tuple[str, ...] = ()  # names beside the array in an element of another array
 
     def columns(self, names: tuple[str, ...]) -> list[str]:
         """Names of its columns: by joint where there is one name for each, else by number."""
-        base = "/".join(self.path)
+        base = "/".join(part for part in self.path if isinstance(part, str))
+        for part in self.path:
+            if not isinstance(part, str):
+                element, count = part
+                label = names[element] if len(names) == count else str(element)
+                if self.count is not None and len(self.beside) == self.count:
+                    return [f"{base}/{own}/{label}" for own in self.beside]
+                base = f"{base}/{label}"
         if self.count is None:
             return [base]
-        labels = names if len(names) == self.count else [str(k) for k in range(self.count)]
+        within = len(self.path) > sum(isinstance(part, str) for part in self.path)
+        named = len(names) == self.count and not within
+        labels = names if named else [str(k) for k in range(self.count)]
         return [f"{base}/{label}" for label in labels]
 
     def of(self, stack: np.ndarray) -> np.ndarray:
@@ -106,10 +127,10 @@ def layout_of(message: bytes, type_name: str, definitions: Definitions, cdr: boo
         ) from None
     places = np.array([k for start, stop in walk.structure for k in range(start, stop)], dtype=int)
     content = np.frombuffer(message, np.uint8)
-    names = next((walk.names[key] for key in NAMING if walk.names.get(key)), ())
+    names = next((walk.names[(key,)] for key in NAMING if walk.names.get((key,))), ())
     return Layout(
-        len(message), tuple(walk.runs), names, walk.stamp, walk.order, places, content[places],
-        walk.visits,
+        len(message), tuple(walk.named_runs()), names, walk.stamp, walk.order, places,
+        content[places], walk.visits,
     )  # fmt: skip
 
 
@@ -124,7 +145,7 @@ class _Walk:
     at: int
     visits: int = 0
     runs: list[Run] = field(default_factory=list)
-    names: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    names: dict[Path, tuple[str, ...]] = field(default_factory=dict)
     stamp: int | None = None
     structure: list[tuple[int, int]] = field(default_factory=list)
 
@@ -139,7 +160,15 @@ class _Walk:
         walk.structure.append((0, 2))
         return walk
 
-    def message(self, type_name: str, path: tuple[str, ...] | None) -> None:
+    def named_runs(self) -> Iterator[Run]:
+        """All runs, those in elements of arrays with the names that stand beside them."""
+        for run in self.runs:
+            beside = [self.names.get((*run.path[:-1], key)) for key in NAMING]
+            inside = any(not isinstance(part, str) for part in run.path)
+            found = next((own for own in beside if own), ()) if inside else ()
+            yield replace(run, beside=found) if found else run
+
+    def message(self, type_name: str, path: Path | None) -> None:
         """All fields of a type; without a path they are passed over."""
         fields = self.definitions[type_name]
         if not fields and self.cdr:
@@ -155,7 +184,7 @@ class _Walk:
                 count = self._length() if entry.count < 0 else entry.count
                 self._array(entry.type, count, below)
 
-    def _single(self, type_name: str, path: tuple[str, ...] | None) -> None:
+    def _single(self, type_name: str, path: Path | None) -> None:
         """One value."""
         if type_name == "time":
             self._align(4)
@@ -171,7 +200,7 @@ class _Walk:
         else:
             self.message(type_name, path)
 
-    def _array(self, type_name: str, count: int, path: tuple[str, ...] | None) -> None:
+    def _array(self, type_name: str, count: int, path: Path | None) -> None:
         """Several values of one type."""
         if type_name in NUMBERS:
             self._numbers(type_name, count, path, count)
@@ -181,18 +210,17 @@ class _Walk:
         if type_name == "string":
             texts = tuple(self._string() for _ in range(count))
             self.visits += count
-            if path is not None and len(path) == 1:
-                self.names[path[0]] = texts
+            if path is not None and path[-1] in NAMING:
+                self.names[path] = texts
             return
-        for _ in range(count):
+        states = path is not None and type_name.partition("/")[0] not in NO_STATES
+        for element in range(count):
             self.visits += 1
             if self.visits > MAX_VISITS:
                 raise _Unreadable(f"it has more than {MAX_VISITS} fields")
-            self._single(type_name, None)
+            self._single(type_name, (*path, (element, count)) if path and states else None)
 
-    def _numbers(
-        self, type_name: str, count: int, path: tuple[str, ...] | None, length: int | None
-    ) -> None:
+    def _numbers(self, type_name: str, count: int, path: Path | None, length: int | None) -> None:
         """Numbers in a row, kept where they are floats."""
         size, code = NUMBERS[type_name]
         if count == 0:

@@ -5,6 +5,8 @@ Every topic whose messages hold floats gives columns ``topic/field/joint``:
     /joint_states/position/elbow            sensor_msgs/JointState
     /arm_controller/state/actual/positions/elbow    control_msgs/JointTrajectoryControllerState
     /franka_states/q/0                      arrays without names, by number
+    /lowstate/motor_state/tau_est/3         fields of the elements of arrays, by their number
+    /dynamic_joint_states/interface_values/values/effort/elbow      or by the names beside them
     /joint_states/stamp                     time stamps of the headers [s], where there are any
     /joint_states/receive_time              when the recorder received each message [s]
 
@@ -56,7 +58,7 @@ class Bag:
 
     topics: dict[str, TopicTable]  # tables of the topics by name
     start: int  # midnight before its first message [ns since 1970]; times count from there
-    passed_over: dict[str, str]  # why a topic was not read, by its name
+    passed_over: dict[str, str]  # why a topic, or some of its messages, was not read, by its name
 
     def names(self) -> tuple[str, ...]:
         """Names of all columns."""
@@ -154,6 +156,8 @@ def _opened(path: Path, states: tuple[tuple[Path, int, int, int], ...]) -> Bag:
             passed_over[topic.name] = "it has messages of several types; the first is read"
         else:
             tables[topic.name] = table
+            if table.left_out:
+                passed_over[topic.name] = table.left_out
     if not tables:
         raise FileFormatError(_nothing(path, readers, passed_over))
     first = min(int(table.received[0]) for table in tables.values())

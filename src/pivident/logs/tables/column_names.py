@@ -7,7 +7,7 @@ Such a table calls its columns column_1, column_2 … The names are given in the
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from pivident.errors import RecordingError
@@ -16,6 +16,8 @@ from pivident.robot.naming import repeated
 
 #: What stands for a column without a name.
 UNNAMED = "-"
+
+_NUMBERED = re.compile(r"column_\d+")
 
 _RANGE = re.compile(r"(.*?)(\d+)\.\.(.*?)(\d+)")
 
@@ -46,14 +48,26 @@ def named_columns(path: Path, names: Sequence[str]) -> dict[str, str]:
     return {column if name == UNNAMED else name: column for name, column in pairs}
 
 
-def header_advice(file: str, columns: Sequence[str]) -> str:
-    """What to do about a table whose columns nobody has named; empty where they have names."""
-    if not columns or any(re.fullmatch(r"column_\d+", name) is None for name in columns):
+def header_advice(columns: Mapping[str, Sequence[str]]) -> str:
+    """What to do about tables without names of columns, by file; empty where they have names."""
+    bare = {
+        file: own for file, own in columns.items() if own and all(map(_NUMBERED.fullmatch, own))
+    }
+    if not bare:
         return ""
+    several = len(bare) > 1
+    has = "have no headers" if several else "has no header"
+    counts = " + ".join(str(len(own)) for own in bare.values())
     return (
-        f"{file} has no header, so nothing says what its {len(columns)} columns hold; name them in "
-        "their order, such as --columns t,q1..q6,tau1..tau6 (- for one that is not needed), or "
-        'column_names = ["t", "q1", …] under [recording] of an experiment file'
+        f"{', '.join(bare)} {has}, so nothing says what {'their' if several else 'its'} {counts} "
+        "columns hold; name them in their order"
+        + (", file after file" if several else "")
+        + ", such as --columns t,q1..q6,tau1..tau6 (- for one that is not needed), or "
+        + (
+            "column_1, column_2 … of each file under columns of an experiment file"
+            if several
+            else 'column_names = ["t", "q1", …] under [recording] of an experiment file'
+        )
     )
 
 

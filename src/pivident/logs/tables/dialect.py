@@ -4,6 +4,8 @@ sep=;                                   a title or a hint to a spreadsheet: pass
 Zeit;A1_Ist;A2_Ist                      the header
 s;Grad;Grad                             units: passed over
 0,004;12,5;-90,0                        numbers with a decimal comma
+
+Lines about the trace above the header are passed over, too; see `pivident.logs.tables.preamble`.
 """
 
 from __future__ import annotations
@@ -12,8 +14,10 @@ import csv
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from pivident.errors import FileFormatError
+from pivident.logs.tables.preamble import IN_A_ROW, beginning
 from pivident.robot.naming import repeated
 
 SEPARATORS = ",;\t"
@@ -29,7 +33,7 @@ MAX_COLUMNS = 10_000
 MAX_QUOTE = 80
 
 #: Lines that are looked at.
-LOOKED_AT = 40
+LOOKED_AT = 100
 
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
 
@@ -44,7 +48,7 @@ class Dialect:
     separator: str  # what stands between cells; a tab where runs of blanks do
     present: bool  # whether there is a header
     above: int = 0  # lines above it, or above the first numbers, that are no part of the table
-    units: bool = False  # whether a line of units follows the header
+    units: int = 0  # lines of units, types or comments that follow the header
     decimal_comma: bool = False  # whether numbers have a decimal comma
     blanks: bool = False  # whether cells are separated by blanks, one or more
 
@@ -69,10 +73,11 @@ def dialect_of(file: str, lines: Iterable[str]) -> Dialect:
         raise FileFormatError(f"{file} holds no table; export the log again")
     title = _title(looked_at)
     rows = looked_at[title:]
-    first = rows[0][1]
     separator = _separator([line for _, line in rows])
-    blanks = not first.count(separator) and _by_blanks([line for _, line in rows])
-    if first.count(separator) >= MAX_COLUMNS or (blanks and len(first.split()) > MAX_COLUMNS):
+    blanks = not _tail(rows)[0][1].count(separator) and _by_blanks([x for _, x in _tail(rows)])
+    if max(line.count(separator) for _, line in rows) >= MAX_COLUMNS or (
+        blanks and len(rows[0][1].split()) > MAX_COLUMNS
+    ):
         raise FileFormatError(
             f"{file} has more than {MAX_COLUMNS} columns; transpose the table, or export "
             "only those of the robot"
@@ -81,6 +86,10 @@ def dialect_of(file: str, lines: Iterable[str]) -> Dialect:
     comma = (separator != "," or blanks) and any(
         _DECIMAL_COMMA.fullmatch(cell) for row in cells for cell in row
     )
+    begun = beginning(cells, lambda cell: is_number(cell, comma))
+    if begun is not None:
+        rows, cells = rows[begun.row :], cells[begun.row :]
+        title += begun.row
     thousands = [c for row in cells for c in row if comma and _THOUSANDS.fullmatch(c)]
     if thousands:
         raise FileFormatError(
@@ -89,15 +98,17 @@ def dialect_of(file: str, lines: Iterable[str]) -> Dialect:
         )
     above = rows[0][0] if title else 0
     separator = "\t" if blanks else separator
-    if all(is_number(cell, comma) for cell in cells[0]):
+    if begun is None and all(is_number(cell, comma) for cell in cells[0]):
         numbered = tuple(f"column_{i + 1}" for i in range(len(cells[0])))
-        return Dialect(numbered, separator, False, above, False, comma, blanks)
-    twice = repeated(cells[0])
+        return Dialect(numbered, separator, False, above, 0, comma, blanks)
+    names = tuple(cells[0]) if begun is None else begun.names
+    twice = repeated(names)
     if twice:
         raise FileFormatError(
             f"{file} has more than one column {quoted(twice[0])}; rename them in its header"
         )
-    return Dialect(tuple(cells[0]), separator, True, above, _has_units(cells, comma), comma, blanks)
+    units = int(_has_units(cells, comma)) if begun is None else begun.below
+    return Dialect(names, separator, True, above, units, comma, blanks)
 
 
 def cells_of(line: str, separator: str) -> list[str]:
@@ -126,12 +137,18 @@ def is_number(cell: str, decimal_comma: bool = False) -> bool:
     return True
 
 
+def _tail(lines: Sequence[Any]) -> Sequence[Any]:
+    """The later half of the lines, below what may stand above a table."""
+    return lines[len(lines) // 2 :]
+
+
 def _separator(lines: Sequence[str]) -> str:
     """What stands between cells: a semicolon or tab alike in all lines, else the most frequent."""
-    for separator in SEPARATORS[1:]:
-        counts = {line.count(separator) for line in lines}
-        if len(counts) == 1 and counts.pop():
-            return separator
+    for some in (lines, _tail(lines) if len(lines) > 2 * IN_A_ROW else lines):
+        for separator in SEPARATORS[1:]:
+            counts = {line.count(separator) for line in some}
+            if len(counts) == 1 and counts.pop():
+                return separator
     return max(SEPARATORS, key=lines[0].count)
 
 

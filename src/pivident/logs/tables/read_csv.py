@@ -32,6 +32,9 @@ from pivident.logs.tables.dialect import (
     quoted,
 )
 
+#: Last line of the exports of some tools.
+END = "EOF"
+
 #: Share of empty cells in a column of so many lines from which on no single line is at fault.
 SPARSE, MANY = 0.1, 20
 
@@ -290,13 +293,14 @@ def _rows(lines: Iterable[str], header: Dialect) -> Iterator[tuple[int, list[str
 
 def _sample_lines(lines: Iterable[str], header: Dialect) -> Iterator[tuple[int, str]]:
     """Number and text of each line below the header that is no comment."""
-    above = int(header.present) + int(header.units)
+    above, begun = int(header.present) + header.units, False
     for number, line in enumerate(lines, start=1):
-        if number <= header.above or line.startswith(COMMENT) or (above and not line.strip()):
+        if number <= header.above or line.startswith(COMMENT):
             continue
-        if header.blanks and not line.strip():
+        if (header.blanks or not begun) and not line.strip():
             continue
         if above:
             above -= 1
-            continue
-        yield number, line
+        elif not (line.startswith(END) and line.strip() == END):
+            begun = True
+            yield number, line

@@ -1,13 +1,13 @@
 """MATLAB files: .mat of versions 5 to 7.2, see `mat_elements`, and 7.3 (HDF5) through h5py.
 
-Only top-level variables of real numbers are read. HDF5 stores MATLAB's columns first, so that
-arrays are transposed back into the shape they have in MATLAB.
+Arrays of real numbers are read, also in fields of structures (``log.axis(2).q``). HDF5 stores
+MATLAB's columns first, so that arrays are transposed back into the shape they have in MATLAB.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ import numpy as np
 from pivident.errors import FileFormatError
 from pivident.extras import MissingExtra, require
 from pivident.logs.source_files import existing_file, refuse_bomb
-from pivident.logs.tables.mat_elements import array_of, variables
+from pivident.logs.tables.mat_elements import MAX_LEVELS, MAX_VARIABLES, array_of, variables
 
 #: MATLAB's classes of numbers.
 NUMERIC = {"double", "single", "logical"} | {
@@ -48,6 +48,13 @@ def read_mat(path: str | Path, names: Sequence[str] | None = None) -> dict[str, 
         raise FileFormatError(f"{path.name} is a damaged MATLAB file ({error})") from error
 
 
+def mat_unread(path: str | Path) -> dict[str, str]:
+    """Why variables that hold something else are not read, by their names."""
+    path = existing_file(path)
+    found = _hdf5_datasets if _is_hdf5(path) else _variables_v5
+    return {name: why for name, (_, why) in _described(path, found).items() if why}
+
+
 def _is_hdf5(path: Path) -> bool:
     """Whether the file is of version 7.3."""
     with path.open("rb") as file:
@@ -57,48 +64,76 @@ def _is_hdf5(path: Path) -> bool:
 
 def _variables(path: Path) -> dict[str, tuple[int, ...]]:
     """Shapes of the numeric variables by name."""
+    found = _hdf5_datasets if _is_hdf5(path) else _variables_v5
+    return {name: shape for name, (shape, why) in _described(path, found).items() if not why}
+
+
+def _described(
+    path: Path, found: Callable[[Path], dict[str, tuple[tuple[int, ...], str]]]
+) -> dict[str, tuple[tuple[int, ...], str]]:
+    """Shape of every variable, and why it is not read or empty, by name."""
     try:
-        return _variables_hdf5(path) if _is_hdf5(path) else _variables_v5(path)
+        return found(path)
     except MissingExtra:
         raise
     except Exception as error:
         raise FileFormatError(f"{path.name} is not a readable MATLAB file ({error})") from error
 
 
-def _variables_v5(path: Path) -> dict[str, tuple[int, ...]]:
-    return {v.name: v.shape for v in variables(path) if v.numeric and not v.is_complex}
+def _variables_v5(path: Path) -> dict[str, tuple[tuple[int, ...], str]]:
+    return {v.name: (v.shape, v.why_not) for v in variables(path)}
 
 
-def _variables_hdf5(path: Path) -> dict[str, tuple[int, ...]]:
+def _hdf5_datasets(path: Path) -> dict[str, tuple[tuple[int, ...], str]]:
+    """All datasets, those in groups (structures) by the names of both."""
     h5py = _h5py(path)
+    found: dict[str, tuple[tuple[int, ...], str]] = {}
+    visited = set()  # groups can hold themselves
+
+    def walk(group: Any, before: str, levels: int) -> None:
+        for name in group:
+            own = f"{before}{name}"
+            if name.startswith("#"):  # what references and objects refer to
+                continue
+            if len(found) > MAX_VARIABLES:
+                raise ValueError(f"it has more than {MAX_VARIABLES} variables")
+            if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+                found[own] = ((), "in another file; save it in one file")
+            elif isinstance(item := group[name], h5py.Group) and levels:
+                if (place := h5py.h5o.get_info(item.id).addr) in visited:
+                    continue
+                visited.add(place)
+                walk(item, f"{own}.", levels - 1)
+            elif not isinstance(item, h5py.Dataset):
+                found[own] = ((), "too many structures inside each other")
+            else:
+                found[own] = (item.shape[::-1], _why_no_numbers(item))
+
     with h5py.File(path, "r") as file:
-        links = {name: file.get(name, getlink=True) for name in file}
-        inside = [name for name, link in links.items() if isinstance(link, h5py.HardLink)]
-        return {
-            name: file[name].shape[::-1]
-            for name in inside
-            if isinstance(file[name], h5py.Dataset) and _is_numeric(file[name])
-        }
+        walk(file, "", MAX_LEVELS)
+    return found
 
 
 def _h5py(path: Path) -> Any:
     return require("h5py", extra="matlab", purpose=f"{path.name}, of MATLAB 7.3,")
 
 
-def _is_numeric(dataset: Any) -> bool:
-    """Whether an HDF5 dataset holds numbers of its own: no text, no references."""
+def _why_no_numbers(dataset: Any) -> str:
+    """Why an HDF5 dataset holds no numbers of its own, but text or references; empty: it does."""
     kind = dataset.attrs.get("MATLAB_class", b"double")
-    kind = kind.decode() if isinstance(kind, bytes) else str(kind)
-    # An empty MATLAB array is stored as the list of its dimensions.
-    empty = bool(dataset.attrs.get("MATLAB_empty", 0))
-    return kind in NUMERIC and dataset.dtype.kind in "biuf" and not empty
+    kind = kind.decode("utf-8", "replace") if isinstance(kind, bytes) else str(kind)
+    if dataset.attrs.get("MATLAB_empty", 0):  # stored as the list of its dimensions
+        return "empty"
+    if kind in NUMERIC and dataset.dtype.kind in "biuf":
+        return ""
+    return f"of class {kind}" if kind not in NUMERIC else "no array of real numbers"
 
 
 def _read_v5(path: Path, names: Sequence[str]) -> dict[str, np.ndarray]:
     known = {v.name: v for v in variables(path)}
     for name in names:
-        if known[name].is_complex:
-            raise FileFormatError(f"{path.name}: {name!r} is complex; save its real part")
+        if known[name].why_not:
+            raise FileFormatError(f"{path.name}: {name!r} is {known[name].why_not}")
     return {name: array_of(path, known[name]) for name in names}
 
 
@@ -107,7 +142,7 @@ def _read_hdf5(path: Path, names: Sequence[str]) -> dict[str, np.ndarray]:
     arrays = {}
     with h5py.File(path, "r") as file:
         for name in names:
-            dataset = file[name]
+            dataset = file[name if name in file else name.replace(".", "/")]
             if dataset.external or dataset.is_virtual:
                 raise FileFormatError(
                     f"{path.name} keeps {name!r} in another file; save it in one file"

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
 from pivident.errors import FileFormatError, UnknownColumn
-from pivident.logs.bags.read_bag import bag_names, is_bag, read_bag
+from pivident.logs.bags.read_bag import bag_names, is_bag, open_bag, read_bag
 from pivident.logs.source_files import existing_file
 from pivident.logs.tables.read_csv import csv_names, read_csv
-from pivident.logs.tables.read_mat import mat_names, read_mat
+from pivident.logs.tables.read_mat import mat_names, mat_unread, read_mat
 from pivident.logs.tables.read_npz import npy_names, npz_names, read_npy, read_npz
-from pivident.logs.tables.read_parquet import parquet_names, read_parquet
+from pivident.logs.tables.read_parquet import parquet_names, parquet_unread, read_parquet
 from pivident.robot.naming import near_names
 from pivident.text.printable import is_printable
 
@@ -39,6 +40,15 @@ READERS: dict[str, tuple[Names, Read]] = {
     ".db3": (bag_names, read_bag),
     ".mcap": (bag_names, read_bag),
 }
+
+#: What tells why a kind of file holds something that its reader passes over.
+UNREAD: dict[Names, Callable[[Path], dict[str, str]]] = {
+    mat_names: mat_unread, parquet_names: parquet_unread,
+}  # fmt: skip
+
+#: Files that a message about a folder names, levels of folders in which they are looked for, and
+#: entries of a level that are looked at.
+MAX_FILES, FOLDERS, MAX_ENTRIES = 3, 3, 10_000
 
 
 def names_in(path: str | Path) -> tuple[str, ...]:
@@ -68,6 +78,15 @@ def read_table(path: str | Path, names: Sequence[str] | None = None) -> dict[str
     return _reader(path)[1](path, names)
 
 
+def unread_in(path: str | Path) -> dict[str, str]:
+    """What a file holds beside the columns and arrays that can be read: why not, by name."""
+    path = Path(path)
+    if is_bag(path):
+        return open_bag(path).passed_over
+    told = UNREAD.get(_reader(path)[0])
+    return {} if told is None else told(path)
+
+
 def _refuse_text(path: Path) -> None:
     """Refuse a table of text whose ending promises another kind of file."""
     with existing_file(path).open("rb") as stream:
@@ -79,15 +98,30 @@ def _refuse_text(path: Path) -> None:
         )
 
 
+def _folder(path: Path) -> str:
+    """What to do about a folder that is no bag: the logs in it, or a pattern for them."""
+    found: list[Path] = []
+    for level in range(1, FOLDERS + 1):
+        inside = sorted(islice(path.glob("/".join("*" * level)), MAX_ENTRIES))
+        found += [f for f in inside if f.suffix.lower() in READERS and f.suffix != ".txt"]
+        if found:
+            break
+    names = [f.relative_to(path.parent).as_posix() for f in found]
+    pattern = f"{names[0].rpartition('/')[0]}/*{found[0].suffix}" if found else f"{path.name}/*.csv"
+    more = " …" if len(names) > MAX_FILES else ""
+    listed = f" ({', '.join(names[:MAX_FILES])}{more})" if found else ""
+    return (
+        f"{path.name} is a folder; name the file with the record in it{listed}, or a pattern such "
+        f'as "{pattern}" for all of its runs'
+    )
+
+
 def _reader(path: Path) -> tuple[Names, Read]:
     """The two functions for a kind of file, by its name."""
     if is_bag(path):
         return bag_names, read_bag
     if os.path.isdir(path):  # takes any name
-        raise FileFormatError(
-            f"{path.name} is a folder; name the file with the record in it, or a pattern such as "
-            f'"{path.name}/*.csv" for all of its runs'
-        )
+        raise FileFormatError(_folder(path))
     name = path.name.lower()
     suffix = Path(name.removesuffix(".gz")).suffix
     text_only = name.endswith(".gz")
