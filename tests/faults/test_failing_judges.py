@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from pivident.report.sections.torque import TorqueSection
 
 from pivident.cli import main, workflow
 from pivident.cli.app import code_of
@@ -13,7 +14,6 @@ from pivident.estimation import answer
 from pivident.estimation.identification_file import save_identification
 from pivident.estimation.identify import identify
 from pivident.estimation.stored_identification import load_identification
-from pivident.report.sections.torque import TorqueSection
 from pivident.report.sections.verdict import VerdictSection
 from tests.planar_log import EXPERIMENT, HEADER, planar_log
 
