@@ -13,10 +13,10 @@ from pivident.estimation.covariance.windows import Windows
 from pivident.estimation.equation_record import FittedRecording, JointColumns
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.signal_recipes import Decimated
+from pivident.logs.clocks.gaps import mostly_usable
 from pivident.motion.kinematics import Kinematics
 from pivident.motion.motion import SimulatedMotion, packed_stretch
 from pivident.motion.speed_limits import SpeedLimits
-from pivident.recording.usable_samples import mostly_usable
 from pivident.signals.decimation import (
     Convention,
     decimation_blocks,

@@ -19,9 +19,9 @@ import numpy as np
 from pivident.common_work import once
 from pivident.errors import RecordingError, RecordingTooShort
 from pivident.estimation.methods import Algebraic, Bandpass, RandomWalk, SignalRecipe
+from pivident.logs.clocks.gaps import without_neighbours
 from pivident.motion.kinematics import MIN_RUN, Kinematics, aligned_torque
 from pivident.recording.recording import Recording
-from pivident.recording.usable_samples import without_neighbours
 from pivident.scratch import working_array
 from pivident.signals.algebraic import algebraic_derivative, half_gain_product
 from pivident.signals.bandpass import EDGE, bandpass

@@ -10,10 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from pivident.logs.clocks.gaps import runs_of
-
-#: A joint moves if it is at least this fast, relative to its range over the whole duration.
-SLOWEST_MOTION = 0.1
+from pivident.logs.clocks.gaps import moves, runs_of
 
 #: Share of the samples below which one end of a record is filled up.
 END = 0.01
@@ -71,8 +68,3 @@ def _fewest_changes(changes: np.ndarray, left_out: np.ndarray, q: np.ndarray, le
     if starts.size < FEWEST:
         return 0
     return int(sliding_window_view(changes, length - 1)[starts].sum(axis=1).min())
-
-
-def moves(q: np.ndarray, start: int, stop: int) -> bool:
-    """Whether the joint travels during some samples, compared with its whole motion."""
-    return bool(np.ptp(q[start:stop]) / (stop - start) > SLOWEST_MOTION * np.ptp(q) / len(q))

@@ -16,8 +16,7 @@ from pivident.errors import (
     concerning,
 )
 from pivident.logs.clocks import timestamps
-from pivident.logs.clocks.gaps import runs_of
-from pivident.logs.frozen_torque import moves
+from pivident.logs.clocks.gaps import moves, runs_of
 from pivident.robot.description import Robot
 
 #: Longest drive_delay that is believed [s]; more is a delay in milliseconds without its 1e-3.

@@ -12,11 +12,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 from pivident.errors import BrokenMotion
 from pivident.logs.bad_samples import TOLERATED, WORDS, BadSamples
-from pivident.logs.clocks.gaps import BRIDGED_PERIODS, runs_of, stretches_of
+from pivident.logs.clocks.gaps import (
+    BRIDGED_PERIODS,
+    long_stretches,
+    runs_of,
+    stretches_of,
+    without_neighbours,
+)
 from pivident.logs.misplaced_positions import cuts
 from pivident.recording import checks
 from pivident.recording.channels import CHANNELS
@@ -151,24 +156,7 @@ def _listed(rows: np.ndarray, samples: int) -> str:
 
 def _beside_long(usable: np.ndarray) -> np.ndarray:
     """Samples in use that no filter mixes with a long stretch of others, shape (samples,)."""
-    return usable & without_neighbours(~_long(usable), EDGE, EDGE)
-
-
-def _long(usable: np.ndarray) -> np.ndarray:
-    """Samples of stretches without usable ones that are too long to be filled in well."""
-    long = np.zeros(len(usable), bool)
-    for start, stop in runs_of(~usable):
-        long[start:stop] = stop - start > BRIDGED_PERIODS
-    return long
-
-
-def mostly_usable(usable: np.ndarray, reach: int) -> np.ndarray:
-    """Samples whose neighbours within reach are mostly usable, the others well filled, (samples,).
-
-    For what averages over the neighbours.
-    """
-    around = sliding_window_view(np.pad(usable, reach, constant_values=True), 2 * reach + 1)
-    return without_neighbours(~_long(usable), reach, reach) & (around.mean(axis=1) > 0.5)
+    return usable & without_neighbours(~long_stretches(usable), EDGE, EDGE)
 
 
 def _at(grid: np.ndarray, t: np.ndarray, mask: np.ndarray) -> np.ndarray:
@@ -228,11 +216,3 @@ def _continued(x: np.ndarray, good: np.ndarray, start: int, stop: int) -> np.nda
         + b * s**2 * (3 - 2 * s)
         + length * (va * s * (1 - s) ** 2 - vb * s**2 * (1 - s))
     )
-
-
-def without_neighbours(usable: np.ndarray, before: int, behind: int) -> np.ndarray:
-    """Samples with none but usable ones from so many before to so many behind, (samples,)."""
-    if usable.all() or not before + behind:
-        return usable
-    around = np.pad(usable, (before, behind), constant_values=True)
-    return np.asarray(sliding_window_view(around, before + behind + 1).all(axis=1))

@@ -1,4 +1,4 @@
-"""Gaps in the stamps of a log, and the stretches between them that can be used.
+"""Gaps in the stamps and samples of a log, and the stretches between them that can be used.
 
 Over short gaps samples are interpolated on request. Nothing is interpolated over longer
 ones: the motion in between is not known. What lies before and behind such a gap is still good, as a
@@ -11,6 +11,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from pivident.errors.recordings import Stretches
 
@@ -22,6 +23,9 @@ BRIDGED_PERIODS, BRIDGED_SECONDS = 3.5, 0.01
 
 #: Stretches shorter than this share of the longest one are not worth a recording.
 WORTHWHILE = 0.1
+
+#: A joint moves if it is at least this fast, relative to its range over the whole duration.
+SLOWEST_MOTION = 0.1
 
 
 def bridged_interval(period: float) -> float:
@@ -69,3 +73,33 @@ def runs_of(mask: np.ndarray) -> np.ndarray:
     """First and last-plus-one index of each run of true values, shape (runs, 2)."""
     edges = np.diff(mask.astype(np.int8), prepend=0, append=0)
     return np.column_stack([np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)])
+
+
+def moves(q: np.ndarray, start: int, stop: int) -> bool:
+    """Whether the joint travels during some samples, compared with its whole motion."""
+    return bool(np.ptp(q[start:stop]) / (stop - start) > SLOWEST_MOTION * np.ptp(q) / len(q))
+
+
+def long_stretches(usable: np.ndarray) -> np.ndarray:
+    """Samples of stretches without usable ones that are too long to be filled in well."""
+    long = np.zeros(len(usable), bool)
+    for start, stop in runs_of(~usable):
+        long[start:stop] = stop - start > BRIDGED_PERIODS
+    return long
+
+
+def without_neighbours(usable: np.ndarray, before: int, behind: int) -> np.ndarray:
+    """Samples with none but usable ones from so many before to so many behind, (samples,)."""
+    if usable.all() or not before + behind:
+        return usable
+    around = np.pad(usable, (before, behind), constant_values=True)
+    return np.asarray(sliding_window_view(around, before + behind + 1).all(axis=1))
+
+
+def mostly_usable(usable: np.ndarray, reach: int) -> np.ndarray:
+    """Samples whose neighbours within reach are mostly usable, the others well filled, (samples,).
+
+    For what averages over the neighbours.
+    """
+    around = sliding_window_view(np.pad(usable, reach, constant_values=True), 2 * reach + 1)
+    return without_neighbours(~long_stretches(usable), reach, reach) & (around.mean(axis=1) > 0.5)
