@@ -77,7 +77,7 @@ def three_methods(run: Run) -> bool:
     """Whether all three methods were written and read back."""
     results = run.folder / "experiment-results"
     written = all((results / name / "identification.json").is_file() for name in METHODS)
-    return written and all(code in ANSWERS for code in run.codes)
+    return written and len(run.codes) > 2 and all(code in ANSWERS for code in run.codes)
 
 
 def last_line(run: Run) -> str:
@@ -119,6 +119,10 @@ def identification(log: str, robot: str) -> tuple[str, ...]:
     )
 
 
+#: Logs of other arms, for cases that are a robot's file alone.
+SIX_AXES = "{here}/../q02_effort_without_gravity/log_with_gravity.csv"
+SEVEN_AXES = "{here}/../r11_panda_30hz_bag/panda_exciting_trajectory.db3"
+
 CASES = (
     Case("q02", "q02_effort_without_gravity", identification("{here}/log.csv", "{here}/ur5e.urdf"),
          "torques hold no gravity: say so", held_out, three_methods),
@@ -145,7 +149,7 @@ CASES = (
           "identify empty.toml", "init {here}/loaded.csv --robot {here}/puma560.urdf --yes "
           "--out loaded.toml", "payload empty-results/ls/identification.json loaded.toml "
           "--method ls"),
-         "2.5 kg at (0.01, -0.02, 0.10) m", lines_with("mass", "error:"), ends_well),
+         "2.5 kg at (0.01, -0.02, 0.10) m", lines_with("mass ", "centre", "error:"), ends_well),
     Case("q09 link", "q09_link_side", identification("{here}/link_side.csv", "{here}/ur5e.urdf"),
          "torques behind the gears, no friction of theirs", held_out, three_methods),
     Case("q09 motor", "q09_link_side", identification("{here}/motor_side.csv", "{here}/ur5e.urdf"),
@@ -166,18 +170,25 @@ CASES = (
          "no torque: refused, with the list columns named", last_line,
          refused_with("observation.state", "action")),
     Case("d10 panda", "d10_no_inertials",
-         identification("{here}/../r11_panda_30hz_bag/panda_exciting_trajectory.db3",
-                        "{here}/panda_compas.urdf"),
+         identification(SEVEN_AXES, "{here}/panda_compas.urdf"),
          "identified without masses", held_out, three_methods),
-    Case("d10 tx2", "d10_no_inertials",
-         ("excite {here}/tx2_60l.urdf --seconds 5 --rate 250",),
-         "a motion without a check of torques", last_line, ends_well),
-    Case("d01", "d01_irb4600", ("export {here}/irb4600.urdf --to mjcf",),
-         "four links with negative moments named", last_line, lambda run: True),
-    Case("d02", "d02_rxl_c3", ("excite {here}/rxl_c3.urdf --seconds 5 --rate 250",),
-         "the inertia of Link1 named", lines_with("Link1", "error:"), ends_well),
+    Case("d10 tx2", "d10_no_inertials", identification(SIX_AXES, "{here}/tx2_60l.urdf"),
+         "identified without masses (the log is of another arm)", held_out, three_methods),
+    Case("d01", "d01_irb4600",
+         (f"init {SIX_AXES} --robot {{here}}/irb4600.urdf --yes", "check experiment.toml"),
+         "links 1 to 4 named with their impossible inertias (the log is of another arm)",
+         lines_with("principal moments", "no body", "No body"), lambda run: "link_1" in run.said),
+    Case("d02", "d02_rxl_c3",
+         (f"init {SEVEN_AXES} --robot {{here}}/rxl_c3.urdf --yes", "check experiment.toml"),
+         "the inertia of Link1 named (the log is of another arm)", lines_with("Link1"),
+         lambda run: "Link1" in run.said),
     Case("d03", "d03_rm75", ("excite {here}/rm75.urdf --seconds 5 --rate 250",),
-         "limits of zero are unknown limits", last_line, ends_well),
+         "limits of zero are unknown, and asked for", last_line,
+         refused_with("no speed limits are known of joint_1")),
+    Case("d03 hand", "d03_rm75",
+         (f"init {SEVEN_AXES} --robot {{here}}/rm75_inspire.urdf --yes", "check experiment.toml"),
+         "seven of thirteen degrees of freedom are in the log", lines_with("robot.joints"),
+         ends_well),
 )  # fmt: skip
 
 
@@ -199,7 +210,7 @@ def unpacked(source: Path, target: Path) -> Path:
 
 def run_case(case: Case, public: Path, folder: Path) -> Run:
     """Carry out the commands of a case, up to the first that ends without an answer."""
-    for other in {part.split("_")[0] for part in (case.folder, "r11_panda")}:
+    for other in dict.fromkeys((case.folder.split("_")[0], "q02", "r11")):
         for source in public.glob(f"{other}_*"):
             unpacked(source, folder / source.name)
     work = folder / "work" / case.name.replace(" ", "-")
@@ -234,8 +245,7 @@ def main(names: list[str]) -> int:
     with tempfile.TemporaryDirectory() as made:
         for case in chosen:
             run = run_case(case, public, Path(made))
-            ends = len(run.codes) == len(case.commands) and case.must_end(run)
-            ends = case.must_end(run) if case.name == "r13" else ends
+            ends = case.must_end(run)
             wrong += not ends
             verbs = ", ".join(command.split()[0] for command in case.commands)
             reached = case.reached(run).replace("|", "/")

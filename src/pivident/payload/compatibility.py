@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -59,7 +61,7 @@ def check_same_arm(arm: Identification, loaded: Problem) -> None:
             "of the loaded one, or correct gravity under [robot]"
         )
     for parameter, expression in zip(arm.parameters, arm.expressions, strict=True):
-        if groups.get(parameter.name) != expression:
+        if not _is_same_group(groups.get(parameter.name, ""), expression):
             raise ExperimentError(
                 f"the arm was identified with {expression!r}, but the robot of the loaded record "
                 f"has {groups.get(parameter.name, 'no such parameter')!r}: geometry or friction "
@@ -80,6 +82,19 @@ def tool_frame(robot: Robot, link: int, frame: Pose) -> str:
         f"tool with origin {_vector(frame.translation)} m and axes {' '.join(rotation.split())} "
         f"(columns) in the frame of link {robot.links[link].name!r}"
     )
+
+
+def _is_same_group(one: str, other: str) -> bool:
+    """Whether two groups of parameters are the same but for the last digit of their factors."""
+    words, others = one.split(), other.split()
+    if len(words) != len(others):
+        return False
+    return all(a == b or _is_same_factor(a, b) for a, b in zip(words, others, strict=True))
+
+
+def _is_same_factor(one: str, other: str) -> bool:
+    numbers = all(re.fullmatch(r"[-+]?[0-9.]+(e[-+]?[0-9]+)?", word) for word in (one, other))
+    return numbers and math.isclose(float(one), float(other), rel_tol=1e-4)
 
 
 def _vector(values: np.ndarray) -> str:
