@@ -2,8 +2,8 @@
 
     PIVIDENT_DATA=FOLDER python benchmarks/public_cases.py [CASE …]
 
-FOLDER/public holds a folder for each case, with a README that says what is right. Nothing but the
-files and the numbers of that README's data sheet is given: a description and a log go through
+FOLDER/public holds a folder for each case, with a README that says what is right; the records
+beside it are cases too. Nothing but the files is given: a description and a log go through
 `pivident init --yes`, `identify` and `compare`, which reads back what was written. Each row is one
 command or chain of commands: seconds of processor time, exit codes, what was reached (held-out
 torque error of LS, IV and PIV, or the sentence of a refusal), and the right answer.
@@ -25,8 +25,10 @@ from pathlib import Path
 #: Longest time of one command [s].
 PATIENCE = 600
 
-#: Exit codes that are an answer: done, and done with something to be decided.
-ANSWERS = (0, 4)
+#: Exit codes that are an answer: done, a method did not converge, something is to be decided.
+ANSWERS = (0, 3, 4)
+
+EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 
 METHODS = {"ls": "LS", "iv-full-rate": "IV", "piv": "PIV"}
 
@@ -123,6 +125,14 @@ def identification(log: str, robot: str) -> tuple[str, ...]:
 SIX_AXES = "{here}/../q02_effort_without_gravity/log_with_gravity.csv"
 SEVEN_AXES = "{here}/../r11_panda_30hz_bag/panda_exciting_trajectory.db3"
 
+#: What fits a first-order model with feed-through to the columns t, u, y of a file.
+SRIVC = """
+import sys, numpy
+from pivident.linear import srivc
+t, u, y = numpy.loadtxt(sys.argv[1], delimiter=",", skiprows=1).T
+print(srivc(u, y, t[1] - t[0], 1, 1))
+"""
+
 CASES = (
     Case("q02", "q02_effort_without_gravity", identification("{here}/log.csv", "{here}/ur5e.urdf"),
          "torques hold no gravity: say so", held_out, three_methods),
@@ -144,6 +154,11 @@ CASES = (
          lines_with("damping", "frictionloss", "armature", "error:"), ends_well),
     Case("q06", "q06_lugre_joint", identification("{here}/log.csv", "{here}/joint.urdf"),
          "gravity 2.0 within 2 %; 13 to 22 % of the torque unexplained", held_out, three_methods),
+    Case("q07", "q07_rc_lead_lag", ("python {here}/ts_1e-07.csv",),
+         "pole 1e6 rad/s, feed-through 0.001", lines_with("a1 ", "b0 ", "warning"), ends_well),
+    Case("q07 slow", "q07_rc_lead_lag", ("python {here}/ts_5e-06.csv",),
+         "a warning that the period is long against the time constant",
+         lines_with("a1 ", "b0 ", "warning"), lambda run: "Nyquist" in run.said),
     Case("q08", "q08_payload_puma560",
          ("init {here}/unloaded_1.csv --robot {here}/puma560.urdf --yes --out empty.toml",
           "identify empty.toml", "init {here}/loaded.csv --robot {here}/puma560.urdf --yes "
@@ -189,6 +204,20 @@ CASES = (
          (f"init {SEVEN_AXES} --robot {{here}}/rm75_inspire.urdf --yes", "check experiment.toml"),
          "seven of thirteen degrees of freedom are in the log", lines_with("robot.joints"),
          ends_well),
+    Case("TX40", "staubli_tx40",
+         identification("{here}/pos_read_data.csv {here}/curr_data.csv",
+                        "{here}/tx40_mdh_modified.urdf"),
+         "as the README's fits", held_out, three_methods),
+    Case("EMPS", "emps", identification("{here}/DATA_EMPS.mat", "emps"), "mass 95.1 kg", held_out,
+         three_methods),
+    Case("KR300", "kuka_kr300",
+         identification("{here}/kr300_traj_A.npz {here}/kr300_traj_B.npz",
+                        "{examples}/kuka_kr300/kuka_kr300.toml"),
+         "arrays of (axes, samples); 3 to 26 % of each joint", held_out, three_methods),
+    Case("TIAGo", "tiago",
+         identification("{here}/tiago_position.csv {here}/tiago_velocity.csv "
+                        "{here}/tiago_effort.csv", "{here}/tiago_48_hey5.urdf"),
+         "arm_1 to arm_4; the other efforts are zero", held_out, three_methods),
 )  # fmt: skip
 
 
@@ -211,18 +240,20 @@ def unpacked(source: Path, target: Path) -> Path:
 def run_case(case: Case, public: Path, folder: Path) -> Run:
     """Carry out the commands of a case, up to the first that ends without an answer."""
     for other in dict.fromkeys((case.folder.split("_")[0], "q02", "r11")):
-        for source in public.glob(f"{other}_*"):
-            unpacked(source, folder / source.name)
+        for source in (*public.glob(f"{other}_*"), public.parent / case.folder):
+            if source.is_dir():
+                unpacked(source, folder / source.name)
     work = folder / "work" / case.name.replace(" ", "-")
     work.mkdir(parents=True)
     here, codes, said = folder / case.folder, [], []
     before = os.times()
     for command in case.commands:
         words = []
-        for word in command.format(here=here).split():
+        for word in command.format(here=here, examples=EXAMPLES).split():
             words += sorted(map(str, Path("/").glob(word[1:]))) if "*" in word else [word]
+        program = ["-c", SRIVC, *words[1:]] if words[0] == "python" else ["-m", "pivident", *words]
         done = subprocess.run(
-            [sys.executable, "-m", "pivident", *words],
+            [sys.executable, *program],
             cwd=work, capture_output=True, text=True, check=False, timeout=PATIENCE,
         )  # fmt: skip
         codes.append(done.returncode)
