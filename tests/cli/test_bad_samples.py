@@ -46,7 +46,7 @@ def held(log):
 
 def slower(log):
     log[:, 1:] = log[np.arange(ROWS) // 10 * 10, 1:]
-    return log, "only every 10th has new values"
+    return log, "only one in 10 has new values"
 
 
 def chunk_twice(log):

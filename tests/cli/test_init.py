@@ -135,7 +135,7 @@ def test_files_of_the_same_columns_hold_what_their_names_say(folder):
 
 def test_a_log_that_identification_refuses_gets_a_to_do(folder, capsys):
     columns = planar_log()[:, [0, 1, 2, 5, 6]].copy()
-    columns[4000, 2] = np.nan
+    columns[2000:7000, 2] = np.nan
     write_csv(folder / "log.csv", ["time", "A1", "A2", "I_A1", "I_A2"], columns)
     assert main(["init", "log.csv", "--robot", "planar_2r"]) == 4
     assert "to do: pivident identify ends with" in capsys.readouterr().err

@@ -128,7 +128,7 @@ CASES = [
     signals("a position is constant", both("q2")(lambda x: 0 * x + 0.3), "q of elbow is 0.3 at every sample", "column", code=1),
     signals("a torque is constant", both("tau2")(lambda x: 0 * x), "tau of elbow is 0 at every sample", "column", code=1),
     signals("a torque is saturated", both("tau1")(lambda x: np.clip(x, -25, 25)), "tau of shoulder", "cut off at", code=1),
-    signals("a torque is frozen for a while", both("tau2")(lambda x: np.r_[x[:1500], np.full(120, x[1500]), x[1620:]]), "tau of elbow is exactly", "from sample 1500", "while its joint moves"),
+    signals("a torque is frozen for a while", both("tau2")(lambda x: np.r_[x[:1500], np.full(120, x[1500]), x[1620:]]), "tau of elbow stays the same", "samples 1500 to 1619", "while its joint moves", "left out of the equations", code=0),
     signals("a torque has a dead band", both("tau2")(lambda x: np.where(np.abs(x) < 4, 0, x)), "tau of elbow", "exactly 0"),
     signals("a torque has a spike", both("tau1")(lambda x: np.where(np.arange(len(x)) == 900, 500.0, x)), "tau of shoulder", "sample 900", code=0),
     signals("a position has a spike", both("q1")(lambda x: np.where(np.arange(len(x)) == 900, x + 0.5, x)), "q of shoulder", "sample 900", code=0),
@@ -148,7 +148,7 @@ CASES = [
     signals("the positions are repeated", positions(lambda x: np.repeat(x[::5], 5)), "position of shoulder changes only once every 5 samples", "200 Hz"),
     signals("the control rate is too low", log(), "control_rate is 250 Hz", "every sample", text=said(("files =", "control_rate = 250\nfiles ="))),
     signals("the control rate is in kHz", log(), "control_rate is 1 Hz", "kHz", text=said(("files =", "control_rate = 1\nfiles ="))),
-    signals("rows were logged twice", {n: np.repeat(v, 2) for n, v in log().items()}, "repeat the one before", "sample 1", code=1),
+    signals("rows were logged twice", {n: np.repeat(v, 2) for n, v in log().items()}, "one in 2 has new values", "2 times slower than the log", code=0),
     signals("samples are missing and the stamps do not show it", {n: (np.delete(v, range(1500, 1506)) if n != "time" else v[:-6]) for n, v in log().items()}, "skip", "missing from the log", code=0),
     # the controller
     signals("the gains are per degree", log(), "line 9", "kp of shoulder", "per degree", text=gains("[104.7, 43.63]", "[3.1416, 1.0472]")),

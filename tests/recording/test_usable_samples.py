@@ -119,7 +119,7 @@ def test_a_source_that_is_slower_than_the_log(tmp_path):
     table[:, 1:] = table[held, 1:]
     recording = read(tmp_path, table)
     assert recording.rate == 250.0 and recording.samples == len(table) // 4
-    assert "every 4th" in recording.notes[0]
+    assert "only one in 4 has" in recording.notes[0]
 
 
 def test_samples_keep_their_mask_on_a_new_clock(tmp_path):

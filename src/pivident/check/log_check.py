@@ -39,6 +39,7 @@ from pivident.logs.clocks.timestamps import LOWEST_RATE
 from pivident.logs.file_columns import read_columns
 from pivident.logs.log import Log
 from pivident.recording.recording import Recording
+from pivident.recording.usable_samples import filled
 from pivident.robot.description import Robot
 
 #: Errors of the reader that an audit reports with more numbers.
@@ -115,7 +116,9 @@ def check_log(
     if entry.delay is not None and abs(entry.delay) > MAX_DELAY:
         remarks.append(_long_delay(entry.delay, place))
     if not slow and not any(f.kind in ("rate", "no clock") for f in audit.of("timing")):
-        every = _with_other_columns(log, entry, folder)
+        # a motion with holes would jump over them
+        whole = {key: filled(values, key != "tau") for key, values in log.channels.items()}
+        every = _with_other_columns(replace(log, channels=whole), entry, folder)
         stretch, timing = _without_gaps(every, audit.timing, failure)
         has_inputs = entry.columns is not None and bool(entry.columns.inputs)
         if entry.columns is not None:

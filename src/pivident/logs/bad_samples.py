@@ -228,5 +228,7 @@ def _frozen_torques(tau: np.ndarray, q: np.ndarray) -> Iterator[BadSamples]:
         known = np.flatnonzero(np.isfinite(x) & np.isfinite(position))
         if known.size >= MIN_ROWS:
             frozen = known[frozen_samples(x[known], position[known])]
+            # one that stays at a limit is cut off
+            frozen = frozen[(x[frozen] > np.min(x[known])) & (x[frozen] < np.max(x[known]))]
             if frozen.size:
                 yield BadSamples("frozen torque", "tau", j, frozen)

@@ -56,6 +56,8 @@ def frozen_positions(x: np.ndarray) -> np.ndarray:
         if around.size < 6:
             continue
         usual = float(np.median(around))
+        if usual == 0.0:  # positions that come more slowly than the samples
+            continue
         if step[stop] > 0.5 * usual * (stop - start) and step[stop] > 2.0 * around.max():
             rows.append(np.arange(start + 1, stop + 1))
     return np.concatenate(rows) if rows else np.empty(0, int)

@@ -124,7 +124,7 @@ def without_bad_samples(log: Log) -> Log:
     if not log.own_clocks and (every := fresh_rows(log.logged)) is not None:
         slower = None if log.rate is None else log.rate / every[1]
         text = (
-            f"Of {len(every[0])} rows only every {every[1]}th has new values: the source is "
+            f"Of {len(every[0])} rows only one in {every[1]} has new values: the source is "
             f"{every[1]} times slower than the log. The others were left out."
         )
         log = replace(_of_rows(log, every[0], text), rate=slower)
@@ -152,7 +152,8 @@ def _without_repeats(log: Log) -> Log:
     if twice.size:
         text.append(f"{twice.size} belong to rows that were logged twice: left out")
     first = int(np.concatenate([moved, twice]).min())
-    return _of_rows(log, keep, f"Of {len(t)} time stamps {'; '.join(text)} (first row {first}).")
+    note = f"Of {len(t)} time stamps {'; '.join(text)}, the first at sample {first}."
+    return _of_rows(log, keep, note)
 
 
 def _of_rows(log: Log, keep: np.ndarray, note: str) -> Log:

@@ -173,7 +173,8 @@ def filled(values: np.ndarray, positions: bool) -> np.ndarray:
     them with their speeds. At the ends the nearest value holds.
 
     Args:
-        values: channel, shape (samples, joints); itself where nothing is NaN.
+        values: channel, shape (samples, joints); itself where nothing is NaN. A column of
+            nothing else stays.
         positions: whether it moves smoothly.
     """
     bad = ~np.isfinite(values)
@@ -183,6 +184,8 @@ def filled(values: np.ndarray, positions: bool) -> np.ndarray:
     for j in np.flatnonzero(bad.any(axis=0)):
         x, good = made[:, j], np.flatnonzero(~bad[:, j])
         rows = np.flatnonzero(bad[:, j])
+        if not good.size:
+            continue
         x[rows] = np.interp(rows, good, x[good])
         if not positions:
             continue
