@@ -33,13 +33,12 @@ from pivident.simulation.closed_loop import LoopSignals, simulate
 from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import PD
 from pivident.simulation.reference import point_to_point
-from pivident.validation.instruments.instrument_tests import instrument_tests
+from pivident.validation.instruments.instrument_tests import instrument_tests, relevance_test
 from pivident.validation.instruments.moment_sums import MomentSums
 from pivident.validation.instruments.overidentification import (
     exogeneity_test,
     overidentification_test,
 )
-from pivident.validation.instruments.weak_instruments import relevance_test
 
 NAMES = ("ia1", "fv1", "fc1", "off1")
 THETA = np.array([1.2, 5.0, 3.0, 0.5])

@@ -23,12 +23,12 @@ from scipy.stats import t as student
 
 from pivident.dynamics.parameters import standard_parameters
 from pivident.errors import PividentError
+from pivident.estimation.output_error.record_stretches import OpenLoop
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.robot.friction import FrictionLaw
 from pivident.simulation.closed_loop import LoopSignals
 from pivident.simulation.direction import Direction, ParametrisedLoop
-from pivident.simulation.open_loop import OpenLoop
 from pivident.simulation.tangents import TangentBlock, stretch_tangents
 
 #: Samples that may set the initial state, and that the score leaves out.

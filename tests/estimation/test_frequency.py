@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pivident.errors import ExperimentError, IdentificationError
-from pivident.estimation.frequency.periodic_record import PeriodicRecord
 from pivident.estimation.frequency.whole_periods import (
+    PeriodicRecord,
     derivatives_on_lines,
     low_lines,
     low_lines_of_all,
