@@ -34,7 +34,7 @@ _ROWS: tuple[tuple[int, str, tuple[str, ...]], ...] = (
         "equation with its error: measured torque, observation matrix and instruments",
         (f"{_ESTIMATION}.full_rate.FullRateRecord",),
     ),
-    (5, "accelerations of the direct dynamic model", (f"{_DYNAMICS}.forward.acceleration",)),
+    (5, "accelerations of the direct dynamic model", (f"{_SIMULATION}.integration.evaluate",)),
     (
         6,
         "control law from reference and measured position",

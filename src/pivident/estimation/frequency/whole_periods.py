@@ -253,29 +253,13 @@ class PeriodicRecord(DecimatedRecord):
         self, regressor: Regressor, theta: np.ndarray, residual: np.ndarray, whitened: np.ndarray
     ) -> FittedRecording:
         """Signals for plots over one period: means of both halves."""
-        recording, k = self.kinematics.recording, self.kinematics
         index = np.rint(self.sample_numbers).astype(int)[::HALVES]
-        tau, model = _mean(self.tau), _mean(self.tau - residual)
+        torques = _mean(self.tau), _mean(self.tau - residual)
         white = _mean(whitened) * np.sqrt(HALVES)
         used = self.used[:, ::HALVES]
         t = self.t[::HALVES]
-        return FittedRecording(
-            recording.name,
-            t,
-            k.q[:, index].T,
-            k.dq[:, index].T,
-            k.ddq[:, index].T,
-            recording.q[index],
-            tau.T,
-            model.T,
-            used.T,
-            np.where(used, white, np.nan).T,
-            float((t.size - 1) / (t[-1] - t[0])),
-            None if recording.q_ref is None else recording.q_ref[index],
-            recording.account,
-            recording.torque_scale,
-            recording.torque_source,
-        )
+        rate, white = float((t.size - 1) / (t[-1] - t[0])), np.where(used, white, np.nan)
+        return FittedRecording.at(self.kinematics, index, t, torques, used, white, rate)
 
     def _columns(self, regressor: Regressor, joint: int) -> JointColumns:
         """Φ, Z and τ of a joint, weighted."""

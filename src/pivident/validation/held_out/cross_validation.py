@@ -23,15 +23,15 @@ from pivident.recording.repeated_motion import find_repetition
 from pivident.text.lists import listed
 from pivident.text.numbers import format_significant
 from pivident.text.plain_table import plain_table
-from pivident.validation.held_out.fold_estimates import estimates_without
-from pivident.validation.held_out.folds import Piece, contiguous_folds, equal_blocks
-from pivident.validation.held_out.judged_motion import JudgedMotion
-from pivident.validation.held_out.prediction import Judge, PredictionError, pooled
-from pivident.validation.held_out.regression_folds import (
+from pivident.validation.held_out.fold_estimates import (
+    estimates_without,
     filters_without,
     needs_rows,
     regressions_without,
 )
+from pivident.validation.held_out.folds import Piece, contiguous_folds, equal_blocks
+from pivident.validation.held_out.judged_motion import JudgedMotion
+from pivident.validation.held_out.prediction import Judge, PredictionError, pooled
 from pivident.validation.held_out.replay import (
     OpenLoop,
     ReplayError,
