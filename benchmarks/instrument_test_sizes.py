@@ -21,6 +21,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.signal import lfilter
 from scipy.stats import f as f_distribution
+from tests.validation.simulated_moments import sums_of
 
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.forward import make_model
@@ -88,7 +89,7 @@ def record(
     tau = phi @ THETA + error
     extra = np.roll(z[:, :2], 5, axis=0) + 0.2 * rng.standard_normal((samples, 2))
     extra[:, 0] += invalid * error
-    return MomentSums.from_rows(phi, z if relevant else motion(rng, samples), tau, extra)
+    return sums_of(phi, z if relevant else motion(rng, samples), tau, extra)
 
 
 def p_values(sums: MomentSums) -> dict[str, float]:
