@@ -29,8 +29,7 @@ from pivident.validation.held_out.fold_estimates import (
     needs_rows,
     regressions_without,
 )
-from pivident.validation.held_out.folds import Piece, contiguous_folds, equal_blocks
-from pivident.validation.held_out.judged_motion import JudgedMotion
+from pivident.validation.held_out.folds import JudgedMotion, Piece, contiguous_folds, equal_blocks
 from pivident.validation.held_out.prediction import Judge, PredictionError, pooled
 from pivident.validation.held_out.replay import (
     OpenLoop,
