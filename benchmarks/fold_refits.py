@@ -32,8 +32,7 @@ from pivident.recording.public_records import load_kuka_kr300
 from pivident.recording.recording import Recording
 from pivident.robot.gallery import load_robot
 from pivident.validation.held_out.cross_validation import GAP_PERIODS, cross_validate
-from pivident.validation.held_out.folds import Fold, contiguous_folds
-from pivident.validation.held_out.judged_motion import JudgedMotion
+from pivident.validation.held_out.folds import Fold, JudgedMotion, contiguous_folds
 from pivident.validation.held_out.prediction import motion_band, pooled
 
 NAMES = ("ls", "iv", "iv-full-rate", "piv")

@@ -21,6 +21,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.signal import lfilter
 from scipy.stats import f as f_distribution
+from tests.validation.simulated_moments import sums_of
 
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.forward import make_model
@@ -33,13 +34,12 @@ from pivident.simulation.closed_loop import LoopSignals, simulate
 from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import PD
 from pivident.simulation.reference import point_to_point
-from pivident.validation.instruments.instrument_tests import instrument_tests
+from pivident.validation.instruments.instrument_tests import instrument_tests, relevance_test
 from pivident.validation.instruments.moment_sums import MomentSums
 from pivident.validation.instruments.overidentification import (
     exogeneity_test,
     overidentification_test,
 )
-from pivident.validation.instruments.weak_instruments import relevance_test
 
 NAMES = ("ia1", "fv1", "fc1", "off1")
 THETA = np.array([1.2, 5.0, 3.0, 0.5])
@@ -89,7 +89,7 @@ def record(
     tau = phi @ THETA + error
     extra = np.roll(z[:, :2], 5, axis=0) + 0.2 * rng.standard_normal((samples, 2))
     extra[:, 0] += invalid * error
-    return MomentSums.from_rows(phi, z if relevant else motion(rng, samples), tau, extra)
+    return sums_of(phi, z if relevant else motion(rng, samples), tau, extra)
 
 
 def p_values(sums: MomentSums) -> dict[str, float]:

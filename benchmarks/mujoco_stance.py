@@ -26,10 +26,10 @@ from pivident.recording.measured_wrenches import with_wrenches
 from pivident.recording.recording import Recording
 from pivident.robot.closed_chains import closed_robot
 from pivident.robot.constraints import Closure
-from pivident.robot.contact import Contact
 from pivident.robot.description import Robot
 from pivident.robot.frames import Pose
 from pivident.robot.gallery import load_robot
+from pivident.robot.joints import Contact
 from pivident.robot.measured_base import BASE_JOINTS, rotations_from_quaternions
 from pivident.robot.wrench_torques import link_places
 from pivident.simulation.reference import point_to_point

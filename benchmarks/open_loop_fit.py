@@ -23,13 +23,13 @@ from scipy.stats import t as student
 
 from pivident.dynamics.parameters import standard_parameters
 from pivident.errors import PividentError
+from pivident.estimation.output_error.record_stretches import OpenLoop
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.robot.friction import FrictionLaw
 from pivident.simulation.closed_loop import LoopSignals
 from pivident.simulation.direction import Direction, ParametrisedLoop
-from pivident.simulation.open_loop import OpenLoop
-from pivident.simulation.tangents import TangentBlock, stretch_tangents
+from pivident.simulation.tangents import TangentBlock, simulate_with_tangents
 
 #: Samples that may set the initial state, and that the score leaves out.
 GIVEN = 20
@@ -71,6 +71,30 @@ class Stretch(NamedTuple):
 
     start: int
     stop: int
+
+
+def stretch_tangents(
+    loop: ParametrisedLoop,
+    stretches: Sequence[slice],
+    starts: Sequence[State],
+    directions: Sequence[Direction],
+) -> list[TangentBlock]:
+    """As ``simulate_with_tangents``, stretches of the loop's signals, each from its own state.
+
+    Args:
+        loop: what is simulated; its own start does not matter.
+        stretches: samples of its signals.
+        starts: positions and speeds at the first sample of each, (joints,) each.
+        directions: parameters to differentiate along.
+
+    Returns:
+        Motion and tangents of each stretch; ``samples`` are those of the loop's signals.
+    """
+    made = []
+    for span, start in zip(stretches, starts, strict=True):
+        own = replace(loop, signals=loop.signals.part(span), start=start)
+        made.append(simulate_with_tangents(own, directions)._replace(samples=span))
+    return made
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,8 +32,7 @@ from pivident.simulation.controllers import PD
 from pivident.simulation.reference import point_to_point
 from pivident.validation.residuals.autocorrelation import durbin_watson, ljung_box
 from pivident.validation.residuals.heteroscedasticity import variance_test
-from pivident.validation.residuals.normality import normality
-from pivident.validation.residuals.residual_tests import residual_tests
+from pivident.validation.residuals.residual_tests import normality, residual_tests
 from pivident.validation.residuals.whitened_residual import JointResidual
 
 SAMPLES = 1500

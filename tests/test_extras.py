@@ -96,8 +96,8 @@ def test_an_audit_without_plotly_prints_and_writes_its_findings(tmp_path):
 
 
 def sympy_door(folder):
-    from pivident.dynamics.grouping import sympy_expressions
     from pivident.dynamics.grouping.expression_graph import symbol
+    from pivident.dynamics.grouping.expressions import sympy_expressions
 
     assert sympy_expressions  # it gives expressions their form in SymPy
     symbol("x").to_sympy()

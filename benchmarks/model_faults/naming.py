@@ -10,7 +10,7 @@ import numpy as np
 import pivident as pv
 from pivident.audit.recording_audit import recording_faults
 from pivident.model_errors import ModelErrors, corrections, named_causes, with_corrections
-from pivident.model_errors.wider_intervals import with_model_errors
+from pivident.model_errors.named_causes import with_model_errors
 from pivident.text.finding import Finding
 
 from .cases import Case, make_case

@@ -6,11 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pivident.dynamics.base_parameters import base_parameters
-from pivident.dynamics.forward import acceleration, mass_matrix
+from pivident.dynamics.forward import mass_matrix
 from pivident.dynamics.inverse_derivatives import inverse_dynamics_derivatives
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.robot.description import INERTIAL
+from tests.forward_dynamics import acceleration
 
 pytest.importorskip("pinocchio")
 from tests.dynamics.trees import RandomTree

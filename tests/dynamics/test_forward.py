@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pivident.dynamics.forward import acceleration, friction_states, make_model, mass_matrix
+from pivident.dynamics.forward import make_model, mass_matrix
 from pivident.dynamics.kernels import invert_mass_matrix
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
@@ -30,6 +30,7 @@ from pivident.robot.friction import (
     viscous,
 )
 from pivident.robot.gallery import load_robot
+from tests.forward_dynamics import acceleration, friction_states
 
 LAWS = (
     FrictionLaw((viscous(), coulomb(), offset())),

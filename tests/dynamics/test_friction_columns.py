@@ -7,7 +7,6 @@ import pytest
 
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.entry_plan import coupling_sign
-from pivident.dynamics.friction import friction_columns
 from pivident.dynamics.parameters import standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.robot.friction import (
@@ -30,6 +29,7 @@ from pivident.robot.friction_term import SignFunction
 from pivident.robot.gallery import load_robot
 from pivident.robot.transmission import Transmission
 from tests.dynamics.friction_laws import LAWS, law, smooth_motion
+from tests.friction_columns import friction_columns
 
 RATE = 500.0
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from pivident.dynamics.friction import friction_columns
 from pivident.robot.friction import FrictionLaw, dahl, lugre, maxwell_slip
+from tests.friction_columns import friction_columns
 
 DURATION, AMPLITUDE, OMEGA = 3.0, 0.02, 4.0
 

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.entry_plan import coupling_sign
-from pivident.dynamics.friction import friction_columns
 from pivident.dynamics.parameters import standard_parameters
 from pivident.dynamics.regressor import BLOCK, Regressor
 from pivident.robot.friction import (
@@ -22,6 +21,7 @@ from pivident.robot.friction import (
 )
 from pivident.robot.friction_term import SignFunction
 from pivident.robot.gallery import load_robot
+from tests.friction_columns import friction_columns
 from tests.robot.kinematics import gravity_torque
 
 ESSENTIAL = (

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from pivident.dynamics.base_parameters import base_parameters
-from pivident.dynamics.forward import acceleration, mass_matrix
+from pivident.dynamics.forward import mass_matrix
 from pivident.dynamics.parameters import standard_parameters
 from pivident.dynamics.regressor import Regressor
+from tests.forward_dynamics import acceleration
 
 pytestmark = pytest.mark.record
 

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from pivident.errors import ExperimentError
-from pivident.estimation.identification_file import to_json
+from pivident.estimation.identification_file import method_of_options, to_json
 from pivident.estimation.identify import identify
 from pivident.estimation.kinematics import estimate_kinematics, settled_recipe
-from pivident.estimation.method_options import method_of_options
 from pivident.estimation.methods import (
     METHODS,
     Algebraic,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pivident.errors import ExperimentError, IdentificationError
-from pivident.estimation.frequency.periodic_record import PeriodicRecord
 from pivident.estimation.frequency.whole_periods import (
+    PeriodicRecord,
     derivatives_on_lines,
     low_lines,
     low_lines_of_all,
@@ -15,9 +15,8 @@ from pivident.estimation.frequency.whole_periods import (
     whole_periods,
     window_around,
 )
-from pivident.estimation.identification_file import to_json
+from pivident.estimation.identification_file import method_of_options, to_json
 from pivident.estimation.identify import identify
-from pivident.estimation.method_options import method_of_options
 from pivident.estimation.methods import Algebraic, Bandpass, FrequencyDomain
 from pivident.recording.recording import Recording
 from pivident.report.builder import render_report

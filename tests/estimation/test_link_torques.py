@@ -21,7 +21,7 @@ from pivident.robot.friction import FrictionLaw, offset, viscous
 from pivident.robot.gallery import load_robot
 from pivident.robot.robot_values import robot_of_values, robot_values
 from pivident.robot.urdf import parse_urdf
-from pivident.validation.missing_inertia import missing_inertia
+from pivident.validation.divergence_cause import missing_inertia
 from tests.seven_axis_arm import COULOMB, RATE, VISCOUS, seven_axis_log
 
 pytest.importorskip("mujoco")

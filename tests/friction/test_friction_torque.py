@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pivident.dynamics.friction import friction_columns
 from pivident.estimation.identify import identify
 from pivident.experiment.experiment import load_experiment
 from pivident.friction.friction_torque import friction_torques
+from tests.friction_columns import friction_columns
 from tests.planar_log import planar_truth, write_experiment
 
 

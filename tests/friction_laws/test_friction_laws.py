@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from pivident.dynamics.forward import make_model
-from pivident.dynamics.friction import friction_columns
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.identify import build_regression, identify
@@ -26,6 +25,7 @@ from pivident.simulation.reference import point_to_point
 from pivident.validation.instruments.moment_sums import moment_sums
 from pivident.validation.instruments.overidentification import overidentification_test
 from tests.dynamics.friction_laws import LAWS, law, smooth_motion
+from tests.friction_columns import friction_columns
 
 RATE = 500.0
 FULL, THINNED = LeastSquares(signals=RandomWalk()), LeastSquares(signals=Bandpass(decimation=8))

@@ -5,8 +5,8 @@ import pytest
 from scipy.signal import TransferFunction, lfilter
 
 from pivident.linear.conversion import from_scipy, known_model
+from pivident.linear.estimate import polynomial_text, printed, with_standard_error
 from pivident.linear.model import gain, polynomials, response_and_gradient
-from pivident.linear.printing import polynomial_text, printed, with_standard_error
 from pivident.linear.sriv import riv
 
 

@@ -18,9 +18,8 @@ from pivident.model_errors.corrections import (
 )
 from pivident.model_errors.coupling_errors import COUPLED
 from pivident.model_errors.missing_parameters import missing_causes
-from pivident.model_errors.named_causes import named_causes, score_tests
+from pivident.model_errors.named_causes import named_causes, score_tests, with_model_errors
 from pivident.model_errors.record_motion import RecordMotion
-from pivident.model_errors.wider_intervals import with_model_errors
 
 from .faulty_tx40 import causes, right_estimate, right_problem, with_fault
 

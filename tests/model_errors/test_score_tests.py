@@ -5,8 +5,7 @@ import pytest
 
 from pivident.model_errors.cause import Cause
 from pivident.model_errors.cause_sums import JointRows, cause_sums
-from pivident.model_errors.column_tests import Parts
-from pivident.model_errors.partition import Normal, Partition
+from pivident.model_errors.column_tests import Normal, Partition, Parts
 from pivident.model_errors.score_tests import ScoreTests
 
 ROWS, BLOCKS = 600, 5

@@ -8,8 +8,8 @@ import pytest
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.robot_regressor import regressor_of
 from pivident.instruments.interleaved_halves import interleaved_instruments
-from pivident.motion.forced_base import with_forced_detail
 from pivident.motion.kinematics import Kinematics
+from pivident.motion.simulated_detail import with_forced_detail
 from pivident.recording.recording import Recording
 from pivident.robot.description import Link
 from pivident.robot.gallery import load_robot

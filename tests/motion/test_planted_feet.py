@@ -18,8 +18,8 @@ from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import RandomWalk
 from pivident.motion.kinematics import residual_of
 from pivident.motion.planted_feet import on_planted_feet
-from pivident.robot.contact import Contact
 from pivident.robot.gallery import load_robot
+from pivident.robot.joints import Contact
 from pivident.robot.robot_values import robot_of_values, robot_values
 from pivident.signals.bandpass import butterworth
 

@@ -3,7 +3,6 @@ import math
 import numpy as np
 import pytest
 
-from pivident.dynamics.friction import friction_columns
 from pivident.errors import RobotDescriptionError
 from pivident.robot.friction import (
     FrictionLaw,
@@ -18,6 +17,7 @@ from pivident.robot.friction import (
     viscous,
 )
 from pivident.robot.gallery import load_robot
+from tests.friction_columns import friction_columns
 
 SPEED = np.linspace(-2.0, 2.0, 9)
 

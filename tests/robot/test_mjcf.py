@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pivident.dynamics.forward import acceleration, mass_matrix
+from pivident.dynamics.forward import mass_matrix
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import RobotDescriptionError
@@ -18,6 +18,7 @@ from pivident.init.robot_file import robot_file
 from pivident.robot.gallery import load_robot
 from pivident.robot.mjcf import read_mjcf
 from pivident.robot.mjcf_actuators import actuator_law
+from tests.forward_dynamics import acceleration
 
 #: Signs without smoothing would add MuJoCo's dry friction; only the linear part is compared.
 STATES = 5

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from pivident.dynamics.base_parameters import base_parameters
-from pivident.dynamics.forward import acceleration, make_model
+from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.robot_regressor import regressor_of
 from pivident.errors import LoopNotClosed
@@ -23,6 +23,7 @@ from tests.dynamics.closed.mechanisms import (
     parallelogram,
     start,
 )
+from tests.forward_dynamics import acceleration
 from tests.simulation.loops import relative_rms, run, signals_of
 
 RATE = 1000.0

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pivident.dynamics.forward import friction_states, make_model
+from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.robot.friction import (
@@ -23,6 +23,7 @@ from pivident.robot.friction import (
 )
 from pivident.robot.gallery import load_robot
 from pivident.simulation.controllers import PD, PID, PythonController
+from tests.forward_dynamics import friction_states
 from tests.simulation.loops import TX40_KD, TX40_KP, relative_rms, reversals, run, signals_of
 from tests.simulation.test_accuracy import CONTRACT, TX40_MOTIONS
 

@@ -6,10 +6,10 @@ import pytest
 from scipy.signal import freqz, lfilter
 
 from pivident.errors import ExperimentError
+from pivident.linear.free_law import TransferLaw
 from pivident.simulation.controllers import PD, PID, Cascade, PythonController
 from pivident.simulation.joint_loop import JointLoop, joint_feedbacks
 from pivident.simulation.linear_law import LinearLaw
-from pivident.simulation.transfer_law import TransferLaw
 
 RATE = 5000.0
 F = np.geomspace(0.1, 2400.0, 60)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from pivident.errors import ExperimentError
+from pivident.linear.free_law import TransferLaw, split_integrator
 from pivident.simulation.controllers import PID, Cascade
 from pivident.simulation.linear_law import LinearLaw, differentiated
-from pivident.simulation.transfer_law import TransferLaw, split_integrator
 
 RATE = 1000.0
 

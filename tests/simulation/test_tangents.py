@@ -27,7 +27,6 @@ from pivident.simulation.linear_law import LinearLaw
 from pivident.simulation.tangents import (
     has_compiled_tangents,
     simulate_with_tangents,
-    stretch_tangents,
     tangent_blocks,
 )
 from tests.simulation.loops import CHANNELS, TX40_KD, TX40_KP, reversals, signals_of
@@ -324,23 +323,3 @@ def test_no_directions_are_the_simulation():
     found = simulate_with_tangents(planar(), [])
     np.testing.assert_array_equal(found.motion.q, motion_of(planar()).q)
     assert found.q.shape == (300, 2, 0)
-
-
-@pytest.mark.parametrize("friction", [None, (viscous(), coulomb(), offset(), load_dependent())])
-def test_stretches_are_what_loops_on_their_signals_give(friction):
-    """Friction of the load is differentiated by central differences, the other one is carried."""
-    loop = planar(PD(KP, KD), friction=friction, inputs=np.array([[2.0, -1.0]]))
-    shares = [p.stem == "fl" for p in loop.parameters]
-    loop = replace(loop, theta=np.where(shares, 0.2, loop.theta))
-    directions = [Direction("parameter", "fc1"), Direction("initial_speed", joint=1)]
-    spans = [slice(0, 40), slice(100, 180)]
-    starts = [(loop.signals.q_ref[s.start] + 0.01, np.array([0.1, -0.2])) for s in spans]
-    for span, start, made in zip(
-        spans, starts, stretch_tangents(loop, spans, starts, directions), strict=True
-    ):
-        own = replace(loop, signals=loop.signals.part(span), start=start)
-        assert len(own.signals.q_ref) == span.stop - span.start
-        alone = simulate_with_tangents(own, directions)
-        assert made.samples == span
-        np.testing.assert_array_equal(made.motion.q, alone.motion.q)
-        np.testing.assert_array_equal(made.q, alone.q)

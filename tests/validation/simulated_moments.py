@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.signal import lfilter
 
+from pivident.estimation.covariance.windows import windows_of
 from pivident.validation.instruments.moment_sums import MomentSums
 
 NAMES = ("ia1", "fv1", "off1")
@@ -29,4 +30,12 @@ def rows(rng, samples=1500, correlation=0.0, shared=0.0, invalid=0.0, relevant=T
 
 
 def sums_of(phi, z, tau, extra=None):
-    return MomentSums.from_rows(phi, z, tau, extra)
+    """Sums of one record: regressors, instruments, torque and further instruments, by sample."""
+    (windows,) = windows_of([tau.size])
+    more = 0 if extra is None else extra.shape[1]
+    sums = MomentSums.empty(phi.shape[1], more, [windows])
+    x = None if extra is None else np.ascontiguousarray(extra.T)
+    shares = list(windows.shares(slice(0, tau.size)))
+    columns = np.arange(phi.shape[1])
+    sums.add(columns, phi.T, z.T, x, tau, tau.size, shares, np.arange(more))
+    return sums

@@ -10,7 +10,7 @@ from pivident.estimation.identify import identify
 from pivident.estimation.methods import InstrumentalVariables, RandomWalk
 from pivident.many.study.bench import Bench
 from pivident.many.study.scenario import read_scenario
-from pivident.validation.missing_inertia import missing_inertia
+from pivident.validation.divergence_cause import missing_inertia
 
 ARM = """
 robot = "planar_2r"

@@ -25,8 +25,7 @@ from pivident.logs.clocks.timestamps import LOWEST_RATE
 from pivident.motion.planted_feet import on_planted_feet
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
-from pivident.validation.held_out.folds import Division
-from pivident.validation.held_out.judged_motion import division_of
+from pivident.validation.held_out.folds import Division, division_of
 
 
 class ProblemCheck:

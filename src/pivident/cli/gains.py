@@ -10,8 +10,7 @@ from pivident.cli.console import Progress
 from pivident.errors import ExperimentError
 
 if TYPE_CHECKING:
-    from pivident.drives.gain_ratios import GainGroup
-    from pivident.drives.log_units import MotorInLogUnits
+    from pivident.drives.log_units import GainGroup, MotorInLogUnits
     from pivident.experiment.experiment import Experiment
     from pivident.experiment.gains_table import GainsOfExperiment
 

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.control_law.joint_law import JointLaw, diagnostics_of, joint_law
+from pivident.control_law.joint_law import JointLaw, controller_table, diagnostics_of, joint_law
 from pivident.control_law.law_equations import (
     ALWAYS,
     SETPOINT,
@@ -36,7 +36,6 @@ from pivident.control_law.law_gravity import (
     gravity_models,
     gravity_notes,
 )
-from pivident.control_law.law_table import controller_table
 from pivident.control_law.speed_setpoint import (
     EXPLAINED,
     SpeedSetpoint,

@@ -24,8 +24,7 @@ from pivident.estimation.methods import METHODS, Method
 from pivident.estimation.problem import Problem
 from pivident.estimation.torque_sums import torque_sums
 from pivident.logs.torque_scale import is_ratio
-from pivident.model_errors.named_causes import ModelErrors, named_causes
-from pivident.model_errors.wider_intervals import with_model_errors
+from pivident.model_errors.named_causes import ModelErrors, named_causes, with_model_errors
 from pivident.recording.recording import Recording
 from pivident.text.finding import Finding
 from pivident.threads import linear_algebra_in_one_thread

@@ -13,8 +13,7 @@ from pivident.estimation.noise_options import AutoRegressive
 from pivident.text.finding import Finding, Severity
 from pivident.text.lists import listed
 from pivident.text.numbers import format_significant
-from pivident.validation.residuals.residual_tests import ResidualTests
-from pivident.validation.residuals.simulation_residuals import simulation_whiteness
+from pivident.validation.residuals.residual_tests import ResidualTests, simulation_whiteness
 
 
 def noise(result: Identification, tests: ResidualTests) -> Iterator[Finding]:

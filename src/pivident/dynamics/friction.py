@@ -16,7 +16,7 @@ import numpy as np
 
 from pivident.compiled import kernel
 from pivident.dynamics.friction_kernels import level_and_slope, state_after_way, travel_to_reversal
-from pivident.robot.friction import FrictionColumn, FrictionLaw
+from pivident.robot.friction import FrictionColumn
 from pivident.robot.friction_term import OF_POSITION, WITH_MEMORY, SignFunction
 
 _PRESLIDING = int(FrictionColumn.PRESLIDING)
@@ -136,20 +136,3 @@ def smoothed_sign(sign: int, gamma: float, dq: np.ndarray) -> np.ndarray:
     if sign == SignFunction.ATAN:
         return (2.0 / np.pi) * np.arctan(gamma * dq)
     return np.tanh(gamma * dq)
-
-
-def friction_columns(
-    law: FrictionLaw,
-    dq: np.ndarray,
-    q: np.ndarray | None = None,
-    load: np.ndarray | None = None,
-    *,
-    simulated: bool = False,
-) -> np.ndarray:
-    """Columns of the law: shape ``dq.shape + (terms,)``."""
-    dq = np.asarray(dq, dtype=float)
-    out = np.empty((*dq.shape, len(law.terms)))
-    for k, term in enumerate(law.terms):
-        column, sign, shape = term.encoded(simulated)
-        out[..., k] = friction_column(column, sign, shape, dq, q, load)
-    return out

@@ -99,27 +99,12 @@ class DecimatedRecord:
         self, regressor: Regressor, theta: np.ndarray, residual: np.ndarray, whitened: np.ndarray
     ) -> FittedRecording:
         """Signals for plots on the decimated rows; both residuals are overwritten."""
-        recording, k = self.kinematics.recording, self.kinematics
+        k = self.kinematics
         index = np.round(self.sample_numbers).astype(int)
-        rate = 1.0 / np.median(np.diff(self.t)) if self.t.size > 1 else recording.rate
+        rate = 1.0 / np.median(np.diff(self.t)) if self.t.size > 1 else k.recording.rate
         whitened[~self.used] = np.nan
-        return FittedRecording(
-            recording.name,
-            self.t,
-            k.q[:, index].T,
-            k.dq[:, index].T,
-            k.ddq[:, index].T,
-            recording.q[index],
-            self.tau.T,
-            self._model(regressor, theta).T,
-            self.used.T,
-            whitened.T,
-            float(rate),
-            None if recording.q_ref is None else recording.q_ref[index],
-            recording.account,
-            recording.torque_scale,
-            recording.torque_source,
-        )
+        torques = self.tau, self._model(regressor, theta)
+        return FittedRecording.at(k, index, self.t, torques, self.used, whitened, float(rate))
 
     def columns_of(
         self, regressor: Regressor, filters: Sequence[Prefilter], joint: int, keep: np.ndarray

@@ -46,6 +46,40 @@ class FittedRecording:
     torque_scale: tuple[TorqueScale, ...] = ()  # joints whose torque has an unverified scale
     torque_source: TorqueSource = "measured"  # whether the torque was measured, see `Recording`
 
+    @classmethod
+    def at(
+        cls,
+        kinematics: Kinematics,
+        samples: slice | np.ndarray,
+        t: np.ndarray,
+        torques: tuple[np.ndarray, np.ndarray],
+        used: np.ndarray,
+        whitened: np.ndarray,
+        rate: float,
+    ) -> FittedRecording:
+        """Signals on the rows of an estimator, which stand for some samples of its recording.
+
+        ``torques``: measured and reconstructed ones, (joints, rows) as ``used`` and ``whitened``.
+        """
+        recording, k = kinematics.recording, kinematics
+        return cls(
+            recording.name,
+            t,
+            k.q[:, samples].T,
+            k.dq[:, samples].T,
+            k.ddq[:, samples].T,
+            recording.q[samples],
+            torques[0].T,
+            torques[1].T,
+            used.T,
+            whitened.T,
+            rate,
+            None if recording.q_ref is None else recording.q_ref[samples],
+            recording.account,
+            recording.torque_scale,
+            recording.torque_source,
+        )
+
     @property
     def torque_label(self) -> str:
         """What the torque is, for the legend of a figure."""

@@ -106,22 +106,14 @@ class FullRateRecord:
         model = np.subtract(k.tau, residual, out=residual)
         whitened[~self.used] = np.nan
         part = slice(k.start, k.stop)
-        return FittedRecording(
-            k.recording.name,
+        return FittedRecording.at(
+            k,
+            part,
             k.recording.t[part],
-            k.q[:, part].T,
-            k.dq[:, part].T,
-            k.ddq[:, part].T,
-            k.recording.q[part],
-            k.tau[:, part].T,
-            model[:, part].T,
-            self.used[:, part].T,
-            whitened[:, part].T,
+            (k.tau[:, part], model[:, part]),
+            self.used[:, part],
+            whitened[:, part],
             k.recording.rate,
-            None if k.recording.q_ref is None else k.recording.q_ref[part],
-            k.recording.account,
-            k.recording.torque_scale,
-            k.recording.torque_source,
         )
 
     def columns_of(

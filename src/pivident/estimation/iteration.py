@@ -35,10 +35,9 @@ from pivident.estimation.normal_equations import (
     weighted_solution,
 )
 from pivident.estimation.problem import Problem
-from pivident.motion.forced_base import with_forced_detail
 from pivident.motion.kinematics import Kinematics
 from pivident.motion.motion import SimulatedMotion, with_inner
-from pivident.motion.simulated_detail import with_simulated_detail
+from pivident.motion.simulated_detail import with_forced_detail, with_simulated_detail
 from pivident.motion.speed_limits import SpeedLimits
 from pivident.signals.prefilter import Prefilter
 from pivident.text import display

@@ -23,8 +23,7 @@ from pivident.errors import IdentificationFileError, PividentError
 from pivident.estimation.equation_noise import EquationNoise
 from pivident.estimation.equation_record import MotionRange
 from pivident.estimation.identification import Identification, Iteration, JointFit
-from pivident.estimation.identification_file import SCHEMA
-from pivident.estimation.method_options import method_of_options
+from pivident.estimation.identification_file import SCHEMA, method_of_options
 from pivident.estimation.simulation_result import SimulationResult
 from pivident.files import json_object
 from pivident.instruments.given_motion import InstrumentsUsed, Kind

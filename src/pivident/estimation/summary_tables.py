@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from pivident.dynamics.parameter_names import names_in_words
+from pivident.dynamics.parameters import Parameter
 from pivident.estimation.identification import Identification
 from pivident.estimation.methods import Algebraic, Bandpass
 from pivident.estimation.parameter_rows import (
@@ -19,6 +19,7 @@ from pivident.estimation.parameter_rows import (
     parameter_rows,
 )
 from pivident.estimation.simulation_tables import simulation_text
+from pivident.robot.friction import FrictionColumn
 from pivident.text.numbers import format_exact, format_significant, percent, with_spread
 from pivident.text.plain_table import GAP, column, lines_of
 
@@ -258,3 +259,48 @@ def _method_columns(
 
 def _first(rows: Sequence[ParameterRow | None]) -> ParameterRow:
     return next(row for row in rows if row is not None)
+
+
+#: Stems of inertial and coupling parameters, those that share their words side by side.
+_STEMS = {
+    ("xx", "yy", "zz"): "moments of inertia of a link about the axes of its frame",
+    ("xy", "xz", "yz"): "products of inertia",
+    ("mx", "my", "mz"): "mass times the coordinates of its centre",
+    ("m",): "mass",
+    ("ia",): "rotor inertia on the joint side",
+    ("iam",): "rotor inertia of a coupling",
+    ("fvm", "fcm"): "viscous and dry friction of a coupling",
+}
+
+#: Friction by its function, whatever the stem.
+_FRICTION = {
+    FrictionColumn.VISCOUS: "viscous friction",
+    FrictionColumn.COULOMB: "Coulomb friction",
+    FrictionColumn.OFFSET: "constant torque",
+}
+
+
+def names_in_words(parameters: Mapping[str, Parameter]) -> str:
+    """What the names of some parameters stand for, in a line without a full stop.
+
+    Args:
+        parameters: by their names as shown; in these an ``r`` marks the head of a group.
+    """
+    stems = {p.stem for p in parameters.values()}
+    words = []
+    for together, meaning in _STEMS.items():
+        if present := [stem for stem in together if stem in stems]:
+            words.append(f"{', '.join(present)}: {meaning}")
+    friction = {p.stem: p.friction for p in parameters.values() if p.friction is not None}
+    words += [
+        f"{stem}: {_FRICTION[term.column]}"
+        for stem, term in friction.items()
+        if term.column in _FRICTION
+    ]
+    if others := [s for s, term in friction.items() if term.column not in _FRICTION]:
+        words.append(f"{', '.join(others)}: further terms of the friction law")
+    if any(name != p.name for name, p in parameters.items()):
+        words.append("with r: together with others that no motion of this robot tells from it")
+    if any(name[-1:].isdigit() for name in parameters):
+        words.append("the number is that of the link or joint, counted from the base")
+    return "; ".join(words)

@@ -11,12 +11,12 @@ import numpy as np
 
 from pivident.errors import ExperimentError, RobotDescriptionError, concerning
 from pivident.experiment.schema import ContactEntry, CouplingEntry, RobotEntry, WrenchEntry
-from pivident.robot.contact import Contact
 from pivident.robot.description import Coupling, Robot, TorqueSide
 from pivident.robot.drives import implied_coupling, with_drives
 from pivident.robot.frames import Pose, rotation_from_rpy
 from pivident.robot.friction import FrictionLaw
 from pivident.robot.gallery import load_robot
+from pivident.robot.joints import Contact
 from pivident.robot.measured_base import with_floating_base, with_wrench_sensors
 from pivident.robot.mjcf import read_mjcf
 from pivident.robot.modified_dh import friction_law

@@ -56,7 +56,7 @@ from pivident.friction_laws.shape_constants import GAMMA
 from pivident.robot.description import Robot
 from pivident.robot.friction import FrictionLaw
 from pivident.robot.naming import find_joint
-from pivident.validation.held_out.judged_motion import GAP_PERIODS
+from pivident.validation.held_out.folds import GAP_PERIODS
 from pivident.validation.held_out.prediction import motion_band
 from pivident.validation.held_out.segment_sums import SegmentSums
 

@@ -12,13 +12,12 @@ from typing import Any
 import numpy as np
 
 from pivident.init.kept_joints import KeptJoints
-from pivident.instruments.second_sensor import SAME_SENSOR
+from pivident.instruments.second_sensor import SAME_SENSOR, explained_noise
 from pivident.logs.clocks.timestamps import resample_smooth
 from pivident.logs.recognition.joint_columns import JointMap
 from pivident.logs.recognition.log_file import Run
 from pivident.logs.recognition.position_units import following_unit
 from pivident.logs.units import SPEED
-from pivident.signals.shared_noise import explained_noise
 from pivident.text.numbers import percent
 
 #: Samples that are compared: enough to tell 0.05 from 0.1.

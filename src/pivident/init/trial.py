@@ -36,7 +36,7 @@ from pivident.recording.channels import TIMING_WORDS
 from pivident.recording.recording import Recording
 from pivident.robot.friction_toml import law_toml
 from pivident.text.toml import parse_toml
-from pivident.validation.held_out.judged_motion import division_of
+from pivident.validation.held_out.folds import division_of
 
 #: Longest record on which methods are tried [samples times joints]; longer ones are tried in part.
 MAX_TRIAL = 150_000

@@ -19,9 +19,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from pivident.instruments.given_motion import GivenMotions, agreement
+from pivident.instruments.reference_response import odd_extension
 from pivident.motion.kinematics import MOTION_BAND, Kinematics
 from pivident.motion.motion import SimulatedMotion
-from pivident.signals.linear_response import odd_extension
 
 #: Damping ζ of the error dynamics: the flattest gain.
 DAMPING = np.sqrt(0.5)

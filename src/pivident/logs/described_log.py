@@ -4,21 +4,23 @@
 
 What an audit judges is what an identification would get: channels as they are where they have one
 clock, and otherwise resampled onto one, with a sentence that says so.
+
+Nothing is refused where channels have clocks of their own: samples that are NaN are left out, gaps
+are cut around, and the notes say so.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pivident.errors import RecordingError, concerning
+from pivident.errors import GapInClock, RecordingError, concerning
 from pivident.logs.bags.read_bag import is_bag
-from pivident.logs.clocks.clock_alignment import have_one_clock
-from pivident.logs.clocks.common_clock import on_one_clock
+from pivident.logs.clocks.clock_alignment import ClockedChannel, have_one_clock, onto_one_clock
 from pivident.logs.file_columns import lenient_table, numeric_columns
 from pivident.logs.joint_side import factors_of, gains_of, on_joint_side, sides_of
 from pivident.logs.log import CHANNELS, Log
@@ -128,3 +130,38 @@ def in_si(log: Log) -> tuple[dict[str, np.ndarray], tuple[int, ...]]:
             values = values * gains
         channels[channel] = on_joint_side(channel, values, sides, said)
     return channels, without
+
+
+#: Channels on their clock: values by name, clocks by name [s], and what was done.
+OnOneClock = tuple[dict[str, np.ndarray], dict[str, np.ndarray], list[str]]
+
+
+def on_one_clock(channels: Sequence[ClockedChannel], rate: float | None) -> OnOneClock:
+    """Channels as they are where they have one clock, else resampled; gaps are cut around."""
+    if have_one_clock(channels):
+        done = list(dict.fromkeys(note for c in channels for note in c.notes))
+        return {c.channel: c.values for c in channels}, {channels[0].clock: channels[0].t}, done
+    whole = [_without_holes(channel) for channel in channels]
+    part: tuple[float, float] | None = None
+    notes: list[str] = []
+    for last in [False] * 8 + [True]:
+        try:
+            aligned = onto_one_clock(whole, rate, part)
+            break
+        except GapInClock as gap:
+            if last:
+                raise
+            notes = [f"Only the longest stretch without gaps is used: {gap}."]
+            part = gap.stretches.longest
+    return aligned.values, {"common clock": aligned.t}, [*notes, *aligned.notes]
+
+
+def _without_holes(channel: ClockedChannel) -> ClockedChannel:
+    """A channel without the samples that are NaN, which no interpolation takes."""
+    good = np.isfinite(channel.values).all(axis=1) & np.isfinite(channel.t)
+    if good.all():
+        return channel
+    note = f"{channel.channel}: {int((~good).sum())} samples that are NaN were left out."
+    return replace(
+        channel, t=channel.t[good], values=channel.values[good], notes=(*channel.notes, note)
+    )

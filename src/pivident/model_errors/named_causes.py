@@ -4,12 +4,20 @@ The residual of an estimate is compared with what each cause would make of it (`
 cause is named if it is significant among all that were tried and lets motion that was not fitted be
 predicted better. It is a reservation if correcting it would move a parameter by more than
 `MATTERS` standard errors, or if it makes a good part of the residual.
+
+Standard errors describe noise. Where causes of model error remain, the estimate also depends on the
+motion, and it is off by what correcting them would change. With σ of the noise, σ_b of the
+estimates from other places and motions (a jackknife over clusters) and Δ the change by all causes,
+
+    σ² + max(σ_b² - σ², 0) + Δ²
+
+is the variance of each parameter; correlations stay as they are.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,16 +27,16 @@ from pivident.estimation.problem import Problem
 from pivident.model_errors.cause import Cause
 from pivident.model_errors.cause_rows import CauseRows, instrument_motions, smoothed
 from pivident.model_errors.coupling_errors import coupling_causes
-from pivident.model_errors.friction_errors import friction_causes
 from pivident.model_errors.geometry import geometry_causes
 from pivident.model_errors.missing_parameters import missing_causes
 from pivident.model_errors.motion_errors import motion_causes
 from pivident.model_errors.record_motion import Reach
 from pivident.model_errors.score_tests import LEVEL, MOST_CAUSES, Score, ScoreTests
-from pivident.model_errors.torque_errors import torque_causes
+from pivident.model_errors.torque_errors import friction_causes, torque_causes
 from pivident.model_errors.unchecked_causes import UncheckedCause, unchecked_causes
 from pivident.model_errors.wrench_errors import wrench_causes
 from pivident.motion.kinematics import Kinematics
+from pivident.text.finding import Finding
 from pivident.text.numbers import plus_minus
 from pivident.threads import linear_algebra_in_one_thread
 
@@ -246,4 +254,24 @@ def reach_of(kinematics: Sequence[Kinematics]) -> Reach:
         np.min([k.q[:, span].min(axis=1) for k, span in spans], axis=0),
         np.max([k.q[:, span].max(axis=1) for k, span in spans], axis=0),
         np.max([np.abs(k.dq[:, span]).max(axis=1) for k, span in spans], axis=0),
+    )
+
+
+def with_model_errors(found: Identification, errors: ModelErrors) -> Identification:
+    """The estimate with intervals that contain the model error; itself where none matters."""
+    if not errors.matter:
+        return found
+    std = found.std
+    wider = np.sqrt(np.maximum(std, errors.between) ** 2 + errors.shift**2)
+    factor = np.divide(wider, std, out=np.ones_like(std), where=std > 0.0)
+    scale = np.outer(factor, factor)
+    text = (
+        "The intervals contain the model error that was found besides the noise "
+        f"({', '.join(dict.fromkeys(named.cause.kind for named in errors.matter))})."
+    )
+    return replace(
+        found,
+        covariance=found.covariance * scale,
+        robust_covariance=found.robust_covariance * scale,
+        warnings=(*found.warnings, Finding("note", "intervals", "model error", text)),
     )

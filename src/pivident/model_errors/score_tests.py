@@ -23,8 +23,7 @@ from pivident.estimation.covariance.sandwich import jackknife_of
 from pivident.estimation.covariance.windows import OVERLAP, degrees_of_freedom
 from pivident.model_errors.cause import Cause
 from pivident.model_errors.cause_sums import CauseSums
-from pivident.model_errors.column_tests import Parts, column_tests
-from pivident.model_errors.partition import Normal, Partition
+from pivident.model_errors.column_tests import Normal, Partition, Parts, column_tests
 
 #: Share of a cause's columns that Φ must leave for it to be told from the parameters.
 DISTINCT = 1e-12

@@ -34,7 +34,7 @@ _ROWS: tuple[tuple[int, str, tuple[str, ...]], ...] = (
         "equation with its error: measured torque, observation matrix and instruments",
         (f"{_ESTIMATION}.full_rate.FullRateRecord",),
     ),
-    (5, "accelerations of the direct dynamic model", (f"{_DYNAMICS}.forward.acceleration",)),
+    (5, "accelerations of the direct dynamic model", (f"{_SIMULATION}.integration.evaluate",)),
     (
         6,
         "control law from reference and measured position",
@@ -45,7 +45,7 @@ _ROWS: tuple[tuple[int, str, tuple[str, ...]], ...] = (
     (9, "noise of all encoders behind its filter", (f"{_SIMULATION}.noise.Noise.in_loop",)),
     (10, "the same of one joint", (f"{_SIMULATION}.noise.Noise.in_loop",)),
     (11, "linear part of one joint's dynamics", (f"{_SIMULATION}.joint_loop.JointLoop.plant",)),
-    (12, "largest inertia of a joint", ("pivident.validation.joint_inertia.inertia_ranges",)),
+    (12, "largest inertia of a joint", ("pivident.validation.identified_loop.inertia_ranges",)),
     (
         13,
         "what the other joints, gravity and dry friction add: all that is not linear",

@@ -24,10 +24,10 @@ import numpy as np
 
 from pivident.errors import RobotDescriptionError
 from pivident.robot.constraints import Constraints
-from pivident.robot.contact import Contact
 from pivident.robot.friction import DEFAULT_FRICTION, FrictionLaw
 from pivident.robot.joints import (
     INERTIAL,
+    Contact,
     Coupling,
     Joint,
     JointKind,

@@ -16,11 +16,11 @@ import numpy as np
 from pivident.errors import RobotDescriptionError
 from pivident.robot.closed_chains import check_closed
 from pivident.robot.constraints import Closure, Constraints, LinearConstraint
-from pivident.robot.contact import Contact
 from pivident.robot.description import Coupling, Joint, Link, Robot, UrdfFile
 from pivident.robot.frames import Pose
 from pivident.robot.friction import FrictionLaw
 from pivident.robot.friction_term import FrictionColumn, FrictionTerm, Shape
+from pivident.robot.joints import Contact
 from pivident.robot.naming import errors_name
 from pivident.robot.robot_schema import (
     ConstraintValues,

@@ -142,8 +142,8 @@ class Trajectory:
     ddq: np.ndarray  # accelerations, right after each sample's torque [rad/s² or m/s²]
     tau: np.ndarray  # joint torques or forces, held from each sample on [N m or N]
     command: np.ndarray  # controller output after saturation [unit of the controller]
-    #: States z of friction that remembers its path, in the order of
-    #: ``dynamics.forward.friction_states``, shape (samples, states).
+    #: States z of friction that remembers its path, in the order of its table's ``memories``,
+    #: shape (samples, states).
     friction_states: np.ndarray
 
 

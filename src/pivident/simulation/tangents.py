@@ -8,7 +8,6 @@ the tangents of all are carried beside a single one (``loop_tangent``).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -114,46 +113,6 @@ def tangent_blocks(
         yield from _without_tangents(loop, model, block)
         return
     yield from _carried(loop, model, ModelEntries(loop, directions), directions, block)
-
-
-def stretch_tangents(
-    loop: ParametrisedLoop,
-    stretches: Sequence[slice],
-    starts: Sequence[tuple[np.ndarray, np.ndarray]],
-    directions: Sequence[Direction],
-) -> list[TangentBlock]:
-    """As ``simulate_with_tangents``, stretches of the loop's signals, each from its own state.
-
-    What the stretches share, the model and its slopes along the directions, is made once.
-
-    Args:
-        loop: what is simulated; its own start does not matter.
-        stretches: samples of its signals.
-        starts: positions and speeds at the first sample of each, (joints,) each.
-        directions: parameters to differentiate along.
-
-    Returns:
-        Motion and tangents of each stretch; ``samples`` are those of the loop's signals.
-
-    Raises:
-        ExperimentError: the loop has no such parameter; says which there are.
-        SimulationDiverged: the loop is unstable; names the joint and the time in its stretch.
-        MassMatrixNotPositiveDefinite: the values are those of no machine; names the joint.
-    """
-    for direction in directions:
-        loop.check(direction)
-    model, made = loop.model, []
-    compiled = bool(directions) and has_compiled_tangents(loop, model)
-    tables = ModelEntries(loop, directions) if compiled else None
-    for span, start in zip(stretches, starts, strict=True):
-        own = replace(loop, signals=loop.signals.part(span), start=start)
-        if tables is None:
-            block = _by_differences(own, directions)
-        else:
-            whole = len(own.signals.q_ref)
-            block = next(_carried(own, model, tables, directions, whole))
-        made.append(block._replace(samples=span))
-    return made
 
 
 def _carried(

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pivident.dynamics.grouping.expressions import Expression
+from pivident.dynamics.grouping.expressions import Expression, sympy_expressions
 from pivident.dynamics.grouping.notation import PYTHON, expression_texts
-from pivident.dynamics.grouping.sympy_expressions import sympy_expressions
 from pivident.extras import require
 from pivident.symbolic.assignments import Assignments, closings_of
 from pivident.symbolic.print_python import scalar_names

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from pivident.dynamics.closed_chains.closed_motion import ClosedChains
-from pivident.dynamics.forward import acceleration, mass_matrix
+from pivident.dynamics.forward import mass_matrix
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.robot_regressor import regressor_of
 from tests.dynamics.closed.mechanisms import MECHANISMS, energy, states
+from tests.forward_dynamics import acceleration
 
 pytest.importorskip("mujoco")
 from tests.dynamics.closed.mujoco_twin import Twin

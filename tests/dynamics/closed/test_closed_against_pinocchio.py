@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from pivident.dynamics.closed_chains.closed_motion import ClosedChains
-from pivident.dynamics.forward import acceleration
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.robot_regressor import regressor_of
 from tests.dynamics.closed.mechanisms import MECHANISMS, delta, five_bar, spatial_loop, states
+from tests.forward_dynamics import acceleration
 
 pin = pytest.importorskip("pinocchio")
 

@@ -5,7 +5,6 @@ import pytest
 
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.closed_chains.closed_motion import ClosedChains
-from pivident.dynamics.forward import acceleration
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
 from pivident.dynamics.robot_regressor import regressor_of
@@ -18,6 +17,7 @@ from tests.dynamics.closed.mechanisms import (
     spatial_loop,
     states,
 )
+from tests.forward_dynamics import acceleration
 
 SIZES = MECHANISMS | {
     "delta without friction": delta,

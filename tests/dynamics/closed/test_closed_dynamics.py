@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from pivident.dynamics.closed_chains.closed_motion import ClosedChains
-from pivident.dynamics.forward import acceleration, mass_matrix
+from pivident.dynamics.forward import mass_matrix
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.robot_regressor import regressor_of
 from pivident.errors import RobotDescriptionError
@@ -34,6 +34,7 @@ from tests.dynamics.closed.mechanisms import (
     start,
     states,
 )
+from tests.forward_dynamics import acceleration
 
 
 def nominal(robot):

@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
-from pivident.estimation.covariance.score_spectra import ScoreSpectra
+from pivident.estimation.covariance.stationary_noise import ScoreSpectra
 
 SAMPLES = 6000
 LAGS = 400

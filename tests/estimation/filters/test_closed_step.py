@@ -7,7 +7,6 @@ import pytest
 from numba import njit
 
 from pivident.dynamics.base_parameters import base_parameters
-from pivident.dynamics.forward import acceleration
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.robot_regressor import regressor_of
 from pivident.errors import LoopNotClosed
@@ -22,6 +21,7 @@ from pivident.estimation.filters.recursive import RecursiveLeastSquares
 from pivident.estimation.filters.robot_equations import robot_equations
 from pivident.robot import FrictionLaw, coulomb, spring, viscous
 from pivident.robot.gallery import load_robot
+from tests.forward_dynamics import acceleration
 
 
 @njit(cache=True)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from pivident.errors import ExperimentError, FilterDiverged
-from pivident.estimation.filters.filter_run import windows_covariance
 from pivident.estimation.filters.filter_setup import acting_torques
+from pivident.estimation.filters.identify_filter import windows_covariance
+from pivident.estimation.identification_file import method_of_options
 from pivident.estimation.identify import identify
-from pivident.estimation.method_options import method_of_options
 from pivident.estimation.methods import (
     METHODS,
     CentralDifferenceKalman,
@@ -18,7 +18,7 @@ from pivident.estimation.methods import (
     UnscentedKalman,
 )
 from pivident.validation.held_out.cross_validation import cross_validate
-from pivident.validation.held_out.filter_folds import filters_without
+from pivident.validation.held_out.fold_estimates import filters_without
 from tests.estimation.filters.scenes import planar_problem
 
 

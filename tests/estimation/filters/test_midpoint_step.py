@@ -4,7 +4,6 @@ import numpy as np
 from numba import njit
 
 from pivident.dynamics.base_parameters import base_parameters
-from pivident.dynamics.forward import acceleration
 from pivident.dynamics.parameters import nominal_values
 from pivident.estimation.filters.midpoint_step import (
     ACCELERATION,
@@ -15,6 +14,7 @@ from pivident.estimation.filters.midpoint_step import (
 )
 from pivident.estimation.filters.robot_equations import robot_equations
 from pivident.robot.gallery import load_robot
+from tests.forward_dynamics import acceleration
 
 
 @njit

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from pivident.estimation.output_error.bounded_step import (
+from pivident.estimation.output_error.reduced_equations import (
     bounded_step,
     condition_of,
     to_hold,

@@ -6,10 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pivident.estimation.output_error import kept_columns, simulated_errors
+from pivident.estimation.output_error import simulated_errors
 from pivident.estimation.output_error.fit import FitOptions, fit_simulation
-from pivident.estimation.output_error.kept_columns import JoinedColumns, KeptColumns
-from pivident.estimation.output_error.simulated_errors import POSITIONS, TORQUES
+from pivident.estimation.output_error.simulated_errors import (
+    POSITIONS,
+    TORQUES,
+    JoinedColumns,
+    KeptColumns,
+)
 from tests.estimation.output_error.arms import loop, stretch, unknowns
 from tests.planar_arm import nominal_parameters
 
@@ -54,7 +58,7 @@ def test_estimates_do_not_depend_on_where_derivatives_lie(monkeypatch, in_memory
 
 @pytest.mark.parametrize("lengths", [(1, 7, 30, 2, 24), (64,), (32, 32)])
 def test_blocks_are_the_rows_that_were_added(monkeypatch, lengths):
-    monkeypatch.setattr(kept_columns, "ROWS", 16)
+    monkeypatch.setattr(simulated_errors, "ROWS", 16)
     rng = np.random.default_rng(1)
     rows, total = rng.normal(size=(sum(lengths), 2, 3, 4)), sum(lengths)
     first, last = KeptColumns(2, 3, 3, total, 2000), KeptColumns(2, 3, 1, total, 0)

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from pivident.errors import ExperimentError
+from pivident.linear.free_law import TransferLaw
 from pivident.many.study.bench import Bench
 from pivident.many.study.bound import efficiency_bounds
 from pivident.many.study.run import Task, execute
 from pivident.many.study.scenario import read_scenario
 from pivident.models.possible_values import is_possible
 from pivident.simulation.noise import Noise
-from pivident.simulation.transfer_law import TransferLaw
 from tests.many.study.small import TEXT, small
 
 

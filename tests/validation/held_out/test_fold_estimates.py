@@ -14,8 +14,7 @@ from pivident.robot.friction import FrictionLaw, coulomb, load_dependent, viscou
 from pivident.validation.held_out import fold_estimates
 from pivident.validation.held_out.cross_validation import cross_validate
 from pivident.validation.held_out.fold_estimates import estimates_without
-from pivident.validation.held_out.folds import contiguous_folds
-from pivident.validation.held_out.judged_motion import JudgedMotion
+from pivident.validation.held_out.folds import JudgedMotion, contiguous_folds
 from tests.validation import one_axis as axis
 
 

@@ -6,11 +6,16 @@ import numpy as np
 import pytest
 
 from pivident.errors import IdentificationError
-from pivident.estimation.output_error.bounded_step import bounded_step
+from pivident.estimation.output_error.reduced_equations import bounded_step
 from pivident.estimation.output_error.simulated_errors import simulated_errors
 from pivident.estimation.output_error.unknowns import with_values
-from pivident.validation.held_out.folds import Fold, Piece, contiguous_folds, moving_part
-from pivident.validation.held_out.judged_motion import JudgedMotion
+from pivident.validation.held_out.folds import (
+    Fold,
+    JudgedMotion,
+    Piece,
+    contiguous_folds,
+    moving_part,
+)
 from pivident.validation.held_out.simulated_folds import (
     _equations,
     rows_of,

@@ -17,9 +17,9 @@ from pivident.validation.held_out.cross_validation import cross_validate
 from pivident.validation.held_out.held_out_errors import HeldOutErrors
 from pivident.validation.held_out.out_of_sample import _judged
 from pivident.validation.held_out.prediction import Judge
-from pivident.validation.held_out.replay import Replay
-from pivident.validation.held_out.simulated_positions import (
+from pivident.validation.held_out.replay import (
     OpenLoop,
+    Replay,
     SimulationError,
     pooled_simulation,
 )

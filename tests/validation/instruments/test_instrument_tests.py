@@ -10,13 +10,12 @@ from pivident.errors import IdentificationError
 from pivident.estimation.covariance.windows import OVERLAP, windows_of
 from pivident.estimation.identify import identify
 from pivident.experiment.simulated_tx40 import tx40_scenario
-from pivident.validation.instruments.instrument_tests import instrument_tests
+from pivident.validation.instruments.instrument_tests import instrument_tests, relevance_test
 from pivident.validation.instruments.moment_sums import moment_sums
 from pivident.validation.instruments.overidentification import (
     exogeneity_test,
     overidentification_test,
 )
-from pivident.validation.instruments.weak_instruments import relevance_test
 from tests.validation.simulated_moments import NAMES, rows, sums_of
 
 

@@ -25,8 +25,9 @@ import numpy as np
 
 from pivident.estimation.answer import answer
 from pivident.estimation.equation_record import accumulate
-from pivident.estimation.frequency.periodic_record import HALVES, PeriodicRecord
 from pivident.estimation.frequency.whole_periods import (
+    HALVES,
+    PeriodicRecord,
     WholePeriods,
     derivatives_on_lines,
     low_lines,

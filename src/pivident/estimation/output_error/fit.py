@@ -25,6 +25,7 @@ from pivident.estimation.output_error.fit_answer import fit_answer
 from pivident.estimation.output_error.noise_weights import (
     NoiseWeights,
 )
+from pivident.estimation.output_error.record_stretches import OpenLoop
 from pivident.estimation.output_error.shaking import loop_noise, shaking
 from pivident.estimation.output_error.simulated_errors import (
     POSITIONS,
@@ -46,7 +47,6 @@ from pivident.estimation.output_error.weighted_step import (
     WeightedSteps,
     inverse_of_free,
 )
-from pivident.simulation.open_loop import OpenLoop
 
 #: Passes that make noise models; later ones keep them, so that the estimate can settle.
 MODEL_PASSES = 2

@@ -2,7 +2,7 @@
 
 Where the errors are stationary noise of any colour, the covariance is
 
-    P = H⁻¹ V H⁻¹,   V the variance of the scores Σ_j Σ_t z_j(t) w_j(t)   (`score_spectra`)
+    P = H⁻¹ V H⁻¹,   V the variance of the scores Σ_j Σ_t z_j(t) w_j(t)   (`ScoreSpectra`)
 
 w are the whitened errors over √λ that the fit leaves, z their derivatives, less what the initial
 states of a stretch take over (`reduced_equations`). Positions and torques of a joint are
@@ -17,14 +17,14 @@ import numpy as np
 
 from pivident.dynamics.separation import WEAKEST_SHARE
 from pivident.estimation.covariance.sandwich import Jackknife
-from pivident.estimation.covariance.score_spectra import ScoreSpectra
 from pivident.estimation.covariance.stationary_noise import (
     MAX_STRETCH,
+    ScoreSpectra,
     covariance_by_test,
     longest_lag,
 )
-from pivident.estimation.output_error.bounded_step import condition_of
 from pivident.estimation.output_error.noise_weights import whitened_errors, whitened_rows
+from pivident.estimation.output_error.reduced_equations import condition_of
 from pivident.estimation.output_error.simulation_fit import (
     FitOptions,
     FitPass,

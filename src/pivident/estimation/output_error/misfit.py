@@ -26,15 +26,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pivident.estimation.methods import OutputError
-from pivident.estimation.output_error.bounded_step import undetermined
-from pivident.estimation.output_error.kept_columns import JoinedColumns
 from pivident.estimation.output_error.loop_unknowns import loop_unknowns
 from pivident.estimation.output_error.noise_weights import whitened_sums
 from pivident.estimation.output_error.reduced_equations import (
     ReducedEquations,
     stretch_equations,
+    undetermined,
 )
-from pivident.estimation.output_error.simulated_errors import TORQUES, simulated_errors
+from pivident.estimation.output_error.simulated_errors import (
+    TORQUES,
+    JoinedColumns,
+    simulated_errors,
+)
 from pivident.estimation.output_error.simulation_fit import SimulationFit
 from pivident.estimation.output_error.thinning import means_at
 from pivident.estimation.output_error.unknowns import Unknown, values_of

@@ -8,7 +8,7 @@ Long open loops may be cut into stretches, each with an initial state of its own
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -28,11 +28,38 @@ from pivident.recording.recording import Recording
 from pivident.scratch import working_array
 from pivident.simulation.closed_loop import LoopSignals, simulate_blocks
 from pivident.simulation.control_loop import Loop
+from pivident.simulation.controllers import TAPS, SampledLaw
 from pivident.simulation.direction import ParametrisedLoop
 from pivident.simulation.feed_forward import with_measured_gravity
 from pivident.simulation.loop_kernel import TORQUE
-from pivident.simulation.open_loop import OpenLoop
 from pivident.simulation.tangents import tangent_blocks
+
+
+@dataclass(frozen=True)
+class OpenLoop:
+    """u = 0: what acts are the known inputs times the drive gain."""
+
+    def check(self, joints: int) -> None:
+        """Fits any number of joints."""
+
+    def law(self, rate: float, q_ref: np.ndarray, dq_ref: np.ndarray | None) -> SampledLaw:
+        """No feedback, no integrator, no share of the reference.
+
+        Args:
+            rate: rate of the simulation [Hz].
+            q_ref: reference positions, shape (samples, joints) [rad or m].
+            dq_ref: reference speeds, likewise, or None.
+
+        Returns:
+            The law as arrays, all zero but the leading coefficients of its denominators.
+        """
+        n = q_ref.shape[1]
+        none, monic = np.zeros((n, TAPS)), np.zeros((n, TAPS))
+        monic[:, 0] = 1.0
+        return SampledLaw(
+            none, monic, none, np.zeros(n), np.zeros_like(q_ref), np.zeros_like(q_ref)
+        )
+
 
 #: The start is forgotten once its trace in the torque is this share of the torque's standard
 #: deviation.

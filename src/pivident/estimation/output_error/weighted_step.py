@@ -15,12 +15,6 @@ import numpy as np
 
 from pivident.errors import RankDeficientRegressor
 from pivident.estimation.covariance import inverse_gram
-from pivident.estimation.output_error.bounded_step import (
-    BoundedStep,
-    bounded_step,
-    to_hold,
-    undetermined,
-)
 from pivident.estimation.output_error.noise_weights import (
     HUBER_MEAN,
     NoiseWeights,
@@ -30,9 +24,13 @@ from pivident.estimation.output_error.noise_weights import (
     whitened_sums,
 )
 from pivident.estimation.output_error.reduced_equations import (
+    BoundedStep,
     ReducedEquations,
+    bounded_step,
     error_variances,
     stretch_equations,
+    to_hold,
+    undetermined,
 )
 from pivident.estimation.output_error.simulated_errors import SimulatedErrors
 from pivident.estimation.output_error.simulation_fit import FitOptions

@@ -11,10 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from pivident.control_law.joint_law import JointLaw
+from pivident.control_law.joint_law import JointLaw, differentiator_text
 from pivident.control_law.law_equations import ALWAYS, F_PROBABILITY, TERMS, WORTHWHILE, Term
 from pivident.control_law.law_gravity import PLACE_TEXTS, JointGravity
-from pivident.control_law.law_table import differentiator_text
 from pivident.estimation.identification import Identification
 from pivident.estimation.methods import Algebraic, Bandpass
 from pivident.report.frequency_figures import bandwidth_text, loop_figure

@@ -17,7 +17,7 @@ from pivident.estimation.simulation_tables import held_lines, parameter_texts, s
 from pivident.report.plotly_figures import ERROR, MEASURED, Figure, colour, empty_plot, line
 from pivident.report.sections.base import Gallery, Section
 from pivident.text.numbers import format_significant
-from pivident.validation.residuals.simulation_residuals import simulation_whiteness
+from pivident.validation.residuals.residual_tests import simulation_whiteness
 
 #: Height of each part of a figure on the page [px].
 PART, MARGIN = 120, 60

@@ -23,19 +23,22 @@ from pivident.recording.repeated_motion import find_repetition
 from pivident.text.lists import listed
 from pivident.text.numbers import format_significant
 from pivident.text.plain_table import plain_table
-from pivident.validation.held_out.filter_folds import filters_without
-from pivident.validation.held_out.fold_estimates import estimates_without
-from pivident.validation.held_out.folds import Piece, contiguous_folds, equal_blocks
-from pivident.validation.held_out.judged_motion import JudgedMotion
+from pivident.validation.held_out.fold_estimates import (
+    estimates_without,
+    filters_without,
+    needs_rows,
+    regressions_without,
+)
+from pivident.validation.held_out.folds import JudgedMotion, Piece, contiguous_folds, equal_blocks
 from pivident.validation.held_out.prediction import Judge, PredictionError, pooled
-from pivident.validation.held_out.regression_folds import needs_rows, regressions_without
-from pivident.validation.held_out.replay import ReplayError, pooled_replay
-from pivident.validation.held_out.simulated_folds import simulated_estimates_without
-from pivident.validation.held_out.simulated_positions import (
+from pivident.validation.held_out.replay import (
     OpenLoop,
+    ReplayError,
     SimulationError,
+    pooled_replay,
     pooled_simulation,
 )
+from pivident.validation.held_out.simulated_folds import simulated_estimates_without
 
 #: What has to be said where nothing was held out.
 TRAINING_ONLY = (

@@ -35,7 +35,7 @@ from pivident.recording.recording import Recording
 from pivident.text.numbers import format_significant
 from pivident.text.plain_table import plain_table
 from pivident.validation.held_out.cross_validation import CrossValidation, judged_on
-from pivident.validation.held_out.judged_motion import JudgedMotion
+from pivident.validation.held_out.folds import JudgedMotion
 from pivident.validation.residuals.model_error import model_error_by_held_out_blocks
 
 #: PIV may predict so much worse than IV before IV is the one to take.

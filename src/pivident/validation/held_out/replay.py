@@ -1,8 +1,16 @@
-"""Closed-loop replay: the loop simulated with an estimate, beside what the machine did.
+"""Replay: the loop simulated with all that a fit found of it, beside what the machine did.
 
-The simulation is given the reference, the control law and the known inputs, no measured position
-after the first and no torque. A recording is simulated from its beginning to the end of what is
-scored, since a law with memory cannot be started in the middle.
+A closed-loop simulation is given the reference, the control law and the known inputs, no measured
+position after the first and no torque. A recording is simulated from its beginning to the end of
+what is scored, since a law with memory cannot be started in the middle.
+
+Of a simulation that was fitted the error on motion that was not is that of the positions,
+
+    rms(q_s - q) of each joint
+
+A closed loop is given reference and law, an open one the recorded torques and, at the first sample
+of each stretch, the smoothed position and speed. Loop parameters that were identified with the
+model have their estimated values.
 """
 
 from __future__ import annotations
@@ -14,10 +22,16 @@ import numpy as np
 
 from pivident.estimation.auxiliary_model import AuxiliaryModel, mean_until_next
 from pivident.estimation.identification import Identification
+from pivident.estimation.methods import OutputError
+from pivident.estimation.output_error.loop_unknowns import loop_unknowns
+from pivident.estimation.output_error.record_stretches import closed_stretches, open_stretches
+from pivident.estimation.output_error.unknowns import with_values
 from pivident.estimation.problem import Problem, position_units, torque_units
+from pivident.motion.kinematics import Kinematics
 from pivident.motion.motion import SimulatedMotion
 from pivident.recording.recording import Recording
-from pivident.validation.held_out.fitted_loop import closed_motion, drive_delay, has_own_loop
+from pivident.simulation.closed_loop import Trajectory, simulate
+from pivident.simulation.direction import ParametrisedLoop
 from pivident.validation.held_out.prediction import Judge, total_error
 
 
@@ -134,3 +148,127 @@ def pooled_replay(errors: Sequence[ReplayError]) -> ReplayError:
         torque_size=mean("torque_size"),
         samples=sum(weights),
     )
+
+
+def has_own_loop(found: Identification) -> bool:
+    """Whether unknowns of the closed loop were identified with the model."""
+    simulation = found.simulation
+    return simulation is not None and simulation.loop == "closed" and bool(
+        simulation.loop_parameters
+    )  # fmt: skip
+
+
+def drive_delay(found: Identification, declared: float) -> float:
+    """Delay of the drives in a fitted closed loop [s]; ``declared`` where it was not sought."""
+    own = found.simulation.loop_parameters if found.simulation and has_own_loop(found) else ()
+    return next((p.value for p in own if p.name == "delay"), declared)
+
+
+def with_loop_parameters(
+    problem: Problem, loop: ParametrisedLoop, found: Identification
+) -> ParametrisedLoop:
+    """A loop as it was declared, with the values that a fit gave its unknowns."""
+    own = () if found.simulation is None else found.simulation.loop_parameters
+    unknowns = loop_unknowns(problem, loop, [p.name for p in own])
+    return with_values(loop, unknowns, np.array([p.value for p in own]))
+
+
+def motion_of(loop: ParametrisedLoop) -> Trajectory:
+    """Motion of a loop."""
+    return simulate(loop.model, loop.controller, loop.signals, loop.robot.joint_names, loop.begin)
+
+
+def encoder_offsets(loop: ParametrisedLoop) -> np.ndarray:
+    """What the encoders show beside the position, shape (joints,) [rad or m]."""
+    noise = loop.signals.noise
+    return np.zeros(loop.robot.size) if noise is None else np.asarray(noise)[0]
+
+
+def closed_motion(
+    problem: Problem, kinematics: Kinematics, found: Identification, samples: int
+) -> SimulatedMotion:
+    """What encoders and torque show of the fitted closed loop of a problem's only recording.
+
+    Raises:
+        SimulationDiverged: the loop with these values is unstable.
+    """
+    assert problem.loop is not None
+    (stretch,) = closed_stretches(
+        problem, problem.loop, found.parameters, found.theta, [kinematics]
+    )
+    loop = with_loop_parameters(problem, stretch.loop, found)
+    made, rate = motion_of(loop), kinematics.recording.rate
+    shown = made.q + encoder_offsets(loop)
+    q, tau = (_at(signal, made.rate / rate, samples) for signal in (shown, made.tau))
+    return SimulatedMotion(q.T, rate, None, tau.T)
+
+
+def _at(signal: np.ndarray, ratio: float, samples: int) -> np.ndarray:
+    """A simulated signal at the samples of a record; ``ratio``: of its rate to the record's."""
+    step = round(ratio)
+    if step >= 1 and abs(ratio - step) < 1e-9:
+        return signal[::step][:samples]
+    from scipy.interpolate import CubicSpline
+
+    last = int((len(signal) - 1) / ratio + 1e-6)
+    return CubicSpline(np.arange(len(signal)) / ratio, signal)(np.arange(min(samples, last + 1)))
+
+
+@dataclass(frozen=True, eq=False)
+class SimulationError:
+    """Errors of simulated positions over some samples."""
+
+    loop: str  # closed or open
+    joint_names: tuple[str, ...]  # names of the joints
+    units: tuple[str, ...]  # rad or m
+    position: np.ndarray  # rms of simulated minus measured positions, shape (joints,) [rad or m]
+    samples: int  # number of samples
+
+    @classmethod
+    def of(cls, replay: ReplayError) -> SimulationError:
+        """Those of a replayed closed loop."""
+        return cls(
+            "closed", replay.joint_names, replay.position_units, replay.position, replay.samples
+        )
+
+
+class OpenLoop:
+    """Stretches of one recording, driven by its torques, with any estimate of a problem."""
+
+    def __init__(self, problem: Problem, judge: Judge) -> None:
+        self.problem, self.judge = problem, judge
+
+    def score(self, found: Identification, spans: Sequence[slice]) -> list[SimulationError]:
+        """Errors of an estimate on stretches of the recording.
+
+        Raises:
+            SimulationDiverged: a stretch leaves what was measured altogether.
+            MassMatrixNotPositiveDefinite: the estimate is that of no machine.
+        """
+        return [self._error(found, span) for span in spans]
+
+    def _error(self, found: Identification, span: slice) -> SimulationError:
+        recording, smooth = self.judge.recording, self.judge.kinematics
+        start, stop, _ = span.indices(recording.samples)
+        part = recording.part(start, stop)
+        cut: Kinematics = replace(smooth, q=smooth.q[:, start:stop], dq=smooth.dq[:, start:stop])
+        problem = replace(self.problem, recordings=(part,))
+        method = found.method_used
+        longest = method.segment if isinstance(method, OutputError) else None
+        squares, samples = np.zeros(recording.joints), 0
+        for stretch in open_stretches(problem, found.parameters, found.theta, [cut], longest):
+            loop = with_loop_parameters(problem, stretch.loop, found)
+            own = (motion_of(loop).q + encoder_offsets(loop))[:: stretch.step][: stretch.samples]
+            squares += np.sum((own - stretch.q[: len(own)]) ** 2, axis=0)
+            samples += len(own)
+        return SimulationError(
+            "open", recording.joint_names, tuple(position_units(problem)),
+            np.sqrt(squares / samples), samples,
+        )  # fmt: skip
+
+
+def pooled_simulation(errors: Sequence[SimulationError]) -> SimulationError:
+    """One error of several stretches: squares are averaged over all samples."""
+    weights = [e.samples for e in errors]
+    mean = np.sqrt(np.average([e.position**2 for e in errors], axis=0, weights=weights))
+    return replace(errors[0], position=mean, samples=sum(weights))

@@ -21,10 +21,11 @@ import numpy as np
 from pivident.errors import IdentificationError
 from pivident.estimation.identification import Identification
 from pivident.estimation.methods import OutputError
-from pivident.estimation.output_error.bounded_step import bounded_step, condition_of
 from pivident.estimation.output_error.noise_weights import whitened_sums
 from pivident.estimation.output_error.reduced_equations import (
     ReducedEquations,
+    bounded_step,
+    condition_of,
     stretch_equations,
 )
 from pivident.estimation.output_error.simulated_errors import SimulatedErrors

@@ -54,28 +54,6 @@ class MomentSums:
         gram, parts = np.zeros((width + 1, width + 1)), np.zeros((count, width, 2 * size + 1))
         return cls(size, extra, gram, parts, shares)
 
-    @classmethod
-    def from_rows(
-        cls,
-        phi: np.ndarray,
-        z: np.ndarray,
-        tau: np.ndarray,
-        extra: np.ndarray | None = None,
-    ) -> MomentSums:
-        """Sums of one record whose rows are all there, for estimators of your own.
-
-        ``phi``: regressors, shape (samples, parameters); ``extra``: further instruments, shape
-        (samples, extra).
-        """
-        windows = windows_of([tau.size])
-        more = 0 if extra is None else extra.shape[1]
-        sums = cls.empty(phi.shape[1], more, windows)
-        columns = np.arange(phi.shape[1])
-        x = None if extra is None else np.ascontiguousarray(extra.T)
-        shares = list(windows[0].shares(slice(0, tau.size)))
-        sums.add(columns, phi.T, z.T, x, tau, tau.size, shares, np.arange(more))
-        return sums
-
     def add(
         self,
         columns: np.ndarray,

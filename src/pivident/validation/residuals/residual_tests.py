@@ -3,6 +3,14 @@
 What is tested is the residual of the equation that was solved: prefiltered, scaled, on the rows
 in use. With 200,000 samples everything is significant, so each test also has a practical size,
 and its sentence gives both.
+
+Whether the residual is normal is D'Agostino and Pearson's test,
+
+    K² = Z(skewness)² / F₃ + Z(kurtosis)² / F₄  ~  χ²(2),   F_m = 1 + 2 Σ_k ρ_k^m
+
+Z are the transforms to a standard normal of D'Agostino (1970) and Anscombe and Glynn (1983), right
+from some fifty samples on, where the statistic of Jarque and Bera needs thousands. F widens
+them where the residual is correlated (Lobato and Velasco 2004); they are one where it is white.
 """
 
 from __future__ import annotations
@@ -13,7 +21,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.estimation.identification import Identification
-from pivident.signals.noise_models import lagged_sums
+from pivident.estimation.methods import OutputError
+from pivident.signals.noise_models import LaggedSums, lagged_sums
 from pivident.threads import run_in_threads
 from pivident.validation.residuals.autocorrelation import (
     EXTRA_LAGS,
@@ -24,18 +33,83 @@ from pivident.validation.residuals.autocorrelation import (
     autocorrelation,
     durbin_watson,
     ljung_box,
+    variance_factor,
 )
 from pivident.validation.residuals.cross_correlation import (
     CrossCorrelationTest,
     cross_correlation_tests,
 )
 from pivident.validation.residuals.heteroscedasticity import VarianceTest, variance_test
-from pivident.validation.residuals.normality import NormalityTest, normality
 from pivident.validation.residuals.whitened_residual import (
     MIN_SAMPLES,
+    SIGNIFICANCE,
     JointResidual,
     joint_residuals,
+    penalty_of,
+    probability,
+    reading,
 )
+
+#: Skewness and excess kurtosis below which a distribution is as good as normal.
+PRACTICAL_SKEWNESS = 0.5
+PRACTICAL_KURTOSIS = 1.0
+
+
+@dataclass(frozen=True)
+class NormalityTest:
+    """Test for a normal distribution."""
+
+    statistic: float  # K²
+    degrees_of_freedom: int  # 2
+    p_value: float  # probability of a larger K² if the residual is normal
+    skewness: float  # third standardised moment, 0 for a normal residual
+    excess_kurtosis: float  # fourth standardised moment minus 3, 0 for a normal residual
+    samples: int  # n
+
+    @property
+    def significant(self) -> bool:
+        """Whether the probability is below ``SIGNIFICANCE``."""
+        return self.p_value < SIGNIFICANCE
+
+    @property
+    def matters(self) -> bool:
+        """Significant, and of practical size: skewness of 0.5 or excess kurtosis of 1."""
+        large = (
+            abs(self.skewness) >= PRACTICAL_SKEWNESS
+            or abs(self.excess_kurtosis) >= PRACTICAL_KURTOSIS
+        )
+        return self.significant and large
+
+    def __str__(self) -> str:
+        return (
+            f"Normality (D'Agostino-Pearson): K² = {self.statistic:.3g} on "
+            f"{self.degrees_of_freedom} degrees of freedom, {probability(self.p_value)}; skewness "
+            f"{self.skewness:.2g}, excess kurtosis {self.excess_kurtosis:.2g}: "
+            f"{reading(self.significant, self.matters)}."
+        )
+
+
+def normality(values: np.ndarray, sums: LaggedSums | None = None) -> NormalityTest:
+    """D'Agostino and Pearson's test.
+
+    ``values``: residual without gaps, shape (samples,); ``sums``: its lagged sums; None: it is
+    taken to be white.
+    """
+    from scipy.stats import chi2, kurtosis, kurtosistest, skew, skewtest
+
+    thirds, fourths = (1.0, 1.0) if sums is None else (variance_factor(sums, m) for m in (3, 4))
+    statistic = skewtest(values).statistic ** 2 / thirds + kurtosistest(values).statistic ** 2 / (
+        fourths
+    )
+    return NormalityTest(
+        float(statistic),
+        2,
+        float(chi2.sf(statistic, 2)),
+        float(skew(values)),
+        float(kurtosis(values)),
+        values.size,
+    )
+
 
 ResidualTest = LjungBoxTest | DurbinWatsonTest | NormalityTest | VarianceTest | CrossCorrelationTest
 
@@ -193,3 +267,44 @@ def _p_value(test: ResidualTest) -> float:
     """The probability that the sentence goes by; one where there is none."""
     p = test.robust_p_value if isinstance(test, LjungBoxTest) else test.p_value
     return 1.0 if np.isnan(p) else p
+
+
+#: Names of what is compared, by channel.
+CHANNEL_WORDS = ("positions", "torques")
+
+
+@dataclass(frozen=True)
+class SimulationWhiteness:
+    """The test of one channel of one joint."""
+
+    joint: str  # its name
+    what: str  # positions or torques
+    test: LjungBoxTest
+
+
+def simulation_whiteness(identification: Identification) -> tuple[SimulationWhiteness, ...]:
+    """Ljung and Box's test of each joint and channel that a simulation was compared in.
+
+    Empty where the fit is not there, as after reading a file, and where errors are too few.
+    """
+    simulation = identification.simulation
+    fit = None if simulation is None else simulation.fit
+    if simulation is None or fit is None:
+        return ()
+    method, joints, found = identification.method_used, identification.joints, []
+    noise = method.noise if isinstance(method, OutputError) else None
+    for c, channel in enumerate(fit.channels):
+        for j, joint in enumerate(joints):
+            place = c * len(joints) + j
+            order = simulation.noise_orders[place] if simulation.noise_orders else 0
+            pieces = tuple(white[c, j] for white in fit.white)
+            residual = JointResidual(joint.name, pieces, order, fit.rates[0], order > 0)
+            if residual.values.size >= max(MIN_SAMPLES, 2 * (order + EXTRA_LAGS)):
+                known = JointResidual(
+                    joint.name, pieces, order, fit.rates[0], order > 0,
+                    penalty_of(noise, residual.values.size) if order else None,
+                )  # fmt: skip
+                found.append(
+                    SimulationWhiteness(joint.name, CHANNEL_WORDS[channel], ljung_box(known))
+                )
+    return tuple(found)
