@@ -5,7 +5,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from pivident.report.sections.torque import TorqueSection
 
 from pivident.cli import main, workflow
 from pivident.cli.app import code_of
@@ -14,6 +13,7 @@ from pivident.estimation import answer
 from pivident.estimation.identification_file import save_identification
 from pivident.estimation.identify import identify
 from pivident.estimation.stored_identification import load_identification
+from pivident.report.sections.motion import TorqueSection
 from pivident.report.sections.verdict import VerdictSection
 from tests.planar_log import EXPERIMENT, HEADER, planar_log
 
@@ -43,7 +43,7 @@ JUDGES = {
     "cli.workflow.torque_sums": "IDIM-WLS: what other parameters cost in torque is not stored: ",
     "cli.workflow.designs_beside": "The design is not compared: ",
     "cli.workflow.comparison_table": "Tables could not be printed: ",
-    "report.sections.torque.TorqueSection.context": f'"{TorqueSection.title}" could not be written',
+    "report.sections.motion.TorqueSection.context": f'"{TorqueSection.title}" could not be written',
     "report.sections.verdict.VerdictSection.context": f'"{VerdictSection.title}" could not be',
     "report.builder.page_of": "The report could not be written: ",
 }
@@ -121,7 +121,7 @@ def test_a_judge_that_fails_costs_its_own_line(folder, estimates, monkeypatch, c
     ("error", "words", "code"),
     [
         (IdentificationError("it cannot be"), "looked for: it cannot be.", 0),
-        (KeyError("theta"), "unexpected KeyError: 'theta' (diagnostics.py", 1),
+        (KeyError("theta"), "unexpected KeyError: 'theta' (", 1),
         (MemoryError(), "unexpected MemoryError: no message", 1),
         (FloatingPointError("overflow"), "FloatingPointError: overflow", 1),
     ],

@@ -73,8 +73,8 @@ def test_remarks_have_places(tmp_path):
     assert places["gain"][:3] == ["recording", 0, "units"] or "controller" in places["gain"]
 
 
-def test_a_log_that_an_identification_refuses(tmp_path):
-    """NaN and a gap are shown as they are."""
+def test_a_log_with_holes(tmp_path):
+    """NaN and a gap are shown as they are; the check says that they are left out."""
     rows = planar_log().copy()
     rows[100:110, 1] = np.nan
     rows = np.delete(rows, np.s_[3000:3500], axis=0)
@@ -86,7 +86,9 @@ def test_a_log_that_an_identification_refuses(tmp_path):
     np.testing.assert_allclose(recording["gaps"], [[2.999, 3.5]])
     values = window(tmp_path / "look" / "signals", 0, "q", [0], 0.09, 0.12)["y"][0]
     assert values.count(None) == 10
-    assert check["refused"]
+    assert not check["refused"]
+    said = " ".join(r["message"] + r["next_step"] for r in check["remarks"])
+    assert "left out of the equations" in said and "2 stretch(es) between gaps are used" in said
 
 
 def test_what_is_excluded(tmp_path):

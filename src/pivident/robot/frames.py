@@ -59,11 +59,18 @@ def exact_angle(written: str | float) -> float:
 def without_residues(pose: Pose, size: float) -> Pose:
     """The pose without what rounded angles left over, bit by bit the same where nothing is.
 
+    They leave an axis along another one but for two small numbers, or two joints' axes
+    perpendicular but for one. Another small number among large ones is the chance of a frame that
+    stands askew.
+
     ``size``: largest length in the robot [m], of which residues of lengths are a share.
     """
     rotation, translation = pose.rotation, pose.translation
     for _ in range(40):  # each pass at least halves what is left; most end after the first
-        rest = residues(rotation, 1.0)
+        small = np.abs(rotation) < RESIDUE
+        along = (small.sum(axis=0) > 1) | (small.sum(axis=1)[:, None] > 1)
+        along[2, 2] = True
+        rest = residues(rotation, 1.0) & along
         if not rest.any():
             break
         rotation = np.where(rest, 0.0, rotation)
