@@ -193,8 +193,9 @@ def _repeated(channels: Mapping[str, np.ndarray]) -> np.ndarray:
         if stop + 3 < len(q) and start > 3:
             j = int(np.nanargmax(np.nan_to_num(beside).sum(axis=0)))
             usual = np.median(np.r_[beside[:3, j], beside[-3:, j]])
-            late.append(abs(q[stop, j] - q[stop - 1, j]) / usual if usual > 0 else np.nan)
-    if not late or not np.nanmedian(late) > CATCHES_UP:
+            if usual > 0.0 and np.isfinite(q[[stop - 1, stop], j]).all():
+                late.append(abs(q[stop, j] - q[stop - 1, j]) / usual)
+    if not late or not np.median(late) > CATCHES_UP:
         again[:] = False
     return again
 

@@ -23,7 +23,7 @@ from pivident.validation.held_out.replay import Replay
 
 #: Shorter blocks are too short to be judged on, shorter remainders to be fitted: seconds, samples.
 MIN_S = 0.3
-MIN_SAMPLES = 300
+MIN_SAMPLES = 250
 
 
 @dataclass(frozen=True)
