@@ -4,7 +4,7 @@
 
 `cross_validate` solves the sums of the record without a block. Here each fold is identified again,
 from recordings that end where the block begins: smoothing, noise models, weights and instruments of
-their own. They lose what smoother and filters drop at the new ends, and remainders of less than 300
+their own. They lose what smoother and filters drop at the new ends, and remainders of less than 250
 samples. Torque error below the band of the motion, over all blocks [%]: TX40, EMPS, KR300 with the
 law that was identified, TIAGo.
 """
