@@ -89,7 +89,7 @@ def is_possible(recordings, moving, count, gap):
     owners = np.concatenate([np.full(n, k) for k, n in enumerate(lengths)])
     block = np.arange(sum(lengths)) * count // sum(lengths)
     margin, place = round(gap * recordings[0].rate), np.concatenate([np.arange(n) for n in lengths])
-    shortest = max(round(0.3 * recordings[0].rate), 300)
+    shortest = max(round(0.3 * recordings[0].rate), 250)
     for k in range(count):
         out = np.zeros(sum(lengths), bool)
         for r in range(len(recordings)):
@@ -151,7 +151,7 @@ def test_blocks_that_a_motion_has_no_room_for_cost_a_line(problem):
 
 
 def test_gaps_that_leave_nothing_are_refused(made):
-    with pytest.raises(ExperimentError, match=r"leave less than 0\.6 s to fit"):
+    with pytest.raises(ExperimentError, match=r"leave less than 0\.5 s to fit"):
         contiguous_folds([axis.recording(made)], [(0, 4000)], 2, gap=5.0)
 
 
