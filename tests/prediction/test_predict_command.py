@@ -167,7 +167,7 @@ def test_an_experiment_file_of_several_logs(folder, tmp_path, capsys):
     text = page.read_text("utf-8")
     assert 'id="errors-2"' in text and "new: Torques" in text
     assert run("predict", folder / "out" / "ls", path, "--csv", tmp_path / "x.csv") == 1
-    assert "names 2 logs, and --csv takes one" in capsys.readouterr().err
+    assert "gives 2 recordings, and --csv takes one" in capsys.readouterr().err
 
 
 def test_bags_with_and_without_efforts(tmp_path, monkeypatch, capsys):

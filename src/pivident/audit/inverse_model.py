@@ -22,6 +22,7 @@ from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
 from pivident.dynamics.robot_regressor import regressor_of
 from pivident.errors import RecordingError
+from pivident.logs.bad_samples import TOLERATED
 from pivident.logs.clocks.timestamps import resample_smooth
 from pivident.logs.log import Log
 from pivident.robot.description import Robot
@@ -46,9 +47,6 @@ WIDER = 10.0
 
 #: Time in periods of the band over which the low-pass mixes rest and motion.
 MIXED = 1.0
-
-#: Share of samples that may be missing and are then interpolated.
-TOLERATED_MISSING = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -291,7 +289,7 @@ def uniform(
     clock = log.clock
     if clock is not None and not timing.regular:
         missing |= ~np.isfinite(clock)
-    if missing.mean() > TOLERATED_MISSING:
+    if missing.mean() > TOLERATED:
         raise RecordingError(f"{100 * missing.mean():.3g} % of the samples are missing")
     rate = timing.rate or 1.0
     index = np.flatnonzero(~missing)

@@ -19,7 +19,7 @@ import numpy as np
 from pivident.common_work import once
 from pivident.errors import RecordingError, RecordingTooShort
 from pivident.estimation.methods import Algebraic, Bandpass, RandomWalk, SignalRecipe
-from pivident.logs.clocks.gaps import without_neighbours
+from pivident.logs.clocks.gaps import clear_of_unusable
 from pivident.motion.kinematics import MIN_RUN, Kinematics, aligned_torque
 from pivident.recording.recording import Recording
 from pivident.scratch import working_array
@@ -105,7 +105,7 @@ def _kinematics(recording: Recording, signals: SignalRecipe) -> Kinematics:
         if measured is not None:  # by all samples that the torque was moved from
             reach = NUMEROV * averaged
             first, last = torque.lost_start + reach, torque.lost_end + reach
-            measured[j] = without_neighbours(measured[j], first, last)
+            measured[j] = clear_of_unusable(measured[j], first, last)
         if recording.wrench_torque is not None:
             tau[j] += recording.wrench_torque[:, j]
         if at_instants and walks:

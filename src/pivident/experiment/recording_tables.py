@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -40,6 +40,9 @@ DESIGN_FILE = "design.json"
 
 #: What cuts a log into stretches.
 Gap = MissingSamples | GapInClock | BrokenMotion
+
+#: First and last time of a part of a log [s].
+Part = tuple[float, float]
 
 #: Fewest samples of a stretch between gaps: three times what filters spoil at its two ends.
 MIN_STRETCH = 300
@@ -114,10 +117,25 @@ def recording_of(entry: RecordingEntry, robot: Robot, folder: Path) -> Recording
 def run_of(
     entry: RecordingEntry, robot: Robot, folder: Path
 ) -> tuple[tuple[Recording, ...], Gap | None]:
-    """The run of one table: one recording, or one for each stretch between gaps and breaks.
+    """The run of one table, see `between_gaps`."""
 
-    Nothing is used over a gap, and everything on both sides of it. Shorter gaps are filled where
-    the table asks for new samples (``resample``).
+    def read(part: Part | None) -> Recording:
+        own = entry if part is None else entry.model_copy(update={"part": part})
+        return recording_of(own, robot, folder)
+
+    return between_gaps(read, entry.resample)
+
+
+def between_gaps(
+    read: Callable[[Part | None], Recording], resample: bool
+) -> tuple[tuple[Recording, ...], Gap | None]:
+    """A log as one recording, or as one for each stretch between gaps and breaks.
+
+    Nothing is used over a gap, and everything on both sides of it.
+
+    Args:
+        read: reads the log, or a part of it [s].
+        resample: whether new samples fill the shorter gaps.
 
     Returns:
         The recordings, and the gaps or breaks between them; None: there is one recording.
@@ -126,15 +144,15 @@ def run_of(
         RecordingError: the log cannot be used, or no stretch of it is long enough.
     """
     try:
-        return (recording_of(entry, robot, folder),), None
+        return (read(None),), None
     except (MissingSamples, GapInClock, BrokenMotion) as gap:
         left = gap.stretches
-        if left.resample and not entry.resample:
+        if left.resample and not resample:
             raise
         cause, kept = gap, []
         for part in left.parts:
             try:
-                kept.append(recording_of(entry.model_copy(update={"part": part}), robot, folder))
+                kept.append(read(part))
             except (RecordingTooShort, IrregularSampling):
                 continue
         kept = [recording for recording in kept if recording.samples >= MIN_STRETCH]

@@ -158,6 +158,9 @@ def _without_repeats(log: Log) -> Log:
 
 def _of_rows(log: Log, keep: np.ndarray, note: str) -> Log:
     """Some rows of a log."""
+    kept = np.array(keep if log.kept is None else log.kept)
+    if log.kept is not None:
+        kept[log.kept] = keep
     return replace(
         log,
         columns={key: values[keep] for key, values in log.columns.items()},
@@ -165,18 +168,9 @@ def _of_rows(log: Log, keep: np.ndarray, note: str) -> Log:
             key: values[keep] if len(values) == len(keep) else values
             for key, values in log.logged.items()
         },
-        kept=_rows_of(log.kept, keep),
+        kept=kept,
         dropped=(*log.dropped, note),
     )
-
-
-def _rows_of(kept: np.ndarray | None, keep: np.ndarray) -> np.ndarray:
-    """Which rows of the files are left, of rows that were kept before."""
-    if kept is None:
-        return keep
-    rows = kept.copy()
-    rows[kept] = keep
-    return rows
 
 
 def file_paths(files: str | Path | Mapping[str, str | Path]) -> dict[str, Path]:

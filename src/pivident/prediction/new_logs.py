@@ -12,9 +12,10 @@ from typing import Any
 
 from pivident.errors import RecordingError, UnknownColumn
 from pivident.experiment.experiment import Experiment, load_experiment
-from pivident.experiment.recording_tables import reading_of
+from pivident.experiment.recording_tables import Part, between_gaps, reading_of
 from pivident.experiment.toml_file import errors_name
 from pivident.logs.bare_log import bare_log
+from pivident.logs.log import Log
 from pivident.logs.read_log import read_log
 from pivident.prediction.stored_results import StoredResult, check_same_joints
 from pivident.recording.load import OF_LOGGER, load_recording, recording_from
@@ -67,11 +68,11 @@ def new_logs(
         yield from _described(given, None if is_experiment else path)
         return
     if not result.readings:
-        yield _bare(path, result.model.robot)
+        yield from _bare(path, result.model.robot)
         return
     reading = _fitting(result, path)
     note = f"{path.name} was read as the logs of the result were: columns, units, side, timing."
-    yield _read(path, reading, result.model.robot, note)
+    yield from _read(path, reading, result.model.robot, note)
 
 
 def _described(given: Experiment, other: Path | None) -> Iterator[NewLog]:
@@ -83,10 +84,10 @@ def _described(given: Experiment, other: Path | None) -> Iterator[NewLog]:
             note = f"{entry.name or entry.dataset or files} was read as {given.path.name} says."
             if other is not None:
                 files, note = other, f"{other.name} was read as {given.path.name} says."
-            found = _read(files, reading, given.robot, note)
+            part = None
             if entry.part is not None and other is None:
-                found = replace(found, recording=found.recording.slice(*entry.part))
-            yield found
+                part = (entry.part[0], entry.part[1])
+            yield from _read(files, reading, given.robot, note, part)
 
 
 def _fitting(result: StoredResult, path: Path) -> Mapping[str, Any]:
@@ -100,22 +101,32 @@ def _fitting(result: StoredResult, path: Path) -> Mapping[str, Any]:
     return result.readings[0]
 
 
-def _read(files: Any, reading: Mapping[str, Any], robot: Robot, note: str) -> NewLog:
-    """A log by the arguments of `load_recording`; without its torque where it has none."""
+def _read(
+    files: Any, reading: Mapping[str, Any], robot: Robot, note: str, whole: Part | None = None
+) -> Iterator[NewLog]:
+    """A log, or the stretches between its gaps, by the arguments of `load_recording`.
+
+    Without its torque where it has none; ``whole``: what is read of it [s], None: all.
+    """
     known = dict(reading) | {"robot": robot} | _channels(reading, CHANNELS)
+
+    def one(part: Part | None) -> Recording:
+        part = part or whole
+        recording = load_recording(files, **known, **LENIENT, part=part)
+        return recording if part is None else recording.slice(*part)
+
     try:
-        found = NewLog(load_recording(files, **known, **LENIENT), note)
-        if found.recording.has_torque:
-            return found
-        missing = " No column of its torque is named: nothing is compared."
-        return replace(found, note=note + missing)
+        for recording in between_gaps(one, bool(known.get("resample")))[0]:
+            missing = " No column of its torque is named: nothing is compared."
+            yield _noted(recording, note if recording.has_torque else note + missing)
+        return
     except UnknownColumn as error:
         if error.place != ("columns", "tau") or _has_some_torque(files, known):
             raise
         missing = f" It has no torque (no {error.column}): nothing is compared."
     known |= _channels(reading, ("q",))
     log = read_log(files, **{k: v for k, v in known.items() if k not in OF_LOGGER})
-    return NewLog(recording_from(log, **LENIENT), note + missing)
+    yield from _strict(log, whole, note + missing)
 
 
 def _channels(reading: Mapping[str, Any], names: tuple[str, ...]) -> dict[str, dict[str, Any]]:
@@ -144,7 +155,7 @@ def _has_some_torque(files: Any, known: Mapping[str, Any]) -> bool:
     return False
 
 
-def _bare(path: Path, robot: Robot) -> NewLog:
+def _bare(path: Path, robot: Robot) -> Iterator[NewLog]:
     """A log of which nothing is known but the names of its columns."""
     log = bare_log(path, robot)
     if "q" not in log.logged:
@@ -161,4 +172,21 @@ def _bare(path: Path, robot: Robot) -> NewLog:
     note = " ".join(log.notes)
     if "tau" not in log.logged:
         note = f"{note} No torque was recognised: nothing is compared.".strip()
-    return NewLog(recording_from(log, **LENIENT), note)
+    yield from _strict(log, None, note)
+
+
+def _strict(log: Log, whole: Part | None, note: str) -> Iterator[NewLog]:
+    """A log made strict, or the stretches between its gaps."""
+
+    def one(part: Part | None) -> Recording:
+        part = part or whole
+        recording = recording_from(log, **LENIENT, part=part)
+        return recording if part is None else recording.slice(*part)
+
+    for recording in between_gaps(one, log.resample)[0]:
+        yield _noted(recording, note)
+
+
+def _noted(recording: Recording, note: str) -> NewLog:
+    """A recording with how it was read, and what of it was left out."""
+    return NewLog(recording, " ".join([note, *recording.notes]).strip())

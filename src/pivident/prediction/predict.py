@@ -14,6 +14,7 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.problem import Problem
 from pivident.logs.read_log import numbered_joints
 from pivident.models.runnable_model import RunnableModel
+from pivident.motion.kinematics import measured_samples
 from pivident.prediction.error_interval import (
     block_squares,
     joint_intervals,
@@ -80,7 +81,8 @@ def predict(
     problem = Problem(robot, (recording if recording.has_torque else moved,))
     start, stop = moving_part(problem, k)
     model = torque(k.q.T, k.dq.T, k.ddq.T)
-    residual = k.tau.T - model
+    measured = measured_samples(k).T
+    residual = np.where(measured, k.tau.T - model, 0.0)
     error = _error(judge, robot, residual, slice(start, stop)) if compare else None
     known = fitted or _fitted_range(result)
     exits = () if known is None else range_exits(robot, known, k, slice(start, stop))
@@ -102,7 +104,7 @@ def predict(
         q=k.q.T[whole],
         dq=k.dq.T[whole],
         ddq=k.ddq.T[whole],
-        tau=k.tau.T[whole] if compare else None,
+        tau=np.where(measured, k.tau.T, np.nan)[whole] if compare else None,
         tau_model=model[whole],
         moving=slice(start - k.start, stop - k.start),
         error=error,

@@ -74,7 +74,8 @@ class Prediction:
         q: smoothed positions [rad or m]; ``dq ddq`` likewise.
         dq: speeds [rad/s or m/s].
         ddq: accelerations [rad/s² or m/s²].
-        tau: measured torque on the same instants [N m or N]; None: the log has none.
+        tau: measured torque on the same instants [N m or N], NaN where it was left out as no
+            measurement; None: the log has none.
         tau_model: predicted torque [N m or N].
         moving: samples from the first to the last motion of any joint; errors are those of them.
         error: errors of the prediction; None without a measured torque.

@@ -17,10 +17,10 @@ from pivident.errors import BrokenMotion
 from pivident.logs.bad_samples import TOLERATED, WORDS, BadSamples
 from pivident.logs.clocks.gaps import (
     BRIDGED_PERIODS,
+    clear_of_unusable,
     long_stretches,
     runs_of,
     stretches_of,
-    without_neighbours,
 )
 from pivident.logs.misplaced_positions import cuts
 from pivident.recording import checks
@@ -156,7 +156,7 @@ def _listed(rows: np.ndarray, samples: int) -> str:
 
 def _beside_long(usable: np.ndarray) -> np.ndarray:
     """Samples in use that no filter mixes with a long stretch of others, shape (samples,)."""
-    return usable & without_neighbours(~long_stretches(usable), EDGE, EDGE)
+    return usable & clear_of_unusable(~long_stretches(usable), EDGE, EDGE)
 
 
 def _at(grid: np.ndarray, t: np.ndarray, mask: np.ndarray) -> np.ndarray:

@@ -88,7 +88,7 @@ def long_stretches(usable: np.ndarray) -> np.ndarray:
     return long
 
 
-def without_neighbours(usable: np.ndarray, before: int, behind: int) -> np.ndarray:
+def clear_of_unusable(usable: np.ndarray, before: int, behind: int) -> np.ndarray:
     """Samples with none but usable ones from so many before to so many behind, (samples,)."""
     if usable.all() or not before + behind:
         return usable
@@ -102,4 +102,4 @@ def mostly_usable(usable: np.ndarray, reach: int) -> np.ndarray:
     For what averages over the neighbours.
     """
     around = sliding_window_view(np.pad(usable, reach, constant_values=True), 2 * reach + 1)
-    return without_neighbours(~long_stretches(usable), reach, reach) & (around.mean(axis=1) > 0.5)
+    return clear_of_unusable(~long_stretches(usable), reach, reach) & (around.mean(axis=1) > 0.5)
