@@ -36,7 +36,7 @@ from pivident.check.experiment_check import check_experiment
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import LeastSquares
+from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.problem import Problem
 from pivident.experiment.experiment import load_experiment
 from pivident.init.draft import draft_experiment

@@ -5,7 +5,7 @@ python -m benchmarks.bounded_errors [DRAWS]
 
 import sys
 
-from tests.estimation.regression.test_set_membership import outside
+from tests.estimation.literature.test_set_membership import outside
 
 
 def main(draws: int = 1000) -> None:

@@ -17,7 +17,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import METHODS, Method
+from pivident.estimation.method import Method
+from pivident.estimation.methods import METHODS
 from pivident.experiment.simulated_tx40 import tx40_scenario
 
 

@@ -13,8 +13,11 @@ import argparse
 import time
 from dataclasses import replace
 
-from pivident.estimation.methods import METHODS, Bandpass, InstrumentalVariables, LeastSquares
+from pivident.estimation.instrumental_variables import InstrumentalVariables
+from pivident.estimation.least_squares import LeastSquares
+from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import Bandpass
 from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL, tx40_fine
 from pivident.recording.public_records import load_staubli_tx40
 from pivident.robot.friction import FrictionLaw, coulomb, offset, viscous

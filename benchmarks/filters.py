@@ -17,22 +17,20 @@ import time
 
 import numpy as np
 from numba import njit
-from tests.estimation.filters.scenes import RATE, planar_problem
+from tests.estimation.literature.filters.scenes import RATE, planar_problem
 from tests.planar_arm import LAW, nominal_parameters, planar_motion
 
-from pivident.estimation.filters import KalmanFilter, RecursiveLeastSquares
-from pivident.estimation.filters.midpoint_step import midpoint_step, step_work
-from pivident.estimation.filters.robot_equations import robot_equations
 from pivident.estimation.identify import identify
 from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.methods import (
-    CentralDifferenceKalman,
-    ExtendedKalman,
-    Particles,
-    RandomWalk,
-    UnscentedKalman,
-)
+from pivident.estimation.literature.filters import KalmanFilter, RecursiveLeastSquares
+from pivident.estimation.literature.filters.central_difference_kalman import CentralDifferenceKalman
+from pivident.estimation.literature.filters.extended_kalman import ExtendedKalman
+from pivident.estimation.literature.filters.midpoint_step import midpoint_step, step_work
+from pivident.estimation.literature.filters.particle_filter import Particles
+from pivident.estimation.literature.filters.robot_equations import robot_equations
+from pivident.estimation.literature.filters.unscented_kalman import UnscentedKalman
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import RandomWalk
 from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL, tx40_fine
 from pivident.recording.recording import Recording
 

@@ -25,7 +25,9 @@ import tiago
 
 from pivident import load_experiment
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import METHODS, LeastSquares, Method
+from pivident.estimation.least_squares import LeastSquares
+from pivident.estimation.method import Method
+from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Problem
 from pivident.recording.datasets import ENVIRONMENT
 from pivident.recording.public_records import load_kuka_kr300

@@ -32,7 +32,10 @@ from tests.friction_laws.friction_cases import CASES
 
 from pivident.errors import PividentError
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import METHODS, LeastSquares, Method, RandomWalk
+from pivident.estimation.least_squares import LeastSquares
+from pivident.estimation.method import Method
+from pivident.estimation.methods import METHODS
+from pivident.estimation.signal_recipes import RandomWalk
 from pivident.friction_laws.law_candidates import adding, in_place_of_coulomb, key_of
 from pivident.friction_laws.law_choice import choose_laws
 from pivident.friction_laws.shapes import identify_shapes

@@ -29,8 +29,9 @@ from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
 from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.methods import Bandpass, LeastSquares, RandomWalk
+from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import Bandpass, RandomWalk
 from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL
 from pivident.friction_laws.impossible_signs import has_definite_sign
 from pivident.friction_laws.law_choice import with_laws

@@ -30,8 +30,9 @@ from tests.friction_laws.friction_arms import RATE, FrictionArm, friction_arm, p
 
 from pivident.estimation.identify import identify
 from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.methods import LeastSquares, RandomWalk
+from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import RandomWalk
 from pivident.friction_laws.chosen_laws import LawChoice
 from pivident.friction_laws.law_choice import choose_laws
 from pivident.recording.public_records import load_kuka_kr300

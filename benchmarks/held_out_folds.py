@@ -12,16 +12,14 @@ the residual is model error.
 
 from __future__ import annotations
 
-from pivident.estimation.methods import (
-    METHODS,
-    Bandpass,
-    InstrumentalVariables,
-    LeastSquares,
-    Method,
-    PrefilteredIV,
-)
+from pivident.estimation.instrumental_variables import InstrumentalVariables
+from pivident.estimation.least_squares import LeastSquares
+from pivident.estimation.method import Method
+from pivident.estimation.methods import METHODS
 from pivident.estimation.noise_options import Repetition
+from pivident.estimation.prefiltered_iv import PrefilteredIV
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import Bandpass
 from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL
 from pivident.recording.public_records import load_emps, load_emps_pulses, load_staubli_tx40
 from pivident.robot.gallery import load_robot

@@ -28,8 +28,11 @@ from pivident import load_experiment
 from pivident.errors import PividentError
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import METHODS, LeastSquares, Method, RandomWalk
+from pivident.estimation.least_squares import LeastSquares
+from pivident.estimation.method import Method
+from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import RandomWalk
 from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL
 from pivident.init.draft import draft_experiment
 from pivident.instruments.given_motion import KINDS

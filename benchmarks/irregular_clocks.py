@@ -24,8 +24,9 @@ from tests.other_arms import ArmLog, Setting, make_log, predicted_motion
 
 from pivident.errors import PividentError
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import Bandpass, LeastSquares, RandomWalk
+from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import Bandpass, RandomWalk
 from pivident.recording.load import load_recording
 from pivident.robot.urdf import read_urdf
 

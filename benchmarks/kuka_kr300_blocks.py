@@ -27,8 +27,11 @@ from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
 from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.methods import METHODS, Method, PrefilteredIV, RandomWalk
+from pivident.estimation.method import Method
+from pivident.estimation.methods import METHODS
+from pivident.estimation.prefiltered_iv import PrefilteredIV
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import RandomWalk
 from pivident.motion.kinematics import Kinematics
 from pivident.recording.public_records import load_kuka_kr300
 from pivident.recording.recording import Recording

@@ -18,8 +18,9 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from pivident.estimation.filter_methods import StateFilter
-from pivident.estimation.methods import METHODS, Method
+from pivident.estimation.literature.filters.state_filter import StateFilter
+from pivident.estimation.method import Method
+from pivident.estimation.methods import METHODS
 from pivident.estimation.signal_recipes import Decimated
 from pivident.many.batch.runner import Processes
 from pivident.many.study.conclusion import conclude_study, write_index

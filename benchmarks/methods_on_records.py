@@ -25,7 +25,8 @@ from benchmarks.held_out_folds import tx40_problem
 from benchmarks.kuka_kr300_blocks import EXAMPLE, held_out, loops, without_vague_inertias
 
 from pivident.errors import PividentError
-from pivident.estimation.methods import METHODS, PrefilteredIV
+from pivident.estimation.methods import METHODS
+from pivident.estimation.prefiltered_iv import PrefilteredIV
 from pivident.estimation.problem import Problem
 from pivident.many.study.scenario import league_methods
 from pivident.recording.public_records import load_emps, load_emps_pulses, load_kuka_kr300

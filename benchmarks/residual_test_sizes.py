@@ -21,8 +21,9 @@ from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import nominal_values
 from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.methods import PrefilteredIV, RandomWalk
+from pivident.estimation.prefiltered_iv import PrefilteredIV
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import RandomWalk
 from pivident.motion.kinematics import torque_of
 from pivident.recording.recording import Recording
 from pivident.robot.gallery import load_robot

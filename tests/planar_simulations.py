@@ -8,7 +8,8 @@ import numpy as np
 from pivident.diagnostics.diagnostics import Diagnostics, diagnose
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import METHODS, Method
+from pivident.estimation.method import Method
+from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
 from pivident.robot.gallery import load_robot

@@ -7,7 +7,7 @@ import pytest
 
 from pivident.common_work import once, shared_work
 from pivident.estimation.identify import identify
-from tests.estimation.filters.scenes import planar_problem
+from tests.estimation.literature.filters.scenes import planar_problem
 from tests.estimation.output_error.arms import counted_simulations
 from tests.estimation.output_error.arms import problem as closed_loop
 

@@ -7,48 +7,40 @@ from pathlib import Path
 import pytest
 from pydantic_core import PydanticUndefined
 
-from pivident.estimation.methods import (
-    Adaline,
-    Algebraic,
-    Bandpass,
-    CentralDifferenceKalman,
-    FrequencyDomain,
-    Hopfield,
-    OutputError,
-    Particles,
-    PrefilteredIV,
-    PriorRegression,
-    RandomWalk,
-    Ridge,
-    RobustRegression,
-    UnscentedKalman,
-)
+from pivident.estimation.literature.adaline import Adaline
+from pivident.estimation.literature.filters.central_difference_kalman import CentralDifferenceKalman
+from pivident.estimation.literature.filters.particle_filter import Particles
+from pivident.estimation.literature.filters.unscented_kalman import UnscentedKalman
+from pivident.estimation.literature.frequency_domain import FrequencyDomain
+from pivident.estimation.literature.hopfield import Hopfield
+from pivident.estimation.literature.prior_regression import PriorRegression
+from pivident.estimation.literature.ridge import Ridge
+from pivident.estimation.literature.robust_regression import RobustRegression
 from pivident.estimation.noise_options import Arma, AutoRegressive
+from pivident.estimation.output_error.output_error import OutputError
+from pivident.estimation.prefiltered_iv import PrefilteredIV
+from pivident.estimation.signal_recipes import Algebraic, Bandpass, RandomWalk
 from pivident.experiment import consistency_keys as consistency_tables
 from pivident.experiment import excite_keys, schema
-from pivident.experiment import method_keys as method_tables
+from pivident.experiment import identify_table as method_tables
 from pivident.recording.recording import Recording
 from pivident.robot.mdh_schema import Entry, FrictionEntry
 
 TEXT = (Path(__file__).resolve().parents[1] / "docs" / "experiment_file.md").read_text("utf-8")
 
+
+def tables_of(*names):
+    """Schemas of methods."""
+    return tuple(method_tables.METHOD_ENTRIES[name] for name in names)
+
+
 #: Tables that one list of keys describes together.
-REGRESSIONS = (
-    method_tables.RegressionEntry,
-    method_tables.IterationEntry,
-    method_tables.RobustEntry,
-    method_tables.RidgeEntry,
-    method_tables.PriorEntry,
-    method_tables.SetMembershipEntry,
-    method_tables.AdalineEntry,
-    method_tables.HopfieldEntry,
+REGRESSIONS = tables_of(
+    "tls", "irls", "ridge", "map", "ml-ls", "set-membership", "adaline", "hopfield"
 )
-FILTERS = (
-    method_tables.FilterEntry,
-    method_tables.UnscentedEntry,
-    method_tables.CentralDifferenceEntry,
-    method_tables.ParticlesEntry,
-)
+FILTERS = tables_of("ekf", "ukf", "cdkf", "particle")
+WITH_INSTRUMENTS = tables_of("ols", "ls", "iv", "iv-full-rate", "piv", "didim", "piv-as-printed")
+SIMULATIONS = tables_of("cloe", "clie", "ml", "oloe")
 
 #: Heading of each table, its schema, and the classes whose defaults its keys leave alone.
 TABLES = {
@@ -63,11 +55,11 @@ TABLES = {
     "units": (schema.UnitsEntry, ()),
     "`[controller]`": (schema.ControllerEntry, ()),
     "`[identify]`": (method_tables.IdentifyEntry, (PrefilteredIV,)),
-    "methods": (method_tables.MethodEntry, (PrefilteredIV,)),
-    "frequency": (method_tables.FrequencyEntry, (FrequencyDomain,)),
+    "methods": (WITH_INSTRUMENTS, (PrefilteredIV,)),
+    "frequency": (tables_of("frequency"), (FrequencyDomain,)),
     "regressions": (REGRESSIONS, (RobustRegression, Ridge, PriorRegression, Adaline, Hopfield)),
     "filters": (FILTERS, (UnscentedKalman, CentralDifferenceKalman, Particles)),
-    "simulation methods": (method_tables.SimulationEntry, (OutputError,)),
+    "simulation methods": (SIMULATIONS, (OutputError,)),
     "bandpass": (method_tables.BandpassEntry, (Bandpass,)),
     "algebraic": (method_tables.AlgebraicEntry, (Algebraic,)),
     "random_walk": (method_tables.RandomWalkEntry, (RandomWalk,)),
@@ -135,7 +127,8 @@ def test_every_table_is_documented():
     names = {name: value for module in modules for name, value in vars(module).items()}
     models = {m for m in names.values() if isinstance(m, type) and issubclass(m, Entry)}
     described = {model for own, _ in TABLES.values() for model in models_of(own)}
-    others = {Entry, method_tables.SharedOptions, consistency_tables.ConsistencyFile}
+    others = {Entry, method_tables.IdentifyKeys, consistency_tables.ConsistencyFile}
+    others |= {method_tables.DecimatedEntry, method_tables.NoiseKeys}
     others |= {excite_keys.RoomEntry}  # keys of [excite]
     assert models - described <= others
 

@@ -263,7 +263,7 @@ CASES: dict[str, Case] = {
     "planar": Case(
         (
             *_on("arm.toml", "check", "audit"),
-            _identify("arm.toml", "ols,wls,iv-full-rate,piv,didim,pc-ls", 3),
+            _identify("arm.toml", "ols,iv-full-rate,piv,didim,pc-ls", 3),
             Step("consistent", "consistent", {"result": "results/piv", "out": "consistent"}),
             Step("laws", "laws", {"file": "arm.toml"}),
             *_on("payload.toml", "payload"),

@@ -11,7 +11,8 @@ import numpy as np
 
 import pivident as pv
 from pivident.errors import ExperimentError
-from pivident.estimation.methods import METHODS, OutputError
+from pivident.estimation.methods import METHODS
+from pivident.estimation.output_error.output_error import OutputError
 from pivident.robot.friction import FrictionLaw
 from pivident.robot.mjcf import read_mjcf
 from pivident.simulation.control_loop import Loop

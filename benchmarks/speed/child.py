@@ -21,7 +21,7 @@ def main() -> None:
     import numpy as np
 
     from pivident.estimation.identify import identify
-    from pivident.estimation.methods import PrefilteredIV
+    from pivident.estimation.prefiltered_iv import PrefilteredIV
     from pivident.experiment import simulated_tx40 as scenarios
 
     from .workloads import simulated_record

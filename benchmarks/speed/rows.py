@@ -13,7 +13,7 @@ from pivident.dynamics.forward import make_model
 from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.identify import identify
 from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.methods import RandomWalk
+from pivident.estimation.signal_recipes import RandomWalk
 from pivident.experiment import simulated_tx40 as scenarios
 from pivident.robot.gallery import load_robot
 from pivident.signals.random_walk import smooth

@@ -6,12 +6,12 @@ from .dynamics.base_parameters import base_parameters as base_parameters
 from .errors import PividentError as PividentError
 from .estimation.identification import Identification as Identification
 from .estimation.identify import identify as identify
-from .estimation.methods import Bandpass as Bandpass
-from .estimation.methods import InstrumentalVariables as InstrumentalVariables
-from .estimation.methods import LeastSquares as LeastSquares
-from .estimation.methods import PrefilteredIV as PrefilteredIV
-from .estimation.methods import RandomWalk as RandomWalk
+from .estimation.instrumental_variables import InstrumentalVariables as InstrumentalVariables
+from .estimation.least_squares import LeastSquares as LeastSquares
+from .estimation.prefiltered_iv import PrefilteredIV as PrefilteredIV
 from .estimation.problem import Problem as Problem
+from .estimation.signal_recipes import Bandpass as Bandpass
+from .estimation.signal_recipes import RandomWalk as RandomWalk
 from .estimation.stored_identification import load_identification as load_identification
 from .experiment.experiment import load_experiment as load_experiment
 from .prediction.predict import predict as predict

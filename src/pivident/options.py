@@ -148,15 +148,19 @@ def check_option(name: str, value: Any, declared: Option, choices: tuple[Any, ..
             raise ExperimentError(f"{name} is {number}; {declared.limits}").about(name)
 
 
-@cache
-def annotations_of(kind: type) -> dict[str, Any]:
+def annotations_of(kind: type[Options]) -> dict[str, Any]:
     """Types of a class's fields by name."""
+    return _hints(kind)  # type: ignore[arg-type]
+
+
+@cache
+def _hints(kind: object) -> dict[str, Any]:
     return get_type_hints(kind)
 
 
 def choices_of(kind: type[Options], name: str) -> tuple[Any, ...]:
     """Values of a fixed list that an option has, by its annotation; empty where any will do."""
-    return literals(annotations_of(kind)[name])  # type: ignore[arg-type]
+    return literals(annotations_of(kind)[name])
 
 
 def literals(annotation: Any) -> tuple[Any, ...]:

@@ -50,7 +50,7 @@ def test_every_method_has_a_consistent_form():
     from pivident.estimation.methods import METHODS
 
     assert made_consistent([f"pc-{name}" for name in METHODS]) == tuple(METHODS)
-    assert free_methods(["pc-wls", "pc-piv-as-printed"]) == ["wls", "piv-as-printed"]
+    assert free_methods(["pc-ols", "pc-piv-as-printed"]) == ["ols", "piv-as-printed"]
 
 
 def test_methods_of_the_file_and_a_table_alone(folder):
@@ -60,7 +60,7 @@ def test_methods_of_the_file_and_a_table_alone(folder):
     assert experiment.made_consistent() == ("iv",)
     assert experiment.made_consistent(["ls", "iv"]) == ()
     assert load(folder, "[consistency]").made_consistent() == ("ls",)
-    assert load(folder, "[consistency]").made_consistent(["wls"]) == ("wls",)
+    assert load(folder, "[consistency]").made_consistent(["ols"]) == ("ols",)
     assert load(folder, "").made_consistent() == ()
 
 

@@ -64,7 +64,7 @@ def test_the_truth_lies_within_the_standard_errors(results, made, name):
 
 
 @pytest.mark.parametrize(
-    "name", ["wls", "irls", "ridge", "map", "tls", "ml-ls", "iv-full-rate", "ekf"]
+    "name", ["ls", "irls", "ridge", "map", "tls", "ml-ls", "iv-full-rate", "ekf"]
 )
 def test_other_methods_take_closed_loops(problem, made, name):
     found, truth = pv.identify(problem, name), made[1].truth

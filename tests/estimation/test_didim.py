@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from pivident.errors import ExperimentError, IdentificationError
-from pivident.estimation import didim
+from pivident.estimation import simulated_kinematics
+from pivident.estimation.didim import Didim
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import METHODS, PrefilteredIV
+from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Problem
 from pivident.experiment.simulated_tx40 import tx40_scenario
 from pivident.recording.public_records import load_emps
@@ -68,7 +69,7 @@ def test_samples_that_remember_the_start_do_not_vote(coarse, found):
 
 
 def test_a_loop_that_does_not_forget_is_refused(coarse, monkeypatch):
-    monkeypatch.setattr(didim, "FORGOTTEN", -1.0)
+    monkeypatch.setattr(simulated_kinematics, "FORGOTTEN", -1.0)
     with pytest.raises(IdentificationError, match=r"coarse-2.*more than half the record.*piv"):
         identify(coarse[0], "didim")
 
@@ -93,9 +94,9 @@ def test_a_virtual_loop_is_refused(coarse):
 
 def test_options_that_contradict_each_other_are_refused():
     with pytest.raises(ExperimentError, match="as_printed"):
-        PrefilteredIV(as_printed=True, regressor="simulated")
-    with pytest.raises(ExperimentError, match="'measured' or 'simulated'"):
-        PrefilteredIV(regressor="both")
+        Didim(as_printed=True)
+    with pytest.raises(ExperimentError, match="simulated loop: choose 'loop'"):
+        Didim(instruments="sensor")
     assert METHODS["didim"].label == "DIDIM (prefiltered)"
 
 

@@ -13,7 +13,7 @@ from pivident.estimation.identification_file import save_identification, to_csv,
 from tests.synthetic_identification import synthetic_identification, synthetic_loop
 
 KEYS = (
-    "schema method robot converged iterations parameters covariance robust_covariance "
+    "schema method kind robot converged iterations parameters covariance robust_covariance "
     "formula_covariance relative_error joints history condition controller reference instruments "
     "options warnings sources version readings motion robot_description torque_sums "
     "equation_noise simulation"

@@ -14,14 +14,11 @@ from pivident.dynamics.parameters import nominal_values
 from pivident.errors import SimulationDiverged
 from pivident.estimation.identification_file import to_dict
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import (
-    Bandpass,
-    InstrumentalVariables,
-    LeastSquares,
-    PrefilteredIV,
-    RandomWalk,
-)
+from pivident.estimation.instrumental_variables import InstrumentalVariables
+from pivident.estimation.least_squares import LeastSquares
+from pivident.estimation.prefiltered_iv import PrefilteredIV
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import Bandpass, RandomWalk
 from pivident.estimation.stored_identification import load_identification
 from pivident.recording.recording import Recording
 from pivident.robot.friction import FrictionLaw, coulomb, offset, viscous

@@ -12,8 +12,9 @@ from pivident.dynamics.grouping.closed_form import closed_form_base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.errors import ExperimentError
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import Bandpass, LeastSquares
+from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import Bandpass
 from pivident.estimation.stored_identification import load_identification
 from pivident.friction.bearing_friction import bearing_friction
 from pivident.recording.recording import Recording

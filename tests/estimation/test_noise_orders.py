@@ -9,10 +9,12 @@ from pivident.errors import IdentificationError
 from pivident.estimation.full_rate import records_without_instruments
 from pivident.estimation.identify import identify
 from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.methods import LeastSquares, PrefilteredIV, RandomWalk
+from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.noise_identification import Whitening
 from pivident.estimation.noise_options import Arma, AutoRegressive
 from pivident.estimation.output_error.noise_weights import fitted_noise
+from pivident.estimation.prefiltered_iv import PrefilteredIV
+from pivident.estimation.signal_recipes import RandomWalk
 from pivident.signals.arma import arma
 from pivident.signals.noise_models import continued_into_band, fit_ar
 from tests.planar_simulations import planar_problem

@@ -14,13 +14,11 @@ from pivident.errors import (
     SimulationDiverged,
 )
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import (
-    InstrumentalVariables,
-    PrefilteredIV,
-    RandomWalk,
-)
+from pivident.estimation.instrumental_variables import InstrumentalVariables
 from pivident.estimation.noise_options import AutoRegressive
+from pivident.estimation.prefiltered_iv import PrefilteredIV
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import RandomWalk
 from pivident.experiment.experiment import load_experiment
 from pivident.recording.recording import Recording
 from pivident.robot.description import Link

@@ -5,8 +5,10 @@ import pytest
 
 from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import Bandpass, InstrumentalVariables, LeastSquares
+from pivident.estimation.instrumental_variables import InstrumentalVariables
+from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import Bandpass
 from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL
 from pivident.recording.public_records import load_emps, load_emps_pulses, load_staubli_tx40
 from pivident.robot.friction import FrictionLaw, coulomb, offset, viscous

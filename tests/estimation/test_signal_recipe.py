@@ -17,8 +17,9 @@ from pivident.estimation.kinematics import (
     estimate_kinematics,
     settled_recipe,
 )
-from pivident.estimation.methods import Bandpass, LeastSquares, RandomWalk
+from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import Bandpass, RandomWalk
 from pivident.recording.load import load_recording
 from pivident.recording.recording import Recording
 from pivident.report.builder import render_report

@@ -5,7 +5,7 @@ from scipy.signal import lfilter
 import pivident as pv
 from pivident.estimation import iteration
 from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.methods import RandomWalk
+from pivident.estimation.signal_recipes import RandomWalk
 from pivident.motion.motion import SimulatedMotion
 from pivident.motion.simulated_detail import with_simulated_detail
 from pivident.recording.recording import Recording

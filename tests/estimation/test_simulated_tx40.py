@@ -10,15 +10,13 @@ from benchmarks.torque_bound import bound, columns
 
 from pivident.errors import IdentificationError
 from pivident.estimation.identify import build_regression, identify
-from pivident.estimation.methods import (
-    METHODS,
-    Bandpass,
-    InstrumentalVariables,
-    LeastSquares,
-    PrefilteredIV,
-)
+from pivident.estimation.instrumental_variables import InstrumentalVariables
+from pivident.estimation.least_squares import LeastSquares
+from pivident.estimation.methods import METHODS
 from pivident.estimation.noise_options import Arma
+from pivident.estimation.prefiltered_iv import PrefilteredIV
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import Bandpass
 from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL, tx40_fine, tx40_scenario
 from pivident.recording.recording import Recording
 from pivident.robot.gallery import load_robot

@@ -1,6 +1,6 @@
 from dataclasses import replace
 
-from pivident.estimation.methods import LeastSquares
+from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.summary_tables import (
     WIDTH,
     comparison_table,

@@ -178,7 +178,7 @@ def short_problem():
 
 #: Written by the same lines as those of another method, and slow; fits of simulations are in
 #: ``test_stored_simulation``.
-LEFT_OUT = {"wls", "set-membership", "frequency", "ukf", "cdkf", "particle", "piv-as-printed"}
+LEFT_OUT = {"set-membership", "frequency", "ukf", "cdkf", "particle", "piv-as-printed"}
 
 
 @pytest.mark.parametrize(

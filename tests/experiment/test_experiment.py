@@ -4,16 +4,12 @@ import numpy as np
 import pytest
 
 from pivident.errors import DatasetUnavailable, ExperimentError, PividentError, UnknownColumn
-from pivident.estimation.methods import (
-    Algebraic,
-    Bandpass,
-    FrequencyDomain,
-    InstrumentalVariables,
-    LeastSquares,
-    PrefilteredIV,
-    RandomWalk,
-)
+from pivident.estimation.instrumental_variables import InstrumentalVariables
+from pivident.estimation.least_squares import LeastSquares
+from pivident.estimation.literature.frequency_domain import FrequencyDomain
 from pivident.estimation.noise_options import AutoRegressive
+from pivident.estimation.prefiltered_iv import PrefilteredIV
+from pivident.estimation.signal_recipes import Algebraic, Bandpass, RandomWalk
 from pivident.experiment.experiment import load_experiment
 from pivident.simulation.controllers import PID, Cascade
 from tests.planar_log import EXPERIMENT, planar_log, write_experiment
@@ -216,7 +212,10 @@ def test_shared_and_own_options(tmp_path):
     )
     assert methods["iv-full-rate"] == InstrumentalVariables(RandomWalk(order=2), tolerance=0.005)
     assert methods["piv"] == PrefilteredIV(
-        RandomWalk(order=2), AutoRegressive(40, "bic"), "direct", tolerance=0.005
+        signals=RandomWalk(order=2),
+        noise=AutoRegressive(40, "bic"),
+        prefilter="direct",
+        tolerance=0.005,
     )
     assert methods["piv-as-printed"] == PrefilteredIV(
         noise=AutoRegressive(40), as_printed=True, tolerance=0.005
@@ -352,7 +351,7 @@ BAD = {
     ),
     "options of another method": (
         with_identify("ls = {noise = {p_max = 3}}"),
-        ("[identify.ls]", "has no noise", "bandpass"),
+        ("[identify] unknown key", "ls.noise", "bandpass"),
     ),
     "signals without use": (
         with_identify("ls = {random_walk = {order = 2}}"),

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import LeastSquares, RandomWalk
+from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import RandomWalk
 from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL
 from pivident.friction.contrasts import common_speeds, offset
 from pivident.friction.friction_study import joint_friction

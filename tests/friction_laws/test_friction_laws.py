@@ -10,9 +10,9 @@ from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.identify import build_regression, identify
 from pivident.estimation.iteration import MAX_PASSES
-from pivident.estimation.least_squares import least_squares_on
-from pivident.estimation.methods import Bandpass, LeastSquares, RandomWalk
+from pivident.estimation.least_squares import LeastSquares, least_squares_on
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import Bandpass, RandomWalk
 from pivident.motion.kinematics import Kinematics
 from pivident.motion.motion import packed_stretch, with_inner
 from pivident.recording.recording import Recording

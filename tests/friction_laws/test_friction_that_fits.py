@@ -12,8 +12,8 @@ import pytest
 
 from pivident.estimation.identify import identify
 from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.methods import RandomWalk
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import RandomWalk
 from pivident.experiment.experiment import load_experiment
 from pivident.friction_laws.impossible_signs import has_definite_sign
 from pivident.recording.public_records import load_kuka_kr300

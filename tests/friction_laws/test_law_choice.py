@@ -9,7 +9,8 @@ import pytest
 from pivident.cli import main
 from pivident.errors import IdentificationError
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import LeastSquares, RandomWalk
+from pivident.estimation.least_squares import LeastSquares
+from pivident.estimation.signal_recipes import RandomWalk
 from pivident.friction_laws.held_out_cells import Division
 from pivident.friction_laws.impossible_signs import impossible_signs
 from pivident.friction_laws.law_candidates import Reach, adding, default_changes, key_of

@@ -7,7 +7,9 @@ import pytest
 
 from pivident.errors import ExperimentError, IdentificationError
 from pivident.estimation.identify import build_regression, identify
-from pivident.estimation.methods import METHODS, LeastSquares, RandomWalk
+from pivident.estimation.least_squares import LeastSquares
+from pivident.estimation.methods import METHODS
+from pivident.estimation.signal_recipes import RandomWalk
 from pivident.friction_laws.filtered_rows import LastPass
 from pivident.friction_laws.shape_constants import shape_constants
 from pivident.friction_laws.shaped_rows import ShapedRows

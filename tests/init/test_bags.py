@@ -9,7 +9,8 @@ from pivident.check.experiment_check import check_experiment
 from pivident.cli.app import main
 from pivident.errors import RecordingError
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import Bandpass, LeastSquares
+from pivident.estimation.least_squares import LeastSquares
+from pivident.estimation.signal_recipes import Bandpass
 from pivident.experiment.experiment import load_experiment
 from pivident.init.draft import draft_experiment
 from tests.init.jittery_bag import CONTROLLER, STATES, jittery_bag

@@ -8,7 +8,7 @@ from scipy.signal import lsim
 
 from pivident.errors import IdentificationError
 from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.methods import RandomWalk
+from pivident.estimation.signal_recipes import RandomWalk
 from pivident.instruments.interleaved_halves import interleaved_instruments
 from pivident.instruments.reference_response import answers_to_noise, response_instruments
 from pivident.instruments.repeated_motion import repetition_instruments

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pivident.estimation.methods import Bandpass
+from pivident.estimation.signal_recipes import Bandpass
 from pivident.report.builder import render_report
 from pivident.report.frequency_figures import (
     bandpass_figure,

@@ -8,7 +8,7 @@ from pivident.collision import outline_of
 from pivident.consistency.consistent_model import make_consistent
 from pivident.dynamics.inverse_derivatives import inverse_dynamics_derivatives
 from pivident.errors import PividentError, RobotDescriptionError
-from pivident.estimation.filters.robot_equations import robot_equations
+from pivident.estimation.literature.filters.robot_equations import robot_equations
 from pivident.excitation import design_motion
 from pivident.export import export_model
 from pivident.models.runnable_model import runnable_model

@@ -6,7 +6,7 @@ from scipy.signal import lfilter
 
 from pivident.errors import ExperimentError, NonFiniteSamples, RecordingError
 from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.methods import RandomWalk
+from pivident.estimation.signal_recipes import RandomWalk
 from pivident.recording.recording import Recording
 from pivident.signals.coloured_walk import smooth_with_lines
 from pivident.signals.coloured_walk_likelihood import (

@@ -5,7 +5,8 @@ import pytest
 
 from pivident.errors import ExperimentError
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import InstrumentalVariables, RandomWalk
+from pivident.estimation.instrumental_variables import InstrumentalVariables
+from pivident.estimation.signal_recipes import RandomWalk
 from pivident.recording.recording import Recording
 from pivident.simulation.controllers import PD, PythonController
 from tests.simulation.loops import (

@@ -7,7 +7,8 @@ import pytest
 
 from pivident.errors import PividentError
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import InstrumentalVariables, RandomWalk
+from pivident.estimation.instrumental_variables import InstrumentalVariables
+from pivident.estimation.signal_recipes import RandomWalk
 from pivident.many.study.bench import Bench
 from pivident.many.study.scenario import read_scenario
 from tests.validation.test_missing_inertia import ARM

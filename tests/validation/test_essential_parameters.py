@@ -8,8 +8,10 @@ import pytest
 
 from pivident.errors import ExperimentError, MassMatrixNotPositiveDefinite
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import METHODS, Bandpass, LeastSquares, RandomWalk
+from pivident.estimation.least_squares import LeastSquares
+from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import Bandpass, RandomWalk
 from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL, tx40_fine
 from pivident.recording.public_records import load_staubli_tx40
 from pivident.robot.friction import FrictionLaw, coulomb, offset, viscous

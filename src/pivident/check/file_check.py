@@ -12,7 +12,7 @@ from pivident.errors import ExperimentError, PividentError
 from pivident.estimation.methods import METHODS
 from pivident.experiment.experiment import Experiment, with_every_run
 from pivident.experiment.explained import every_problem, plain_form, refuse_robot_file
-from pivident.experiment.method_table import method_of
+from pivident.experiment.identify_table import method_of
 from pivident.experiment.schema import ExperimentFile
 from pivident.experiment.toml_file import toml_content
 from pivident.robot.naming import ROBOT_FILES

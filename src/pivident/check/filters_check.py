@@ -6,8 +6,9 @@ from collections.abc import Iterable, Mapping
 
 from pivident.check.remark import Remark, of_finding
 from pivident.estimation.kinematics import MIN_RUN, settled_recipe
-from pivident.estimation.methods import Bandpass, Method, RandomWalk
-from pivident.experiment.method_table import median_finding
+from pivident.estimation.method import Method
+from pivident.estimation.signal_recipes import Bandpass, RandomWalk
+from pivident.experiment.identify_table import median_finding
 from pivident.recording.recording import Recording
 from pivident.signals.bandpass import EDGE
 from pivident.text.finding import Quantity

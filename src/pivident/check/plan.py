@@ -7,7 +7,8 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from pivident.check.expected_time import expected_time, first_run, time_of_methods
-from pivident.estimation.methods import METHODS, Method
+from pivident.estimation.method import Method
+from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
 from pivident.text.lists import plural

@@ -14,9 +14,9 @@ from pivident.check.remark import Place, Remark, of_error
 from pivident.check.stability_check import check_stability
 from pivident.dynamics.base_parameters import base_parameters, parameter_index
 from pivident.errors import PividentError
-from pivident.estimation.methods import Method
+from pivident.estimation.method import Method
 from pivident.estimation.problem import Problem
-from pivident.estimation.without_torque import TOPIC, equation_error
+from pivident.estimation.without_torque import TOPIC
 from pivident.experiment.experiment import Experiment, problem_of
 from pivident.experiment.missing_torque import check_torque
 from pivident.experiment.recording_tables import loop_of
@@ -165,7 +165,7 @@ def _without_torque(problem: Problem, methods: dict[str, Method]) -> Iterator[Re
         if finding.topic == TOPIC:
             yield Remark(**vars(finding), place=("controller",))
     for method in methods.values():
-        for finding in equation_error(method, problem.recordings):
+        for finding in method.about_torques(problem.recordings):
             yield Remark(
                 **(vars(finding) | {"subject": method.label}), place=("identify", "methods")
             )

@@ -13,7 +13,7 @@ from pivident.errors import ExperimentError
 from pivident.text.lists import separated
 
 if TYPE_CHECKING:
-    from pivident.estimation.methods import Method
+    from pivident.estimation.method import Method
     from pivident.estimation.problem import Problem
     from pivident.friction_laws.chosen_laws import LawChoice
 
@@ -89,7 +89,8 @@ def laws(
 
 def _checked(problem: Problem, choice: LawChoice, method: Method | None, unseen: Sequence) -> str:
     """Errors on motion that was not fitted, of the whole robot before and after."""
-    from pivident.estimation.methods import LeastSquares, RandomWalk
+    from pivident.estimation.least_squares import LeastSquares
+    from pivident.estimation.signal_recipes import RandomWalk
     from pivident.text.plain_table import plain_table
     from pivident.validation.held_out.cross_validation import cross_validate
 

@@ -36,7 +36,8 @@ from pivident.errors import Attempts
 from pivident.estimation.identification import Identification
 from pivident.estimation.identification_file import save_identification
 from pivident.estimation.identify import identify, narrowed
-from pivident.estimation.methods import METHODS, Method
+from pivident.estimation.method import Method
+from pivident.estimation.methods import METHODS
 from pivident.estimation.parameter_rows import parameter_rows
 from pivident.estimation.problem import Problem
 from pivident.estimation.summary_tables import (

@@ -20,7 +20,8 @@ from pivident.diagnostics.other_readings import Reading, better_readings
 from pivident.errors import Attempts, ExperimentError, PividentError
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import narrowed
-from pivident.estimation.methods import METHODS, Method
+from pivident.estimation.method import Method
+from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Problem
 from pivident.estimation.torque_sums import torque_sums
 from pivident.logs.torque_scale import is_ratio

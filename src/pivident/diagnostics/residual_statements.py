@@ -8,7 +8,6 @@ import numpy as np
 
 from pivident.diagnostics.diagnostics import Diagnostics
 from pivident.estimation.identification import Identification
-from pivident.estimation.methods import OutputError, PrefilteredIV
 from pivident.estimation.noise_options import AutoRegressive
 from pivident.text.finding import Finding, Severity
 from pivident.text.lists import listed
@@ -97,11 +96,9 @@ def _continues_level(result: Identification) -> bool:
     """Whether the noise level beyond the motion's band was continued into it."""
     equations = result.equations
     method = result.method_used
-    if equations is None or not isinstance(method, (PrefilteredIV, OutputError)):
+    if equations is None or method is None or not isinstance(method.noise, AutoRegressive):
         return False
-    if not isinstance(method.noise, AutoRegressive) or method.noise.motion_band is None:
-        return False
-    return True
+    return method.noise.motion_band is not None
 
 
 def spectral_lines(result: Identification) -> Iterator[Finding]:

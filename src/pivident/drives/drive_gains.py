@@ -27,9 +27,9 @@ from pivident.dynamics.regressor import Regressor
 from pivident.errors import IdentificationError, MassMatrixNotPositiveDefinite, SimulationDiverged
 from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.methods import RandomWalk
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import RandomWalk
 from pivident.recording.recording import Recording
 from pivident.robot.refusals import without_wrenches
 from pivident.robot.wrench_sensor import BASE

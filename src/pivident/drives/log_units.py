@@ -29,9 +29,9 @@ import numpy as np
 from pivident.drives.drive_equations import DriveRecord, drive_sums
 from pivident.estimation.covariance.sandwich import sandwich
 from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.methods import RandomWalk
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import RandomWalk
 
 #: Smallest relative remainder of an independent column.
 SEPARATE = 1e-3

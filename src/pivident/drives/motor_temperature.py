@@ -30,9 +30,9 @@ from pivident.errors import ExperimentError, IdentificationError
 from pivident.estimation.covariance.windows import Windows
 from pivident.estimation.full_rate import BLOCK, valid_samples
 from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.methods import RandomWalk
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import RandomWalk
 from pivident.motion.kinematics import Kinematics
 from pivident.motion.motion import packed_stretch, with_inner
 from pivident.motion.speed_limits import SpeedLimits

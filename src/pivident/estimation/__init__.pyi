@@ -1,23 +1,27 @@
 from .auxiliary_model import AuxiliaryModel as AuxiliaryModel
-from .filter_methods import CentralDifferenceKalman as CentralDifferenceKalman
-from .filter_methods import ExtendedKalman as ExtendedKalman
-from .filter_methods import Particles as Particles
-from .filter_methods import UnscentedKalman as UnscentedKalman
-from .filters.online import KalmanFilter as KalmanFilter
-from .filters.recursive import RecursiveInstruments as RecursiveInstruments
-from .filters.recursive import RecursiveLeastSquares as RecursiveLeastSquares
+from .didim import Didim as Didim
 from .identify import build_regression as build_regression
 from .kinematics import estimate_kinematics as estimate_kinematics
-from .methods import Algebraic as Algebraic
-from .methods import FrequencyDomain as FrequencyDomain
-from .methods import OutputError as OutputError
+from .literature.adaline import Adaline as Adaline
+from .literature.correlated_joints import CorrelatedJoints as CorrelatedJoints
+from .literature.filters.central_difference_kalman import (
+    CentralDifferenceKalman as CentralDifferenceKalman,
+)
+from .literature.filters.extended_kalman import ExtendedKalman as ExtendedKalman
+from .literature.filters.online import KalmanFilter as KalmanFilter
+from .literature.filters.particle_filter import Particles as Particles
+from .literature.filters.recursive import RecursiveInstruments as RecursiveInstruments
+from .literature.filters.recursive import RecursiveLeastSquares as RecursiveLeastSquares
+from .literature.filters.unscented_kalman import UnscentedKalman as UnscentedKalman
+from .literature.frequency_domain import FrequencyDomain as FrequencyDomain
+from .literature.hopfield import Hopfield as Hopfield
+from .literature.prior_regression import PriorRegression as PriorRegression
+from .literature.ridge import Ridge as Ridge
+from .literature.robust_regression import RobustRegression as RobustRegression
+from .literature.set_membership import SetMembership as SetMembership
+from .literature.total_least_squares import TotalLeastSquares as TotalLeastSquares
+from .method import Method as Method
 from .noise_options import Arma as Arma
 from .noise_options import AutoRegressive as AutoRegressive
-from .regression_methods import Adaline as Adaline
-from .regression_methods import CorrelatedJoints as CorrelatedJoints
-from .regression_methods import Hopfield as Hopfield
-from .regression_methods import PriorRegression as PriorRegression
-from .regression_methods import Ridge as Ridge
-from .regression_methods import RobustRegression as RobustRegression
-from .regression_methods import SetMembership as SetMembership
-from .regression_methods import TotalLeastSquares as TotalLeastSquares
+from .output_error.output_error import OutputError as OutputError
+from .signal_recipes import Algebraic as Algebraic

@@ -21,7 +21,7 @@ from pivident.estimation.equation_noise import EquationNoise
 from pivident.estimation.exogeneity import durbin_wu_hausman
 from pivident.estimation.identification import Identification, JointFit
 from pivident.estimation.iteration import Estimate, Run
-from pivident.estimation.methods import Method
+from pivident.estimation.method import Method
 from pivident.estimation.normal_equations import relative_residual
 from pivident.estimation.problem import Problem, position_units, torque_units
 from pivident.estimation.simulation_result import SimulationResult

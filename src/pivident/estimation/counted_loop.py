@@ -27,15 +27,16 @@ import numpy as np
 from pivident.estimation.answer import answer, law_findings
 from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.decimated import DecimatedRecord, decimate_record, decimated_columns
-from pivident.estimation.didim import check_loop, settled_starts, simulated_kinematics
 from pivident.estimation.identification import Identification
 from pivident.estimation.instrumental_variables import UnfilteredSteps
-from pivident.estimation.iteration import Pass, Say, Signals, Simulated, start_number
+from pivident.estimation.iteration import Pass, Signals, Simulated, start_number
 from pivident.estimation.kinematics import settled_recipe
-from pivident.estimation.methods import Bandpass, PrefilteredIV
+from pivident.estimation.method import Say
 from pivident.estimation.noise_identification import Prefilters
-from pivident.estimation.prefiltered_iv import piv
+from pivident.estimation.prefiltered_iv import PrefilteredIV, piv
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import Bandpass
+from pivident.estimation.simulated_kinematics import settled_starts, simulated_kinematics
 from pivident.instruments.given_motion import InstrumentsUsed
 from pivident.motion.motion import SimulatedMotion, with_inner
 from pivident.text.finding import Finding
@@ -72,7 +73,6 @@ def reads_counts(problem: Problem) -> bool:
 
 def identify_counted(problem: Problem, method: PrefilteredIV, say: Say) -> Identification:
     """Iterate means over simulated loops and the estimate."""
-    check_loop(problem, method)
     say(f"{method.label}: the law reads whole counts; {2 * LOOPS} loops in each iteration")
     signals = Signals.of(problem, method)
     auxiliary = AuxiliaryModel(problem, differences=True, kinematics=signals.kinematics)

@@ -23,28 +23,27 @@ The price: where model, law or reference are wrong, so is q_s. Two things are lo
 
 from __future__ import annotations
 
-import copy
-import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
-from pivident.errors import ExperimentError, IdentificationError
+from pivident.errors import ExperimentError
 from pivident.estimation.answer import answer, law_findings
 from pivident.estimation.auxiliary_model import AuxiliaryModel
+from pivident.estimation.counted_loop import identify_counted, reads_counts
 from pivident.estimation.equation_record import EquationRecord
 from pivident.estimation.full_rate import FullRateRecord, records_without_instruments
 from pivident.estimation.identification import Identification
-from pivident.estimation.iteration import Pass, Say, Signals, Simulated, start_number
-from pivident.estimation.methods import PrefilteredIV
+from pivident.estimation.iteration import Pass, Signals, Simulated, start_number
+from pivident.estimation.method import Handles, Say
 from pivident.estimation.noise_identification import Prefilters, Whitening
-from pivident.estimation.prefiltered_iv import full_rate_start, piv
+from pivident.estimation.prefiltered_iv import PrefilteredIV, full_rate_start, piv
 from pivident.estimation.problem import Problem
+from pivident.estimation.simulated_kinematics import settled_starts, simulated_kinematics
 from pivident.instruments.given_motion import InstrumentsUsed
-from pivident.motion.kinematics import Kinematics
-from pivident.motion.motion import SimulatedMotion, with_inner
-from pivident.robot.refusals import without_wrenches
+from pivident.motion.motion import with_inner
 from pivident.text.finding import Finding
 
 #: Iterations behind the inverse controller alone: as long as θ is wrong the residual shows it, and
@@ -54,38 +53,66 @@ WITHOUT_NOISE_MODEL = 2
 #: Iterations that look at the start anew: parameters are near their final values from the second.
 LOOKS_AT_START = 2
 
-#: The start is forgotten once its trace in the torque is this share of the torque's standard
-#: deviation.
-FORGOTTEN = 1e-4
-
 #: Ratio of position error to encoder noise from which on positions know more than the simulation.
 FAR_FROM_MEASURED = 2.0
 
 
-def identify_didim(problem: Problem, method: PrefilteredIV, say: Say) -> Identification:
-    """Iterate simulation, noise models and estimate."""
-    check_loop(problem, method)
-    say(f"{method.label}: noise of the encoders")
-    signals = Signals.of(problem, method)
-    auxiliary = AuxiliaryModel(problem, differences=True, kinematics=signals.kinematics)
-    whitening = Whitening.of(problem, method, signals.kinematics)
-    estimate, run = piv(SimulatedSteps(signals, method, auxiliary, whitening), say)
-    warnings = [
-        *_notes(problem),
-        *whitening.warnings(estimate.prefilters),
-        *_far_from_measured(estimate.records),
-    ]
-    return answer(problem, method, estimate, run, warnings, InstrumentsUsed("loop"))
+@dataclass(frozen=True, kw_only=True)
+class Didim(PrefilteredIV):
+    """DIDIM: the motion of the simulated loop makes the observation matrix, for coarse encoders.
+
+    Options are those of `PrefilteredIV` but the instruments, which are the observation matrix.
+    """
+
+    label: ClassVar[str] = "DIDIM (prefiltered)"
+    summary: ClassVar[str] = "for coarse encoders with a known law and reference"
+    group: ClassVar[str] = "Methods that fit a simulation"
+    handles: ClassVar[Handles] = Handles(
+        wrenches=False, computed_torque=False, no_controller=False, no_reference=False
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._refuse_instruments()
+        if self.as_printed:
+            raise ExperimentError(
+                "as_printed follows the paper to the letter, which takes the measured motion; use "
+                "piv"
+            ).about("as_printed")
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Options that a file may set."""
+        return tuple(k for k in super().keys if k not in ("instruments", "as_printed"))
+
+    def refuse(self, problem: Problem) -> None:
+        """Refuse measured wrenches, and a virtual loop, whose motion is not the machine's."""
+        super().refuse(problem)
+        if problem.loop is not None and problem.loop.reference == "smoothed":
+            raise ExperimentError(
+                f"{self.label} takes the motion from the simulated loop, which with reference = "
+                '"smoothed" is a virtual one; use piv, or give the recorded reference'
+            )
+
+    def estimate(self, problem: Problem, say: Say, *, test_gains: bool = True) -> Identification:
+        """Iterate simulation, noise models and estimate."""
+        if reads_counts(problem):
+            return identify_counted(problem, self, say)
+        say(f"{self.label}: noise of the encoders")
+        signals = Signals.of(problem, self)
+        auxiliary = AuxiliaryModel(problem, differences=True, kinematics=signals.kinematics)
+        whitening = Whitening.of(problem, self, signals.kinematics)
+        estimate, run = piv(SimulatedSteps(signals, self, auxiliary, whitening), say)
+        warnings = [
+            *_notes(problem),
+            *whitening.warnings(estimate.prefilters),
+            *_far_from_measured(estimate.records),
+        ]
+        return answer(problem, self, estimate, run, warnings, InstrumentsUsed("loop"))
 
 
-def check_loop(problem: Problem, method: PrefilteredIV) -> None:
-    """Refuse a virtual loop, whose motion is not the machine's, and measured wrenches."""
-    without_wrenches(problem.robot, f"the method {method.label}")
-    if problem.loop is not None and problem.loop.reference == "smoothed":
-        raise ExperimentError(
-            f"{method.label} takes the motion from the simulated loop, which with reference = "
-            '"smoothed" is a virtual one; use piv, or give the recorded reference'
-        )
+#: DIDIM with prefilters.
+DIDIM = Didim()
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +120,7 @@ class SimulatedSteps:
     """The steps of DIDIM: Φ, too, is that of the simulated motion."""
 
     signals: Signals
-    method: PrefilteredIV
+    method: Didim
     auxiliary: AuxiliaryModel
     whitening: Whitening
 
@@ -136,43 +163,6 @@ class SimulatedSteps:
         prefilters = prefilters if fitted.show_model_error else fitted
         prefilters.exclude(records)
         return records, prefilters
-
-
-def simulated_kinematics(kinematics: Kinematics, motion: SimulatedMotion, start: int) -> Kinematics:
-    """The simulated motion in place of the smoothed one, with the measured torque."""
-    unsmoothed = np.full(kinematics.f50.shape, np.nan)
-    return dataclasses.replace(
-        kinematics, q=motion.q, dq=motion.dq, ddq=motion.ddq, start=start, f50=unsmoothed
-    )
-
-
-def settled_starts(
-    auxiliary: AuxiliaryModel,
-    theta: np.ndarray,
-    motions: Sequence[SimulatedMotion],
-    kinematics: Sequence[Kinematics],
-) -> list[int]:
-    """First sample of each recording at which the simulated loop has forgotten its start.
-
-    The loop is simulated once more from another start, at rest on its reference. What differs
-    comes from the start.
-    """
-    other = copy.copy(auxiliary)
-    other.signals = [(s, (s.q_ref[0].copy(), np.zeros_like(s.q_ref[0]))) for s, _ in other.signals]
-    starts = []
-    for here, there, kin in zip(motions, other.simulate(theta), kinematics, strict=True):
-        assert here.tau is not None and there.tau is not None
-        trace = np.abs(here.tau - there.tau) > FORGOTTEN * here.tau.std(axis=1, keepdims=True)
-        seen = np.flatnonzero(trace.any(axis=0))
-        start = max(kin.start, int(seen[-1]) + 1 if seen.size else 0)
-        if start > 0.5 * (kin.start + kin.stop):
-            raise IdentificationError(
-                f"in recording {kin.recording.name!r} the simulated loop still shows where it "
-                f"started after {start / kin.recording.rate:.2g} s, more than half the record; "
-                "the gains are soft or the record is short. Use piv, or a longer record"
-            )
-        starts.append(start)
-    return starts
 
 
 def _notes(problem: Problem) -> list[Finding]:

@@ -13,7 +13,7 @@ from pivident.dynamics.robot_regressor import regressor_of
 from pivident.estimation.covariance import rounded_away
 from pivident.estimation.equation_noise import EquationNoise
 from pivident.estimation.equation_record import FittedRecording, MotionRange
-from pivident.estimation.methods import Method
+from pivident.estimation.method import Method
 from pivident.estimation.signal_recipes import Decimated
 from pivident.estimation.simulation_result import SimulationResult
 from pivident.estimation.solved_equations import Equations, TorqueSums

@@ -6,40 +6,21 @@ the sums of the fitted record, so that `load_identification` gets back everythin
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from os import PathLike
 from typing import Any
 
 from pivident.errors import PividentError
 from pivident.estimation.identification import Identification
-from pivident.estimation.methods import (
-    Adaline,
-    Algebraic,
-    Bandpass,
-    CentralDifferenceKalman,
-    CorrelatedJoints,
-    ExtendedKalman,
-    FrequencyDomain,
-    Hopfield,
-    InstrumentalVariables,
-    LeastSquares,
-    Method,
-    OutputError,
-    Particles,
-    PrefilteredIV,
-    PriorRegression,
-    RandomWalk,
-    Ridge,
-    RobustRegression,
-    SetMembership,
-    TotalLeastSquares,
-    UnscentedKalman,
-)
+from pivident.estimation.method import Method
+from pivident.estimation.methods import METHODS, name_of
 from pivident.estimation.noise_options import Arma, AutoRegressive, Repetition
 from pivident.estimation.parameter_rows import parameter_rows
+from pivident.estimation.signal_recipes import RECIPES
 from pivident.estimation.torque_sums import torque_sums
 from pivident.files import atomic_folder
+from pivident.options import Options
 from pivident.robot.robot_values import robot_values
 from pivident.simulation.control_loop import Loop
 from pivident.text.plain_values import csv_table, json_of_entries, plain
@@ -74,6 +55,7 @@ def to_dict(identification: Identification) -> dict[str, Any]:
     content = {
         "schema": SCHEMA,
         "method": identification.method,
+        "kind": None if identification.method_used is None else name_of(identification.method_used),
         "robot": identification.robot.name,
         "converged": bool(identification.converged),
         "iterations": identification.iterations,
@@ -129,50 +111,47 @@ def to_csv(identification: Identification) -> str:
     return csv_table(CSV_COLUMNS, cells)
 
 
-_METHODS = (
-    LeastSquares,
-    InstrumentalVariables,
-    PrefilteredIV,
-    OutputError,
-    TotalLeastSquares,
-    RobustRegression,
-    Ridge,
-    PriorRegression,
-    CorrelatedJoints,
-    SetMembership,
-    FrequencyDomain,
-    Adaline,
-    Hopfield,
-    ExtendedKalman,
-    UnscentedKalman,
-    CentralDifferenceKalman,
-    Particles,
-)
-_PARTS = {
-    "signals": (Bandpass, Algebraic, RandomWalk),
-    "noise": (AutoRegressive, Repetition, Arma),
-}
+#: Classes of recipes by the option that holds one.
+_RECIPES = {"signals": tuple(RECIPES.values()), "noise": (AutoRegressive, Repetition, Arma)}
 
 
-def method_of_options(options: Mapping[str, Any]) -> Method | None:
-    """The method whose options these are; None: of no method of this version."""
-    values = {key: value for key, value in options.items() if key != "mask"}
-    try:
-        for key, kinds in _PARTS.items():
-            if key in values:
-                values[key] = _made(kinds, values[key])
-        return _made(_METHODS, values)
-    except (TypeError, ValueError, AttributeError, PividentError):
-        return None
+def method_of_options(options: Mapping[str, Any], kind: str | None, label: str) -> Method | None:
+    """The method whose options these are; None: of no method of this version.
 
-
-def _made(kinds: tuple[type, ...], values: Mapping[str, Any]) -> Any:
-    """The class that has just these fields, with lists as the tuples that they were.
-
-    Files from before there was a choice of instruments do not name them.
+    Args:
+        options: options as plain values.
+        kind: name of a method of the same class; None: files of schema 3 and before do not say it.
+        label: name of the result.
     """
-    for kind in kinds:
-        names = {f.name for f in fields(kind)}
-        if set(values) in (names, names - {"instruments"}):
-            return kind(**{k: tuple(v) if isinstance(v, list) else v for k, v in values.items()})
-    raise ValueError(f"no method has the options {', '.join(values)}")
+    values = {key: value for key, value in options.items() if key not in ("mask", "regressor")}
+    if kind is None and options.get("regressor") == "simulated":
+        kind = "didim"
+    try:
+        for key, classes in _RECIPES.items():
+            if key in values:
+                values[key] = _recipe(classes, values[key])
+        if kind is not None:
+            return _with_values(type(METHODS[kind]), values)
+    except (TypeError, ValueError, KeyError, AttributeError, PividentError):
+        return None
+    for method in METHODS.usable().values():
+        try:
+            candidate = _with_values(type(method), values)
+        except (TypeError, ValueError, AttributeError, PividentError):
+            continue
+        if label.startswith(candidate.label):
+            return candidate
+    return None
+
+
+def _recipe(classes: Sequence[type[Options]], values: Mapping[str, Any]) -> Any:
+    """The recipe that has just these options."""
+    for each in classes:
+        if set(values) == {f.name for f in fields(each)}:
+            return _with_values(each, values)
+    raise ValueError(f"no recipe has the options {', '.join(values)}")
+
+
+def _with_values(kind: Any, values: Mapping[str, Any]) -> Any:
+    """A class with options from a file, whose lists are tuples."""
+    return kind(**{k: tuple(v) if isinstance(v, list) else v for k, v in values.items()})

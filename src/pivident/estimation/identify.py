@@ -2,53 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from pivident.dynamics.separation import KIND, separated
 from pivident.errors import IdentificationError, RankDeficientRegressor
-from pivident.estimation.counted_loop import (
-    LABEL,
-    NOT_SIMULATED,
-    identify_counted,
-    reads_counts,
-)
-from pivident.estimation.didim import identify_didim
-from pivident.estimation.filters.identify_filter import identify_filter
-from pivident.estimation.frequency.identify_frequency import identify_frequency
+from pivident.estimation.counted_loop import LABEL, NOT_SIMULATED, reads_counts
 from pivident.estimation.identification import Identification
-from pivident.estimation.instrumental_variables import identify_iv
-from pivident.estimation.kinematics import estimate_kinematics, settled_recipe
-from pivident.estimation.least_squares import identify_ls
-from pivident.estimation.methods import (
-    FrequencyDomain,
-    InstrumentalVariables,
-    LeastSquares,
-    Method,
-    OutputError,
-    PrefilteredIV,
-    RandomWalk,
-    Regression,
-    SignalRecipe,
-    StateFilter,
-    method_named,
-)
-from pivident.estimation.output_error.output_error import identify_output_error
-from pivident.estimation.prefiltered_iv import identify_piv
+from pivident.estimation.kinematics import estimate_kinematics
+from pivident.estimation.method import Method, Say
+from pivident.estimation.methods import method_named
 from pivident.estimation.problem import Problem
-from pivident.estimation.regression.identify_regression import identify_regression
-from pivident.estimation.without_torque import check_method, equation_error
+from pivident.estimation.signal_recipes import RandomWalk, SignalRecipe
 from pivident.threads import linear_algebra_in_one_thread
-
-Progress = Callable[[str], None]
 
 
 def identify(
     problem: Problem,
     method: Method | str = "piv",
-    progress: Progress | None = None,
+    progress: Say | None = None,
     *,
     test_gains: bool = True,
 ) -> Identification:
@@ -71,33 +44,35 @@ def identify(
             so; see `pivident.dynamics.separation`.
     """
     if not isinstance(problem, Problem):
-        made = getattr(problem, "problem", None)
-        advice = "use experiment.problem()" if made else "make one from robot and recordings"
+        is_experiment = getattr(problem, "problem", None)
+        advice = (
+            "use experiment.problem()" if is_experiment else "make one from robot and recordings"
+        )
         raise IdentificationError(
             f"identify takes a Problem, not an object of type {type(problem).__name__}; {advice}"
         )
     method = method_named(method)
-    check_method(method, problem.recordings)
-    lines = isinstance(method, FrequencyDomain)  # settles its own
-    if isinstance(method, (Regression, StateFilter, InstrumentalVariables)) and not lines:
-        method = replace(method, signals=settled_recipe(method.signals, problem.recordings))
+    if not isinstance(method, Method):
+        raise IdentificationError(f"{method!r} is not a method; use a name such as 'piv'")
+    method.refuse(problem)
+    method = method.settled(problem.recordings)
     say = progress or (lambda line: None)
-    noticed = equation_error(method, problem.recordings)
+    noticed = method.about_torques(problem.recordings)
     with linear_algebra_in_one_thread():
         while True:
             try:
-                found = _estimate(problem, method, say, test_gains)
+                result = method.estimate(problem, say, test_gains=test_gains)
                 break
             except RankDeficientRegressor as error:
-                if isinstance(method, OutputError):  # holds what it cannot determine, or refuses
+                if method.fits_simulation:  # holds what it cannot determine, or refuses
                     raise
                 names, why = separated(problem.base, problem.selection, error)
                 problem = replace(problem, parameters=names)
                 say(f"{method.label}: {why.message}")
                 noticed = (why, *noticed)
-    if reads_counts(problem) and found.method != LABEL:
+    if reads_counts(problem) and result.method != LABEL:
         noticed = (*noticed, NOT_SIMULATED)
-    return replace(found, warnings=(*found.warnings, *noticed)) if noticed else found
+    return replace(result, warnings=(*result.warnings, *noticed)) if noticed else result
 
 
 def narrowed(problem: Problem, found: Identification) -> Problem:
@@ -106,27 +81,6 @@ def narrowed(problem: Problem, found: Identification) -> Problem:
         return problem
     why = [w for w in found.warnings if w.kind == KIND and w not in problem.findings]
     return replace(problem, parameters=found.names, findings=(*problem.findings, *why))
-
-
-def _estimate(problem: Problem, method: Method, say: Progress, test_gains: bool) -> Identification:
-    """By the method's own function."""
-    if isinstance(method, LeastSquares):
-        return identify_ls(problem, method, say)
-    if isinstance(method, FrequencyDomain):
-        return identify_frequency(problem, method, say)
-    if isinstance(method, Regression):
-        return identify_regression(problem, method, say)
-    if isinstance(method, StateFilter):
-        return identify_filter(problem, method, say)
-    if isinstance(method, InstrumentalVariables):
-        return identify_iv(problem, method, say)
-    if isinstance(method, PrefilteredIV) and method.regressor == "simulated":
-        return (identify_counted if reads_counts(problem) else identify_didim)(problem, method, say)
-    if isinstance(method, OutputError):
-        return identify_output_error(problem, method, say, test_gains)
-    if isinstance(method, PrefilteredIV):
-        return identify_piv(problem, method, say)
-    raise IdentificationError(f"{method!r} is not a method; use a name such as 'piv'")
 
 
 def build_regression(

@@ -21,7 +21,7 @@ from pivident.errors import (
     SimulationDiverged,
 )
 from pivident.estimation.auxiliary_model import AuxiliaryModel
-from pivident.estimation.methods import InstrumentalVariables, PrefilteredIV
+from pivident.estimation.method import InstrumentalMethod
 from pivident.estimation.problem import Problem
 from pivident.instruments.given_motion import (
     EXOGENOUS,
@@ -80,7 +80,7 @@ class Chosen:
 
 def choose(
     problem: Problem,
-    method: InstrumentalVariables | PrefilteredIV,
+    method: InstrumentalMethod,
     kinematics: list[Kinematics],
     differences: bool,
 ) -> Chosen:
@@ -127,7 +127,7 @@ def without_loop(
     return _chosen(made[0], kinematics, made[1:], missing, reason)
 
 
-def may_do_without(problem: Problem, method: InstrumentalVariables | PrefilteredIV) -> bool:
+def may_do_without(problem: Problem, method: InstrumentalMethod) -> bool:
     """Whether other instruments may replace the loop: its law is not what the user says it is."""
     loop = problem.loop
     return method.instruments == "auto" and (

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import cast
+from typing import ClassVar, cast
 
 import numpy as np
 
@@ -22,7 +22,6 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.instrument_choice import Chosen, InstrumentSource
 from pivident.estimation.iteration import (
     Pass,
-    Say,
     Signals,
     Simulated,
     Steps,
@@ -30,7 +29,7 @@ from pivident.estimation.iteration import (
     least_squares_pass,
     start_number,
 )
-from pivident.estimation.methods import InstrumentalVariables, PrefilteredIV
+from pivident.estimation.method import Handles, InstrumentalMethod, Say
 from pivident.estimation.noise_identification import Prefilters
 from pivident.estimation.prefiltered_iv import (
     MIN_ESTIMATES,
@@ -38,23 +37,75 @@ from pivident.estimation.prefiltered_iv import (
     with_instruments,
 )
 from pivident.estimation.problem import Problem
-from pivident.estimation.signal_recipes import Decimated
+from pivident.estimation.signal_recipes import (
+    Bandpass,
+    Decimated,
+    RandomWalk,
+    SignalRecipe,
+    recipe_name,
+)
+from pivident.estimation.without_torque import EQUATION_ERROR
+from pivident.options import option
+from pivident.text.finding import Finding
 
 
-def identify_iv(problem: Problem, method: InstrumentalVariables, say: Say) -> Identification:
-    """Iterate instruments and estimate."""
-    say(f"{method.label}: smoothing the records")
-    signals, recipe = Signals.of(problem, method), method.signals
+@dataclass(frozen=True)
+class InstrumentalVariables(InstrumentalMethod):
+    """IDIM-IV: instruments Φ(q_s) from the simulated loop, or another motion q_s.
 
-    def steps(chosen: Chosen) -> Steps:
-        own = signals.with_kinematics(chosen.kinematics)
-        if isinstance(recipe, Decimated):
-            return DecimatedSteps(own, method, chosen.source, recipe)
-        return FullRateSteps(own, method, chosen.source)
+    Attributes:
+        signals: ``Bandpass()`` as in the literature, ``Algebraic()``, or ``RandomWalk()`` at full
+            rate.
+    """
 
-    full_rate = not isinstance(recipe, Decimated)
-    _, estimate, run, used = with_instruments(signals, method, steps, say, full_rate)
-    return answer(problem, method, estimate, run, loop_warnings(problem, estimate, used), used)
+    signals: SignalRecipe = option(
+        factory=Bandpass, meaning="how positions become speeds and accelerations"
+    )
+
+    handles: ClassVar[Handles] = Handles(law_choice=True, shape_constants=True, payload=True)
+    of_computed_torque: ClassVar[tuple[Finding, ...]] = (EQUATION_ERROR,)
+
+    @property
+    def is_thinned(self) -> bool:
+        """Whether the equations are decimated."""
+        return isinstance(self.signals, Decimated) and self.signals.decimation != 1
+
+    @property
+    def label(self) -> str:  # type: ignore[override]
+        """Name as in the literature."""
+        thinned = isinstance(self.signals, Bandpass) or self.is_thinned
+        return "IDIM-IV" if thinned else "IDIM-IV (full rate)"
+
+    @property
+    def summary(self) -> str:  # type: ignore[override]
+        """What it is, in a few words."""
+        if self.is_thinned:
+            return "instrumental variables on filtered, decimated signals"
+        return "instrumental variables: no bias, intervals too wide"
+
+    @property
+    def recipes(self) -> tuple[str, ...]:
+        """Its own recipe, or the algebraic one; the third makes the other method of the two."""
+        return tuple(dict.fromkeys((recipe_name(self.signals), "algebraic")))
+
+    def estimate(self, problem: Problem, say: Say, *, test_gains: bool = True) -> Identification:
+        """Iterate instruments and estimate."""
+        say(f"{self.label}: smoothing the records")
+        signals, recipe = Signals.of(problem, self), self.signals
+
+        def steps(chosen: Chosen) -> Steps:
+            around = signals.with_kinematics(chosen.kinematics)
+            if isinstance(recipe, Decimated):
+                return DecimatedSteps(around, self, chosen.source, recipe)
+            return FullRateSteps(around, self, chosen.source)
+
+        full_rate = not isinstance(recipe, Decimated)
+        _, estimate, run, used = with_instruments(signals, self, steps, say, full_rate)
+        return answer(problem, self, estimate, run, loop_warnings(problem, estimate, used), used)
+
+
+#: Instrumental variables of the literature, and at the full rate.
+IV, IV_FULL_RATE = InstrumentalVariables(), InstrumentalVariables(RandomWalk())
 
 
 #: Estimates after which rows no longer come and go with the speeds of the simulated joints: of few
@@ -121,7 +172,7 @@ class UnfilteredSteps:
     """What all steps have that begin at the full rate and go on without prefilters."""
 
     signals: Signals
-    method: InstrumentalVariables | PrefilteredIV
+    method: InstrumentalMethod
     auxiliary: InstrumentSource
 
     earliest = MIN_ESTIMATES + 1

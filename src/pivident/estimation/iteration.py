@@ -11,7 +11,7 @@ and repeat until it has settled; the first one does without that friction.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
@@ -25,7 +25,7 @@ from pivident.estimation.full_rate import records_without_instruments
 from pivident.estimation.identification import Iteration
 from pivident.estimation.instrument_choice import InstrumentSource
 from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.methods import InstrumentalVariables, OutputError, PrefilteredIV
+from pivident.estimation.method import InstrumentalMethod, IteratedMethod
 from pivident.estimation.noise_identification import Prefilters
 from pivident.estimation.normal_equations import (
     JointSums,
@@ -98,9 +98,6 @@ NEAR_ZERO = 5.0
 #: Largest change of a parameter in the last iteration, in standard errors.
 SETTLED = 0.2
 
-#: Progress: called with one line at each stage.
-Say = Callable[[str], None]
-
 
 @dataclass(frozen=True, eq=False)
 class Signals:
@@ -113,9 +110,7 @@ class Signals:
     without_load: np.ndarray | None
 
     @classmethod
-    def of(
-        cls, problem: Problem, method: InstrumentalVariables | PrefilteredIV | OutputError
-    ) -> Signals:
+    def of(cls, problem: Problem, method: IteratedMethod) -> Signals:
         """Smooth all recordings by the method's recipe."""
         kinematics = [estimate_kinematics(r, method.signals) for r in problem.recordings]
         limits = [problem.speed_limits(r) for r in problem.recordings]
@@ -221,7 +216,7 @@ class Steps(Protocol):
         """The smoothed recordings."""
 
     @property
-    def method(self) -> InstrumentalVariables | PrefilteredIV:
+    def method(self) -> InstrumentalMethod:
         """Options: tolerance, iterations, weights, covariance."""
 
     @property
@@ -252,7 +247,7 @@ class Steps(Protocol):
         """Records with the simulated instruments, and what they are filtered with."""
 
 
-def start_number(method: InstrumentalVariables | PrefilteredIV | OutputError) -> int:
+def start_number(method: IteratedMethod) -> int:
     """Estimates before the first iteration: whether least squares makes one."""
     return int(method.start == "least-squares")
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from pivident.common_work import once
 from pivident.errors import RecordingError, RecordingTooShort
-from pivident.estimation.methods import Algebraic, Bandpass, RandomWalk, SignalRecipe
+from pivident.estimation.signal_recipes import Algebraic, Bandpass, RandomWalk, SignalRecipe
 from pivident.logs.clocks.gaps import clear_of_unusable
 from pivident.motion.kinematics import MIN_RUN, Kinematics, aligned_torque
 from pivident.recording.recording import Recording

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -16,31 +18,76 @@ from pivident.estimation.iteration import (
     MAX_PASSES,
     Estimate,
     Run,
-    Say,
     estimate_without_load,
     has_settled,
     relative_change,
 )
 from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.methods import LeastSquares, Regression, StateFilter
+from pivident.estimation.method import Handles, Method, Say
 from pivident.estimation.noise_identification import Prefilters
 from pivident.estimation.normal_equations import JointSums, Solution, relative_residual, solve
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import Decimated
+from pivident.estimation.without_torque import BIASED
 from pivident.motion.kinematics import Kinematics
 from pivident.motion.motion import with_inner
 from pivident.motion.speed_limits import SpeedLimits
+from pivident.options import option
+from pivident.text.finding import Finding
 
 
-def identify_ls(problem: Problem, method: LeastSquares, say: Say) -> Identification:
-    """θ = (Σ ΦᵀΦ/λ_j)⁻¹ Σ Φᵀτ/λ_j, λ_j from each joint's own least squares (Gautier 1997).
+@dataclass(frozen=True, kw_only=True)
+class LeastSquares(Method):
+    """IDIM-LS: ordinary (weighted = False) or weighted by each joint's own residual.
 
-    Biased where the positions were measured inside a feedback loop. Friction that grows with the
-    load is estimated again with the load of the last estimate until that stands still.
+    θ = (Σ ΦᵀΦ/λ_j)⁻¹ Σ Φᵀτ/λ_j, λ_j from each joint's own least squares (Gautier 1997), is biased
+    where the positions were measured inside a feedback loop. Friction that grows with the load is
+    estimated again with the load of the last estimate until that stands still.
+
+    Attributes:
+        weighted: whether joints are weighted by the inverse of their residual variance.
     """
-    say(f"{method.label}: filtering the records")
-    kinematics = [estimate_kinematics(r, method.signals) for r in problem.recordings]
-    return least_squares_on(problem, method, kinematics, say)
+
+    weighted: bool = option(True, "weight joints by the inverse of their residual variance")
+
+    of_computed_torque: ClassVar[tuple[Finding, ...]] = (BIASED,)
+
+    @property
+    def label(self) -> str:  # type: ignore[override]
+        """Name as in the literature."""
+        return "IDIM-WLS" if self.weighted else "IDIM-OLS"
+
+    @property
+    def summary(self) -> str:  # type: ignore[override]
+        """What it is, in a few words."""
+        if self.weighted:
+            return "least squares: fast, and biased by the feedback loop"
+        return "least squares without weights"
+
+    @property
+    def group(self) -> str:  # type: ignore[override]
+        """Heading under which it is offered."""
+        return "" if self.weighted else "Regressions"
+
+    @property
+    def handles(self) -> Handles:  # type: ignore[override]
+        """What it copes with: a load with weights only."""
+        return Handles(law_choice=True, shape_constants=True, payload=self.weighted)
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Options that a file may set: weights have names of their own, ``ls`` and ``ols``."""
+        return ("signals",)
+
+    def estimate(self, problem: Problem, say: Say, *, test_gains: bool = True) -> Identification:
+        """One solution, or several where friction grows with the load."""
+        say(f"{self.label}: filtering the records")
+        kinematics = [estimate_kinematics(r, self.signals) for r in problem.recordings]
+        return least_squares_on(problem, self, kinematics, say)
+
+
+#: Least squares, weighted and not.
+LS, OLS = LeastSquares(), LeastSquares(weighted=False)
 
 
 def least_squares_on(
@@ -55,7 +102,7 @@ def least_squares_on(
 
 
 def least_squares_start(
-    problem: Problem, method: Regression | StateFilter, say: Say
+    problem: Problem, method: Method, say: Say
 ) -> tuple[list[Kinematics], Estimate]:
     """Motions and torques by a method's recipe, and least squares on them, where it begins."""
     say(f"{method.label}: filtering the records")

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import numpy as np
 
 from pivident.errors import ExperimentError, IdentificationError
 from pivident.estimation.equation_record import EquationRecord
-from pivident.estimation.methods import PrefilteredIV
-from pivident.estimation.noise_options import Arma, Repetition
+from pivident.estimation.noise_options import Arma, AutoRegressive, Repetition
 from pivident.estimation.problem import Problem
 from pivident.estimation.standstill import (
     reached_by_measured,
@@ -51,6 +51,22 @@ DECIDES_ORDERS, DECIDES_MODELS = 1, 2
 #: Excess of the motion's band from which on a residual there is mostly model error. In the scenario
 #: *coarse* it is 0.9 to 1.9, with gains 2 % off or friction that the model lacks 10 to 30.
 MODEL_ERROR = 4.0
+
+
+class Prefiltering(Protocol):
+    """Options of prefilters, as `PrefilteredIV` has them."""
+
+    @property
+    def noise(self) -> AutoRegressive | Arma:
+        """Recipe of the noise models."""
+
+    @property
+    def prefilter(self) -> str:
+        """Behind the inverse of the ``controller``, or ``direct`` on the torque."""
+
+    @property
+    def as_printed(self) -> bool:
+        """Whether standstill is left out, as the paper does."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +136,7 @@ class Whitening:
     """How residuals are made white: inverse controllers, and the recipe of the noise models."""
 
     problem: Problem  # what is given
-    method: PrefilteredIV  # options of IDIM-PIV
+    method: Prefiltering
     numerator: np.ndarray  # of each joint's inverse controller, shape (joints, coefficients)
     denominator: np.ndarray  # likewise
     inverts_controller: bool  # whether they are those of the loop's law
@@ -129,7 +145,7 @@ class Whitening:
     def of(
         cls,
         problem: Problem,
-        method: PrefilteredIV,
+        method: Prefiltering,
         kinematics: Sequence[Kinematics],
         simulated: bool = True,
     ) -> Whitening:

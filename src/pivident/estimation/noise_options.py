@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from pivident.errors import ExperimentError
 from pivident.motion.kinematics import MOTION_BAND
+from pivident.options import Options, option
 from pivident.recording.recording import Recording
 
 #: Which covariance of an estimate is reported.
@@ -14,7 +14,7 @@ CovarianceKind = Literal["auto", "formula", "sandwich", "stationary"]
 
 
 @dataclass(frozen=True)
-class AutoRegressive:
+class AutoRegressive(Options):
     """AR noise model by Burg, all orders at once.
 
     Attributes:
@@ -27,10 +27,14 @@ class AutoRegressive:
             no band.
     """
 
-    p_max: int = 150
-    criterion: Literal["aic", "aicc", "bic"] = "aic"
-    on_unmasked: bool = True
-    motion_band: Literal["auto"] | float | None = "auto"
+    p_max: int = option(150, "largest order of the AR model tried", at_least=1, at_most=5000)
+    criterion: Literal["aic", "aicc", "bic"] = option("aic", '`"aic"`, `"aicc"` or `"bic"`')
+    on_unmasked: bool = option(True, "fit it on valid samples only")
+    motion_band: Literal["auto"] | float | None = option(
+        "auto",
+        "highest frequency of the motion, below which the noise is continued; 0: none",
+        unit="Hz", kind='`"auto"` or number', at_least=0.0,
+    )  # fmt: skip
 
     def band(self, recording: Recording) -> float:
         """Highest frequency of the motion of a recording [Hz], zero for none."""
@@ -48,12 +52,20 @@ class Repetition(AutoRegressive):
     """
 
     #: None is needed: model error is gone from the residual.
-    motion_band: Literal["auto"] | float | None = None
-    period: int | None = None  # samples of a period of the reference; None: found from it
+    motion_band: Literal["auto"] | float | None = option(
+        None,
+        "highest frequency of the motion, below which the noise is continued; 0: none",
+        unit="Hz", kind='`"auto"` or number', at_least=0.0,
+    )  # fmt: skip
+    period: int | None = option(
+        None,
+        "period of the motion, where `repetition` does not find it",
+        unit="samples", shown="found", at_least=10,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
-class Arma:
+class Arma(Options):
     """ARMA noise model by maximum likelihood (section 4.4 of the paper), of given orders.
 
     A moving average saves autoregressive terms where the noise's spectrum has a dip. Its whitener
@@ -67,16 +79,12 @@ class Arma:
             whitener forgets within a few thousand samples.
     """
 
-    ar_order: int = 8
-    ma_order: int = 4
-    on_unmasked: bool = True
-    largest_root: float = 0.99
-
-    def __post_init__(self) -> None:
-        if self.ar_order < 1 or self.ma_order < 1:
-            raise ExperimentError(
-                f"ARMA noise needs orders of at least one, not ({self.ar_order}, {self.ma_order}); "
-                "without a moving average use the AR model"
-            )
-        if not 0.0 < self.largest_root < 1.0:
-            raise ExperimentError(f"largest_root must lie between 0 and 1, not {self.largest_root}")
+    ar_order: int = option(
+        8, "degree of the AR part of an ARMA model; any of these three keys chooses ARMA",
+        at_least=1, at_most=200,
+    )  # fmt: skip
+    ma_order: int = option(4, "degree of its moving average", at_least=1, at_most=50)
+    on_unmasked: bool = option(True, "fit it on valid samples only")
+    largest_root: float = option(
+        0.99, "zeros of the moving average stay inside this radius", above=0.0, below=1.0
+    )

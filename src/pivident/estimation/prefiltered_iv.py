@@ -12,14 +12,15 @@ is applied to instruments, observation matrix and torque (D6). λ_j^-1 on both s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Any, ClassVar, Literal, TypeVar
 
 import numpy as np
 
 from pivident.errors import (
+    ExperimentError,
     IdentificationError,
     MassMatrixNotPositiveDefinite,
     SimulationDiverged,
@@ -43,7 +44,6 @@ from pivident.estimation.iteration import (
     Estimate,
     Pass,
     Run,
-    Say,
     Signals,
     Simulated,
     Steps,
@@ -53,13 +53,177 @@ from pivident.estimation.iteration import (
     solve,
     start_number,
 )
-from pivident.estimation.methods import InstrumentalVariables, OutputError, PrefilteredIV
+from pivident.estimation.method import (
+    Handles,
+    InstrumentalMethod,
+    IteratedMethod,
+    Say,
+)
 from pivident.estimation.noise_identification import Prefilters, Whitening
+from pivident.estimation.noise_options import Arma, AutoRegressive, CovarianceKind
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import RandomWalk
+from pivident.estimation.without_torque import EQUATION_ERROR
 from pivident.instruments.given_motion import InstrumentsUsed
+from pivident.options import option
+from pivident.text.finding import Finding
 
 #: Estimates before the one that may be the last: noise models come from the residuals of both.
 MIN_ESTIMATES = 2
+
+
+#: What the paper's form fixes, of the method and of its noise model.
+FIXED_AS_PRINTED = ("random_walk", "prefilter", "covariance", "start")
+NOISE_AS_PRINTED = ("motion_band", "on_unmasked", "period", "repetition")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PrefilteredIV(InstrumentalMethod):
+    """IDIM-PIV: IV with prefilters from the identified noise.
+
+    Attributes:
+        signals: the smoother.
+        noise: the noise model.
+        prefilter: ``controller``: inverse of the law's proportional and derivative part, then
+            the AR whitener; ``direct``: the AR whitener on the torque residual; ``auto``: the
+            former where a loop is simulated, the latter where it is not, and the more precise of
+            both where the law was identified from the record.
+        covariance: what the standard errors come from: ``stationary``, the autocovariance of the
+            residual; ``sandwich``, windows of time, which also holds where the residual comes in
+            bursts; ``auto``: stationary where the windows agree with it (see
+            `pivident.estimation.covariance.stationary_noise`), else sandwich; or the paper's
+            ``formula`` (P-31).
+        as_printed: the paper to the letter: irwsm of order 2 applied twice, torque not aligned,
+            standard errors by (P-31), and (P-22), (P-28) with λ⁻¹ on both sides. AR orders go up to
+            the noise model's ``p_max``; CAPTAIN's ``aic`` stops at 32 by default.
+    """
+
+    signals: RandomWalk = option(factory=RandomWalk, meaning="the smoother")
+    noise: AutoRegressive | Arma = option(  # type: ignore[misc]
+        factory=AutoRegressive, meaning="the noise model"
+    )
+    prefilter: Literal["auto", "controller", "direct"] = option(
+        "auto",
+        'whiten behind the inverse of the `"controller"`, or `"direct"` the torque residual; '
+        '`"auto"`: the former where a loop is simulated, and the more precise of both where the '
+        "law was identified",
+    )
+    covariance: CovarianceKind = option(  # type: ignore[misc]
+        "auto",
+        'standard errors from `"stationary"` noise, from the `"sandwich"` over windows, from the '
+        "first where a test finds that the residual is stationary and else from the second "
+        '(`"auto"`), or by the paper\'s `"formula"`',
+    )
+    as_printed: bool = option(False, "exactly as printed in the paper")
+
+    of_computed_torque: ClassVar[tuple[Finding, ...]] = (EQUATION_ERROR,)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.as_printed:
+            self._refuse_instruments()
+            changes: dict[str, Any] = {"on_unmasked": False}
+            if not isinstance(self.noise, Arma):
+                changes["motion_band"] = None
+            fixed = {
+                "signals": RandomWalk(order=2, passes=2, align=False),
+                "noise": replace(self.noise, **changes),
+                "covariance": "formula",
+                "start": "initial",
+            }
+            for name, value in fixed.items():
+                object.__setattr__(self, name, value)
+
+    def _refuse_instruments(self) -> None:
+        """Refuse instruments that are not those of the simulated loop."""
+        if self.instruments not in ("auto", "loop"):
+            raise ExperimentError(
+                f"instruments are {self.instruments!r}, but {self.label} takes them from the "
+                "simulated loop: choose 'loop', or piv or iv-full-rate"
+            )
+
+    @property
+    def weight_power(self) -> float:  # type: ignore[override]
+        """w, power of λ in the weights: 1, or 2 as (P-22) and (P-28) are printed."""
+        return 2.0 if self.as_printed else 1.0
+
+    @property
+    def whitens(self) -> bool | None:  # type: ignore[override]
+        """Whether its prefilters make it precise; as printed it is there for comparison."""
+        return None if self.as_printed else True
+
+    @property
+    def handles(self) -> Handles:  # type: ignore[override]
+        """What it copes with; as printed it needs the law."""
+        free = not self.as_printed
+        return Handles(no_controller=free, law_choice=True, shape_constants=True, payload=free)
+
+    @property
+    def label(self) -> str:  # type: ignore[override]
+        """Name as in the literature."""
+        return "IDIM-PIV (as printed)" if self.as_printed else "IDIM-PIV"
+
+    @property
+    def summary(self) -> str:  # type: ignore[override]
+        """What it is, in a few words."""
+        if self.as_printed:
+            return "piv exactly as the paper prints it"
+        return "prefiltered instrumental variables: no bias, correct intervals"
+
+    @property
+    def group(self) -> str:  # type: ignore[override]
+        """Heading under which it is offered."""
+        return "Regressions" if self.as_printed else ""
+
+    @property
+    def recipes(self) -> tuple[str, ...]:
+        """The smoother."""
+        return ("random_walk",)
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Options that a file may set; as printed the instruments are those of the loop."""
+        return tuple(k for k in super().keys if k != "instruments" or not self.as_printed)
+
+    def check_keys(self, keys: Mapping[str, Any]) -> None:
+        """Refuse what the paper's form fixes."""
+        if not keys.get("as_printed", self.as_printed):
+            return
+        fixed = sorted(set(FIXED_AS_PRINTED) & set(keys))
+        fixed += [f"noise.{k}" for k in NOISE_AS_PRINTED if k in keys.get("noise", {})]
+        if fixed:
+            raise ExperimentError(
+                f"as_printed follows the paper to the letter and fixes {', '.join(fixed)}; "
+                "remove one of the two"
+            ).about(*fixed[0].split("."))
+
+    def estimate(self, problem: Problem, say: Say, *, test_gains: bool = True) -> Identification:
+        """Iterate instruments, estimate and noise models.
+
+        A law that was found from the record may describe poorly where the noise comes from, and its
+        inverse remembers standstill for long. Then the iteration is done with its inverse and
+        without, and the more precise estimate is taken.
+        """
+        say(f"{self.label}: smoothing the records")
+        signals = Signals.of(problem, self)
+        loop = problem.loop
+        if self.prefilter != "auto" or loop is None or loop.identified is None:
+            return _identified(signals, self, say)
+        direct = _identified(signals, replace(self, prefilter="direct"), say)
+        if direct.loop is None:  # other instruments: no law is inverted
+            return direct
+        say("once more with the inverse of the law")
+        try:
+            inverse = _identified(signals, replace(self, prefilter="controller"), say)
+        except IdentificationError:  # the inverse forgets too slowly
+            return direct
+        if inverse.loop is None:
+            return direct
+        return min(direct, inverse, key=lambda one: (not one.converged, _log_deviation(one)))
+
+
+#: IDIM-PIV, and as the paper prints it.
+PIV, PIV_AS_PRINTED = PrefilteredIV(), PrefilteredIV(as_printed=True)
 
 
 def piv(steps: Steps, say: Say) -> tuple[Estimate, Run]:
@@ -89,31 +253,6 @@ def piv(steps: Steps, say: Say) -> tuple[Estimate, Run]:
     return estimate, run
 
 
-def identify_piv(problem: Problem, method: PrefilteredIV, say: Say) -> Identification:
-    """Iterate instruments, estimate and noise models.
-
-    A law that was found from the record may describe poorly where the noise comes from, and its
-    inverse remembers standstill for long. Then the iteration is done with its inverse and without,
-    and the more precise estimate is taken.
-    """
-    say(f"{method.label}: smoothing the records")
-    signals = Signals.of(problem, method)
-    loop = problem.loop
-    if method.prefilter != "auto" or loop is None or loop.identified is None:
-        return _identified(signals, method, say)
-    direct = _identified(signals, replace(method, prefilter="direct"), say)
-    if direct.loop is None:  # other instruments: no law is inverted
-        return direct
-    say("once more with the inverse of the law")
-    try:
-        inverse = _identified(signals, replace(method, prefilter="controller"), say)
-    except IdentificationError:  # the inverse forgets too slowly
-        return direct
-    if inverse.loop is None:
-        return direct
-    return min(direct, inverse, key=lambda found: (not found.converged, _log_deviation(found)))
-
-
 def _identified(signals: Signals, method: PrefilteredIV, say: Say) -> Identification:
     """The iteration with the prefilter that the method names."""
 
@@ -140,7 +279,7 @@ AnySteps = TypeVar("AnySteps", bound=Steps)
 
 def with_instruments(
     signals: Signals,
-    method: InstrumentalVariables | PrefilteredIV,
+    method: InstrumentalMethod,
     steps: Callable[[Chosen], AnySteps],
     say: Say,
     differences: bool = True,
@@ -167,7 +306,7 @@ def with_instruments(
 
 def full_rate_start(
     signals: Signals,
-    method: InstrumentalVariables | PrefilteredIV | OutputError,
+    method: IteratedMethod,
     prefilters: Prefilters,
 ) -> Pass:
     """θ⁰ of a method at the full rate, with prefilters that need no noise model."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from pivident.errors import ExperimentError
 from pivident.motion.kinematics import MOTION_BAND
+from pivident.options import Options, option
 from pivident.signals.algebraic import half_gain_product, half_samples
 from pivident.signals.decimation import Convention
 
@@ -17,7 +18,7 @@ from pivident.signals.decimation import Convention
 SAMPLES_OF_A_PERIOD = 8.0
 
 
-class Decimated:
+class Decimated(Options):
     """What recipes share whose equations are decimated, Φ and τ alike."""
 
     decimation: int | tuple[int, ...] | None
@@ -62,16 +63,46 @@ class Bandpass(Decimated):
             where the cut-off comes from the record; the literature does not.
     """
 
-    cutoff: float | tuple[float, ...] | None = None
-    order: int = 4
-    decimation: int | tuple[int, ...] | None = None
-    bandwidth: float | None = None
-    convention: Convention = "matlab"
-    median: int = 1
-    padlen: int | None = None
-    edge: int | tuple[int, int] | None = None
-    align: bool = False
-    at_instants: bool | None = None
+    cutoff: float | tuple[float, ...] | None = option(
+        None,
+        "cut-off of the position filter, for all joints or for each; from the record: "
+        "[1.5 times the half-power frequency](theory/signals.md#cut-offs-from-the-record) of each "
+        "joint, at most 2.5 times `bandwidth`",
+        unit="Hz", kind="number(s)", shown="from the record", above=0.0,
+    )  # fmt: skip
+    order: int = option(4, "order of the Butterworth filter", at_least=1, at_most=20)
+    decimation: int | tuple[int, ...] | None = option(
+        None, "factor, or the factors of its stages", kind="number(s)", shown="from `bandwidth`",
+        at_least=1,
+    )  # fmt: skip
+    bandwidth: float | None = option(
+        None, "frequency kept by the decimation", unit="Hz",
+        shown="20 Hz, or an eighth of a lower rate", above=0.0,
+    )  # fmt: skip
+    convention: Convention = option(
+        "matlab", 'whose `decimate` determines the treatment of the ends; or `"scipy"`'
+    )
+    median: int = option(1, "length of a preceding median filter, odd", unit="samples", at_least=1)
+    padlen: int | None = option(
+        None, "by how much the filters extend the record", unit="samples", shown="chosen",
+        at_least=0,
+    )  # fmt: skip
+    edge: int | tuple[int, int] | None = option(
+        None, "dropped at both ends, or at start and end", unit="samples", kind="number or 2",
+        shown="five periods of `cutoff`", at_least=0,
+    )  # fmt: skip
+    align: bool = option(False, "move the torque to the instants of the derivatives")
+    at_instants: bool | None = option(
+        None, "correct differences, which are averages over two periods, to the instant",
+        shown="where `cutoff` is from the record",
+    )  # fmt: skip
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.median % 2 == 0:
+            raise ExperimentError(f"median = {self.median} must be an odd number of samples").about(
+                "median"
+            )
 
     def cutoffs(self, joints: int) -> np.ndarray:
         """Cut-off of each joint, shape (joints,) [Hz]; NaN as long as the record has to say.
@@ -95,7 +126,7 @@ class Bandpass(Decimated):
 
 
 @dataclass(frozen=True)
-class RandomWalk:
+class RandomWalk(Options):
     """Integrated random walk smoother at full rate, torque aligned with the positions.
 
     Attributes:
@@ -107,17 +138,20 @@ class RandomWalk:
             and where there are any the smoother knows them. ``white``, or two passes: no search.
     """
 
-    order: int = 3
-    passes: int = 1
-    f50_max: float | None = None
-    align: bool = True
-    measurement_noise: Literal["white", "auto"] = "auto"
-
-    def __post_init__(self) -> None:
-        if self.measurement_noise not in ("white", "auto"):
-            raise ExperimentError(
-                f"measurement_noise is {self.measurement_noise!r}; choose 'white' or 'auto'"
-            )
+    order: Literal[1, 2, 3, 4] = option(
+        3, "order of integration of the smoother's model", kind="1 to 4"
+    )
+    passes: int = option(1, "number of times it is applied", at_least=1, at_most=10)
+    f50_max: float | None = option(
+        None, "cap of the half-power frequency", unit="Hz", shown="none", above=0.0
+    )
+    align: bool = option(True, "move the torque to the instants of the derivatives")
+    measurement_noise: Literal["white", "auto"] = option(
+        "auto",
+        "whether the smoother detects visible counts and spectral lines in the encoders' noise and "
+        "accounts for them",
+        kind='`"auto"`, `"white"`',
+    )
 
 
 @dataclass(frozen=True)
@@ -142,30 +176,37 @@ class Algebraic(Decimated):
         convention: whose ``decimate`` is followed at the ends, for all such recipes.
     """
 
-    window: float | tuple[float, ...] | None = None
-    degree: int = 2
-    exponent: float = 4.0
-    both_sides: bool | None = None
-    decimation: int | tuple[int, ...] | None = None
-    bandwidth: float | None = None
-    align: bool = True
+    window: float | tuple[float, ...] | None = option(
+        None,
+        "length of the window, for all joints or for each; from the record: its gain is one half "
+        "at the cut-off that *bandpass* would have",
+        unit="s", kind="number(s)", shown="from the record", above=0.0,
+    )  # fmt: skip
+    degree: int = option(
+        2, "degree of polynomials that position, speed and acceleration may be in the window, "
+        "0 to 10",
+        at_least=0, at_most=10,
+    )  # fmt: skip
+    exponent: float = option(
+        4.0,
+        "exponent of the kernel's weight, 2 to 50; at 2 accelerations are those of Savitzky and "
+        "Golay",
+        at_least=2.0, at_most=50.0,
+    )  # fmt: skip
+    both_sides: bool | None = option(
+        None, "pass the torque through the same window", shown="where equations are decimated"
+    )
+    decimation: int | tuple[int, ...] | None = option(
+        None, "factor, or the factors of its stages; 1: the full rate", kind="number(s)",
+        shown="from `bandwidth`", at_least=1,
+    )  # fmt: skip
+    bandwidth: float | None = option(
+        None, "frequency kept by the decimation", unit="Hz",
+        shown="20 Hz, or an eighth of a lower rate", above=0.0,
+    )  # fmt: skip
+    align: bool = option(True, "move the torque to the instants of the derivatives")
 
     convention: ClassVar[Convention] = "matlab"  # type: ignore[misc]  # no option here
-
-    def __post_init__(self) -> None:
-        if not np.all(np.atleast_1d(1.0 if self.window is None else self.window) > 0.0):
-            raise ExperimentError(f"window is {self.window} s; it has to be positive").about(
-                "window"
-            )
-        if not 0 <= self.degree <= 10:
-            raise ExperimentError(f"degree is {self.degree}; it lies between 0 and 10").about(
-                "degree"
-            )
-        if not 2.0 <= self.exponent <= 50.0:
-            raise ExperimentError(
-                f"exponent is {self.exponent}; accelerations need at least 2, and no more than 50 "
-                "are of use"
-            ).about("exponent")
 
     @property
     def filters_torque(self) -> bool:
@@ -210,3 +251,13 @@ class Algebraic(Decimated):
 
 #: How positions become speeds and accelerations.
 SignalRecipe = Bandpass | Algebraic | RandomWalk
+
+#: Recipes by the names of their tables.
+RECIPES: dict[str, type[Bandpass] | type[Algebraic] | type[RandomWalk]] = {
+    "bandpass": Bandpass, "algebraic": Algebraic, "random_walk": RandomWalk,
+}  # fmt: skip
+
+
+def recipe_name(signals: SignalRecipe) -> str:
+    """Name of a recipe in a file."""
+    return next(name for name, kind in RECIPES.items() if type(signals) is kind)

@@ -143,6 +143,7 @@ class FileContent(Values):
 
     schema_: Annotated[int, Field(alias="schema")]
     method: Name
+    kind: str | None = None
     robot: Name
     converged: bool
     iterations: int
@@ -284,7 +285,7 @@ def _identification(content: FileContent, robot: Robot | None) -> Identification
         condition=_number(content.condition, math.inf),
         recordings=(),
         options=content.options,
-        method_used=method_of_options(content.options),
+        method_used=method_of_options(content.options, content.kind, content.method),
         warnings=tuple(map(_warning, content.warnings)),
         sources=content.sources,
         version=content.version,

@@ -9,7 +9,6 @@ import numpy as np
 
 from pivident.dynamics.parameters import Parameter
 from pivident.estimation.identification import Identification
-from pivident.estimation.methods import Algebraic, Bandpass
 from pivident.estimation.parameter_rows import (
     CONTRADICTION,
     ParameterRow,
@@ -18,6 +17,7 @@ from pivident.estimation.parameter_rows import (
     method_labels,
     parameter_rows,
 )
+from pivident.estimation.signal_recipes import Algebraic, Bandpass
 from pivident.estimation.simulation_tables import simulation_text
 from pivident.robot.friction import FrictionColumn
 from pivident.text.numbers import format_exact, format_significant, percent, with_spread

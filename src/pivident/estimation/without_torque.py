@@ -11,15 +11,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from pivident.errors import IdentificationError
-from pivident.estimation.methods import (
-    WITHOUT_TORQUE,
-    Method,
-    OutputError,
-    PrefilteredIV,
-    Regression,
-    StateFilter,
-)
 from pivident.recording.recording import Recording
 from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import PythonController
@@ -62,23 +53,23 @@ _RATIO = Finding(
 )
 
 #: What least squares of a computed torque says.
-_BIASED = Finding(
+BIASED = Finding(
     "warning",
     TOPIC,
     "biased",
     "Least squares is biased here by construction: the torque was computed from the measured "
     "positions, so their noise is in it and in the regressor alike, multiplied by the gains.",
-    next_step=f"Compare with {WITHOUT_TORQUE[0]}.",
+    next_step="Compare with cloe.",
 )
 
 #: The same of instrumental variables.
-_INSTRUMENTS = Finding(
+EQUATION_ERROR = Finding(
     "warning",
     TOPIC,
     "equation error",
     "The torque was computed from the measured positions and contains their noise, multiplied by "
     "the gains. Instruments are free of it only where they come from the reference alone.",
-    next_step=f"Compare with {WITHOUT_TORQUE[0]}.",
+    next_step="Compare with cloe.",
 )
 
 
@@ -115,48 +106,3 @@ def _integrator(joints: Sequence[str]) -> Finding:
     )
     step = "Begin the log before the controller is switched on, or take the offsets for that."
     return Finding("warning", TOPIC, "integrator", text, next_step=step)
-
-
-def check_method(method: Method, recordings: Sequence[Recording]) -> None:
-    """Refuse a method that cannot do without measured torques where there are none.
-
-    Args:
-        method: the method.
-        recordings: the runs.
-
-    Raises:
-        IdentificationError: names the method and what to use.
-    """
-    if not needs_torques(method):
-        return
-    for recording in recordings:
-        if recording.torque_source == "law":
-            raise IdentificationError(
-                f"{method.label} needs measured torques, but recording {recording.name!r} has "
-                "none: one computed from the control law holds nothing that the positions do not; "
-                f"use {WITHOUT_TORQUE[0]}"
-            )
-
-
-def needs_torques(method: Method) -> bool:
-    """Whether a method compares simulated torques with measured ones, or simulates with these."""
-    if isinstance(method, OutputError):
-        return method.loop == "open" or method.compares != "positions"
-    return isinstance(method, PrefilteredIV) and method.regressor == "simulated"
-
-
-def equation_error(method: Method, recordings: Sequence[Recording]) -> tuple[Finding, ...]:
-    """What to say of methods that take a computed torque for a measured one.
-
-    Args:
-        method: the method.
-        recordings: the runs.
-
-    Returns:
-        Findings; none where every torque was measured.
-    """
-    if all(recording.torque_source != "law" for recording in recordings):
-        return ()
-    if isinstance(method, (OutputError, StateFilter)):
-        return ()
-    return (_BIASED,) if isinstance(method, Regression) else (_INSTRUMENTS,)

@@ -30,16 +30,15 @@ from pathlib import Path
 from pivident.consistency.method_names import free_methods, made_consistent
 from pivident.consistency.options import ConsistencyOptions
 from pivident.errors import ExperimentError, IdentificationError
-from pivident.estimation.methods import METHODS, WITHOUT_TORQUE, Method
+from pivident.estimation.method import Method
+from pivident.estimation.methods import METHODS, WITHOUT_TORQUE
 from pivident.estimation.problem import Problem
-from pivident.estimation.without_torque import needs_torques
 from pivident.experiment.consistency_table import consistency_of
 from pivident.experiment.explained import validated
-from pivident.experiment.method_keys import IdentifyEntry
-from pivident.experiment.method_table import (
+from pivident.experiment.identify_table import (
+    IdentifyEntry,
     median_finding,
     method_of,
-    takes_any_instruments,
 )
 from pivident.experiment.missing_torque import check_torque, is_without_torque
 from pivident.experiment.recording_tables import loop_of, one_by_one, run_of
@@ -261,7 +260,7 @@ class Experiment:
         """Refuse a method that simulates the loop where controller or reference are missing."""
         controller = self.content.controller
         if is_without_torque(self.content):  # whose law `problem` asks for, whatever the method
-            if needs_torques(method):
+            if not method.handles.computed_torque:
                 raise ExperimentError(
                     f"the method {name!r} needs measured torques, but the log has none, and one "
                     "computed from the control law holds nothing that the positions do not; use "
@@ -271,8 +270,7 @@ class Experiment:
         if not method.simulates_loop:
             return
         if controller is None:
-            wanted = getattr(method, "instruments", "auto") == "loop"
-            if takes_any_instruments(method) and not wanted:
+            if not method.needs_controller:
                 return
             raise ExperimentError(
                 f"the method {name!r} simulates the control loop, but there is no "

@@ -15,7 +15,7 @@ from pydantic.functional_validators import PlainValidator
 from pivident.errors import ExperimentError
 from pivident.experiment.consistency_keys import ConsistencyEntry  # consistency
 from pivident.experiment.excite_keys import ExciteEntry  # excite
-from pivident.experiment.method_keys import IdentifyEntry
+from pivident.experiment.identify_table import IdentifyEntry
 from pivident.experiment.table_values import (
     DriveGain,
     Folder,

@@ -35,11 +35,11 @@ def _drive_gain(value: Any) -> Any:
     return value if value == UNKNOWN_GAIN else _numbers(value)
 
 
-def _cutoff(value: Any) -> Any:
+def _positive_numbers(value: Any) -> Any:
     listed = _numbers(value) if isinstance(value, list) else [_numbers(value)]
     if min(listed) > 0:
         return tuple(map(float, listed)) if isinstance(value, list) else float(value)
-    raise ValueError("must be a positive frequency in Hz, or a list with one for each joint")
+    raise ValueError("must be a positive number, or a list with one for each joint")
 
 
 def _per_joint(value: Any) -> Any:
@@ -125,7 +125,7 @@ DriveGain = Annotated[float | list[float] | Literal["unknown"], PlainValidator(_
 PerJoint = Annotated[list[float] | dict[str, float], PlainValidator(_per_joint)]
 Paths = Annotated[str | dict[str, str], PlainValidator(_paths)]
 Mask = Annotated[Literal["auto"] | float, PlainValidator(_mask)]
-Cutoff = Annotated[float | tuple[float, ...], PlainValidator(_cutoff)]
+PositiveNumbers = Annotated[float | tuple[float, ...], PlainValidator(_positive_numbers)]
 Stages = Annotated[int | tuple[int, ...], PlainValidator(_stages)]
 Edge = Annotated[int | tuple[int, int], PlainValidator(_edge)]
 MotionBand = Annotated[Literal["auto"] | float, PlainValidator(_motion_band)]

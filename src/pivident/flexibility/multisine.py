@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pivident.errors import IdentificationError
-from pivident.estimation.frequency.whole_periods import (
+from pivident.estimation.literature.whole_periods import (
     WholePeriods,
     derivatives_on_lines,
     torque_on_lines,

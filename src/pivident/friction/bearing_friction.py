@@ -20,7 +20,8 @@ import numpy as np
 from pivident.estimation.covariance.windows import degrees_of_freedom
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import LeastSquares, Method
+from pivident.estimation.least_squares import LeastSquares
+from pivident.estimation.method import Method
 from pivident.estimation.problem import Problem
 from pivident.friction.complete_sign import complete_sign
 from pivident.robot.friction import FrictionLaw

@@ -17,7 +17,7 @@ import numpy as np
 from pivident.errors import IdentificationError
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import Method
+from pivident.estimation.method import Method
 from pivident.estimation.problem import Problem
 from pivident.robot.description import Robot
 from pivident.robot.friction import FrictionLaw

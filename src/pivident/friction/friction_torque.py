@@ -26,8 +26,8 @@ from pivident.dynamics.regressor import Regressor
 from pivident.dynamics.robot_regressor import regressor_of
 from pivident.estimation.identification import Identification
 from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.methods import RandomWalk
 from pivident.estimation.problem import LOW_SPEED, Problem
+from pivident.estimation.signal_recipes import RandomWalk
 from pivident.motion.kinematics import Kinematics
 from pivident.validation.held_out.prediction import motion_band
 

@@ -21,7 +21,7 @@ from pivident.dynamics.regressor import Regressor
 from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.equation_record import EquationRecord, accumulate
 from pivident.estimation.identification import Identification
-from pivident.estimation.methods import Method
+from pivident.estimation.method import Method
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import Decimated

@@ -23,17 +23,11 @@ import numpy as np
 from pivident.dynamics.parameters import standard_parameters
 from pivident.errors import IdentificationError
 from pivident.estimation.identify import identify, narrowed
-from pivident.estimation.methods import (
-    LeastSquares,
-    Method,
-    OutputError,
-    PrefilteredIV,
-    RandomWalk,
-    Regression,
-    StateFilter,
-    method_named,
-)
+from pivident.estimation.least_squares import LeastSquares
+from pivident.estimation.method import Method
+from pivident.estimation.methods import method_named
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import RandomWalk
 from pivident.friction_laws.all_joints import AllJoints, settled_together
 from pivident.friction_laws.chosen_laws import JointLawChoice, LawChoice, TriedRange
 from pivident.friction_laws.filtered_rows import LastPass
@@ -173,17 +167,10 @@ def _method(method: Method | str | None) -> Method:
     if method is None:
         return LeastSquares(signals=RandomWalk())
     method = method_named(method)
-    didim = isinstance(method, PrefilteredIV) and method.regressor == "simulated"
-    other = isinstance(method, Regression) and not isinstance(method, LeastSquares)
-    if other or isinstance(method, StateFilter):
+    if not method.handles.law_choice:
         raise IdentificationError(
-            f"laws are compared by least squares or instruments, not by {method.label}; choose the "
-            "laws with 'ls', 'iv' or 'piv'"
-        )
-    if didim or isinstance(method, OutputError):
-        raise IdentificationError(
-            f"laws are compared on the measured motion, which {method.label} does not use; choose "
-            "the laws with 'ls', 'iv' or 'piv'"
+            "laws are compared by least squares or instruments on the measured motion, not by "
+            f"{method.label}; choose the laws with 'ls', 'iv' or 'piv'"
         )
     return method
 

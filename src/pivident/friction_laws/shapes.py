@@ -18,15 +18,9 @@ from pivident.errors import IdentificationError
 from pivident.estimation.covariance.sandwich import sandwich
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify, narrowed
-from pivident.estimation.methods import (
-    LeastSquares,
-    Method,
-    OutputError,
-    PrefilteredIV,
-    Regression,
-    StateFilter,
-    method_named,
-)
+from pivident.estimation.least_squares import LeastSquares
+from pivident.estimation.method import Method
+from pivident.estimation.methods import method_named
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
 from pivident.friction_laws.filtered_rows import LastPass
@@ -190,21 +184,15 @@ def identify_shapes(
     """
     say = progress or (lambda line: None)
     method = method_named(method)
-    if isinstance(method, OutputError):
+    if method.fits_simulation:
         raise IdentificationError(
             f"{method.label} fits shape constants itself: name them in free, such as free = "
             "('gamma',), and call identify"
         )
-    other = isinstance(method, Regression) and not isinstance(method, LeastSquares)
-    if other or isinstance(method, StateFilter):
+    if not method.handles.shape_constants:
         raise IdentificationError(
-            f"{method.label} has no equations for shape constants; identify them with 'ls' or "
-            "'piv', and use their values with it"
-        )
-    if isinstance(method, PrefilteredIV) and method.regressor == "simulated":
-        raise IdentificationError(
-            "shape constants need the measured motion in the observation matrix, which DIDIM does "
-            "not use; identify them with 'piv' or 'iv-full-rate' and use their values with DIDIM"
+            f"{method.label} has no equations for shape constants, which need the measured motion; "
+            "identify them with 'ls' or 'piv', and use their values with it"
         )
     names_of = chosen_names(problem.robot, names)
     constants: dict[int, list[ShapeConstant]] = {}

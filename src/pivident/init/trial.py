@@ -19,12 +19,7 @@ from pivident.errors import (
 from pivident.errors.recordings import written
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import (
-    InstrumentalVariables,
-    LeastSquares,
-    OutputError,
-    PrefilteredIV,
-)
+from pivident.estimation.method import Method
 from pivident.estimation.problem import Problem
 from pivident.experiment.experiment import Experiment
 from pivident.experiment.explained import validated
@@ -91,9 +86,9 @@ def _try_methods(
     explained: dict[str, float] = {}
     failed, made = dict(known.failed), ""
     for name, method in experiment.methods().items():
-        if isinstance(method, (InstrumentalVariables, PrefilteredIV, OutputError)):
+        if (first := method.first_iteration()) is not None:
             try:
-                result = identify(shorter, replace(method, max_iterations=1), say)
+                result = identify(shorter, first, say)
             except PividentError as error:
                 failed[name] = _short(error)
                 continue
@@ -104,7 +99,7 @@ def _try_methods(
             except PividentError as error:
                 return _stuck(known, error)
             explained = {joint.name: float(joint.relative_error) for joint in result.joints}
-            if known.friction is None and isinstance(method, LeastSquares):
+            if known.friction is None and method.handles.law_choice:
                 known = replace(known, friction=_friction(problem, method, result, say))
                 if known.friction:
                     return known
@@ -126,7 +121,7 @@ def _try_methods(
 
 
 def _friction(
-    problem: Problem, method: LeastSquares, found: Identification, say: Callable[[str], None]
+    problem: Problem, method: Method, found: Identification, say: Callable[[str], None]
 ) -> tuple[Assumption, ...]:
     """The line with the law of friction, where the log asks for another than the default.
 

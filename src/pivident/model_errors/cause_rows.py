@@ -15,8 +15,8 @@ import numpy as np
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.identification import Identification
 from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.methods import RandomWalk
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import RandomWalk
 from pivident.estimation.standstill import without_recent
 from pivident.model_errors.band_rows import BandRows
 from pivident.model_errors.cause import Cause

@@ -21,7 +21,8 @@ import numpy as np
 from pivident.errors import IdentificationError
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import Method, method_named
+from pivident.estimation.method import Method
+from pivident.estimation.methods import method_named
 from pivident.estimation.problem import Problem
 from pivident.model_errors.cause import Cause
 from pivident.model_errors.named_causes import alternatives, is_found, score_tests

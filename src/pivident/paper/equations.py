@@ -71,7 +71,7 @@ _ROWS: tuple[tuple[int, str, tuple[str, ...]], ...] = (
         19,
         "least squares",
         (
-            f"{_ESTIMATION}.least_squares.identify_ls",
+            f"{_ESTIMATION}.least_squares.LeastSquares",
             f"{_ESTIMATION}.normal_equations.weighted_solution",
         ),
     ),

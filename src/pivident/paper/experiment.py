@@ -15,7 +15,9 @@ from pivident.errors import PividentError
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
 from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.methods import METHODS, Bandpass, Method, PrefilteredIV, RandomWalk
+from pivident.estimation.method import Method
+from pivident.estimation.methods import METHODS
+from pivident.estimation.signal_recipes import Bandpass
 from pivident.linear.free_law import FreeLaw
 from pivident.many.study.bench import Bench
 from pivident.many.study.scenario import Scenario, load_scenario
@@ -75,9 +77,7 @@ class Reading:
     @cached_property
     def smoothed_as_printed(self) -> np.ndarray:
         """Half-power frequencies that the smoother of the paper finds, shape (joints,) [Hz]."""
-        recipe = METHODS["piv-as-printed"]
-        assert isinstance(recipe, PrefilteredIV) and isinstance(recipe.signals, RandomWalk)
-        return estimate_kinematics(self.recording, recipe.signals).f50
+        return estimate_kinematics(self.recording, METHODS["piv-as-printed"].signals).f50
 
 
 def condition_numbers(bench: Bench) -> list[float]:

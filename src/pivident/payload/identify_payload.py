@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -19,16 +20,11 @@ from pivident.estimation.answer import method_label
 from pivident.estimation.covariance.stationary_noise import covariance_by_test
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import (
-    InstrumentalVariables,
-    LeastSquares,
-    Method,
-    PrefilteredIV,
-    RandomWalk,
-    method_named,
-)
+from pivident.estimation.method import Method
+from pivident.estimation.methods import method_named
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import Decimated, RandomWalk
 from pivident.instruments.given_motion import InstrumentsUsed
 from pivident.payload.arm_and_load import ArmAndLoad, arm_and_load, widened
 from pivident.payload.compatibility import (
@@ -192,21 +188,15 @@ def identify_payload(
 
 def _full_rate(
     method: Method | str,
-) -> LeastSquares | InstrumentalVariables | PrefilteredIV:
+) -> Method:
     """The method with signals at the full sampling rate."""
     made = method_named(method)
     refused = ExperimentError(
         f"{made.label} has no payload variant; use piv, iv-full-rate or ls for the load"
     )
-    if not isinstance(made, (LeastSquares, InstrumentalVariables, PrefilteredIV)):
+    if not made.handles.payload:
         raise refused
-    if isinstance(made, PrefilteredIV) and (made.as_printed or made.regressor == "simulated"):
-        raise refused
-    if isinstance(made, LeastSquares) and not made.weighted:
-        raise ExperimentError("ols does not weight the joints; use ls for the load")
-    if not isinstance(made.signals, RandomWalk):
-        made = replace(made, signals=RandomWalk())
-    return made
+    return replace(made, signals=RandomWalk()) if isinstance(made.signals, Decimated) else made
 
 
 def _loaded_problem(empty: Problem, loaded: Sequence[Recording]) -> Problem:
@@ -222,14 +212,14 @@ def _without_reconstruction(loop: Loop | None) -> Loop | None:
 def _estimate(
     records: LoadedRecords,
     unknowns: ArmAndLoad,
-    method: LeastSquares | InstrumentalVariables | PrefilteredIV,
+    method: Any,
     say: Callable[[str], None],
 ) -> tuple[list[JointSums], ArmAndLoad, RestrictedSolution, int, bool]:
     """Least squares, or with instruments an iteration to convergence."""
     simulated = unknowns.empty_theta
     sums = records.least_squares(simulated)
     unknowns, solution = _solved(sums, unknowns, simulated)
-    if isinstance(method, LeastSquares):
+    if not method.has_instruments:
         if unknowns.problem.regressor.depends_on_load:
             sums = records.least_squares(solution.theta)
             unknowns, solution = _solved(sums, unknowns, solution.theta)
@@ -269,10 +259,10 @@ def _noise(
     sums: Sequence[JointSums],
     solution: RestrictedSolution,
     unknowns: ArmAndLoad,
-    method: LeastSquares | InstrumentalVariables | PrefilteredIV,
+    method: Method,
 ) -> np.ndarray:
     """Covariance from the loaded record's noise, of the kind that the method names."""
-    asked = method.covariance if isinstance(method, PrefilteredIV) else "auto"
+    asked = method.covariance if method.whitens else "auto"
     windows = noise_by_windows(sums, unknowns, solution)
     if asked == "sandwich":
         return windows.covariance

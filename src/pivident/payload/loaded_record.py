@@ -7,6 +7,7 @@ from the loop simulated with the loaded arm; the same after prefilters from the 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -20,12 +21,6 @@ from pivident.estimation.full_rate import (
     records_without_instruments,
 )
 from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.methods import (
-    InstrumentalVariables,
-    LeastSquares,
-    PrefilteredIV,
-    RandomWalk,
-)
 from pivident.estimation.noise_identification import Prefilters, Whitening
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
@@ -37,20 +32,17 @@ from pivident.signals.prefilter import Prefilter
 class LoadedRecords:
     """The loaded recordings of a problem with their instruments and prefilters."""
 
-    def __init__(
-        self, problem: Problem, method: LeastSquares | InstrumentalVariables | PrefilteredIV
-    ) -> None:
-        assert isinstance(method.signals, RandomWalk)
+    def __init__(self, problem: Problem, method: Any) -> None:
         self.problem, self.method = problem, method
         self.kinematics = [estimate_kinematics(r, method.signals) for r in problem.recordings]
         self.limits = [problem.speed_limits(r) for r in problem.recordings]
         self.whitening: Whitening | None = None
         self.prefilters = Prefilters.none(problem)
-        if isinstance(method, PrefilteredIV):
+        if method.whitens:
             self.whitening = Whitening.of(problem, method, self.kinematics)
             self.prefilters = self.whitening.initial()
         self.auxiliary: AuxiliaryModel | None = None
-        if not isinstance(method, LeastSquares):
+        if method.has_instruments:
             self.auxiliary = AuxiliaryModel(problem, differences=True, kinematics=self.kinematics)
         self.records: list[FullRateRecord] = []
 

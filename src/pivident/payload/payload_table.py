@@ -14,7 +14,7 @@ import numpy as np
 
 from pivident.errors import ExperimentError
 from pivident.estimation.identification import Identification
-from pivident.estimation.methods import Method
+from pivident.estimation.method import Method
 from pivident.estimation.problem import Problem
 from pivident.experiment.experiment import Experiment
 from pivident.experiment.schema import LoadEntry

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pivident.estimation.methods import Algebraic, Bandpass
-from pivident.estimation.signal_recipes import Decimated
+from pivident.estimation.signal_recipes import Algebraic, Bandpass, Decimated
 from pivident.estimation.summary_tables import frequencies_text
 from pivident.report.plot_parts import LEGEND, Plot, band, packed
 from pivident.report.plotly_figures import (

@@ -3,78 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
+from pivident.estimation.methods import METHODS
 from pivident.studio.results_list import seconds_taken
 from pivident.studio.studio import Content
 
-
-@dataclass(frozen=True)
-class MethodGroup:
-    """Methods that belong together.
-
-    Attributes:
-        title: heading.
-        methods: what each is, by its name.
-        folded: whether the page shows them only when asked.
-    """
-
-    title: str
-    methods: dict[str, str]
-    folded: bool = True
-
-
-#: All methods; docs/reference/methods.md says more.
-GROUPS = (
-    MethodGroup(
-        "",
-        {
-            "ls": "least squares: fast, and biased by the feedback loop",
-            "iv-full-rate": "instrumental variables: no bias, intervals too wide",
-            "piv": "prefiltered instrumental variables: no bias, correct intervals",
-            "iv": "instrumental variables on filtered, decimated signals",
-            "pc-piv": "the physically consistent parameters nearest to those of piv",
-        },
-        folded=False,
-    ),
-    MethodGroup(
-        "Methods that fit a simulation",
-        {
-            "ml": "positions and torques by their noise; needs law and reference",
-            "cloe": "positions of the simulated closed loop",
-            "clie": "torques of the simulated closed loop",
-            "oloe": "positions of the robot driven by the recorded torques",
-            "didim": "for coarse encoders with a known law and reference",
-        },
-    ),
-    MethodGroup(
-        "Regressions",
-        {
-            "ols": "least squares without weights",
-            "wls": "the same as ls",
-            "tls": "total least squares",
-            "irls": "robust against spikes and lost samples",
-            "ridge": "shrinks what the motion hardly determines",
-            "map": "with a normal prior from the description",
-            "ml-ls": "with the covariance between the joints",
-            "set-membership": "guaranteed intervals for bounded errors",
-            "adaline": "step by step, for comparison",
-            "hopfield": "step by step, for comparison",
-            "frequency": "on the lines of a periodic motion",
-            "piv-as-printed": "piv exactly as the paper prints it",
-        },
-    ),
-    MethodGroup(
-        "Filters",
-        {
-            "ekf": "extended Kalman filter",
-            "ukf": "unscented Kalman filter",
-            "cdkf": "central difference Kalman filter",
-            "particle": "particle filter, slow",
-        },
-    ),
-)
+#: Offered with the methods that people need.
+CONSISTENT = {"pc-piv": "the physically consistent parameters nearest to those of piv"}
 
 #: What is chosen where the experiment file says nothing.
 DEFAULT = ("ls", "iv-full-rate", "piv")
@@ -92,12 +28,16 @@ def method_context(
     """
     chosen = content.methods or list(DEFAULT)
     plan = check.get("plan") or {}
-    known = {name for group in GROUPS for name in group.methods}
-    others = {name: "named in the experiment file" for name in chosen if name not in known}
-    groups = [
+    groups: dict[str, dict[str, str]] = {"": {}}
+    for name, method in METHODS.usable().items():
+        groups.setdefault(method.group, {})[name] = method.summary
+    groups[""] |= CONSISTENT
+    offered = {name for methods in groups.values() for name in methods}
+    groups[""] |= {name: "named in the experiment file" for name in chosen if name not in offered}
+    listed = [
         {
-            "title": group.title,
-            "folded": group.folded and not set(group.methods) & set(chosen),
+            "title": title,
+            "folded": bool(title) and not set(methods) & set(chosen),
             "methods": [
                 {
                     "name": name,
@@ -105,13 +45,13 @@ def method_context(
                     "chosen": name in chosen,
                     "seconds": _seconds_of(plan, name) if plan else "",
                 }
-                for name, words in {**group.methods, **({} if group.folded else others)}.items()
+                for name, words in methods.items()
             ],
         }
-        for group in GROUPS
+        for title, methods in groups.items()
     ]
     return {
-        "groups": groups if content.has_recording else [],
+        "groups": listed if content.has_recording else [],
         "seconds": _common_time(plan) if plan else "",
         "factor": _slowness(plan, runs) if plan else 1.0,
     }

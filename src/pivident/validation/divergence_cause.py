@@ -28,8 +28,9 @@ from pivident.errors import (
 )
 from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import LeastSquares, RandomWalk
+from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import RandomWalk
 from pivident.simulation.joint_loop import JointFeedback, JointLoop, joint_feedbacks
 
 #: How much longer than until it diverged a loop has to be simulated [s].

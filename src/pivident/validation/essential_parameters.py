@@ -35,7 +35,9 @@ from pivident.errors import (
 )
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify, narrowed
-from pivident.estimation.methods import METHODS, LeastSquares, Method
+from pivident.estimation.least_squares import LeastSquares
+from pivident.estimation.method import Method
+from pivident.estimation.methods import method_named
 from pivident.estimation.problem import Problem
 from pivident.text.numbers import format_significant, with_spread
 from pivident.text.plain_table import plain_table
@@ -174,7 +176,7 @@ def essential_parameters(
     if reidentify not in ("round", "step"):
         raise ExperimentError(f"reidentify is {reidentify!r}; choose 'round' or 'step'")
     say = progress or (lambda line: None)
-    chosen = METHODS[method] if isinstance(method, str) and method in METHODS else method
+    chosen = method_named(method)
     most = 1 if reidentify == "step" else len(problem.names)
     notes: list[str] = []
     steps: list[Elimination] = []
@@ -182,7 +184,7 @@ def essential_parameters(
     try:
         found = full = identify(problem, chosen, say)
     except (MassMatrixNotPositiveDefinite, SimulationDiverged) as error:
-        if isinstance(chosen, LeastSquares):
+        if not chosen.simulates_loop:
             raise
         found = full = identify(problem, LeastSquares(), say)
         notes.append(

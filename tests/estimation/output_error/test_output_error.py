@@ -13,8 +13,9 @@ from pivident.errors import (
     RankDeficientRegressor,
 )
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import METHODS, OutputError
+from pivident.estimation.methods import METHODS
 from pivident.estimation.output_error import fit
+from pivident.estimation.output_error.output_error import OutputError
 from pivident.experiment import simulated_tx40
 from pivident.simulation.closed_loop import simulate
 from pivident.simulation.controllers import PD
@@ -227,7 +228,7 @@ def test_scale_that_positions_do_not_know():
         ({"bandwidth": 0.0}, "bandwidth is 0"),
         ({"loss": "absolute"}, "loss is 'absolute'"),
         ({"undetermined": "drop"}, "undetermined is 'drop'"),
-        ({"tolerance": 2.0}, "tolerance must lie between 0 and 1"),
+        ({"tolerance": 2.0}, "tolerance is 2.0; it lies between 0 and 1"),
     ],
 )
 def test_options_that_mean_nothing_are_refused(options, message):

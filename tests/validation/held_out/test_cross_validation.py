@@ -9,14 +9,12 @@ from hypothesis import strategies as st
 
 from pivident.errors import ExperimentError, IdentificationError
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import (
-    METHODS,
-    LeastSquares,
-    PrefilteredIV,
-    RandomWalk,
-)
+from pivident.estimation.least_squares import LeastSquares
+from pivident.estimation.methods import METHODS
 from pivident.estimation.noise_options import AutoRegressive
+from pivident.estimation.prefiltered_iv import PrefilteredIV
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import RandomWalk
 from pivident.recording.public_records import load_emps, load_emps_pulses
 from pivident.recording.recording import Recording
 from pivident.robot.gallery import load_robot

@@ -7,9 +7,11 @@ import pytest
 
 from pivident.errors import IdentificationError
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import LeastSquares, PrefilteredIV, RandomWalk
+from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.noise_options import Repetition
+from pivident.estimation.prefiltered_iv import PrefilteredIV
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import RandomWalk
 from pivident.recording.public_records import load_emps, load_emps_pulses
 from pivident.recording.repeated_motion import (
     RepeatedMotion,

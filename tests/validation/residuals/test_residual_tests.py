@@ -7,7 +7,8 @@ from scipy.signal import lfilter
 
 import pivident as pv
 from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.methods import PrefilteredIV, RandomWalk
+from pivident.estimation.prefiltered_iv import PrefilteredIV
+from pivident.estimation.signal_recipes import RandomWalk
 from pivident.motion.kinematics import torque_of
 from pivident.robot.gallery import load_robot
 from pivident.simulation.controllers import PD

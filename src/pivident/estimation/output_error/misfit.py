@@ -25,7 +25,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pivident.estimation.methods import OutputError
 from pivident.estimation.output_error.loop_unknowns import loop_unknowns
 from pivident.estimation.output_error.noise_weights import whitened_sums
 from pivident.estimation.output_error.reduced_equations import (
@@ -140,12 +139,13 @@ class GainStep:
         return size > SIGNIFICANT * self.std and size > self.matters and self.explains > EXPLAINS
 
 
-def misfit_findings(
-    problem: Problem, method: OutputError, fit: SimulationFit, test_gains: bool
-) -> list[Finding]:
-    """Gains that the record contradicts, if asked, and joints whose errors are of the model."""
+def misfit_findings(problem: Problem, fit: SimulationFit, test_gains: bool) -> list[Finding]:
+    """Gains that the record contradicts, if asked, and joints whose errors are of the model.
+
+    ``test_gains``: whether gains are asked for; an open loop has none.
+    """
     wrong = []
-    if method.loop == "closed" and test_gains:
+    if test_gains:
         wrong = [_wrong_gain(own) for own in contradicted(problem, fit)]
         wrong = wrong or torque_findings(problem, fit)
     excess = np.nanmax(fit.noise.excess, axis=0, initial=0.0)

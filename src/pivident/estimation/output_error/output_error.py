@@ -12,8 +12,10 @@ The price is that of DIDIM: where model, law or reference are wrong, so is the s
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -29,9 +31,10 @@ from pivident.estimation.answer import Covariances, answer, law_findings
 from pivident.estimation.equation_record import accumulate
 from pivident.estimation.full_rate import records_without_instruments
 from pivident.estimation.identification import Identification, Iteration
-from pivident.estimation.iteration import Estimate, Run, Say, Signals
-from pivident.estimation.methods import OutputError, PrefilteredIV
+from pivident.estimation.iteration import Estimate, Run, Signals
+from pivident.estimation.method import Cost, Handles, IteratedMethod, Refit, Say
 from pivident.estimation.noise_identification import DECIDES_ORDERS, Prefilters, Whitening
+from pivident.estimation.noise_options import AutoRegressive, CovarianceKind
 from pivident.estimation.normal_equations import Solution, joint_variances
 from pivident.estimation.output_error.fit import FitOptions, SimulationFit, fit_simulation
 from pivident.estimation.output_error.loop_unknowns import (
@@ -44,11 +47,12 @@ from pivident.estimation.output_error.record_stretches import closed_stretches, 
 from pivident.estimation.output_error.simulated_errors import POSITIONS, TORQUES
 from pivident.estimation.output_error.stretch import Stretch
 from pivident.estimation.output_error.unknowns import Unknown
-from pivident.estimation.prefiltered_iv import full_rate_start
+from pivident.estimation.prefiltered_iv import PrefilteredIV, full_rate_start
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import RandomWalk
 from pivident.estimation.simulation_result import LoopParameter, SimulationResult
 from pivident.instruments.given_motion import InstrumentsUsed
-from pivident.robot.refusals import without_wrenches
+from pivident.options import Option, check_option, choices_of, option
 from pivident.text import display
 from pivident.text.finding import Finding, Quantity
 
@@ -63,41 +67,202 @@ CHANNELS = {
 }
 
 
-def identify_output_error(
-    problem: Problem, method: OutputError, say: Say, test_gains: bool = True
-) -> Identification:
-    """Start from least squares, fit the simulation, and say what it leaves."""
-    without_wrenches(problem.robot, f"the simulation that {method.label} fits")
-    if method.loop == "closed":
-        _check_loop(problem, method)
-    say(f"{method.label}: smoothing the records")
-    signals = Signals.of(problem, method)
-    stretches = _stretches(signals, method, _start(signals, method))
-    loop = stretches[0].loop
-    unknowns = within_bounds(
-        [*model_unknowns(problem), *loop_unknowns(problem, loop, method.free)], method.bounds
+@dataclass(frozen=True, kw_only=True)
+class OutputError(IteratedMethod):
+    """Simulation error: parameters whose simulated motion is nearest to what was measured.
+
+    Attributes:
+        compares: ``positions`` (CLOE), ``torques`` (CLIE) or ``both``, weighted by noise (ML).
+        loop: ``closed``: the control law answers to the simulated motion; ``open``: the recorded
+            torques drive it (OLOE).
+        free: further unknowns of the loop: ``delay``, ``drive_gain``, ``inputs``, ``kp``, ``kd``
+            and other gains of the law, ``encoder_offset``, ``torque_offset``, or a constant of a
+            friction law; of one joint with its label, ``kp2``.
+        bounds: lowest and highest value of an unknown by its name.
+        signals: the smoother, for the start and for the torque that the report shows.
+        noise: recipe of the noise models.
+        prefilter: ``noise``: errors are weighted by the inverse of their identified noise, as in
+            IDIM-PIV; ``none``: squares of the errors, each joint by its size; ``auto``: the former
+            in a closed loop, the latter in an open one, whose errors are drift.
+        bandwidth: highest frequency that is compared [Hz]; motions of robots end far below.
+        segment: longest stretch that an open loop runs from its own initial state [s]; None: until
+            an error of that state has grown five-fold, the whole record where it never does.
+        loss: ``squares``, or ``huber`` where single stretches do not fit.
+        undetermined: ``refuse`` unknowns that nothing determines, or ``hold`` them where they are.
+        covariance: ``formula``, for errors that are white behind their prefilters, ``stationary``,
+            for stationary noise of any colour, ``sandwich``, from windows of time, or ``auto``:
+            stationary where the windows agree with it, else sandwich.
+        start: ``least-squares`` on the record, or the problem's ``initial`` values.
+        tolerance: step, in standard errors, at which the iteration may end: no combination of
+            unknowns moves by more.
+        max_iterations: give up after so many.
+    """
+
+    compares: Literal["positions", "torques", "both"] = field(default="both", kw_only=False)
+    loop: Literal["closed", "open"] = field(default="closed", kw_only=False)
+    free: tuple[str, ...] = option(
+        (),
+        "further unknowns of the loop: `delay`, `drive_gain`, `inputs`, gains of the law such as "
+        "`kp`, `encoder_offset`, `torque_offset`, a constant of a friction law; of one joint with "
+        "its label, `kp2` ([how to](how_to/fit_gains_and_delay.md))",
     )
-    try:
-        fit = fit_simulation(stretches, unknowns, _options(problem, method), say)
-    except (SimulationDiverged, MassMatrixNotPositiveDefinite) as error:
-        _explain(problem, error)
-        raise
-    return _identification(signals, method, fit, test_gains)
+    bounds: Mapping[str, tuple[float, float]] = option(
+        factory=dict,
+        meaning="lowest and highest value by name, `{fc1 = [0, 20]}`; friction, gains, drive gains "
+        "and delay are not below zero",
+        unit="of the unknown", kind="table", shown="see meaning",
+    )  # fmt: skip
+    signals: RandomWalk = option(
+        factory=RandomWalk, meaning="for the start, and for the torque errors that are shown"
+    )
+    noise: AutoRegressive = option(  # type: ignore[misc]
+        factory=AutoRegressive, meaning="AR models only"
+    )
+    prefilter: Literal["auto", "noise", "none"] = option(
+        "auto",
+        'weight errors by the inverse of their identified `"noise"`, or by the size of each '
+        'joint\'s errors, `"none"`; `"auto"`: the former in a closed loop, the latter in an '
+        "open one",
+    )
+    bandwidth: float = option(100.0, "highest frequency that is compared", unit="Hz", above=0.0)
+    segment: float | None = option(  # type: ignore[misc]
+        None,
+        "`oloe`: longest stretch that runs from its own initial state; not given: until an error "
+        "of that state has grown five-fold",
+        unit="s", shown="see meaning", above=0.0,
+    )  # fmt: skip
+    loss: Literal["squares", "huber"] = option(
+        "squares", 'or `"huber"`, where single stretches do not fit'
+    )
+    undetermined: Literal["refuse", "hold"] = option(
+        "refuse",
+        'unknowns that nothing determines: refuse them, or `"hold"` them where they are',
+    )
+    covariance: CovarianceKind = option(  # type: ignore[misc]
+        "auto",
+        'standard errors by the `"formula"` for white errors, from `"stationary"` noise, from the '
+        '`"sandwich"` over windows, or stationary where the windows agree with it (`"auto"`)',
+    )
+    tolerance: float = option(
+        0.1, "step in standard errors at which the iteration may end", unit="σ",
+        above=0.0, below=1.0,
+    )  # fmt: skip
+    max_iterations: int = option(30, "largest number of passes", at_least=1, shared=True)
+
+    group: ClassVar[str] = "Methods that fit a simulation"
+    cost: ClassVar[Cost] = Cost(0.3, 8e-7)
+    fits_simulation: ClassVar[bool] = True
+    refit: ClassVar[Refit] = "simulation"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("compares", "loop"):
+            check_option(name, getattr(self, name), Option(""), choices_of(OutputError, name))
+        if type(self.noise) is not AutoRegressive:
+            raise ExperimentError(
+                "noise models of simulation errors are autoregressive; leave ar_order, ma_order "
+                "and repetition out"
+            ).about("noise")
+        if self.loop == "open" and self.compares != "positions":
+            raise ExperimentError(
+                "an open loop is driven by the recorded torques, so that only positions can be "
+                "compared: compares = 'positions'"
+            ).about("compares")
+        if self.segment is not None and self.loop == "closed":
+            raise ExperimentError(
+                f"segment is {self.segment} s; it cuts the records of an open loop, and is positive"
+            ).about("segment")
+        object.__setattr__(self, "free", tuple(self.free))
+        bounds = {name: (float(low), float(high)) for name, (low, high) in self.bounds.items()}
+        object.__setattr__(self, "bounds", bounds)
+
+    @property
+    def simulates_loop(self) -> bool:  # type: ignore[override]
+        """Whether the control loop is simulated: in open loop it is not."""
+        return self.loop == "closed"
+
+    @property
+    def in_leagues(self) -> bool:  # type: ignore[override]
+        """Not without feedback: an arm that its control law holds up would fall."""
+        return self.loop == "closed"
+
+    @property
+    def handles(self) -> Handles:  # type: ignore[override]
+        """What it copes with: an open loop needs torques in place of the law."""
+        is_open = self.loop == "open"
+        return Handles(
+            wrenches=False,
+            computed_torque=not is_open and self.compares == "positions",
+            no_controller=is_open,
+            no_reference=is_open,
+        )
+
+    @property
+    def label(self) -> str:  # type: ignore[override]
+        """Name as in the literature."""
+        if self.loop == "open":
+            return "OLOE"
+        return {"positions": "CLOE", "torques": "CLIE", "both": "ML"}[self.compares]
+
+    @property
+    def summary(self) -> str:  # type: ignore[override]
+        """What it is, in a few words."""
+        if self.loop == "open":
+            return "positions of the robot driven by the recorded torques"
+        return {
+            "positions": "positions of the simulated closed loop",
+            "torques": "torques of the simulated closed loop",
+            "both": "positions and torques by their noise; needs law and reference",
+        }[self.compares]
+
+    @property
+    def recipes(self) -> tuple[str, ...]:
+        """The smoother."""
+        return ("random_walk",)
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Options that a file may set: what is compared has names of its own."""
+        return tuple(k for k in super().keys if k not in ("compares", "loop"))
+
+    def refuse(self, problem: Problem) -> None:
+        """Refuse measured wrenches, and what is no closed loop with a recorded reference."""
+        super().refuse(problem)
+        if self.loop == "open":
+            return
+        if problem.loop is None:
+            raise ExperimentError(
+                f"{self.label} simulates the closed loop: give the controller and its gains "
+                "([controller] in an experiment file), or use oloe, which takes the recorded "
+                "torques"
+            )
+        if problem.loop.reference == "smoothed":
+            raise ExperimentError(
+                f"{self.label} compares with the motion that the reference makes, but with "
+                'reference = "smoothed" the measurement itself takes its place; give the recorded '
+                "reference, or use piv"
+            )
+
+    def estimate(self, problem: Problem, say: Say, *, test_gains: bool = True) -> Identification:
+        """Start from least squares, fit the simulation, and say what it leaves."""
+        say(f"{self.label}: smoothing the records")
+        signals = Signals.of(problem, self)
+        stretches = _stretches(signals, self, _start(signals, self))
+        loop = stretches[0].loop
+        unknowns = within_bounds(
+            [*model_unknowns(problem), *loop_unknowns(problem, loop, self.free)], self.bounds
+        )
+        try:
+            fit = fit_simulation(stretches, unknowns, _options(problem, self), say)
+        except (SimulationDiverged, MassMatrixNotPositiveDefinite) as error:
+            _explain(problem, error)
+            raise
+        return _identification(signals, self, fit, test_gains and self.simulates_loop)
 
 
-def _check_loop(problem: Problem, method: OutputError) -> None:
-    """Refuse what is no closed loop with a recorded reference."""
-    if problem.loop is None:
-        raise ExperimentError(
-            f"{method.label} simulates the closed loop: give the controller and its gains "
-            "([controller] in an experiment file), or use oloe, which takes the recorded torques"
-        )
-    if problem.loop.reference == "smoothed":
-        raise ExperimentError(
-            f"{method.label} compares with the motion that the reference makes, but with reference "
-            '= "smoothed" the measurement itself takes its place; give the recorded reference, or '
-            "use piv"
-        )
+#: Closed loop compared in positions, in torques, in both, and open loop.
+CLOE, CLIE, ML = OutputError("positions"), OutputError("torques"), OutputError("both")
+OLOE = OutputError("positions", "open")
 
 
 def _options(problem: Problem, method: OutputError) -> FitOptions:
@@ -180,7 +345,7 @@ def _identification(
     result = _result(method, fit, count)
     findings = [
         *notes, *warnings, *_undetermined(fit), *_bounds(fit),
-        *misfit_findings(problem, method, fit, test_gains),
+        *misfit_findings(problem, fit, test_gains),
     ]  # fmt: skip
     return answer(
         problem, method, estimate, Run(history, fit.converged), findings, used,

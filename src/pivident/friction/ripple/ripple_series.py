@@ -10,8 +10,8 @@ import numpy as np
 from pivident.errors import ExperimentError, IdentificationError
 from pivident.estimation.identification import Identification
 from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.methods import RandomWalk
 from pivident.estimation.problem import LOW_SPEED
+from pivident.estimation.signal_recipes import RandomWalk
 from pivident.friction.ripple.order_spectrum import WhiteRows
 from pivident.recording.recording import Recording
 from pivident.signals.noise_models import ArModel, fit_ar, unmasked_stretches

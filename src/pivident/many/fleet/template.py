@@ -10,7 +10,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from pivident.estimation.methods import WITHOUT_TORQUE, Method
+from pivident.estimation.method import Method
+from pivident.estimation.methods import WITHOUT_TORQUE
 from pivident.experiment.experiment import Experiment
 from pivident.experiment.explained import checked, plain_form
 from pivident.experiment.missing_torque import is_without_torque

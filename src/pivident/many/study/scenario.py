@@ -90,10 +90,6 @@ def _check_motion(scenario: ScenarioTables) -> None:
 #: Stands for all methods of a league.
 ALL = "all"
 
-#: What ``all`` leaves out: another name of ``ls``, and simulations without feedback, in which an
-#: arm that is held up by its control law falls.
-LEFT_OUT = ("wls", "oloe")
-
 
 def league_methods(names: Sequence[str]) -> list[str]:
     """Methods by name, ``all`` written out, those named ``-NAME`` taken out; in order, each once.
@@ -110,7 +106,7 @@ def league_methods(names: Sequence[str]) -> list[str]:
         if name.startswith("-"):
             taken_out.add(bare)
         elif name == ALL:
-            chosen |= dict.fromkeys(m for m in METHODS if m not in LEFT_OUT)
+            chosen |= dict.fromkeys(n for n, m in METHODS.usable().items() if m.in_leagues)
         else:
             chosen[name] = None
     left = [name for name in chosen if name not in taken_out]

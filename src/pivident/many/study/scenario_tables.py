@@ -17,7 +17,7 @@ from pivident.errors import ExperimentError
 from pivident.robot.naming import ROBOT_FILES
 
 if TYPE_CHECKING:
-    from pivident.estimation.methods import Method
+    from pivident.estimation.method import Method
     from pivident.many.study.study_schema import ScenarioFile
     from pivident.robot.description import Robot
 
@@ -62,7 +62,7 @@ class ScenarioTables:
     @cached_property
     def methods(self) -> dict[str, Method]:
         """Methods with the scenario's options, by name."""
-        from pivident.experiment.method_table import method_of
+        from pivident.experiment.identify_table import method_of
 
         names = self.content.identify.methods or ["ls", "iv", "iv-full-rate", "piv"]
         with file_named(self.source):

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, model_validator
 
-from pivident.experiment.method_keys import IdentifyEntry
+from pivident.experiment.identify_table import IdentifyEntry
 from pivident.experiment.schema import ControllerEntry, RobotEntry
 from pivident.experiment.table_values import Numbers
 from pivident.recording.recording import TorqueTiming

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from pivident.estimation.identification import FittedRecording, Identification
-from pivident.estimation.methods import SignalRecipe
+from pivident.estimation.signal_recipes import SignalRecipe
 from pivident.report.plotly_figures import Figure
 from pivident.report.report_data import ReportData
 

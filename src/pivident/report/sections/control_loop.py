@@ -15,7 +15,7 @@ from pivident.control_law.joint_law import JointLaw, differentiator_text
 from pivident.control_law.law_equations import ALWAYS, F_PROBABILITY, TERMS, WORTHWHILE, Term
 from pivident.control_law.law_gravity import PLACE_TEXTS, JointGravity
 from pivident.estimation.identification import Identification
-from pivident.estimation.methods import Algebraic, Bandpass
+from pivident.estimation.signal_recipes import Algebraic, Bandpass
 from pivident.report.frequency_figures import bandwidth_text, loop_figure
 from pivident.report.plotly_figures import Figure, law_figure, reference_figure
 from pivident.report.sections.base import Gallery, Section, sampling_rate, signal_recipe

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from pivident.estimation.identification import Identification
-from pivident.estimation.methods import Algebraic, Bandpass, FrequencyDomain, RandomWalk
-from pivident.estimation.signal_recipes import Decimated
+from pivident.estimation.signal_recipes import Algebraic, Bandpass, Decimated, RandomWalk
 from pivident.report.frequency_figures import (
     bandpass_figure,
     decimation_figure,
@@ -56,7 +55,8 @@ def _key(identification: Identification) -> tuple[Any, ...] | None:
     The smoother's bandwidth is searched, so its recipe alone does not say.
     """
     recipe = signal_recipe(identification)
-    if isinstance(identification.method_used, FrequencyDomain):  # lines are kept or not
+    method = identification.method_used
+    if method is not None and not method.filters_positions:
         return None
     if isinstance(recipe, Decimated):
         return recipe, sampling_rate(identification)

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from pivident.estimation.identification import Identification
-from pivident.estimation.methods import OutputError
 from pivident.estimation.output_error.simulated_errors import POSITIONS, TORQUES
 from pivident.estimation.output_error.simulation_fit import SimulationFit
 from pivident.estimation.output_error.thinning import Thinning, means_at
@@ -184,5 +183,4 @@ def _joints(identification: Identification, simulation: SimulationResult) -> lis
 
 def _bandwidth(identification: Identification) -> float:
     """Frequency up to which errors are compared [Hz], NaN where it is not known."""
-    method = identification.method_used
-    return method.bandwidth if isinstance(method, OutputError) else np.nan
+    return float(identification.options.get("bandwidth", np.nan))

@@ -16,7 +16,7 @@ from pivident.errors import IdentificationError, SimulationDiverged
 from pivident.errors import MassMatrixNotPositiveDefinite as IndefiniteMass
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify, narrowed
-from pivident.estimation.methods import Method, StateFilter
+from pivident.estimation.method import Method
 from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
 from pivident.recording.repeated_motion import find_repetition
@@ -26,7 +26,6 @@ from pivident.text.plain_table import plain_table
 from pivident.validation.held_out.fold_estimates import (
     estimates_without,
     filters_without,
-    needs_rows,
     regressions_without,
 )
 from pivident.validation.held_out.folds import JudgedMotion, Piece, contiguous_folds, equal_blocks
@@ -277,14 +276,15 @@ def judged_on(
     divided = contiguous_folds(problem.recordings, moving, division.count, gap)
     solved = found if found.equations is not None else identify(problem, method, say)
     stretches: list[HeldOut] = []
-    if solved.simulation is not None:
-        estimates = simulated_estimates_without(solved, divided)
-    elif isinstance(solved.method_used, StateFilter):
-        estimates = filters_without(problem, solved, divided)
-    elif needs_rows(solved.method_used):
-        estimates = regressions_without(problem, solved, divided)
-    else:
-        estimates = estimates_without(solved, moving, divided)
+    match "sums" if solved.method_used is None else solved.method_used.refit:
+        case "simulation":
+            estimates = simulated_estimates_without(solved, divided)
+        case "samples":
+            estimates = filters_without(problem, solved, divided)
+        case "rows":
+            estimates = regressions_without(problem, solved, divided)
+        case _:
+            estimates = estimates_without(solved, moving, divided)
     for number, (fold, estimate) in enumerate(zip(divided, estimates, strict=True), start=1):
         say(f"fold {number} of {len(divided)}")
         stretches += _judged(motion, estimate, fold.held_out)

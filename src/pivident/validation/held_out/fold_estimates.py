@@ -25,14 +25,10 @@ from typing import Any
 import numpy as np
 
 from pivident.errors import IdentificationError
-from pivident.estimation.filter_methods import Particles, StateFilter
-from pivident.estimation.filters.identify_filter import Prepared, prepared, run_filter
 from pivident.estimation.identification import Identification
-from pivident.estimation.methods import FrequencyDomain, LeastSquares, Method, Regression
+from pivident.estimation.literature.rows import NormalEquations, Rows
 from pivident.estimation.normal_equations import JointSums, solve
 from pivident.estimation.problem import Problem
-from pivident.estimation.regression.identify_regression import solved_rows
-from pivident.estimation.regression.rows import NormalEquations, Rows
 from pivident.estimation.solved_equations import Equations
 from pivident.threads import linear_algebra_in_one_thread
 from pivident.validation.held_out.folds import Fold, Piece
@@ -153,12 +149,6 @@ def without_fold(found: Identification, theta: np.ndarray, **others: Any) -> Ide
     return replace(found, theta=theta, recordings=(), motion=motion, equations=None, **others)
 
 
-def needs_rows(method: Method | None) -> bool:
-    """Whether a method is solved from rows, not from sums of them."""
-    summed = (LeastSquares, FrequencyDomain)
-    return isinstance(method, Regression) and not isinstance(method, summed)
-
-
 def regressions_without(
     problem: Problem, found: Identification, folds: Sequence[Fold]
 ) -> list[Identification | IdentificationError]:
@@ -170,7 +160,7 @@ def regressions_without(
         folds: what is left out in turn.
     """
     equations, method = found.equations, found.method_used
-    assert equations is not None and isinstance(method, Regression)
+    assert equations is not None and method is not None
     samples = [record.sample_numbers for record in equations.records]
 
     def without(fold: Fold) -> Identification:
@@ -190,10 +180,10 @@ def rows_left_out(samples: Sequence[np.ndarray], fold: Fold) -> np.ndarray:
 
 
 def _solved_rows(
-    problem: Problem, found: Identification, method: Regression, rows: Rows
+    problem: Problem, found: Identification, method: Any, rows: Rows
 ) -> Identification:
     """The estimate from the rows that are left."""
-    solved = solved_rows(problem, method, rows, found.theta).solved
+    solved = method.solve(problem, rows, found.theta).solved
     if solved.condition > POORER * found.condition:
         raise IdentificationError(
             f"without it the motion hardly separates the parameters (condition number "
@@ -209,7 +199,7 @@ def _solved_rows(
     )
 
 
-#: Particles times samples up to which folds are filtered anew: a minute or two each.
+#: Steps of a filter up to which folds are filtered anew: a minute or two each.
 MAX_STEPS = 20_000_000
 
 
@@ -225,26 +215,26 @@ def filters_without(
         found: estimate of the whole record, with its equations.
         folds: what is left out in turn.
     """
-    method = found.method_used
-    assert found.equations is not None and isinstance(method, StateFilter)
+    method: Any = found.method_used
+    assert found.equations is not None and method is not None
     samples = sum(recording.samples for recording in problem.recordings)
-    if isinstance(method, Particles) and method.particles * samples > MAX_STEPS:
+    if method.steps(samples) > MAX_STEPS:
         reason = IdentificationError(
-            f"{method.particles} particles on {samples} samples take too long to be filtered anew "
-            "for each fold; give a second recording to judge by, or fewer particles"
+            f"{method.label} takes too long on {samples} samples to be run anew for each fold; "
+            "give a second recording to judge by, or fewer particles"
         )
         return [reason] * len(folds)
-    known = prepared(problem, method, lambda line: None)
-    return of_each(folds, partial(_filtered, problem, found, method, known))
+    prepared = method.prepare(problem, lambda line: None)
+    return of_each(folds, partial(_filtered, problem, found, method, prepared))
 
 
 def _filtered(
-    problem: Problem, found: Identification, method: StateFilter, known: Prepared, fold: Fold
+    problem: Problem, found: Identification, method: Any, prepared: Any, fold: Fold
 ) -> Identification:
     """The estimate from the samples that are left."""
     assert found.equations is not None
-    setup, left = known.setup, []
-    for stretch in known.stretches:
+    setup, left = prepared.setup, []
+    for stretch in prepared.stretches:
         out = np.zeros(problem.recordings[stretch.recording].samples, bool)
         for piece in fold.left_out:
             if piece.recording == stretch.recording:
@@ -256,7 +246,7 @@ def _filtered(
         normal = NormalEquations.of(rows.sums(), rows.size)
         size = method.first_spread * np.sqrt(np.diag(normal.inverse))
         setup = replace(setup, theta=normal.solution, covariance=np.diag(size**2))
-    filtered = run_filter(problem, method, setup, left)
+    filtered = method.run(problem, setup, left)
     return without_fold(
         found,
         filtered.theta,

@@ -22,13 +22,8 @@ import numpy as np
 from pivident.dynamics.signs import negative_parameters
 from pivident.errors import Attempts, ExperimentError, IdentificationError, in_words
 from pivident.estimation.identification import Identification
-from pivident.estimation.methods import (
-    METHODS,
-    InstrumentalVariables,
-    Method,
-    OutputError,
-    PrefilteredIV,
-)
+from pivident.estimation.method import Method
+from pivident.estimation.methods import METHODS
 from pivident.estimation.parameter_rows import CONTRADICTION
 from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
@@ -351,15 +346,11 @@ def _judged(
     error = {name: r.prediction.total_in_band for name, r in results.items()}
     best = min(error, key=error.__getitem__)
 
-    def smallest(kind: type) -> str:
-        names = [
-            n
-            for n in results
-            if isinstance(methods[n], kind) and not getattr(methods[n], "as_printed", False)
-        ]
+    def smallest(whitens: bool) -> str:
+        names = [n for n in results if methods[n].whitens is whitens]
         return min(names, key=error.__getitem__, default="")
 
-    piv, iv = smallest(PrefilteredIV), smallest(InstrumentalVariables)
+    piv, iv = smallest(True), smallest(False)
     found = OutOfSample(results, failures, best, piv or iv or best, piv, iv)
     if piv and iv:
         ratio = error_ratio(results[piv], results[iv])
@@ -371,7 +362,7 @@ def _judged(
             causes=tuple(likely_causes(results[piv], results[iv])) if worse else (),
             apart=_contradictions(results[piv].identification, results[iv].identification),
         )
-    others = [n for n in results if not isinstance(methods[n], OutputError)]
+    others = [n for n in results if not methods[n].fits_simulation]
     simulated = min(
         (n for n in results if n not in others),
         key=lambda n: (bool(_against(results[n].identification)), error[n]),

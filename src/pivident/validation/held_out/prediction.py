@@ -15,8 +15,8 @@ from typing import Protocol
 import numpy as np
 
 from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.methods import RandomWalk
 from pivident.estimation.problem import LOW_SPEED, rated_speeds
+from pivident.estimation.signal_recipes import RandomWalk
 from pivident.motion.kinematics import MOTION_BAND, measured_samples
 from pivident.motion.speed_limits import SpeedLimits
 from pivident.recording.recording import Recording

@@ -22,7 +22,6 @@ import numpy as np
 
 from pivident.estimation.auxiliary_model import AuxiliaryModel, mean_until_next
 from pivident.estimation.identification import Identification
-from pivident.estimation.methods import OutputError
 from pivident.estimation.output_error.loop_unknowns import loop_unknowns
 from pivident.estimation.output_error.record_stretches import closed_stretches, open_stretches
 from pivident.estimation.output_error.unknowns import with_values
@@ -254,7 +253,7 @@ class OpenLoop:
         cut: Kinematics = replace(smooth, q=smooth.q[:, start:stop], dq=smooth.dq[:, start:stop])
         problem = replace(self.problem, recordings=(part,))
         method = found.method_used
-        longest = method.segment if isinstance(method, OutputError) else None
+        longest = None if method is None else method.segment
         squares, samples = np.zeros(recording.joints), 0
         for stretch in open_stretches(problem, found.parameters, found.theta, [cut], longest):
             loop = with_loop_parameters(problem, stretch.loop, found)

@@ -20,7 +20,6 @@ import numpy as np
 
 from pivident.errors import IdentificationError
 from pivident.estimation.identification import Identification
-from pivident.estimation.methods import OutputError
 from pivident.estimation.output_error.noise_weights import whitened_sums
 from pivident.estimation.output_error.reduced_equations import (
     ReducedEquations,
@@ -67,9 +66,7 @@ def _without(
             fit.made, fit.errors, rows_of(fit, recordings, fold), strict=True
         )
     ]
-    method = found.method_used
-    robust = isinstance(method, OutputError) and method.loss == "huber"
-    equations = _equations(fit, kept, robust)
+    equations = _equations(fit, kept, found.options.get("loss") == "huber")
     low = np.array([u.low for u in fit.unknowns]) - fit.values
     high = np.array([u.high for u in fit.unknowns]) - fit.values
     step = bounded_step(equations.gram, equations.moment, low, high, fit.held).step

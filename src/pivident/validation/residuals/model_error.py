@@ -30,8 +30,8 @@ from pivident.estimation.covariance.sandwich import sandwich
 from pivident.estimation.equation_record import EquationRecord, accumulate
 from pivident.estimation.identification import Identification
 from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.methods import RandomWalk
 from pivident.estimation.problem import Problem, torque_units
+from pivident.estimation.signal_recipes import RandomWalk
 from pivident.motion.kinematics import torque_of, usable_samples
 from pivident.recording.repeated_motion import RepeatedMotion, repeated_motion
 from pivident.signals.bandpass import butterworth

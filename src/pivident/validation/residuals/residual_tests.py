@@ -21,7 +21,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.estimation.identification import Identification
-from pivident.estimation.methods import OutputError
 from pivident.signals.noise_models import LaggedSums, lagged_sums
 from pivident.threads import run_in_threads
 from pivident.validation.residuals.autocorrelation import (
@@ -292,7 +291,7 @@ def simulation_whiteness(identification: Identification) -> tuple[SimulationWhit
     if simulation is None or fit is None:
         return ()
     method, joints, found = identification.method_used, identification.joints, []
-    noise = method.noise if isinstance(method, OutputError) else None
+    noise = None if method is None else method.noise
     for c, channel in enumerate(fit.channels):
         for j, joint in enumerate(joints):
             place = c * len(joints) + j

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.estimation.identification import Identification
-from pivident.estimation.methods import OutputError, PrefilteredIV
 from pivident.estimation.noise_options import Arma, AutoRegressive
 
 #: Results with a smaller probability count as significant. There are as many tests as joints, so
@@ -65,8 +64,7 @@ def joint_residuals(identification: Identification) -> tuple[JointResidual, ...]
 def _penalty(identification: Identification, rows: int) -> float | None:
     """Penalty per coefficient of the noise model's order; None where no order was searched."""
     method = identification.method_used
-    noise = method.noise if isinstance(method, (PrefilteredIV, OutputError)) else None
-    return penalty_of(noise, rows)
+    return None if method is None else penalty_of(method.noise, rows)
 
 
 def penalty_of(noise: AutoRegressive | Arma | None, rows: int) -> float | None:

@@ -1,1 +1,0 @@
-"""Estimates from the lines of a periodic motion."""

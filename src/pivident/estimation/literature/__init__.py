@@ -1,0 +1,1 @@
+"""Methods that the literature has tried beside LS, IV and PIV: regressions, lines, filters."""

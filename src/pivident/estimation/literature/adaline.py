@@ -1,0 +1,123 @@
+"""Adaptive linear neuron (ADALINE; Widrow and Hoff 1960), as the literature tried it.
+
+Row by row,
+
+    θ ← θ + μ φ (τ - φᵀθ)
+
+for columns of unit mean square. It stays in motion: for rows that are independent of each other its
+estimate scatters around the solution with (μ/2) σ² in each direction (Widrow et al. 1976), far more
+than least squares, and directions of small eigenvalue ν of the mean φφᵀ need 1/(μ ν) rows. It knows
+nothing that least squares does not, and is here to be compared with it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numba import njit
+
+from pivident.estimation.literature.regression import Noticed, Regression
+from pivident.estimation.literature.rows import NormalEquations, Rows, Solved, windows_covariance
+from pivident.estimation.problem import Problem
+from pivident.options import option
+from pivident.text.finding import Finding
+
+#: Time constants of the slowest direction after which a network has arrived.
+ARRIVED = 4.0
+
+
+#: What is said of a network's estimate.
+NETWORK = Finding(
+    "note", "regression", "network",
+    "The network solves least squares by steps; it cannot be nearer to the truth than that, and "
+    "shares its bias.",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Adaline(Regression):
+    """Adaptive linear neuron: least squares, step by step along the rows.
+
+    Attributes:
+        rate: step over the largest that converges in the mean.
+        epochs: how often all rows are gone through.
+    """
+
+    rate: float = option(
+        0.1, "step over the largest that converges in the mean", above=0.0, below=2.0
+    )
+    epochs: int = option(20, "how often all rows are gone through", at_least=1)
+
+    label: ClassVar[str] = "ADALINE"
+    summary: ClassVar[str] = "step by step, for comparison"
+
+    def solve(self, problem: Problem, rows: Rows, start: np.ndarray) -> Noticed:
+        """The weights after the last row."""
+        return Noticed(
+            solve_adaline(rows, problem.initial_values(), self.rate, self.epochs), (NETWORK,)
+        )
+
+
+def solve_adaline(rows: Rows, start: np.ndarray, rate: float, epochs: int) -> Solved:
+    """The estimate of an adaptive linear neuron.
+
+    Args:
+        rows: the equations.
+        start: first weights, shape (parameters,).
+        rate: μ, of the largest for which the mean converges.
+        epochs: how often all rows are gone through.
+    """
+    sums = rows.sums()
+    equations = NormalEquations.of(sums, rows.size)
+    values = np.linalg.eigvalsh(equations.gram)
+    scale = equations.scale / np.sqrt(rows.count)
+    # of a mean φφᵀ with eigenvalues ν, and rows of squared length p
+    step = rate / rows.size
+    stacked = _in_order(rows, scale)
+    theta, passes = start * scale, []
+    for _ in range(epochs):
+        _epoch(*stacked, step, theta)
+        passes.append(theta / scale)
+    found = passes[-1]
+    scatter = 0.5 * step * error_variance(rows, found) * np.diag(1.0 / scale**2)
+    least = equations.inverse * error_variance(rows, found)
+    robust = windows_covariance(sums, found) + scatter
+    arrived = step * values[0] * rows.count * epochs >= ARRIVED
+    return Solved(
+        found, scatter + least, robust, equations.condition, np.array(passes), bool(arrived)
+    )
+
+
+def error_variance(rows: Rows, theta: np.ndarray) -> float:
+    """Mean square of the weighted errors: one where θ is as good as least squares."""
+    return float((rows.residuals(theta) ** 2).sum() / max(rows.count - rows.size, 1))
+
+
+def _in_order(rows: Rows, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """φ in scaled columns, τ, and which rows count, row by row as they came."""
+    count = rows.joints[0].tau.size
+    phi = np.zeros((count, len(rows.joints), rows.size))
+    tau = np.stack([own.tau for own in rows.joints], axis=1)
+    used = np.stack([own.used for own in rows.joints], axis=1)
+    for j, own in enumerate(rows.joints):
+        phi[:, j, own.columns] = (own.phi / scale[own.columns, None]).T
+    return phi, tau, used
+
+
+@njit(cache=True, nogil=True)
+def _epoch(phi, tau, used, step, theta):
+    """θ ← θ + μ φ (τ - φᵀθ), row by row, joint by joint."""
+    for t in range(len(phi)):
+        for j in range(phi.shape[1]):
+            if not used[t, j]:
+                continue
+            error, length = tau[t, j], 0.0
+            for k in range(theta.size):
+                error -= phi[t, j, k] * theta[k]
+                length += phi[t, j, k] ** 2
+            # a row much longer than the mean must not throw the weights beyond the answer
+            own = min(step, 1.0 / max(length, 1e-300))
+            for k in range(theta.size):
+                theta[k] += own * phi[t, j, k] * error

@@ -1,0 +1,54 @@
+"""Unscented Kalman filter on positions, speeds and parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from pivident.estimation.literature.filters.filter_state import FilterNoise, FilterState
+from pivident.estimation.literature.filters.robot_equations import RobotEquations
+from pivident.estimation.literature.filters.sigma_points import sigma_samples
+from pivident.estimation.literature.filters.state_filter import KalmanMethod
+from pivident.estimation.method import Cost
+from pivident.options import option
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnscentedKalman(KalmanMethod):
+    """Kalman filter with the sigma points of Julier and Uhlmann.
+
+    Attributes:
+        alpha: spread of the points.
+        beta: weight of the middle point in the covariance, 2 for normal distributions.
+        kappa: added to the number of states; their sum is positive.
+        square_root: whether factors of the covariance are carried, by QR and Cholesky updates.
+    """
+
+    alpha: float = option(0.1, "spread of the sigma points", above=0.0)
+    beta: float = option(2.0, "weight of the middle point in the covariance")
+    kappa: float = option(0.0, "added to the number of states")
+    square_root: bool = option(False, "carry factors of the covariance")  # type: ignore[misc]
+
+    label: ClassVar[str] = "UKF"
+    summary: ClassVar[str] = "unscented Kalman filter"
+    cost: ClassVar[Cost] = Cost(0.1, 3e-6)
+    needs_points: ClassVar[bool] = True
+
+    def advance(
+        self,
+        equations: RobotEquations,
+        state: FilterState,
+        noise: FilterNoise,
+        period: float,
+        tau: np.ndarray,
+        q: np.ndarray,
+        innovations: np.ndarray,
+    ) -> tuple[int, int, int]:
+        """Take samples; status, joint and sample at which it ended."""
+        scale = self.alpha * float(np.sqrt(state.x.size + self.kappa))
+        return sigma_samples(
+            equations, state, noise, period, tau, q, innovations,
+            scale, False, self.alpha, self.beta, self.square_root,
+        )  # fmt: skip

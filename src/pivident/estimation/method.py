@@ -1,0 +1,237 @@
+"""What a method declares: its options, what it copes with, what it costs, and how it estimates.
+
+One file holds one method: a frozen dataclass of options with the algorithm in `Method.estimate`.
+Experiment file, command line, manual, studio, stored results, refusals and expected times follow
+from the declarations; no other file asks which method it has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Literal, NamedTuple, Self
+
+from pivident.errors import IdentificationError
+from pivident.estimation.kinematics import settled_recipe
+from pivident.estimation.noise_options import Arma, AutoRegressive, CovarianceKind
+from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import RECIPES, Bandpass, SignalRecipe
+from pivident.options import Options, declarations, option
+from pivident.recording.recording import Recording
+from pivident.robot.refusals import without_wrenches
+from pivident.text.finding import Finding
+
+#: Called with one line at each stage.
+Say = Callable[[str], None]
+
+#: Where instruments come from, see `pivident.instruments`.
+Instruments = Literal["auto", "loop", "response", "repetition", "sensor", "virtual", "halves"]
+
+#: What the first simulation is made with.
+Start = Literal["least-squares", "initial"]
+
+#: What the estimate without a part of the record is made from: sums of the equations over the other
+#: parts, their rows, their samples, or the errors of a fitted simulation.
+Refit = Literal["sums", "rows", "samples", "simulation"]
+
+
+class Cost(NamedTuple):
+    """Processor time of one estimate: seconds, and per sample, joint and parameter [s]."""
+
+    seconds: float
+    each: float
+
+
+@dataclass(frozen=True)
+class Handles:
+    """What a method copes with.
+
+    Attributes:
+        wrenches: measured wrenches, and a base that a sensor holds or that floats.
+        closed_loops: mechanisms with closed loops of bodies.
+        inner_friction: friction with a memory, and friction that grows with the load.
+        computed_torque: torques that are computed from the control law where none was logged.
+        no_controller: records whose control law nobody knows.
+        no_reference: a loop whose reference is not known: the measured motion takes its place.
+        law_choice: comparisons of friction laws on its equations.
+        shape_constants: a search for the constants of friction laws on its equations.
+        payload: the load between a record without and one with it.
+    """
+
+    wrenches: bool = True
+    closed_loops: bool = True
+    inner_friction: bool = True
+    computed_torque: bool = True
+    no_controller: bool = True
+    no_reference: bool = True
+    law_choice: bool = False
+    shape_constants: bool = False
+    payload: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Method(Options):
+    """A way to estimate the parameters of a problem.
+
+    Attributes:
+        signals: how positions become speeds and accelerations.
+        label: name as in the literature, for all such methods.
+        summary: what it is, in a few words, likewise.
+        group: heading under which it is offered; empty: with those that people need.
+        cost: processor time of one estimate.
+        simulates_loop: whether the control loop is simulated.
+        fits_simulation: whether a simulation is compared with what was measured.
+        has_instruments: whether instruments take the place of the observation matrix.
+        whitens: whether prefilters from its own noise make its instruments precise; None: it has no
+            instruments, or is there for comparison.
+        segment: longest stretch that a simulation runs from its own initial state [s], or None.
+        filters_positions: whether ``signals`` is a filter that a figure shows.
+        weight_power: power of λ in the weights.
+        covariance: which covariance is reported.
+        noise: recipe of its noise models; None: it has none.
+        in_leagues: whether studies with all methods have it.
+        refit: what the estimate without a part of the record is made from.
+        of_computed_torque: what to say of a torque that was computed from the law.
+    """
+
+    signals: SignalRecipe = option(
+        factory=Bandpass,
+        meaning="how positions become speeds and accelerations",
+        shown="`bandpass`",
+    )
+
+    label: ClassVar[str] = ""
+    summary: ClassVar[str] = ""
+    group: ClassVar[str] = "Regressions"
+    handles: ClassVar[Handles] = Handles()
+    cost: ClassVar[Cost] = Cost(0.05, 3e-8)
+    simulates_loop: ClassVar[bool] = False
+    fits_simulation: ClassVar[bool] = False
+    has_instruments: ClassVar[bool] = False
+    whitens: ClassVar[bool | None] = None
+    segment: ClassVar[float | None] = None
+    filters_positions: ClassVar[bool] = True
+    weight_power: ClassVar[float] = 1.0
+    covariance: ClassVar[CovarianceKind] = "formula"
+    noise: ClassVar[AutoRegressive | Arma | None] = None
+    in_leagues: ClassVar[bool] = True
+    refit: ClassVar[Refit] = "sums"
+    of_computed_torque: ClassVar[tuple[Finding, ...]] = ()
+
+    def estimate(self, problem: Problem, say: Say, *, test_gains: bool = True) -> Any:
+        """The `Identification` of a problem.
+
+        Args:
+            problem: what is given.
+            say: called with one line at each stage.
+            test_gains: whether a fitted simulation asks for other gains; see `identify`.
+        """
+        raise NotImplementedError(f"{type(self).__name__} has no estimate()")
+
+    def settled(self, recordings: Sequence[Recording]) -> Self:
+        """With cut-offs or windows in numbers, where the record decides on them."""
+        signals = settled_recipe(self.signals, recordings)
+        return self if signals is self.signals else replace(self, signals=signals)
+
+    def refuse(self, problem: Problem) -> None:
+        """Refuse what the method does not cope with, before any work.
+
+        Raises:
+            RobotDescriptionError: the robot has measured wrenches.
+            IdentificationError: torques were computed from the control law.
+        """
+        if not self.handles.wrenches:
+            without_wrenches(problem.robot, f"the method {self.label}")
+        computed = [r.name for r in problem.recordings if r.torque_source == "law"]
+        if computed and not self.handles.computed_torque:
+            raise IdentificationError(
+                f"{self.label} needs measured torques, but recording {computed[0]!r} has none: one "
+                "computed from the control law holds nothing that the positions do not; use cloe"
+            )
+
+    def about_torques(self, recordings: Sequence[Recording]) -> tuple[Finding, ...]:
+        """What to say where it takes a computed torque for a measured one."""
+        computed = any(recording.torque_source == "law" for recording in recordings)
+        return self.of_computed_torque if computed else ()
+
+    @property
+    def needs_controller(self) -> bool:
+        """Whether it cannot do without a control law."""
+        return not self.handles.no_controller
+
+    def first_iteration(self) -> Method | None:
+        """The same with one iteration; None where the record is all that it needs."""
+        return None
+
+    @property
+    def recipes(self) -> tuple[str, ...]:
+        """Names of the recipes that ``signals`` may be; one alone is no choice."""
+        return tuple(RECIPES)
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Options that a file may set, in their order."""
+        return tuple(declarations(type(self)))
+
+    def check_keys(self, keys: Mapping[str, Any]) -> None:
+        """Refuse keys of a file that contradict one another; none by default.
+
+        Args:
+            keys: what the file gives for this method alone, tables as mappings.
+        """
+
+
+@dataclass(frozen=True, kw_only=True)
+class IteratedMethod(Method):
+    """A method that simulates, or makes instruments, with each estimate anew.
+
+    Attributes:
+        tolerance: both criteria of convergence.
+        max_iterations: give up after so many.
+        start: what the first simulation is made with: ``least-squares`` on the record, or the
+            problem's ``initial`` values, as the literature does.
+    """
+
+    tolerance: float = option(1e-2, "criterion of convergence", above=0.0, below=1.0, shared=True)
+    max_iterations: int = option(20, "largest number of iterations", at_least=1, shared=True)
+    start: Start = option(
+        "least-squares",
+        'first simulation with a least-squares estimate, or with `"initial"` values',
+    )
+
+    cost: ClassVar[Cost] = Cost(0.1, 6e-8)
+
+    def first_iteration(self) -> Method | None:
+        """The same with one iteration."""
+        return replace(self, max_iterations=1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class InstrumentalMethod(IteratedMethod):
+    """A method of instruments.
+
+    Attributes:
+        instruments: ``loop``: simulated with its law; ``response``: the reference through the
+            identified response of the loop; ``repetition``: other repetitions of the motion;
+            ``sensor``: a second encoder; ``virtual``: a virtual computed-torque loop around the
+            smoothed motion; ``halves``: every other sample. ``auto``: the simulated loop where the
+            problem has one, else the best that the record allows.
+    """
+
+    instruments: Instruments = option(
+        "auto",
+        'from the simulated `"loop"`, the `"response"` to the reference, another `"repetition"`, '
+        'a second `"sensor"`, a `"virtual"` loop, or `"halves"` of the samples; `"auto"`: the loop '
+        "where there is a controller, else the best that the record allows",
+        shared=True,
+    )
+
+    has_instruments: ClassVar[bool] = True
+    simulates_loop: ClassVar[bool] = True
+    whitens: ClassVar[bool | None] = False
+    group: ClassVar[str] = ""
+
+    @property
+    def needs_controller(self) -> bool:
+        """Whether it cannot do without a control law."""
+        return self.instruments == "loop" or super().needs_controller

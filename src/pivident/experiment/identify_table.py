@@ -1,0 +1,270 @@
+"""Table ``[identify]`` of an experiment file: its schema from the methods, and methods from it.
+
+Each method has a table of its own, with the options that it declares; shared ones stand in
+``[identify]`` itself. This module needs pydantic and is imported only when a file is read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import Field, create_model, model_validator
+from pydantic.functional_validators import PlainValidator
+
+from pivident.consistency.method_names import CONSISTENT_METHODS  # consistency
+from pivident.errors import ExperimentError
+from pivident.estimation.method import Instruments, Method
+from pivident.estimation.methods import METHODS
+from pivident.estimation.noise_options import Arma, AutoRegressive, Repetition
+from pivident.estimation.signal_recipes import (
+    RECIPES,
+    Algebraic,
+    Bandpass,
+    RandomWalk,
+    SignalRecipe,
+    recipe_name,
+)
+from pivident.experiment.option_tables import entry_of, table_of
+from pivident.experiment.table_values import Mask, Names
+from pivident.options import declarations
+from pivident.robot.mdh_schema import Entry
+from pivident.robot.naming import nearest
+from pivident.text.finding import Finding
+
+#: Names of methods, those of consistent estimates included.
+METHOD_NAMES = (*METHODS, *CONSISTENT_METHODS)
+
+#: Options that make the noise model an ARMA one.
+_ARMA = {"ar_order", "ma_order", "largest_root"}
+
+
+def _methods(value: Any) -> Any:
+    names = [value] if isinstance(value, str) else value
+    if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
+        raise ValueError(
+            f"must be a list with some of {', '.join(METHODS)}, each also with the prefix pc-"
+        )
+    for name in names:
+        if name not in METHOD_NAMES:
+            bare = name.lower().replace("_", "-").removeprefix("idim-")
+            raise ValueError(f"there is no method {name!r}; {nearest(bare, METHOD_NAMES)}")
+    if len(set(names)) < len(names):
+        raise ValueError("names a method twice; name each one once")
+    return names
+
+
+def _switch(value: Any) -> Any:
+    if isinstance(value, bool):
+        return value
+    raise ValueError("must be true or false, a boolean; names of parameters go under parameters")
+
+
+class DecimatedEntry(Entry):
+    """What tables of recipes share whose equations are decimated."""
+
+    @model_validator(mode="after")
+    def _one_decimation(self) -> DecimatedEntry:
+        values = self.model_dump(exclude_none=True)
+        if "decimation" in values and "bandwidth" in values:
+            raise ExperimentError(
+                "decimation and bandwidth are both given; the factor follows from one"
+            ).about("decimation")
+        return self
+
+
+class NoiseKeys(Entry):
+    """What the table of a noise model has beside the options of one."""
+
+    repetition: bool | None = None
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> NoiseKeys:
+        arma = _ARMA & self.model_fields_set
+        others = {"p_max", "criterion", "motion_band", "repetition", "period"}
+        others &= self.model_fields_set
+        if arma and others:
+            raise ExperimentError(
+                f"{', '.join(sorted(arma))} make an ARMA model, {', '.join(sorted(others))} belong "
+                "to an AR model; keep one of the two"
+            ).about(min(arma))
+        if "period" in self.model_fields_set and not self.repetition:
+            raise ExperimentError(
+                "period belongs to noise from repetition; set repetition = true"
+            ).about("period")
+        return self
+
+
+BandpassEntry = entry_of(Bandpass, base=DecimatedEntry)
+AlgebraicEntry = entry_of(Algebraic, base=DecimatedEntry)
+RandomWalkEntry = entry_of(RandomWalk)
+NoiseEntry = entry_of(AutoRegressive, Repetition, Arma, base=NoiseKeys, name="NoiseEntry")
+
+#: Tables below that of a method.
+PARTS: dict[str, type[Entry]] = {
+    "bandpass": BandpassEntry,
+    "algebraic": AlgebraicEntry,
+    "random_walk": RandomWalkEntry,
+    "noise": NoiseEntry,
+}
+
+
+class IdentifyKeys(Entry):
+    """What is estimated, and options for all methods that have them."""
+
+    methods: Annotated[list[str], PlainValidator(_methods)] | None = None
+    parameters: Names | None = None
+    essential: Annotated[bool, PlainValidator(_switch)] = False
+    shapes: Literal["given", "identify"] = "given"
+    free: Names | None = None
+    mask: Mask = "auto"
+    initial: dict[str, float] = Field(default_factory=dict)
+    tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None
+    max_iterations: Annotated[int, Field(ge=1)] | None = None
+    instruments: Instruments | None = None
+    if TYPE_CHECKING:
+        bandpass: Any
+
+    def of(self, method: str) -> Entry:
+        """The table of one method."""
+        table: Entry = getattr(self, method.replace("-", "_"))
+        return table
+
+
+def method_entry(name: str, method: Method) -> type[Entry]:
+    """Schema of a method's own table: its options, and tables of its recipes."""
+    fields: dict[str, Any] = {}
+    for key in method.keys:
+        if key == "signals":
+            if len(method.recipes) > 1:
+                fields["signals"] = (Literal[tuple(RECIPES)] | None, None)
+            fields |= {recipe: table_of(PARTS[recipe]) for recipe in method.recipes}
+        elif key in PARTS:
+            fields[key] = table_of(PARTS[key])
+    title = "".join(word.capitalize() for word in name.split("-"))
+    return entry_of(
+        type(method), keys=[k for k in method.keys if k not in ("signals", *PARTS)],
+        name=f"{title}Entry", further=fields,
+    )  # fmt: skip
+
+
+#: Tables of all methods, by name.
+METHOD_ENTRIES = {name: method_entry(name, method) for name, method in METHODS.usable().items()}
+
+if TYPE_CHECKING:
+    IdentifyEntry = IdentifyKeys
+else:
+    IdentifyEntry = create_model(
+        "IdentifyEntry",
+        __base__=IdentifyKeys,
+        **{part: table_of(entry) for part, entry in PARTS.items()},
+        **{
+            name.replace("-", "_"): table_of(entry, alias=name)
+            for name, entry in METHOD_ENTRIES.items()
+        },
+    )
+    IdentifyEntry.__doc__ = IdentifyKeys.__doc__
+
+
+def method_of(name: str, entry: IdentifyEntry) -> Method:
+    """One method with the file's options: the shared ones, and then those of its own table.
+
+    Raises:
+        ExperimentError: options that contradict one another.
+    """
+    ready, table = METHODS[name], entry.of(name)
+    declared = declarations(type(ready))
+    keys = table.model_dump(exclude_unset=True)
+    with concerning_method(name):
+        ready.check_keys(keys)
+        _check_signals(ready, keys)
+        shared = [k for k in ready.keys if declared[k].shared and k in entry.model_fields_set]
+        options = {key: getattr(entry, key) for key in shared}
+        options |= {key: keys[key] for key in keys if key in declared}
+        options["signals"] = _signals(entry, ready, keys)
+        if "noise" in ready.keys:
+            options["noise"] = _noise(_given(entry, "noise"), keys.get("noise", {}))
+        return replace(ready, **{key: _tuples(value) for key, value in options.items()})
+
+
+def median_finding(methods: Mapping[str, Method]) -> Finding | None:
+    """That a median filter of the positions is not in all methods; None where it is, or is none."""
+    passes = {n: m.signals for n, m in methods.items() if isinstance(m.signals, Bandpass)}
+    acts = {name: s.median for name, s in passes.items() if s.median > 1}
+    others = [name for name in methods if name not in acts]
+    if not acts or not others:
+        return None
+    text = (
+        f"The median filter of the positions (bandpass.median = {max(acts.values())}) acts on "
+        f"{', '.join(acts)} only: {', '.join(others)} smooth them in another way."
+    )
+    step = (
+        "Positions that leave the motion and come back are left out of all methods without it; "
+        "repair smaller outliers in the log."
+    )
+    return Finding("warning", "methods", "median", text, "", step)
+
+
+@contextmanager
+def concerning_method(name: str) -> Iterator[None]:
+    """Errors inside name the table of a method."""
+    try:
+        yield
+    except ExperimentError as error:
+        raise error.within(f"identify.{name}") from error
+
+
+def _tuples(value: Any) -> Any:
+    """Lists as tuples, so that a method can be compared and hashed."""
+    return tuple(map(_tuples, value)) if isinstance(value, list) else value
+
+
+def _check_signals(ready: Method, keys: Mapping[str, Any]) -> None:
+    """Refuse signals that the method does not take, and the table of those that are not used."""
+    used = keys.get("signals") or recipe_name(ready.signals)
+    if used not in ready.recipes:
+        alike = [
+            repr(name)
+            for name, method in METHODS.usable().items()
+            if type(method) is type(ready) and used in method.recipes
+        ]
+        raise ExperimentError(
+            f"signals are {used!r}; it takes {' or '.join(map(repr, ready.recipes))}, and "
+            f"{', '.join(alike)} is the same with {used!r}"
+        ).about("signals")
+    for unused in sorted(set(keys) & (set(RECIPES) - {used})):
+        raise ExperimentError(
+            f"{unused} is given, but the signals are {used!r}; set "
+            f'signals = "{unused}" or remove the table'
+        ).about(unused)
+
+
+def _signals(entry: IdentifyEntry, ready: Method, keys: Mapping[str, Any]) -> SignalRecipe:
+    """The recipe that a file names, or that the method has."""
+    name = keys.get("signals") or recipe_name(ready.signals)
+    shared, special = _given(entry, name), keys.get(name, {})
+    # A factor excludes a bandwidth; the method's own choice replaces the shared one.
+    for key, other in (("decimation", "bandwidth"), ("bandwidth", "decimation")):
+        if key in special:
+            shared.pop(other, None)
+    options = shared | special
+    is_full_rate = isinstance(ready.signals, RandomWalk)
+    if name == "algebraic" and is_full_rate and not options.keys() & {"decimation", "bandwidth"}:
+        options["decimation"] = 1
+    return RECIPES[name](**{key: _tuples(value) for key, value in options.items()})
+
+
+def _noise(shared: dict[str, Any], special: dict[str, Any]) -> AutoRegressive | Arma:
+    """The noise model; one of another kind replaces the shared one."""
+    options = special if special.keys() & _ARMA else shared | special
+    if options.keys() & _ARMA:
+        return Arma(**options)
+    repeated = options.pop("repetition", False)
+    return (Repetition if repeated else AutoRegressive)(**options)
+
+
+def _given(entry: IdentifyEntry, table: str) -> dict[str, Any]:
+    """What the file says in a shared table, without what it leaves to the defaults."""
+    return dict(getattr(entry, table).model_dump(exclude_unset=True))

@@ -1,0 +1,92 @@
+"""Tables of an experiment file from declared options, see `pivident.options`.
+
+This module needs pydantic and is imported only when a file is read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from types import UnionType
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
+
+from pydantic import Field, create_model
+from pydantic.functional_validators import PlainValidator
+
+from pivident.experiment.table_values import Edge, MotionBand, Names, PositiveNumbers, Stages
+from pivident.options import Option, Options, annotations_of, declarations
+from pivident.robot.mdh_schema import Entry
+
+AnyEntry = TypeVar("AnyEntry", bound=Entry)
+
+
+def _bounds(value: Any) -> Any:
+    """A table of two numbers for each name."""
+    if not isinstance(value, dict):
+        raise ValueError("must be a table such as { fc1 = [0, 20] }")
+    for name, pair in value.items():
+        numbers = isinstance(pair, list) and len(pair) == 2
+        if not numbers or not all(type(x) in (int, float) for x in pair) or not pair[0] < pair[1]:
+            raise ValueError(f"{name} needs two numbers, the lower one first, not {pair!r}")
+    return value
+
+
+#: Types of values in a file, by those of the options where the two differ.
+IN_A_FILE: dict[frozenset[Any], Any] = {
+    frozenset({float, tuple[float, ...]}): PositiveNumbers,
+    frozenset({int, tuple[int, ...]}): Stages,
+    frozenset({int, tuple[int, int]}): Edge,
+    frozenset({Literal["auto"], float}): MotionBand,
+    frozenset({tuple[str, ...]}): Names,
+    frozenset({Mapping[str, float]}): dict[str, float],
+    frozenset({Mapping[str, tuple[float, float]]}): Annotated[
+        dict[str, list[float]], PlainValidator(_bounds)
+    ],
+    frozenset({tuple[tuple[float, ...], ...]}): list[list[float]],
+}
+
+
+def entry_of(
+    *kinds: type[Options],
+    keys: Iterable[str] | None = None,
+    base: type[Entry] = Entry,
+    name: str = "",
+    further: Mapping[str, Any] | None = None,
+) -> type[Entry]:
+    """Schema of a table with the declared options of a class, or of several; none is required.
+
+    Args:
+        *kinds: classes of options.
+        keys: options that the table has; None: all.
+        base: what the schema adds to.
+        name: name of the schema; empty: that of the class.
+        further: other fields, as `pydantic.create_model` takes them.
+    """
+    fields: dict[str, Any] = {}
+    for kind in kinds:
+        for key, declared in declarations(kind).items():
+            if keys is None or key in keys:
+                annotation = value_type(annotations_of(kind)[key], declared)
+                fields[key] = (annotation | None, None)
+    title = name or f"{kinds[0].__name__}Entry"
+    entry = create_model(title, __base__=base, **fields, **(further or {}))
+    entry.__doc__ = f"Options of `{kinds[0].__module__}.{kinds[0].__name__}`."
+    return entry
+
+
+def table_of(entry: type[Entry], alias: str | None = None) -> Any:
+    """A field that holds a table, empty where a file has none, as `create_model` takes it."""
+    return (entry, Field(entry(), alias=alias))
+
+
+def value_type(annotation: Any, declared: Option) -> Any:
+    """Type of an option's value in a file, with its limits."""
+    union = get_origin(annotation) in (Union, UnionType)
+    types = frozenset(get_args(annotation) if union else (annotation,)) - {type(None)}
+    if types in IN_A_FILE:
+        return IN_A_FILE[types]
+    (alone,) = types
+    limits = {
+        "ge": declared.at_least, "le": declared.at_most, "gt": declared.above, "lt": declared.below,
+    }  # fmt: skip
+    given: dict[str, Any] = {key: value for key, value in limits.items() if value is not None}
+    return Annotated[alone, Field(**given)] if given else alone
