@@ -25,7 +25,7 @@ def check_filters(methods: Mapping[str, Method], recordings: Iterable[Recording]
     if slowest is None:
         return remarks
     for name, method in methods.items():
-        signals = getattr(method, "signals", None)
+        signals = method.signals
         if not isinstance(signals, Bandpass) or signals.cutoff is None:
             continue
         highest = float(signals.cutoffs(slowest.joints).max())

@@ -85,15 +85,6 @@ class Didim(PrefilteredIV):
         """Options that a file may set."""
         return tuple(k for k in super().keys if k not in ("instruments", "as_printed"))
 
-    def refuse(self, problem: Problem) -> None:
-        """Refuse measured wrenches, and a virtual loop, whose motion is not the machine's."""
-        super().refuse(problem)
-        if problem.loop is not None and problem.loop.reference == "smoothed":
-            raise ExperimentError(
-                f"{self.label} takes the motion from the simulated loop, which with reference = "
-                '"smoothed" is a virtual one; use piv, or give the recorded reference'
-            )
-
     def estimate(self, problem: Problem, say: Say, *, test_gains: bool = True) -> Identification:
         """Iterate simulation, noise models and estimate."""
         if reads_counts(problem):

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal, NamedTuple, Self
 
-from pivident.errors import IdentificationError
+from pivident.errors import ExperimentError, IdentificationError
 from pivident.estimation.kinematics import settled_recipe
 from pivident.estimation.noise_options import Arma, AutoRegressive, CovarianceKind
 from pivident.estimation.problem import Problem
@@ -91,6 +91,7 @@ class Method(Options):
         noise: recipe of its noise models; None: it has none.
         in_leagues: whether studies with all methods have it.
         refit: what the estimate without a part of the record is made from.
+        without_controller: what to use where the control law is not known.
         of_computed_torque: what to say of a torque that was computed from the law.
     """
 
@@ -116,6 +117,7 @@ class Method(Options):
     noise: ClassVar[AutoRegressive | Arma | None] = None
     in_leagues: ClassVar[bool] = True
     refit: ClassVar[Refit] = "sums"
+    without_controller: ClassVar[str] = "piv, which makes its instruments from the record"
     of_computed_torque: ClassVar[tuple[Finding, ...]] = ()
 
     def estimate(self, problem: Problem, say: Say, *, test_gains: bool = True) -> Any:
@@ -139,6 +141,7 @@ class Method(Options):
         Raises:
             RobotDescriptionError: the robot has measured wrenches.
             IdentificationError: torques were computed from the control law.
+            ExperimentError: the loop has to be simulated, and law or reference are not known.
         """
         if not self.handles.wrenches:
             without_wrenches(problem.robot, f"the method {self.label}")
@@ -147,6 +150,18 @@ class Method(Options):
             raise IdentificationError(
                 f"{self.label} needs measured torques, but recording {computed[0]!r} has none: one "
                 "computed from the control law holds nothing that the positions do not; use cloe"
+            )
+        if problem.loop is None and not self.handles.no_controller:
+            raise ExperimentError(
+                f"{self.label} simulates the closed loop: give the controller and its gains "
+                f"([controller] in an experiment file), or use {self.without_controller}"
+            )
+        smoothed = problem.loop is not None and problem.loop.reference == "smoothed"
+        if smoothed and not self.handles.no_reference:
+            raise ExperimentError(
+                f"{self.label} takes the motion that the loop makes of its reference, but with "
+                'reference = "smoothed" the measurement itself takes its place; give the recorded '
+                "reference, or use piv"
             )
 
     def about_torques(self, recordings: Sequence[Recording]) -> tuple[Finding, ...]:

@@ -156,7 +156,13 @@ class PrefilteredIV(InstrumentalMethod):
     def handles(self) -> Handles:  # type: ignore[override]
         """What it copes with; as printed it needs the law."""
         free = not self.as_printed
-        return Handles(no_controller=free, law_choice=True, shape_constants=True, payload=free)
+        return Handles(
+            wrenches=free,  # weights λ⁻² leave rows of other units without any
+            no_controller=free,
+            law_choice=True,
+            shape_constants=True,
+            payload=free,
+        )
 
     @property
     def label(self) -> str:  # type: ignore[override]

@@ -152,6 +152,7 @@ class OutputError(IteratedMethod):
     group: ClassVar[str] = "Methods that fit a simulation"
     cost: ClassVar[Cost] = Cost(0.3, 8e-7)
     fits_simulation: ClassVar[bool] = True
+    without_controller: ClassVar[str] = "oloe, which takes the recorded torques"
     refit: ClassVar[Refit] = "simulation"
 
     def __post_init__(self) -> None:
@@ -224,24 +225,6 @@ class OutputError(IteratedMethod):
     def keys(self) -> tuple[str, ...]:
         """Options that a file may set: what is compared has names of its own."""
         return tuple(k for k in super().keys if k not in ("compares", "loop"))
-
-    def refuse(self, problem: Problem) -> None:
-        """Refuse measured wrenches, and what is no closed loop with a recorded reference."""
-        super().refuse(problem)
-        if self.loop == "open":
-            return
-        if problem.loop is None:
-            raise ExperimentError(
-                f"{self.label} simulates the closed loop: give the controller and its gains "
-                "([controller] in an experiment file), or use oloe, which takes the recorded "
-                "torques"
-            )
-        if problem.loop.reference == "smoothed":
-            raise ExperimentError(
-                f"{self.label} compares with the motion that the reference makes, but with "
-                'reference = "smoothed" the measurement itself takes its place; give the recorded '
-                "reference, or use piv"
-            )
 
     def estimate(self, problem: Problem, say: Say, *, test_gains: bool = True) -> Identification:
         """Start from least squares, fit the simulation, and say what it leaves."""
