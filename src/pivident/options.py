@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import MISSING, Field, dataclass, field, fields
+from dataclasses import MISSING, dataclass, field, fields
 from functools import cache
 from types import UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
@@ -114,8 +114,9 @@ def declarations(kind: type[Options]) -> dict[str, Option]:
     return {f.name: f.metadata[DECLARED] for f in fields(kind) if DECLARED in f.metadata}
 
 
-def default_of(declared: Field[Any]) -> Any:
-    """Default of a field."""
+def default_of(kind: type[Options], name: str) -> Any:
+    """Default of an option."""
+    (declared,) = (f for f in fields(kind) if f.name == name)
     if declared.default_factory is not MISSING:
         return declared.default_factory()
     return declared.default

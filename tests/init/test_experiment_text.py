@@ -5,7 +5,8 @@ import tomllib
 import pytest
 
 from pivident.init.assumption import Assumption
-from pivident.init.experiment_text import comment, experiment_text, value_text
+from pivident.init.experiment_text import comment, experiment_text
+from pivident.text.toml_values import value_text
 
 NASTY = [
     'a "quoted" name', "it's", "back\\slash", "line\nend", "tab\tand\rreturn", "bell\x07",

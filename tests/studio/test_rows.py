@@ -1,7 +1,6 @@
 """Every key of a file is a row with its reason and its meaning; so is what it could have."""
 
 import pytest
-from tools.experiment_keys import FILE, written
 
 from pivident.errors import ExperimentError
 from pivident.init.draft import draft_experiment
@@ -14,10 +13,6 @@ from tests.planar_log import EXPERIMENT, write_log
 
 def by_place(rows):
     return {row.place: row for row in rows}
-
-
-def test_the_manual_is_the_source_of_the_meanings():
-    assert FILE.read_text("utf-8") == written()  # python -m tools.experiment_keys
 
 
 @pytest.fixture(scope="module")

@@ -22,7 +22,11 @@ from tests.works_with.scenes import FEATURES, problem
 ALL = METHODS.usable()
 
 #: Fewer steps than by default, where a default is made for long records.
-QUICK = {"particle": {"particles": 200, "spread": 1.0}, "adaline": {"epochs": 2}, "hopfield": {"time": 1e3}}
+QUICK = {
+    "particle": {"particles": 200, "spread": 1.0},
+    "adaline": {"epochs": 2},
+    "hopfield": {"time": 1e3},
+}
 
 
 def quick(name: str) -> Method:

@@ -106,8 +106,8 @@ def print_draft(draft: Draft, out: Path) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from pivident.init.experiment_text import value_text
     from pivident.text.printable import escaped
+    from pivident.text.toml_values import value_text
 
     console = Console(highlight=False)
     rows = []

@@ -30,7 +30,7 @@ from pivident.estimation.signal_recipes import (
 from pivident.experiment.option_tables import entry_of, table_of
 from pivident.experiment.table_values import Mask, Names
 from pivident.options import declarations
-from pivident.robot.mdh_schema import Entry
+from pivident.robot.mdh_schema import Entry, key
 from pivident.robot.naming import nearest
 from pivident.text.finding import Finding
 
@@ -78,7 +78,12 @@ class DecimatedEntry(Entry):
 class NoiseKeys(Entry):
     """What the table of a noise model has beside the options of one."""
 
-    repetition: bool | None = None
+    repetition: bool | None = key(
+        None,
+        "fit it to what does not repeat of a periodic or repeated motion: noise alone, "
+        "without model error",
+        shown="`false`",
+    )
 
     @model_validator(mode="after")
     def _one_kind(self) -> NoiseKeys:
@@ -114,16 +119,60 @@ PARTS: dict[str, type[Entry]] = {
 class IdentifyKeys(Entry):
     """What is estimated, and options for all methods that have them."""
 
-    methods: Annotated[list[str], PlainValidator(_methods)] | None = None
-    parameters: Names | None = None
-    essential: Annotated[bool, PlainValidator(_switch)] = False
-    shapes: Literal["given", "identify"] = "given"
-    free: Names | None = None
-    mask: Mask = "auto"
-    initial: dict[str, float] = Field(default_factory=dict)
-    tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None
-    max_iterations: Annotated[int, Field(ge=1)] | None = None
-    instruments: Instruments | None = None
+    methods: Annotated[list[str], PlainValidator(_methods)] | None = key(
+        None,
+        f"{', '.join(f'`{name}`' for name in METHODS)}; with `pc-` in front, as in `pc-piv`, also "
+        "made physically consistent; default `ls`, `iv-full-rate`, `piv`, with a controller also "
+        "`iv`",
+        shown="see meaning",
+    )
+    parameters: Names | None = key(
+        None, "base parameters to estimate; the others are assumed to be zero", shown="all"
+    )
+    essential: Annotated[bool, PlainValidator(_switch)] = key(
+        False,
+        "before the methods start, leave out the parameters that the data do not support, "
+        "one at a time; with the last method",
+    )
+    shapes: Literal["given", "identify"] = key(
+        "given",
+        "identify the free constants of the friction laws (Stribeck speeds, presliding "
+        "distances, exponents) with the last method before the methods start; see "
+        "[`friction_laws.md`](friction_laws.md)",
+        kind='`"given"` or `"identify"`',
+    )
+    free: Names | None = key(
+        None,
+        "causes of model error that are corrected with the estimate: `delay`, `geometry`, "
+        "`gear-ratio`, `torque-gain`, `zero-position`, `position-scale`, `encoder`; see "
+        "[causes of model error](theory/model_errors.md)",
+        kind="list of kinds",
+        shown="–",
+    )
+    mask: Mask = key(
+        "auto",
+        "samples of slower joints are excluded; `auto`: 0.01, but `piv` uses standstill "
+        "where it is worth it",
+        unit="of rated speed",
+        kind='`"auto"` or number',
+    )
+    initial: dict[str, float] = key(
+        meaning="starting values by parameter name", factory=dict, unit="of the parameter"
+    )
+    tolerance: Annotated[float, Field(gt=0, lt=1)] | None = key(
+        None, "criterion of convergence of IV and PIV", shown="`0.01`"
+    )
+    max_iterations: Annotated[int, Field(ge=1)] | None = key(
+        None, "largest number of iterations", shown="`20`"
+    )
+    instruments: Instruments | None = key(
+        None,
+        'of `iv`, `iv-full-rate`, `piv`: from the simulated `"loop"`, the `"response"` to '
+        'the reference, another `"repetition"`, a second `"sensor"`, a `"virtual"` loop, or '
+        '`"halves"` of the samples; `"auto"`: the loop where there is a controller, else the '
+        "best that the record allows",
+        shown='`"auto"`',
+    )
     if TYPE_CHECKING:
         bandpass: Any
 
@@ -133,16 +182,27 @@ class IdentifyKeys(Entry):
         return table
 
 
+#: Meaning of a table that also stands in ``[identify]``.
+SHARED = "as in `[identify]`"
+
+
+def _signals_key(method: Method) -> Any:
+    """Words of the key that chooses among recipes."""
+    names = [f'`"{recipe}"`' for recipe in method.recipes]
+    meaning = f"{', '.join(names[:-1])} or {names[-1]}"
+    return key(None, meaning, shown=f'`"{recipe_name(method.signals)}"`')
+
+
 def method_entry(name: str, method: Method) -> type[Entry]:
     """Schema of a method's own table: its options, and tables of its recipes."""
     fields: dict[str, Any] = {}
-    for key in method.keys:
-        if key == "signals":
+    for name_of_key in method.keys:
+        if name_of_key == "signals":
             if len(method.recipes) > 1:
-                fields["signals"] = (Literal[tuple(RECIPES)] | None, None)
-            fields |= {recipe: table_of(PARTS[recipe]) for recipe in method.recipes}
-        elif key in PARTS:
-            fields[key] = table_of(PARTS[key])
+                fields["signals"] = (Literal[tuple(RECIPES)] | None, _signals_key(method))
+            fields |= {recipe: table_of(PARTS[recipe], SHARED) for recipe in method.recipes}
+        elif name_of_key in PARTS:
+            fields[name_of_key] = table_of(PARTS[name_of_key], SHARED)
     title = "".join(word.capitalize() for word in name.split("-"))
     return entry_of(
         type(method), keys=[k for k in method.keys if k not in ("signals", *PARTS)],
@@ -159,9 +219,9 @@ else:
     IdentifyEntry = create_model(
         "IdentifyEntry",
         __base__=IdentifyKeys,
-        **{part: table_of(entry) for part, entry in PARTS.items()},
+        **{part: table_of(entry, f"see *{part}*") for part, entry in PARTS.items()},
         **{
-            name.replace("-", "_"): table_of(entry, alias=name)
+            name.replace("-", "_"): table_of(entry, f"of this method alone, see *{name}*", name)
             for name, entry in METHOD_ENTRIES.items()
         },
     )
@@ -181,12 +241,12 @@ def method_of(name: str, entry: IdentifyEntry) -> Method:
         ready.check_keys(keys)
         _check_signals(ready, keys)
         shared = [k for k in ready.keys if declared[k].shared and k in entry.model_fields_set]
-        options = {key: getattr(entry, key) for key in shared}
-        options |= {key: keys[key] for key in keys if key in declared}
+        options = {k: getattr(entry, k) for k in shared}
+        options |= {k: keys[k] for k in keys if k in declared}
         options["signals"] = _signals(entry, ready, keys)
         if "noise" in ready.keys:
             options["noise"] = _noise(_given(entry, "noise"), keys.get("noise", {}))
-        return replace(ready, **{key: _tuples(value) for key, value in options.items()})
+        return replace(ready, **{k: _tuples(value) for k, value in options.items()})
 
 
 def median_finding(methods: Mapping[str, Method]) -> Finding | None:
@@ -246,14 +306,14 @@ def _signals(entry: IdentifyEntry, ready: Method, keys: Mapping[str, Any]) -> Si
     name = keys.get("signals") or recipe_name(ready.signals)
     shared, special = _given(entry, name), keys.get(name, {})
     # A factor excludes a bandwidth; the method's own choice replaces the shared one.
-    for key, other in (("decimation", "bandwidth"), ("bandwidth", "decimation")):
-        if key in special:
+    for one, other in (("decimation", "bandwidth"), ("bandwidth", "decimation")):
+        if one in special:
             shared.pop(other, None)
     options = shared | special
     is_full_rate = isinstance(ready.signals, RandomWalk)
     if name == "algebraic" and is_full_rate and not options.keys() & {"decimation", "bandwidth"}:
         options["decimation"] = 1
-    return RECIPES[name](**{key: _tuples(value) for key, value in options.items()})
+    return RECIPES[name](**{k: _tuples(value) for k, value in options.items()})
 
 
 def _noise(shared: dict[str, Any], special: dict[str, Any]) -> AutoRegressive | Arma:

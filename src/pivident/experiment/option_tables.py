@@ -6,6 +6,7 @@ This module needs pydantic and is imported only when a file is read.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from types import UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
@@ -13,8 +14,16 @@ from pydantic import Field, create_model
 from pydantic.functional_validators import PlainValidator
 
 from pivident.experiment.table_values import Edge, MotionBand, Names, PositiveNumbers, Stages
-from pivident.options import Option, Options, annotations_of, declarations
-from pivident.robot.mdh_schema import Entry
+from pivident.options import (
+    DECLARED,
+    Option,
+    Options,
+    annotations_of,
+    declarations,
+    default_of,
+)
+from pivident.robot.mdh_schema import Entry, key
+from pivident.text.toml_values import value_text
 
 AnyEntry = TypeVar("AnyEntry", bound=Entry)
 
@@ -63,19 +72,24 @@ def entry_of(
     """
     fields: dict[str, Any] = {}
     for kind in kinds:
-        for key, declared in declarations(kind).items():
-            if keys is None or key in keys:
-                annotation = value_type(annotations_of(kind)[key], declared)
-                fields[key] = (annotation | None, None)
+        for name_of_key, declared in declarations(kind).items():
+            if keys is None or name_of_key in keys:
+                annotation = value_type(annotations_of(kind)[name_of_key], declared)
+                default = default_of(kind, name_of_key)
+                shown = declared.shown or (
+                    "none" if default is None else f"`{value_text(default)}`"
+                )
+                words: Any = {DECLARED: replace(declared, shown=shown)}
+                fields[name_of_key] = (annotation | None, Field(None, json_schema_extra=words))
     title = name or f"{kinds[0].__name__}Entry"
     entry = create_model(title, __base__=base, **fields, **(further or {}))
     entry.__doc__ = f"Options of `{kinds[0].__module__}.{kinds[0].__name__}`."
     return entry
 
 
-def table_of(entry: type[Entry], alias: str | None = None) -> Any:
+def table_of(entry: type[Entry], meaning: str, alias: str | None = None) -> Any:
     """A field that holds a table, empty where a file has none, as `create_model` takes it."""
-    return (entry, Field(entry(), alias=alias))
+    return (entry, key(entry(), meaning, alias=alias))
 
 
 def value_type(annotation: Any, declared: Option) -> Any:

@@ -8,7 +8,6 @@ from typing import Any
 
 from pivident.init.assumption import Assumption, Question
 from pivident.init.clock_lines import clock_place
-from pivident.init.experiment_text import string_text
 from pivident.init.kept_joints import KeptJoints
 from pivident.init.torque_unit import Comparison, TorqueUnit
 from pivident.logs.bags.bag_table import OwnClock
@@ -16,6 +15,7 @@ from pivident.logs.recognition.joint_columns import JointMap
 from pivident.logs.recognition.log_clock import LogClock
 from pivident.logs.recognition.position_units import AssumedUnits
 from pivident.text.lists import listed
+from pivident.text.toml_values import string_text
 
 #: Time before and after the motion that is kept [s].
 MARGIN = 0.5

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import re
 import textwrap
 from collections.abc import Iterable, Sequence
-from typing import Any
 
 from pivident.init.assumption import Assumption
 from pivident.text.printable import escaped
-
-#: Width of the comments, in characters.
-WIDTH = 98
+from pivident.text.toml_values import WIDTH, key_text, value_text
 
 #: What stands in front of the first table.
 HEADING = """\
@@ -36,8 +32,6 @@ ORDER = (
 
 #: How sure a line is, as its comment says it.
 SURE = {"certain": "seen", "likely": "likely", "assumed": "ASSUMED, please check"}
-
-_BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 
 
 def experiment_text(
@@ -93,43 +87,3 @@ def comment(text: str) -> str:
         return f"# {clean}".rstrip()
     lines = textwrap.wrap(clean, WIDTH, break_long_words=False, break_on_hyphens=False)
     return "\n".join(f"# {line}" for line in lines)
-
-
-def key_text(key: str) -> str:
-    """A key of TOML, quoted where it has to be."""
-    return key if _BARE_KEY.fullmatch(key) else string_text(key)
-
-
-def string_text(text: str) -> str:
-    """A string of TOML in quotation marks."""
-    out = []
-    for character in text:
-        code = ord(character)
-        if character in '"\\':
-            out.append(f"\\{character}")
-        elif code < 0x20 or 0x7F <= code < 0xA0 or code in (0x2028, 0x2029):
-            out.append(f"\\u{code:04X}")
-        else:
-            out.append(character)
-    return f'"{"".join(out)}"'
-
-
-def value_text(value: Any, width: int = WIDTH) -> str:
-    """A value of TOML; long lists take a line for each entry."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        return string_text(value)
-    if isinstance(value, (int, float)):
-        return repr(value)
-    if isinstance(value, dict):  # TOML 1.0 keeps an inline table on one line
-        return (
-            "{"
-            + ", ".join(f"{key_text(k)} = {value_text(v, 10**9)}" for k, v in value.items())
-            + "}"
-        )
-    entries = [value_text(entry, 10**9) for entry in value]
-    line = "[" + ", ".join(entries) + "]"
-    if len(line) <= width:
-        return line
-    return "[\n" + "".join(f"    {entry},\n" for entry in entries) + "]"

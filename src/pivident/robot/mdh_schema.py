@@ -5,7 +5,7 @@ This module needs pydantic and is imported only when a file is read.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Annotated, Any, Literal, get_args, get_origin
 
 from pydantic import (
@@ -18,8 +18,10 @@ from pydantic import (
     ValidationError,
     model_validator,
 )
+from pydantic.fields import FieldInfo
 
 from pivident.errors import RobotDescriptionError
+from pivident.options import DECLARED, Option
 from pivident.robot.description import MAX_JOINTS, STANDARD_GRAVITY
 from pivident.robot.naming import nearest
 
@@ -117,6 +119,28 @@ class Entry(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
 
+def key(
+    default: Any = ...,
+    meaning: str = "",
+    *,
+    factory: Callable[[], Any] | None = None,
+    alias: str | None = None,
+    **declared: Any,
+) -> Any:
+    """A field of a table with what the manual says of it, see `pivident.options.Option`."""
+    words: Any = {DECLARED: Option(meaning, **declared)}
+    if factory is not None:
+        return Field(default_factory=factory, alias=alias, json_schema_extra=words)
+    return Field(default, alias=alias, json_schema_extra=words)
+
+
+def declared_of(field: FieldInfo) -> Option | None:
+    """Declaration of a field; None for one without."""
+    words: Any = field.json_schema_extra or {}
+    option: Option | None = words.get(DECLARED)
+    return option
+
+
 def _known_term(value: Any) -> Any:
     """Refuse an unknown term with the nearest known one, not with a list of all."""
     if isinstance(value, str) and value not in TERM_KEYS:
@@ -127,19 +151,64 @@ def _known_term(value: Any) -> Any:
 class FrictionEntry(Entry):
     """One term of a friction law; shapes are SI (gamma in s/rad or s/m) whatever the units."""
 
-    term: Annotated[TermName, BeforeValidator(_known_term)]
-    smoothing: Literal["sign", "atan", "tanh"] = "atan"
-    gamma: PositiveFloat | None = None
-    speed: PositiveFloat | None = None
-    exponent: PositiveFloat | None = None
-    distance: PositiveFloat | None = None
-    distances: Annotated[list[PositiveFloat], Field(min_length=1)] | None = None
-    excess: NonNegativeFloat | None = None
-    damped: bool = True
-    order: PositiveFloat | None = None
-    ratio: PositiveFloat | None = None
-    angle: float | None = None
-    name: Annotated[str, Field(pattern="^[a-z_]+$")] | None = None
+    term: Annotated[TermName, BeforeValidator(_known_term)] = key(
+        meaning="which function, see the list below"
+    )
+    smoothing: Literal["sign", "atan", "tanh"] = key(
+        "atan", 'sign function: `"sign"`, `"atan"` for (2/π) atan(γ dq), `"tanh"` for tanh(γ dq)'
+    )
+    gamma: PositiveFloat | None = key(
+        None, "slope γ of the smoothed sign", unit="s/rad or s/m", shown="750 / rated speed"
+    )
+    speed: PositiveFloat | None = key(
+        None,
+        "speed v_s at which the Stribeck excess has fallen to 1/e",
+        unit="rad/s or m/s",
+        shown="needed for `stribeck`, `lugre`",
+    )
+    exponent: PositiveFloat | None = key(
+        None,
+        "δ of the Stribeck curve, 2 where not given; power of the speed, needed for `power`",
+        shown="see meaning",
+    )
+    distance: PositiveFloat | None = key(
+        None, "presliding distance d", unit="rad or m", shown="needed for `dahl`, `lugre`"
+    )
+    distances: Annotated[list[PositiveFloat], Field(min_length=1)] | None = key(
+        None,
+        "sticking distances of the elements, all different",
+        unit="rad or m",
+        kind="list of numbers",
+        shown="needed for `maxwell_slip`",
+    )
+    excess: NonNegativeFloat | None = key(
+        None,
+        "ρ, static level over Coulomb level less one; 0 for `maxwell_slip` where not given",
+        shown="needed for `lugre`",
+    )
+    damped: bool = key(True, "`lugre`: with the damping fd of presliding")
+    order: PositiveFloat | None = key(
+        None,
+        "periods per revolution of the joint (per 2π m of a prismatic one)",
+        shown="needed for `ripple`",
+    )
+    ratio: PositiveFloat | None = key(
+        None,
+        "lever arm of the moving end over that of the fixed end, 0 to 1",
+        shown="needed for `counterbalance`",
+    )
+    angle: float | None = key(
+        None,
+        "joint position at which both ends are in line on the same side",
+        unit="rad",
+        shown="needed for `counterbalance`",
+    )
+    name: Annotated[str, Field(pattern="^[a-z_]+$")] | None = key(
+        None,
+        "suffix of the parameter's name where a law has several `ripple` or `power`; "
+        "lower-case letters and `_`",
+        shown="see meaning",
+    )
 
     @model_validator(mode="after")
     def _keys_belong_to_term(self) -> FrictionEntry:
@@ -248,11 +317,17 @@ class JointEntry(Entry):
 class CouplingEntry(Entry):
     """A motor that also turns with a second joint."""
 
-    motor: JointReference
-    joint: JointReference
+    motor: JointReference = key(
+        meaning="name or number (from 1) of the joint whose motor is coupled", kind="joint"
+    )
+    joint: JointReference = key(meaning="the joint that moves this motor along", kind="joint")
     reduction: float | None = None
-    ratio: float | None = None
-    parameters: list[Literal["iam", "fvm", "fcm"]] = ["iam", "fvm", "fcm"]
+    ratio: float | None = key(
+        None, "rotor speed per speed of `joint`, on the side of `motor`", shown="from the reduction"
+    )
+    parameters: list[Literal["iam", "fvm", "fcm"]] = key(
+        ["iam", "fvm", "fcm"], "parameters of the coupling: inertia, viscous, Coulomb"
+    )
     nominal: dict[Literal["iam", "fvm", "fcm"], float] = {}
 
     @model_validator(mode="after")

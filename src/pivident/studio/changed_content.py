@@ -10,11 +10,12 @@ from typing import Any
 
 from pivident.errors import ExperimentError
 from pivident.experiment.explained import plain_form
-from pivident.init.experiment_text import comment, key_text
+from pivident.init.experiment_text import comment
 from pivident.studio.comments import BY_HAND, Comment, comments, next_line
 from pivident.studio.key_words import SHORT_FORMS, numbered
 from pivident.studio.rows import table_name
 from pivident.text.toml_places import Place, TomlItem, spellings
+from pivident.text.toml_values import key_text
 
 
 def content_with(content: dict[str, Any], place: Place, value: Any) -> dict[str, Any]:

@@ -6,12 +6,12 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from pivident.init.experiment_text import value_text
 from pivident.logs.clocks.timestamps import likely_time_units
 from pivident.logs.units import COMMAND, UNITS_OF
 from pivident.robot.naming import URDF_FILES
 from pivident.studio.remark_case import Edits, RemarkCase, unit_edit
 from pivident.text.toml_places import Place
+from pivident.text.toml_values import value_text
 
 _QUOTED = re.compile(r"'([^']+)'")
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 
-from pivident.init.experiment_text import value_text
 from pivident.studio.remark_case import Edits, RemarkCase
 from pivident.text.toml import parse_toml
 from pivident.text.toml_places import Place
+from pivident.text.toml_values import value_text
 
 #: What a setting does, by its key.
 WORDS = {

@@ -1,26 +1,20 @@
-"""What is known of a key of the experiment file: its table in the schema, and the manual's words.
-
-``experiment_keys.json`` holds the tables of ``docs/experiment_file.md``; ``tools`` writes it.
-"""
+"""What the studio says of a key of the experiment file: the manual's words, without its links."""
 
 from __future__ import annotations
 
-import json
 import re
-import types
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cache
-from importlib import resources
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
 from pivident.estimation.methods import METHODS
+from pivident.experiment.manual import KeyWords, fields_of, table_in, words_of
 from pivident.experiment.schema import ExperimentFile
-from pivident.init.experiment_text import value_text
 from pivident.logs.units import UNITS_OF
 from pivident.text.toml_places import Place
+from pivident.text.toml_values import value_text
 
 #: Short forms of a file: where the key of a table stands that is written as its value.
 SHORT_FORMS: dict[Place, Place] = {
@@ -37,25 +31,7 @@ _ELSEWHERE = re.compile(
 )
 
 
-@dataclass(frozen=True)
-class KeyWords:
-    """What the manual says about a key.
-
-    Attributes:
-        kind: type, in the manual's words, such as ``number`` or ``list of names``.
-        default: in the manual's words.
-        unit: unit of the value, empty without one.
-        meaning: what it is.
-        choices: possible values as TOML, where they are a fixed list.
-        is_table: whether it is a table with keys of its own.
-    """
-
-    kind: str = ""
-    default: str = ""
-    unit: str = ""
-    meaning: str = ""
-    choices: tuple[str, ...] = ()
-    is_table: bool = False
+_LINK = re.compile(r"\[([^\]]*)\]\([^)]*\)")
 
 
 def numbered(place: Sequence[int | str]) -> Place:
@@ -76,27 +52,36 @@ def written_out(place: Sequence[int | str], value: str) -> Place:
 
 def words_of_key(place: Sequence[int | str]) -> KeyWords | None:
     """What is known of a key; None for one that the schema does not have."""
-    names = [part for part in place if isinstance(part, str)]
-    model: type[BaseModel] | None = ExperimentFile
     words: KeyWords | None = None
-    for name in names:
-        if model is None:  # a table whose keys are names of joints, links or parameters
-            return words
-        field = _fields(model).get(name)
+    for model, name, field in _path(place):
         if field is None:
             return None
-        words = _words(model, name, field.annotation)
-        model = _table_in(field.annotation)
+        words = _words(model, name, field)
     return words
 
 
 def keys_of_table(place: Sequence[int | str]) -> tuple[str, ...]:
     """Keys that a table may have, in the order of the schema; none where any name is a key."""
     model: type[BaseModel] | None = ExperimentFile
+    for _, _, field in _path(place):
+        model = None if field is None else table_in(field.annotation)
+    return () if model is None else tuple(fields_of(model))
+
+
+def _path(
+    place: Sequence[int | str],
+) -> Iterator[tuple[type[BaseModel], str, FieldInfo | None]]:
+    """Tables, keys and fields on the way to a place, as far as the schema knows the names.
+
+    It ends at a table whose keys are names of joints, links or parameters.
+    """
+    model: type[BaseModel] | None = ExperimentFile
     for name in (part for part in place if isinstance(part, str)):
-        field = _fields(model).get(name) if model is not None else None
-        model = None if field is None else _table_in(field.annotation)
-    return () if model is None else tuple(_fields(model))
+        if model is None:
+            return
+        field = fields_of(model).get(name)
+        yield model, name, field
+        model = None if field is None else table_in(field.annotation)
 
 
 def example_of(words: KeyWords) -> str:
@@ -121,64 +106,15 @@ def _is_number(text: str) -> bool:
     return True
 
 
-@cache
-def _documented() -> dict[str, dict[str, dict[str, str]]]:
-    """Tables of the manual by the classes of the schema."""
-    file = resources.files("pivident.studio") / "experiment_keys.json"
-    return dict(json.loads(file.read_text(encoding="utf-8")))
-
-
-def _fields(model: type[BaseModel]) -> dict[str, Any]:
-    return {field.alias or name: field for name, field in model.model_fields.items()}
-
-
-def _words(model: type[BaseModel], name: str, annotation: Any) -> KeyWords:
-    said = _documented().get(model.__name__, {}).get(name, {})
-    choices = _choices(model, name, annotation)
-    return KeyWords(
-        said.get("type", ""),
-        said.get("default", ""),
-        said.get("unit", ""),
-        _ELSEWHERE.sub("", said.get("meaning", "")),
-        tuple(value_text(choice) for choice in choices),
-        is_table=_is_table(annotation),
-    )
-
-
-def _choices(model: type[BaseModel], name: str, annotation: Any) -> tuple[Any, ...]:
-    """Values of a fixed list, those of units and sides included."""
+def _words(model: type[BaseModel], name: str, field: FieldInfo) -> KeyWords:
+    """Words of a field, with the choices of units, sides and methods, which no type lists."""
+    words = words_of(field)
+    choices = words.choices
     if model.__name__ == "UnitsEntry" and name in UNITS_OF and name != "inputs":
-        return tuple(unit for unit in UNITS_OF[name] if unit != "Nm")
-    if model.__name__ == "RecordingEntry" and name == "side":
-        return ("joint", "motor")
-    if model.__name__ == "IdentifyEntry" and name == "methods":
-        return tuple(METHODS)
-    return _literals(annotation)
-
-
-def _literals(annotation: Any) -> tuple[Any, ...]:
-    """Values of a Literal, of it or None, and of a truth value."""
-    if annotation is bool:
-        return (True, False)
-    if get_origin(annotation) is Literal:
-        return get_args(annotation)
-    if get_origin(annotation) in (Union, types.UnionType, Annotated):
-        return tuple(x for inner in get_args(annotation) for x in _literals(inner))
-    return ()
-
-
-def _is_table(annotation: Any) -> bool:
-    """Whether a value is a table with keys of its own, not a list of such."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return True
-    inside = get_origin(annotation) in (Union, types.UnionType, Annotated)
-    return inside and any(map(_is_table, get_args(annotation)))
-
-
-def _table_in(annotation: Any) -> type[BaseModel] | None:
-    """The table of a key, or of each element of its list."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    if get_origin(annotation) not in (Union, types.UnionType, Annotated, list):
-        return None
-    return next((m for m in map(_table_in, get_args(annotation)) if m is not None), None)
+        choices = tuple(unit for unit in UNITS_OF[name] if unit != "Nm")
+    elif (model.__name__, name) == ("RecordingEntry", "side"):
+        choices = ("joint", "motor")
+    elif (model.__name__, name) == ("IdentifyEntry", "methods"):
+        choices = tuple(METHODS)
+    meaning = _ELSEWHERE.sub("", _LINK.sub(r"\1", words.meaning))
+    return replace(words, meaning=meaning, choices=tuple(map(value_text, choices)))

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from pivident.experiment.explained import plain_form
-from pivident.init.experiment_text import value_text
 from pivident.text.toml import parse_toml
 from pivident.text.toml_places import Place
+from pivident.text.toml_values import value_text
 
 #: Places and their new values as TOML; None: removed.
 Edits = tuple[tuple[Place, str | None], ...]

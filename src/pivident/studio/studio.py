@@ -14,7 +14,6 @@ from typing import Any
 from urllib.parse import quote
 
 from pivident.errors import PividentError
-from pivident.init.experiment_text import string_text
 from pivident.robot.gallery import gallery_names
 from pivident.robot.naming import nearest
 from pivident.studio.drafting import DRAFT, draft
@@ -36,6 +35,7 @@ from pivident.studio.steps import STEPS
 from pivident.studio.tasks import Tasks
 from pivident.studio.uploads import is_log
 from pivident.text.toml import parse_toml
+from pivident.text.toml_values import string_text
 
 
 class Studio:

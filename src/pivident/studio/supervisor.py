@@ -21,7 +21,6 @@ from typing import Any, BinaryIO
 
 from pivident.errors import ExperimentError, PividentError
 from pivident.files import atomic_folder, clear_up
-from pivident.init.experiment_text import string_text
 from pivident.studio.edits import with_value
 from pivident.studio.lock import take
 from pivident.studio.output import KeptStream, last_line, shown
@@ -29,6 +28,7 @@ from pivident.studio.projects import EXPERIMENT
 from pivident.studio.rows import experiment_rows
 from pivident.studio.run_folder import ACCOUNT, OUTPUT, RunFolder, write_whole
 from pivident.text.plain_values import write_json
+from pivident.text.toml_values import string_text
 
 #: Where the title of a report stands.
 TITLE = ("output", "title")
