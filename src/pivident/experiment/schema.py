@@ -227,8 +227,8 @@ class ColumnsEntry(Entry):
     q: Any = key(meaning="measured positions", kind="columns")
     tau: Any = key(
         None,
-        "torques, forces or drive commands; without it the known law under `[controller]` gives the "
-        "torque, see [without torque](how_to/without_torque.md)",
+        "torques, forces or drive commands; without it the known law under `[controller]` gives "
+        "the torque, see [without torque](how_to/without_torque.md)",
         kind="columns",
     )
     q_ref: Any = key(None, "reference positions; IV and PIV use them", kind="columns")
