@@ -35,7 +35,7 @@ from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import RandomWalk
 from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL
 from pivident.init.draft import draft_experiment
-from pivident.instruments.given_motion import KINDS
+from pivident.instruments.kinds import KINDS
 from pivident.recording.datasets import ENVIRONMENT, fetch
 from pivident.recording.public_records import (
     load_emps,

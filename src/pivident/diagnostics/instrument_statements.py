@@ -6,12 +6,8 @@ from collections.abc import Iterator
 
 from pivident.diagnostics.diagnostics import Diagnostics
 from pivident.estimation.simulation_result import SimulationResult
-from pivident.instruments.given_motion import (
-    CURES,
-    EXOGENOUS,
-    LEAVES,
-    InstrumentsUsed,
-)
+from pivident.instruments.given_motion import InstrumentsUsed
+from pivident.instruments.kinds import KINDS
 from pivident.text.finding import Finding, Quantity, Severity
 from pivident.text.lists import listed
 from pivident.text.numbers import percent
@@ -88,9 +84,10 @@ def _without_measured_motion(simulation: SimulationResult) -> Finding:
 
 def _what_they_cure(used: InstrumentsUsed) -> str:
     """What the instruments are, and which bias they remove and which not."""
+    kind = KINDS[used.kind]
     return (
-        f"They come from {used.title}, and remove the bias from {CURES[used.kind]}, not that from "
-        f"{LEAVES[used.kind]}."
+        f"They come from {kind.title}, and remove the bias from {kind.cures}, not that from "
+        f"{kind.leaves}."
     )
 
 
@@ -121,7 +118,7 @@ def strength(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     elif used is not None and used.shares_noise:
         severity, kind = "warning", "not exogenous"
         text = f"The instruments may share the noise of the record: {used.shares_noise}."
-    elif used is not None and used.kind not in EXOGENOUS:
+    elif used is not None and not KINDS[used.kind].exogenous:
         severity, kind = "warning", "partly exogenous"
         text = "The instruments are relevant, but no more than partly free of the record's noise."
     else:

@@ -9,7 +9,7 @@ equations that were solved.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -24,40 +24,16 @@ from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.method import InstrumentalMethod
 from pivident.estimation.problem import Problem
 from pivident.instruments.given_motion import (
-    EXOGENOUS,
     GOOD,
-    KINDS,
-    TITLES,
     USEFUL,
     GivenMotions,
+    InstrumentsAbsent,
     InstrumentsUsed,
-    Kind,
-    not_there,
 )
-from pivident.instruments.interleaved_halves import interleaved_instruments
-from pivident.instruments.reference_response import response_instruments
-from pivident.instruments.repeated_motion import repetition_instruments
-from pivident.instruments.second_sensor import sensor_instruments
-from pivident.instruments.virtual_loop import virtual_instruments
+from pivident.instruments.kinds import KINDS
 from pivident.motion.kinematics import Kinematics
 from pivident.motion.motion import SimulatedMotion
 from pivident.text.numbers import percent
-
-#: How the motions of each kind are made.
-MAKERS: dict[Kind, Callable[[Sequence[Kinematics]], GivenMotions]] = {
-    "response": response_instruments,
-    "repetition": repetition_instruments,
-    "sensor": sensor_instruments,
-    "virtual": virtual_instruments,
-    "halves": interleaved_instruments,
-}
-
-
-#: Instruments that a floating base rules out, and why.
-UNLED: Mapping[Kind, str] = {
-    "response": "a floating base has no reference that it follows",
-    "virtual": "a floating base has no motors that a law could command",
-}
 
 
 class InstrumentSource(Protocol):
@@ -95,36 +71,39 @@ def choose(
     wanted = method.instruments
     floating = problem.robot.base_motion == "measured"
     if wanted == "auto" and problem.loop is not None and floating:
-        return without_loop(kinematics, "A floating base is not simulated.", UNLED)
+        return without_loop(kinematics, "A floating base is not simulated.", floating)
     if wanted == "loop" or (wanted == "auto" and problem.loop is not None):
         given = kinematics if differences else None
         auxiliary = AuxiliaryModel(problem, differences, given, torque=False)
         return Chosen(auxiliary, InstrumentsUsed("loop"), kinematics)
     if wanted == "auto":
-        return without_loop(kinematics, problem.without_loop, UNLED if floating else {})
-    if floating and wanted in UNLED:
-        not_there(wanted, UNLED[wanted])
-    return _chosen(MAKERS[wanted](kinematics), kinematics)
+        return without_loop(kinematics, problem.without_loop, floating)
+    kind = KINDS[wanted]
+    if floating and kind.floating:
+        kind.absent(kind.floating)
+    assert kind.make is not None, "the loop was chosen above"
+    return _chosen(kind.make(kinematics), kinematics)
 
 
-def without_loop(
-    kinematics: list[Kinematics], reason: str, excluded: Mapping[Kind, str] | None = None
-) -> Chosen:
+def without_loop(kinematics: list[Kinematics], reason: str, floating: bool = False) -> Chosen:
     """The best instruments besides those of the simulated loop.
 
-    ``reason``: why there is no simulated loop, a sentence, or empty; ``excluded``: kinds that are
-    not looked for, and why.
+    ``reason``: why there is no simulated loop, a sentence, or empty; ``floating``: whether the base
+    floats, which rules some kinds out.
     """
-    made, missing = [], dict(excluded or {})
-    for kind, make in MAKERS.items():
-        if kind in missing:
+    motions: list[GivenMotions] = []
+    missing = {k.title: k.floating for k in KINDS.values() if floating and k.floating}
+    for kind in KINDS.values():
+        if kind.title in missing or kind.make is None:
             continue
         try:
-            made.append(make(kinematics))
+            motions.append(kind.make(kinematics))
+        except InstrumentsAbsent as error:
+            missing[kind.title] = error.reason
         except IdentificationError as error:
-            missing[kind] = str(error).partition(": ")[2] or str(error)
-    made.sort(key=_rank)
-    return _chosen(made[0], kinematics, made[1:], missing, reason)
+            missing[kind.title] = str(error)
+    motions.sort(key=_rank)
+    return _chosen(motions[0], kinematics, motions[1:], missing, reason)
 
 
 def may_do_without(problem: Problem, method: InstrumentalMethod) -> bool:
@@ -143,28 +122,32 @@ def instead_of_loop(error: SimulationDiverged | MassMatrixNotPositiveDefinite) -
 def _rank(given: GivenMotions) -> tuple[bool, bool, int]:
     """What is best comes first: exogenous, following the motion, and the order of `KINDS`."""
     weakest = float(given.agreement.min())
-    return not given.exogenous or weakest < USEFUL, weakest < GOOD, KINDS.index(given.kind)
+    return (
+        not given.exogenous or weakest < USEFUL,
+        weakest < GOOD,
+        list(KINDS).index(given.kind.name),
+    )
 
 
 def _chosen(
     given: GivenMotions,
     kinematics: list[Kinematics],
     others: Sequence[GivenMotions] = (),
-    missing: dict[Kind, str] | None = None,
+    missing: Mapping[str, str] | None = None,
     reason: str = "",
 ) -> Chosen:
     """The motions with an account of those that were not taken."""
-    weights = [(o.kind, _why_not(o)) for o in others] + list((missing or {}).items())
+    weights = [(o.kind.title, _why_not(o)) for o in others] + list((missing or {}).items())
     further = next((o for o in others if o.exogenous and o.agreement.min() > USEFUL), None)
     used = InstrumentsUsed(
-        given.kind,
+        given.kind.name,
         given.found,
         tuple(float(a) for a in given.agreement),
         given.shares_noise,
-        tuple((TITLES[kind], why) for kind, why in weights),
+        tuple(weights),
         reason,
         () if further is None else tuple(further.motions),
-        "" if further is None else TITLES[further.kind],
+        "" if further is None else further.kind.title,
     )
     return Chosen(given, used, given.regressors or kinematics)
 
@@ -174,4 +157,4 @@ def _why_not(other: GivenMotions) -> str:
     text = f"follow at least {percent(100 * other.agreement.min())} of each acceleration"
     if other.shares_noise:
         return f"{text}; {other.shares_noise}"
-    return text if other.kind in EXOGENOUS else f"{text}; share noise with the record"
+    return text if other.kind.exogenous else f"{text}; share noise with the record"

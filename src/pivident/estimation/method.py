@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Self
 
 from pivident.errors import ExperimentError, IdentificationError
 from pivident.estimation.kinematics import settled_recipe
 from pivident.estimation.noise_options import Arma, AutoRegressive, CovarianceKind
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import RECIPES, Bandpass, SignalRecipe
+from pivident.instruments.kinds import KINDS
 from pivident.options import Options, declarations, option
 from pivident.recording.recording import Recording
 from pivident.robot.refusals import without_wrenches
@@ -25,7 +26,10 @@ from pivident.text.finding import Finding
 Say = Callable[[str], None]
 
 #: Where instruments come from, see `pivident.instruments`.
-Instruments = Literal["auto", "loop", "response", "repetition", "sensor", "virtual", "halves"]
+if TYPE_CHECKING:
+    Instruments = str
+else:
+    Instruments = Literal[("auto", *KINDS)]
 
 #: What the first simulation is made with.
 Start = Literal["least-squares", "initial"]

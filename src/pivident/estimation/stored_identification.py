@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from os import PathLike
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, ValidationError
@@ -26,7 +26,8 @@ from pivident.estimation.identification import Identification, Iteration, JointF
 from pivident.estimation.identification_file import SCHEMA, method_of_options
 from pivident.estimation.simulation_result import SimulationResult
 from pivident.files import json_object
-from pivident.instruments.given_motion import InstrumentsUsed, Kind
+from pivident.instruments.given_motion import InstrumentsUsed
+from pivident.instruments.kinds import KINDS
 from pivident.robot.description import Robot, TorqueSide
 from pivident.robot.naming import nearest
 from pivident.robot.robot_schema import Finite, Name, RobotValues, Values, problem_text
@@ -113,7 +114,7 @@ class WarningValues(Values):
 class InstrumentsValues(Values):
     """Where the instruments came from."""
 
-    kind: Kind
+    kind: Literal[tuple(KINDS)]  # type: ignore[valid-type]
     found: list[str]
     agreement: list[Known]
     shares_noise: str

@@ -27,6 +27,7 @@ from pivident.experiment.missing_torque import is_without_torque
 from pivident.experiment.recording_tables import log_of
 from pivident.friction.complete_sign import complete_sign
 from pivident.init.assumption import Assumption
+from pivident.instruments.kinds import KINDS
 from pivident.recording.channels import TIMING_WORDS
 from pivident.recording.recording import Recording
 from pivident.robot.friction_toml import law_toml
@@ -142,7 +143,8 @@ def _instead(result: Identification) -> str:
     used = result.instruments
     if used is None or used.kind == "loop":
         return ""
-    return f"{used.title} ({used.instead_of.rstrip('.')})" if used.instead_of else used.title
+    title = KINDS[used.kind].title
+    return f"{title} ({used.instead_of.rstrip('.')})" if used.instead_of else title
 
 
 def _timing(experiment: Experiment, known: Findings) -> Assumption | None:

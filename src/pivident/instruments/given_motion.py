@@ -12,9 +12,9 @@ An instrument has to move with the regressors (relevance) and share nothing with
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, NoReturn, get_args
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -23,42 +23,60 @@ from pivident.motion.kinematics import Kinematics
 from pivident.motion.motion import SimulatedMotion
 from pivident.text.numbers import percent
 
-#: Kinds of instruments; ``loop``: of the simulated loop.
-Kind = Literal["loop", "response", "repetition", "sensor", "virtual", "halves"]
-
-KINDS: tuple[Kind, ...] = get_args(Kind)
-
-#: What the instruments are made of, what they cure, and what they do not.
-TITLES: dict[Kind, str] = {
-    "loop": "the simulated closed loop",
-    "response": "the recorded reference through the identified response of the loop",
-    "repetition": "other repetitions of the same motion",
-    "sensor": "a second sensor of the same motion",
-    "virtual": "a virtual computed-torque loop around the smoothed motion",
-    "halves": "every other sample of the positions",
-}
-CURES: dict[Kind, str] = {
-    "loop": "noise and disturbances that the feedback brings into the motion",
-    "response": "noise and disturbances that the feedback brings into the motion",
-    "repetition": "noise and disturbances that differ from one repetition to the next",
-    "sensor": "the noise of the first sensor",
-    "virtual": "noise above the bandwidth of the virtual loop",
-    "halves": "white noise of the encoders",
-}
-LEAVES: dict[Kind, str] = {
-    "loop": "errors of law, reference and model",
-    "response": "errors of the model, and noise that the reference itself has",
-    "repetition": "errors that repeat with the motion, such as those of an encoder or of the model",
-    "sensor": "noise and disturbances to which the feedback has answered",
-    "virtual": "noise within that bandwidth, and disturbances",
-    "halves": "coloured noise, and noise to which the feedback has answered",
-}
-
-#: Instruments that do not share the noise of the record.
-EXOGENOUS: tuple[Kind, ...] = ("loop", "response", "repetition")
-
 #: Share of a joint's acceleration that instruments must follow to be of use, and to be good.
 USEFUL, GOOD = 0.1, 0.9
+
+
+class InstrumentsAbsent(IdentificationError):
+    """Instruments that a record does not have.
+
+    Attributes:
+        reason: why, half a sentence.
+    """
+
+    def __init__(self, title: str, reason: str) -> None:
+        self.reason = reason
+        super().__init__(f"no instruments from {title}: {reason}")
+
+
+@dataclass(frozen=True)
+class InstrumentKind:
+    """A way to instruments.
+
+    Attributes:
+        name: what a file calls it.
+        title: what they are made of.
+        cures: noise that is not in them.
+        leaves: what may be.
+        exogenous: whether they do not share the noise of the record.
+        floating: why a floating base rules them out; empty: it does not.
+        make: makes the motions from those of all recordings; None: the simulated loop.
+
+    Raises:
+        InstrumentsAbsent: by ``make``, where the record does not allow them.
+    """
+
+    name: str
+    title: str
+    cures: str
+    leaves: str
+    exogenous: bool = False
+    floating: str = ""
+    make: Callable[[Sequence[Kinematics]], GivenMotions] | None = None
+
+    def absent(self, reason: str) -> NoReturn:
+        """Refuse instruments that a record does not have."""
+        raise InstrumentsAbsent(self.title, reason)
+
+
+#: The simulated closed loop.
+LOOP = InstrumentKind(
+    "loop",
+    "the simulated closed loop",
+    "noise and disturbances that the feedback brings into the motion",
+    "errors of law, reference and model",
+    exogenous=True,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +93,7 @@ class GivenMotions:
         regressors: measured motions in place of the usual ones, where the kind asks for them.
     """
 
-    kind: Kind
+    kind: InstrumentKind
     motions: list[SimulatedMotion]
     found: tuple[str, ...]
     agreement: np.ndarray
@@ -95,7 +113,7 @@ class GivenMotions:
     @property
     def exogenous(self) -> bool:
         """Whether nothing is known by which they would share noise with the record."""
-        return self.kind in EXOGENOUS and not self.shares_noise
+        return self.kind.exogenous and not self.shares_noise
 
 
 @dataclass(frozen=True)
@@ -112,7 +130,7 @@ class InstrumentsUsed:
         instead_of: why the simulated loop could not be used, a sentence; empty: it was not asked.
     """
 
-    kind: Kind
+    kind: str
     found: tuple[str, ...] = ()
     agreement: tuple[float, ...] = ()
     shares_noise: str = ""
@@ -121,11 +139,6 @@ class InstrumentsUsed:
     #: Motions of the next best kind, for the test whether it contradicts these; not stored.
     further: tuple[SimulatedMotion, ...] = field(default=(), repr=False, compare=False)
     further_kind: str = field(default="", repr=False, compare=False)
-
-    @property
-    def title(self) -> str:
-        """What they are made of."""
-        return TITLES[self.kind]
 
     def to_values(self) -> dict[str, Any]:
         """They as plain values for a file."""
@@ -182,8 +195,3 @@ def correlated(said: str, names: Sequence[str], shares: np.ndarray, bound: float
         if share > bound
     ]
     return f"{said}: {', '.join(own)}" if own else ""
-
-
-def not_there(kind: Kind, reason: str) -> NoReturn:
-    """Refuse instruments that a record does not have."""
-    raise IdentificationError(f"no instruments from {TITLES[kind]}: {reason}")

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pivident.instruments.given_motion import GivenMotions, agreement, correlated, not_there
+from pivident.instruments.given_motion import GivenMotions, InstrumentKind, agreement, correlated
 from pivident.instruments.virtual_loop import virtual_motion
 from pivident.motion.kinematics import MIN_RUN, Kinematics
 from pivident.signals.coloured_walk import WalkSmoother
@@ -35,7 +35,7 @@ def interleaved_instruments(kinematics: Sequence[Kinematics]) -> GivenMotions:
     for kin in kinematics:
         recording = kin.recording
         if recording.samples < 4 * MIN_RUN:
-            not_there("halves", f"recording {recording.name!r} has {recording.samples} samples")
+            HALVES.absent(f"recording {recording.name!r} has {recording.samples} samples")
         even, odd = (_half(kin, first) for first in (0, 1))
         dq, ddq = np.empty((2, *even.q.shape))
         differences_at_instants(even.q, recording.rate, 0, dq, ddq)
@@ -45,7 +45,7 @@ def interleaved_instruments(kinematics: Sequence[Kinematics]) -> GivenMotions:
     names = kinematics[0].recording.joint_names
     said = "the noise of neighbouring positions is correlated"
     shares = correlated(said, names, coloured, COLOURED)
-    return GivenMotions("halves", motions, (), agreement(regressors, motions), shares, regressors)
+    return GivenMotions(HALVES, motions, (), agreement(regressors, motions), shares, regressors)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,3 +104,13 @@ def _neighbours(kin: Kinematics) -> np.ndarray:
     kept = np.minimum(2.0 * kin.f50 / kin.recording.rate, 1.0)
     kept = np.where(np.isfinite(kept), kept, 1.0)
     return np.where(lag < 0.0, np.minimum(lag + kept, 0.0), lag)
+
+
+#: Every other sample of the positions.
+HALVES = InstrumentKind(
+    "halves",
+    "every other sample of the positions",
+    "white noise of the encoders",
+    "coloured noise, and noise to which the feedback has answered",
+    make=interleaved_instruments,
+)

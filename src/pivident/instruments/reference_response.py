@@ -28,8 +28,8 @@ import numpy as np
 from pivident.errors import IdentificationError
 from pivident.instruments.given_motion import (
     GivenMotions,
+    InstrumentKind,
     agreement,
-    not_there,
 )
 from pivident.motion.kinematics import Kinematics
 from pivident.motion.motion import SimulatedMotion
@@ -95,7 +95,7 @@ def response_instruments(kinematics: Sequence[Kinematics]) -> GivenMotions:
         + (" (integrated speed commands)" if kin.recording.q_ref is None else "")
         for kin, own in zip(kinematics, responses, strict=True)
     )
-    return GivenMotions("response", motions, found, agreement(kinematics, motions), shares)
+    return GivenMotions(RESPONSE, motions, found, agreement(kinematics, motions), shares)
 
 
 def _of_recording(kin: Kinematics) -> tuple[SimulatedMotion, list[LinearResponse]]:
@@ -121,7 +121,7 @@ def reference_motion(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
         smoothed = smooth_channels(recording.q_ref, recording.rate)
         return smoothed.q, smoothed.dq
     if recording.dq_ref is None:
-        not_there("response", f"recording {recording.name!r} has no q_ref and no dq_ref")
+        RESPONSE.absent(f"recording {recording.name!r} has no q_ref and no dq_ref")
     return _integrated(recording)
 
 
@@ -287,3 +287,15 @@ def _gains(time_constant: float, terms: int) -> np.ndarray:
     """What each column makes of a constant, shape (2 + terms,): all-pass stages keep it."""
     a = np.exp(-1.0 / time_constant)
     return np.r_[1.0, 1.0, np.full(terms, np.sqrt(1.0 - a**2) / (1.0 - a))]
+
+
+#: The recorded reference through the identified response of the loop.
+RESPONSE = InstrumentKind(
+    "response",
+    "the recorded reference through the identified response of the loop",
+    "noise and disturbances that the feedback brings into the motion",
+    "errors of the model, and noise that the reference itself has",
+    exogenous=True,
+    floating="a floating base has no reference that it follows",
+    make=response_instruments,
+)

@@ -19,8 +19,8 @@ import numpy as np
 
 from pivident.instruments.given_motion import (
     GivenMotions,
+    InstrumentKind,
     agreement,
-    not_there,
     with_valid,
 )
 from pivident.motion.kinematics import Kinematics
@@ -52,7 +52,7 @@ def repetition_instruments(kinematics: Sequence[Kinematics]) -> GivenMotions:
     """
     found = find_repetition([k.recording for k in kinematics])
     if found is None:
-        not_there("repetition", "no motion repeats within 1 % of its range")
+        REPETITION.absent("no motion repeats within 1 % of its range")
     pairs = _pairs(kinematics, found.instants, found.period)
     motions = []
     for number, kin in enumerate(kinematics):
@@ -66,7 +66,7 @@ def repetition_instruments(kinematics: Sequence[Kinematics]) -> GivenMotions:
         _join(q, valid)
         motions.append(with_valid(SimulatedMotion(q, kin.recording.rate), _inside(valid)))
     return GivenMotions(
-        "repetition", motions, (f"{found.description}",), agreement(kinematics, motions)
+        REPETITION, motions, (f"{found.description}",), agreement(kinematics, motions)
     )
 
 
@@ -150,3 +150,14 @@ def _inside(valid: np.ndarray) -> np.ndarray:
         inside[:-lag] &= valid[lag:]
     inside[:2] = inside[-2:] = False
     return inside
+
+
+#: Other repetitions of the same motion.
+REPETITION = InstrumentKind(
+    "repetition",
+    "other repetitions of the same motion",
+    "noise and disturbances that differ from one repetition to the next",
+    "errors that repeat with the motion, such as those of an encoder or of the model",
+    exogenous=True,
+    make=repetition_instruments,
+)

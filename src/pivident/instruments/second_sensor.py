@@ -14,7 +14,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pivident.instruments.given_motion import GivenMotions, agreement, correlated, not_there
+from pivident.instruments.given_motion import GivenMotions, InstrumentKind, agreement, correlated
 from pivident.motion.kinematics import Kinematics
 from pivident.motion.motion import SimulatedMotion
 from pivident.signals.random_walk import smooth, smooth_channels
@@ -52,8 +52,7 @@ def sensor_instruments(kinematics: Sequence[Kinematics]) -> GivenMotions:
             first = first or made
     if first is None:
         listed = ", ".join(repr(kin.recording.name) for kin in kinematics)
-        not_there(
-            "sensor",
+        SENSOR.absent(
             f"{listed}: neither a second encoder (q_link) nor speeds with noise of their own (dq)",
         )
     return first
@@ -76,7 +75,7 @@ def _instruments(kinematics: Sequence[Kinematics], channel: str) -> GivenMotions
         f"{percent(100 * max(float(same.max()), 0.0))} of theirs."
     )
     shares = correlated(said, names, same, SAME_SENSOR)
-    return GivenMotions("sensor", motions, (found,), agreement(kinematics, motions), shares)
+    return GivenMotions(SENSOR, motions, (found,), agreement(kinematics, motions), shares)
 
 
 def _smoothed(kin: Kinematics, values: np.ndarray, j: int) -> np.ndarray:
@@ -98,8 +97,7 @@ def _integrated(kin: Kinematics, dq: np.ndarray) -> np.ndarray:
     for j, name in enumerate(recording.joint_names):
         factor = float(dq[j] @ kin.dq[j] / max(kin.dq[j] @ kin.dq[j], 1e-300))
         if not 1.0 / OTHER_UNIT < factor < OTHER_UNIT:
-            not_there(
-                "sensor",
+            SENSOR.absent(
                 f"dq of joint {name!r} is {factor:.3g} times the derivative of its positions in "
                 f"recording {recording.name!r}; check its unit under [recording.units]",
             )
@@ -146,3 +144,13 @@ def _explained(x: np.ndarray, y: np.ndarray) -> float:
         return 0.0
     rest = y - lagged @ np.linalg.lstsq(lagged, y, rcond=None)[0]
     return 1.0 - float(rest @ rest) / total * (len(y) - 1) / freedom
+
+
+#: A second sensor of the same motion.
+SENSOR = InstrumentKind(
+    "sensor",
+    "a second sensor of the same motion",
+    "the noise of the first sensor",
+    "noise and disturbances to which the feedback has answered",
+    make=sensor_instruments,
+)

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pivident.instruments.given_motion import GivenMotions, agreement
+from pivident.instruments.given_motion import GivenMotions, InstrumentKind, agreement
 from pivident.instruments.reference_response import odd_extension
 from pivident.motion.kinematics import MOTION_BAND, Kinematics
 from pivident.motion.motion import SimulatedMotion
@@ -42,7 +42,7 @@ def virtual_instruments(kinematics: Sequence[Kinematics]) -> GivenMotions:
         f"{f:.3g} Hz of {name!r}" for name, f in zip(names, np.mean(bands, axis=0), strict=True)
     )
     found = (f"bandwidths {listed}",)
-    return GivenMotions("virtual", motions, found, agreement(kinematics, motions))
+    return GivenMotions(VIRTUAL, motions, found, agreement(kinematics, motions))
 
 
 def virtual_motion(kin: Kinematics) -> SimulatedMotion:
@@ -75,3 +75,14 @@ def followed(q: np.ndarray, rate: float, bandwidth: float) -> np.ndarray:
     made = lfilter(b, a, extended, zi=lfilter_zi(b, a) * extended[0])[0]
     at = np.arange(q.size) + margin + delay
     return CubicSpline(np.arange(made.size), made)(np.minimum(at, made.size - 1.0))
+
+
+#: A virtual computed-torque loop around the smoothed motion.
+VIRTUAL = InstrumentKind(
+    "virtual",
+    "a virtual computed-torque loop around the smoothed motion",
+    "noise above the bandwidth of the virtual loop",
+    "noise within that bandwidth, and disturbances",
+    floating="a floating base has no motors that a law could command",
+    make=virtual_instruments,
+)
