@@ -1,5 +1,3 @@
-    CentralDifferenceKalman as CentralDifferenceKalman,
-)
 from .auxiliary_model import AuxiliaryModel as AuxiliaryModel
 from .didim import Didim as Didim
 from .identify import build_regression as build_regression
@@ -7,6 +5,8 @@ from .kinematics import estimate_kinematics as estimate_kinematics
 from .literature.adaline import Adaline as Adaline
 from .literature.correlated_joints import CorrelatedJoints as CorrelatedJoints
 from .literature.filters.central_difference_kalman import (
+    CentralDifferenceKalman as CentralDifferenceKalman,
+)
 from .literature.filters.extended_kalman import ExtendedKalman as ExtendedKalman
 from .literature.filters.online import KalmanFilter as KalmanFilter
 from .literature.filters.particle_filter import Particles as Particles
