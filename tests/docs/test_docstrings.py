@@ -148,6 +148,9 @@ def test_public_method_is_documented(owner, name):
     function = value.__func__ if isinstance(value, (classmethod, staticmethod)) else value
     doc = inspect.getdoc(function)
     assert doc, f"{owner}.{name}"
+    for base in resolved(owner).__mro__[1:]:  # what a class overrides is documented where it began
+        if section(doc, "Args") is None and name in vars(base):
+            doc += f"\n\n{inspect.getdoc(vars(base)[name]) or ''}"
     assert not missing_in(function, doc), f"{owner}.{name}: not documented"
     assert not undocumented_errors(function, doc), f"{owner}.{name}: missing under Raises"
 

@@ -82,6 +82,7 @@ class Method(Options):
         label: name as in the literature, for all such methods.
         summary: what it is, in a few words, likewise.
         group: heading under which it is offered; empty: with those that people need.
+        handles: what it copes with.
         cost: processor time of one estimate.
         simulates_loop: whether the control loop is simulated.
         fits_simulation: whether a simulation is compared with what was measured.
@@ -135,12 +136,19 @@ class Method(Options):
         raise NotImplementedError(f"{type(self).__name__} has no estimate()")
 
     def settled(self, recordings: Sequence[Recording]) -> Self:
-        """With cut-offs or windows in numbers, where the record decides on them."""
+        """With cut-offs or windows in numbers, where the record decides on them.
+
+        Args:
+            recordings: the runs.
+        """
         signals = settled_recipe(self.signals, recordings)
         return self if signals is self.signals else replace(self, signals=signals)
 
     def refuse(self, problem: Problem) -> None:
         """Refuse what the method does not cope with, before any work.
+
+        Args:
+            problem: what is given.
 
         Raises:
             RobotDescriptionError: the robot has measured wrenches.
@@ -169,7 +177,11 @@ class Method(Options):
             )
 
     def about_torques(self, recordings: Sequence[Recording]) -> tuple[Finding, ...]:
-        """What to say where it takes a computed torque for a measured one."""
+        """What to say where it takes a computed torque for a measured one.
+
+        Args:
+            recordings: the runs.
+        """
         computed = any(recording.torque_source == "law" for recording in recordings)
         return self.of_computed_torque if computed else ()
 

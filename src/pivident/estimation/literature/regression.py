@@ -27,7 +27,12 @@ from pivident.text.finding import Finding
 
 @dataclass(frozen=True, eq=False)
 class Noticed:
-    """A solution with what there is to say of it."""
+    """A solution with what there is to say of it.
+
+    Attributes:
+        solved: the solution.
+        findings: what the result says of it.
+    """
 
     solved: Solved
     findings: tuple[Finding, ...] = ()

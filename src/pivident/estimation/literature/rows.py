@@ -51,7 +51,15 @@ class Rows:
 
     @classmethod
     def of(cls, equations: Equations, left_out: np.ndarray | None = None) -> Rows:
-        """The rows of equations; ``left_out``: rows that are not to count, shape (rows,)."""
+        """The rows of equations.
+
+        Args:
+            equations: of all recordings.
+            left_out: rows that are not to count, shape (rows,); None: all do.
+
+        Returns:
+            Rows of all joints, zero where they do not count.
+        """
         names = equations.regressor.robot.joint_names
         blocks = list(equations.blocks())
         joints = []
@@ -73,7 +81,11 @@ class Rows:
         return sum(int(np.count_nonzero(own.used)) for own in self.joints)
 
     def residuals(self, theta: np.ndarray) -> np.ndarray:
-        """(τ - Φθ)/√λ, shape (joints, rows); zero where a row is not used."""
+        """(τ - Φθ)/√λ, shape (joints, rows); zero where a row is not used.
+
+        Args:
+            theta: parameters, shape (parameters,).
+        """
         return np.stack([own.residual(theta) for own in self.joints])
 
     def sums(self, weights: np.ndarray | None = None) -> list[JointSums]:
@@ -130,15 +142,29 @@ class Solved:
 
 @dataclass(frozen=True, eq=False)
 class NormalEquations:
-    """H θ = g of all joints, in columns of unit length."""
+    """H θ = g of all joints, in columns of unit length.
 
-    gram: np.ndarray  # H, shape (size, size)
-    moment: np.ndarray  # g, shape (size,)
-    scale: np.ndarray  # lengths of the columns, shape (size,)
+    Attributes:
+        gram: H, shape (size, size).
+        moment: g, shape (size,).
+        scale: lengths of the columns, shape (size,).
+    """
+
+    gram: np.ndarray
+    moment: np.ndarray
+    scale: np.ndarray
 
     @classmethod
     def of(cls, sums: Sequence[JointSums], size: int) -> NormalEquations:
-        """Those of weighted rows."""
+        """Those of weighted rows.
+
+        Args:
+            sums: sums of the rows of each joint, as `Rows.sums` gives them.
+            size: how many parameters there are.
+
+        Returns:
+            The equations of all joints together.
+        """
         gram, moment = np.zeros((size, size)), np.zeros(size)
         for own in sums:
             gram[np.ix_(own.columns, own.columns)] += own.zf
@@ -164,5 +190,13 @@ class NormalEquations:
 
 
 def windows_covariance(sums: Sequence[JointSums], theta: np.ndarray) -> np.ndarray:
-    """Covariance from windows of time, for weighted rows."""
+    """Covariance that holds for correlated errors, from windows of time (jackknife).
+
+    Args:
+        sums: sums of the weighted rows of each joint, as `Rows.sums` gives them.
+        theta: the estimate, shape (parameters,).
+
+    Returns:
+        Covariance, shape (parameters, parameters).
+    """
     return jackknife(sums, theta, np.ones(len(sums))).covariance

@@ -66,6 +66,7 @@ class FilterOptions(Method):
         torque_noise: standard deviation of the torques, white from sample to sample, likewise
             [N m or N]; None: the likeliest one.
         passes: how often the record is gone through, each time with the first spread.
+        correlated_start: whether it begins with the correlations of least squares.
     """
 
     start: Start = option(
@@ -98,7 +99,7 @@ class FilterOptions(Method):
     group: ClassVar[str] = "Filters"
     handles: ClassVar[Handles] = Handles(wrenches=False, inner_friction=False)
     refit: ClassVar[Refit] = "samples"
-    correlated_start: ClassVar[bool] = False  # whether it begins as least squares correlates
+    correlated_start: ClassVar[bool] = False
 
     @property
     def first_spread(self) -> float:

@@ -154,7 +154,12 @@ class StateFilter(FilterOptions):
 
 @dataclass(frozen=True, kw_only=True)
 class KalmanMethod(StateFilter):
-    """A filter whose knowledge is a mean and a covariance."""
+    """A filter whose knowledge is a mean and a covariance.
+
+    Attributes:
+        needs_points: whether its state holds sigma points.
+        square_root: whether factors of the covariance are carried.
+    """
 
     needs_points: ClassVar[bool] = False
     square_root: ClassVar[bool] = False
@@ -169,7 +174,21 @@ class KalmanMethod(StateFilter):
         q: np.ndarray,
         innovations: np.ndarray,
     ) -> tuple[int, int, int]:
-        """Take samples; status, joint and sample at which it ended."""
+        """Take samples.
+
+        Args:
+            equations: of the robot.
+            state: of the filter, which is changed.
+            noise: variances of torques and positions.
+            period: time between two samples [s].
+            tau: torques before each sample, shape (samples, joints) [N m or N].
+            q: measured positions, likewise [rad or m].
+            innovations: takes them in standard deviations and in [rad or m], shape (2, samples,
+                joints).
+
+        Returns:
+            Status, and joint and sample at which it ended.
+        """
         raise NotImplementedError(f"{type(self).__name__} has no advance()")
 
     def one_pass(
