@@ -15,6 +15,7 @@ from urllib.parse import quote
 
 from pivident.errors import PividentError
 from pivident.init.experiment_text import string_text
+from pivident.logs.tables.tables import is_log
 from pivident.robot.gallery import gallery_names
 from pivident.robot.naming import nearest
 from pivident.studio.drafting import DRAFT, draft
@@ -34,7 +35,6 @@ from pivident.studio.run_folder import read_object
 from pivident.studio.runs import Runs
 from pivident.studio.steps import STEPS
 from pivident.studio.tasks import Tasks
-from pivident.studio.uploads import is_log
 from pivident.text.toml import parse_toml
 
 

@@ -21,6 +21,7 @@ from typing import NoReturn
 import numpy as np
 
 from pivident.errors import BadCell, FileFormatError, NoSamples
+from pivident.logs.reader import Reader
 from pivident.logs.source_files import HARMLESS_SIZE, existing_file, refuse_bomb
 from pivident.logs.tables.dialect import (
     COMMENT,
@@ -304,3 +305,14 @@ def _sample_lines(lines: Iterable[str], header: Dialect) -> Iterator[tuple[int, 
         elif not (line.startswith(END) and line.strip() == END):
             begun = True
             yield number, line
+
+
+#: The reader of tables as text.
+CSV = Reader(
+    (".csv", ".txt", ".tsv"),
+    csv_names,
+    read_csv,
+    forgiving=read_csv_forgiving,
+    packed=(".gz",),
+    is_text=True,
+)

@@ -15,6 +15,7 @@ import numpy as np
 
 from pivident.errors import FileFormatError
 from pivident.extras import MissingExtra, require
+from pivident.logs.reader import Reader
 from pivident.logs.source_files import existing_file, refuse_bomb
 from pivident.logs.tables.mat_elements import MAX_LEVELS, MAX_VARIABLES, array_of, variables
 
@@ -149,3 +150,7 @@ def _read_hdf5(path: Path, names: Sequence[str]) -> dict[str, np.ndarray]:
                 )
             arrays[name] = np.ascontiguousarray(dataset[()].T)
     return arrays
+
+
+#: The reader of MATLAB files.
+MAT = Reader((".mat",), mat_names, read_mat, mat_unread)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.lib import format as npy
 
 from pivident.errors import FileFormatError
+from pivident.logs.reader import Reader
 from pivident.logs.source_files import existing_file, refuse_bomb
 from pivident.scratch import largest_in_memory, working_array
 
@@ -112,7 +113,6 @@ def _header(member: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype]:
 
 def npy_names(path: str | Path) -> tuple[str, ...]:
     """The name under which a single array goes: ``data``."""
-    existing_file(path)
     return (ONLY,)
 
 
@@ -138,3 +138,7 @@ def _damage_named(path: Path, name: str) -> Iterator[None]:
     except Exception as error:
         reason = str(error).partition("\n")[0]
         raise FileFormatError(f"{path.name}: array {name!r} is damaged ({reason})") from error
+
+
+#: The readers of archives of arrays and of single ones.
+NPZ, NPY = Reader((".npz",), npz_names, read_npz), Reader((".npy",), npy_names, read_npy)

@@ -19,6 +19,7 @@ import numpy as np
 
 from pivident.errors import BadCell, FileFormatError
 from pivident.extras import require
+from pivident.logs.reader import Reader
 from pivident.logs.source_files import existing_file, refuse_bomb
 from pivident.scratch import working_array
 
@@ -206,3 +207,7 @@ def _opened(path: Path, problem: str) -> Iterator[ParquetFile]:
     except (pyarrow.ArrowException, OSError, ValueError) as error:
         reason = str(error).partition("\n")[0]
         raise FileFormatError(f"{path.name} {problem} ({reason})") from error
+
+
+#: The reader of Parquet tables.
+PARQUET = Reader((".parquet",), parquet_names, read_parquet, parquet_unread)
