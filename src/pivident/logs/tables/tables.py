@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cache
 from itertools import islice
 from pathlib import Path
@@ -63,10 +63,8 @@ def names_in(path: str | Path) -> tuple[str, ...]:
     """Names of the columns or arrays in a file, without loading them."""
     path = Path(path)
     reader = reader_of(path)
-    if not os.path.isdir(path):
-        existing_file(path)
-        if not reader.is_text:
-            _refuse_text(path)
+    if not (reader.is_text or os.path.isdir(path)):
+        _refuse_text(path)
     names = reader.names(path)
     for name in names:
         if len(name) > MAX_NAME or not is_printable(name):
@@ -107,34 +105,37 @@ def _refuse_text(path: Path) -> None:
 
 def _folder(path: Path) -> str:
     """What to do about a folder that is no bag: the logs in it, or a pattern for them."""
-    found: list[Path] = []
-    for level in range(1, FOLDERS + 1):
-        inside = sorted(islice(path.glob("/".join("*" * level)), MAX_ENTRIES))
-        found += [f for f in inside if f.suffix.lower() in endings() and f.suffix != ".txt"]
-        if found:
-            break
-    names = [f.relative_to(path.parent).as_posix() for f in found]
-    pattern = f"{names[0].rpartition('/')[0]}/*{found[0].suffix}" if found else f"{path.name}/*.csv"
+    levels = (path.glob("/".join("*" * level)) for level in range(1, FOLDERS + 1))
+    logs = next(filter(None, map(_logs_of, levels)), [])
+    names = [file.relative_to(path.parent).as_posix() for file in logs]
+    pattern = f"{names[0].rpartition('/')[0]}/*{logs[0].suffix}" if logs else f"{path.name}/*.csv"
     more = " …" if len(names) > MAX_FILES else ""
-    listed = f" ({', '.join(names[:MAX_FILES])}{more})" if found else ""
+    listed = f" ({', '.join(names[:MAX_FILES])}{more})" if logs else ""
     return (
         f"{path.name} is a folder; name the file with the record in it{listed}, or a pattern such "
         f'as "{pattern}" for all of its runs'
     )
 
 
+def _logs_of(files: Iterable[Path]) -> list[Path]:
+    """Those of the first files that seem to be logs, sorted; a .txt may be anything."""
+    read = {*endings()} - {".txt"}
+    return [file for file in sorted(islice(files, MAX_ENTRIES)) if file.suffix.lower() in read]
+
+
 def reader_of(path: Path) -> Reader:
-    """The reader of a file, by its name; of a folder, by what is in it.
+    """The reader of a file that has content, by its name; of a folder, by what is in it.
 
     Raises:
-        FileFormatError: there is none.
+        FileFormatError: there is none, or the file cannot be opened or is empty.
     """
-    if is_bag(path):
-        return BAG
     if os.path.isdir(path):  # takes any name
+        if is_bag(path):
+            return BAG
         raise FileFormatError(_folder(path))
     for reader in readers():
         if reader.takes(path.name):
+            existing_file(path)
             return reader
     suffix = Path(path.name.lower().removesuffix(".gz")).suffix
     if suffix in SPREADSHEETS:
