@@ -13,8 +13,12 @@ import pytest
 
 from pivident import __version__
 from pivident.cli import main, workflow
+from pivident.cli.app import GROUPS, app
+from pivident.consistency.method_names import CONSISTENT_METHODS
 from pivident.errors import SimulationDiverged
+from pivident.estimation.methods import METHODS
 from pivident.estimation.stored_identification import load_identification
+from tests.conftest import REPOSITORY
 from tests.interrupts import heed_ctrl_c
 from tests.planar_log import EXPERIMENT, planar_truth, write_experiment
 
@@ -48,6 +52,44 @@ def test_version_and_help(capsys):
     assert run("--help") == 0
     text = capsys.readouterr().out
     assert all(command in text for command in ("demo", "identify", "robots", "datasets"))
+
+
+def test_help_lists_every_command_under_its_heading(capsys):
+    """With its first line, although its module is imported only where it is run."""
+    assert run("--help") == 0
+    panels = re.split(r"╭─ (.*?) ─+╮", capsys.readouterr().out)[1:]
+    shown = dict(zip(panels[::2], panels[1::2], strict=True))
+    assert list(shown) == [*GROUPS, "The command line"]
+    for heading, commands in GROUPS.items():
+        rows = re.findall(r"^│ (\S+) +(\S.*?) *│$", shown[heading], flags=re.MULTILINE)
+        assert [name for name, _ in rows] == list(commands), heading
+        for name, words in rows:
+            assert (app[name].help or "").startswith(words), name
+    assert re.findall(r"^│ (\S+)", shown["The command line"], flags=re.MULTILINE) == [
+        "completion", "--help", "--version",
+    ]  # fmt: skip
+
+
+def test_a_command_imports_no_other():
+    code = (
+        "import sys; from pivident.cli import main; main(['robots', '--help']); "
+        "print(*(m for m in sys.modules if m.startswith('pivident.cli.')))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    imported = done.stdout.splitlines()[-1].split()
+    assert "pivident.cli.robots" in imported
+    others = {place.partition(":")[0] for group in GROUPS.values() for place in group.values()}
+    assert not (others - {"pivident.cli.robots"}) & set(imported)
+
+
+def test_help_of_identify_names_six_methods_and_the_page_of_all(capsys):
+    assert run("identify", "--help") == 0
+    words = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    text = words.partition("--method -m")[2].partition("--folds")[0]
+    named = [name for name in (*METHODS, *CONSISTENT_METHODS) if f" {name} " in text]
+    assert named == ["ls", "iv", "iv-full-rate", "piv", "ml", "pc-piv"]
+    assert "docs/reference/methods.md lists all" in text
+    assert (REPOSITORY / "docs" / "reference" / "methods.md").is_file()
 
 
 def test_one_method_writes_its_files_and_the_report(experiment, tmp_path, capsys):

@@ -412,7 +412,7 @@ def test_init_without_a_log_says_how_to_come_by_one(folder, capsys):
 def test_init_without_a_log_offers_a_design_on_a_terminal(
     answer, code, designs, folder, monkeypatch, capsys
 ):
-    from pivident.cli import app
+    from pivident.cli import init
 
     class Terminal:
         def isatty(self):
@@ -423,7 +423,7 @@ def test_init_without_a_log_offers_a_design_on_a_terminal(
 
     asked = []
     monkeypatch.setattr(sys, "stdin", Terminal())
-    monkeypatch.setattr(app, "excite", lambda robot: asked.append(robot) or 0)
+    monkeypatch.setattr(init, "excite", lambda robot: asked.append(robot) or 0)
     assert run("init", "--robot", "planar_2r") == code
     assert asked == ["planar_2r"] * designs
     assert "Design a motion for planar_2r now" in capsys.readouterr().err

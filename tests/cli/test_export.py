@@ -5,14 +5,13 @@ import gzip
 import hashlib
 import json
 import re
-from typing import get_args
 
 import numpy as np
 import pytest
 
 from pivident.cli import main
 from pivident.export.c_source import c_compiler
-from pivident.export.formats import FORMATS, Format
+from pivident.export.formats import FORMATS
 from pivident.export.urdf import to_urdf
 from pivident.models.exported import random_states
 from pivident.models.model_json import read_model
@@ -53,10 +52,9 @@ def stored(result):
 
 
 def test_every_format_is_written_and_loaded_back(result, tmp_path, capsys):
-    assert set(FORMATS) == set(get_args(Format))
     inputs = [*result.iterdir(), *(p for p in result.parent.iterdir() if p.is_file())]
     before = {path: digest(path) for path in inputs}
-    for to in get_args(Format):
+    for to in FORMATS:
         capsys.readouterr()
         out = tmp_path / f"model.{to}"
         assert run("export", result, "--to", to, "--out", out) == 0

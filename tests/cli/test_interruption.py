@@ -38,7 +38,7 @@ sys.exit(module.main())
 def test_a_signal_inside_a_callback_of_c_is_not_lost(at_rest):
     """In the background, where SIGINT is ignored, too."""
     done = subprocess.run(
-        [sys.executable, "-c", CODE],
+        [sys.executable, "-c", CODE, "identify"],
         capture_output=True,
         text=True,
         timeout=120,

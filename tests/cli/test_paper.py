@@ -4,7 +4,8 @@ import os
 
 import pytest
 
-from pivident.cli.app import INTERRUPTED, WRONG_INPUT, WRONG_USAGE, main
+from pivident.cli.app import main
+from pivident.cli.exit_codes import INTERRUPTED, WRONG_INPUT, WRONG_USAGE
 from pivident.paper import page
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pivident.cli import main, workflow
-from pivident.cli.app import code_of
+from pivident.cli.identify import code_of
 from pivident.errors import Attempts, IdentificationError, in_words
 from pivident.estimation import answer
 from pivident.estimation.identification_file import save_identification

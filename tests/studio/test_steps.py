@@ -9,7 +9,7 @@ from pivident.cli.app import app
 from pivident.export.formats import FORMATS
 from pivident.studio.offers import offered
 from pivident.studio.step_arguments import StepError
-from pivident.studio.steps import CAUSES, ENDINGS, STEPS, step_named
+from pivident.studio.steps import CAUSES, STEPS, step_named
 from tests.studio.projects import EXPERIMENT
 
 OUT = "results/009-x"
@@ -74,10 +74,16 @@ def test_what_is_written_on_the_command_line(project):
     assert "--out" not in STEPS["laws"].command(project, {}, OUT)
 
 
-def test_formats_and_causes_are_those_of_the_package():
-    from pivident.cli.app import identify
+@pytest.mark.parametrize("to", [*FORMATS, "rrd"])
+def test_every_format_is_written_into_a_file_with_its_ending(project, to):
+    found = STEPS["export"].command(project, {"result": "001-identify", "to": to}, OUT)
+    other = {"mjcf": "xml", "numpy": "py", "latex": "tex"}
+    assert found[-1] == f"{OUT}/robot_model.{other.get(to, to)}"
 
-    assert ENDINGS.keys() == {*FORMATS, "rrd"}
+
+def test_causes_are_those_of_the_command():
+    from pivident.cli.identify import identify
+
     help_text = " ".join((identify.__doc__ or "").split())
     assert f"each with an interval: {', '.join(CAUSES)};" in help_text
 

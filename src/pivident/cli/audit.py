@@ -1,39 +1,60 @@
-"""The audit on the command line: what is wrong with a log, as a table and a page."""
+"""The command ``pivident audit``: what is wrong with a log, as a table and a page."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
 
 from pivident.cli.console import Progress
+from pivident.cli.exit_codes import DONE, FAULTY_LOG
 from pivident.cli.findings import print_findings
-from pivident.cli.workflow import can_draw, check_output
 from pivident.text.finding import counted, serious
+from pivident.text.lists import separated
 from pivident.text.plain_values import write_json
 
 if TYPE_CHECKING:
     from pivident.audit.audit import Audit
 
 
-def run_audit(
-    path: Path,
-    robot: str | None,
-    experiment: Path | None,
-    out: Path | None,
-    column_names: Sequence[str] = (),
-) -> bool:
-    """Audit a log, print and write what was found (JSON and a page); True without errors."""
+def audit(
+    log: Path,
+    /,
+    *,
+    robot: str | None = None,
+    experiment: Path | None = None,
+    columns: Annotated[str | None, Parameter(show_default=False)] = None,
+    out: Path | None = None,
+) -> int:
+    """Report what is wrong with a log before anything is identified from it.
+
+    Parameters
+    ----------
+    log
+        A log (.csv, .txt, .tsv, .npz, .mat, .parquet), or an experiment file that names logs.
+    robot
+        Robot of a log without experiment file: name in the gallery, .toml or .urdf.
+    experiment
+        Experiment file that describes the log's columns.
+    columns
+        Names of the columns of a log without header, in their order: t,q1..q6,-,tau1..tau6, with -
+        for those that are not needed.
+    out
+        Folder for audit.json and audit.html. Default: NAME-audit for NAME.csv.
+    """
     from pivident.audit.audit import audits_json
     from pivident.audit.audit_file import audit_file
+    from pivident.cli.workflow import can_draw, check_output
     from pivident.files import atomic_folder
     from pivident.robot.gallery import load_robot
 
-    folder = out or Path(f"{path.name.removesuffix('.gz').rpartition('.')[0] or path.name}-audit")
+    folder = out or Path(f"{log.name.removesuffix('.gz').rpartition('.')[0] or log.name}-audit")
     check_output(folder)
     with Progress() as progress:
         machine = None if robot is None else load_robot(robot)
-        audits = audit_file(path, machine, experiment, progress.say, column_names)
+        audits = audit_file(log, machine, experiment, progress.say, separated([columns or ""]))
         progress.say("writing the page")
         if can_draw(progress, "audit.html"):
             from pivident.report.audit.audit_files import write_audit
@@ -45,7 +66,7 @@ def run_audit(
             written = f"Findings: {folder / 'audit.json'}"
     print_audits(audits)
     print(f"\n{written}")
-    return all(audit.severity != "error" for audit in audits)
+    return FAULTY_LOG if any(found.severity == "error" for found in audits) else DONE
 
 
 def print_audits(audits: Sequence[Audit]) -> None:

@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from pivident.cli.console import Progress
+from pivident.cli.exit_codes import DONE, FAULTY_LOG, WRONG_INPUT
 from pivident.cli.findings import print_findings
 from pivident.text.finding import counted
 from pivident.text.printable import escaped
 
 if TYPE_CHECKING:
     from pivident.check.experiment_check import ExperimentCheck
-
-DONE, WRONG_INPUT, FAULTY_LOG = 0, 1, 4
 
 
 def check(

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from pivident.cli.console import Progress
+from pivident.cli.exit_codes import DONE, NOT_CONVERGED
 from pivident.errors import ExperimentError
 from pivident.text.lists import separated
 
@@ -18,9 +19,6 @@ if TYPE_CHECKING:
     from pivident.excitation.request import DesignRequest
     from pivident.experiment.excite_keys import ExciteEntry
     from pivident.robot.description import Robot
-
-#: Exit codes: done; done, but no motion that was found reaches the goal.
-DONE, GOAL_MISSED = 0, 3
 
 
 def excite(
@@ -144,7 +142,7 @@ def excite(
     print(f"\nFiles: {', '.join(path.name for path in written)} in {folder}")
     goal = request.goal
     missed = goal is not None and max(p.share for p in design.predicted if p.wanted) > goal
-    return GOAL_MISSED if missed else DONE
+    return NOT_CONVERGED if missed else DONE
 
 
 def _new_folder() -> Path:

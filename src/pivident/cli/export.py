@@ -14,12 +14,21 @@ if TYPE_CHECKING:
     from pivident.models.exported import ExportedText, Verification
     from pivident.models.runnable_model import RunnableModel
 
+    To = str
+else:
+    try:
+        from pivident.export.formats import FORMATS
+
+        To = Literal[(*FORMATS, "rrd")]
+    except ModuleNotFoundError:  # left out of this installation, as the command says when it runs
+        To = str
+
 
 def export(
     result: Path,
     /,
     *,
-    to: Literal["urdf", "mjcf", "sdf", "c", "numpy", "json", "latex", "rrd"],
+    to: To,
     out: Path,
     log: Path | None = None,
     robot: Path | None = None,
@@ -70,7 +79,7 @@ def export(
     with Progress() as progress:
         result = result_of(result)
         progress.say(f"reading {result}")
-        model, files = stored_model(result, free=free, intervals=to in ("json", "latex"))
+        model, files = stored_model(result, free=free, intervals=FORMATS[to].shows_intervals)
         original, frozen = None, None
         if to == "urdf":
             original = original_urdf(model.robot, robot, result.parent)

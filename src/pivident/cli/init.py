@@ -1,4 +1,4 @@
-"""``pivident init`` on the command line: questions, the file, and what was assumed."""
+"""The command ``pivident init``: questions, the file, and what was assumed."""
 
 from __future__ import annotations
 
@@ -6,9 +6,14 @@ import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
 
 from pivident.cli.console import Progress, note
+from pivident.cli.excite import excite
+from pivident.cli.exit_codes import DONE, FAULTY_LOG, UsageError
+from pivident.text.lists import separated
 
 if TYPE_CHECKING:
     from pivident.init.assumption import Answers, Question
@@ -23,6 +28,51 @@ SURE = {
 
 #: Longest value in the summary, in characters.
 MAX_VALUE = 60
+
+
+def init(
+    *logs: Path,
+    robot: str | None = None,
+    out: Path = Path("experiment.toml"),
+    joints: Annotated[str | None, Parameter(show_default=False)] = None,
+    columns: Annotated[str | None, Parameter(show_default=False)] = None,
+    yes: Annotated[bool, Parameter(name=["--yes", "-y"], negative=())] = False,
+    force: Annotated[bool, Parameter(negative=())] = False,
+) -> int:
+    """Write a first experiment file for a log, with a reason for every assumption in it.
+
+    Parameters
+    ----------
+    logs
+        Files of one run side by side, or several runs of the same columns.
+    robot
+        Name in the gallery, .toml, .urdf or .urdf.gz. Default: the only URDF beside the log.
+    out
+        The experiment file.
+    joints
+        Joints of a URDF to identify, separated by commas. Default: all that move and have a torque.
+    columns
+        Names of the columns of a log without header, in their order: t,q1..q6,-,tau1..tau6, with -
+        for those that are not needed.
+    yes
+        Ask nothing; write the best assumption and mark it.
+    force
+        Replace a file that exists.
+    """
+    if not logs:
+        if robot is None or yes or not sys.stdin.isatty() or not design_first(robot):
+            raise UsageError(without_log(robot))
+        return excite(robot)
+    done = run_init(
+        logs,
+        robot,
+        out,
+        joints=separated([joints or ""]),
+        column_names=separated([columns or ""]),
+        ask=sys.stdin.isatty() and not yes,
+        force=force,
+    )
+    return DONE if done else FAULTY_LOG
 
 
 def run_init(

@@ -26,6 +26,7 @@ import numpy as np
 from pivident.errors import ExportError
 from pivident.export.model_programs import NAMES, header_lines, model_columns, model_programs
 from pivident.export.numpy_function import check_signals, program_differences, verify_functions
+from pivident.models.export_format import Format
 from pivident.models.exported import ExportedText, Verification
 from pivident.models.runnable_model import RunnableModel
 from pivident.text.identifiers import c_comment, identifier, one_line
@@ -184,3 +185,12 @@ def _of_arrays(
 
 def _bytes(text: str) -> bytes:
     return text.encode("utf-8", errors="backslashreplace")
+
+
+#: C99 without further libraries.
+C = Format(
+    "C99",
+    ".c",
+    lambda model, options: to_c(model, options.name),
+    (lambda file, model, _: verify_c(file, model),),
+)

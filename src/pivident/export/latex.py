@@ -13,6 +13,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters
+from pivident.models.export_format import Format
 from pivident.models.exported import ExportedText
 from pivident.models.runnable_model import RunnableModel
 from pivident.text.identifiers import latex_name, latex_text, one_line
@@ -147,3 +148,13 @@ def _table(
         *(" & ".join(row) + r" \\" for row in rows),
         r"\end{longtable}",
     ]
+
+
+#: Tables of a paper.
+LATEX = Format(
+    "LaTeX",
+    ".tex",
+    lambda model, _: to_latex(model),
+    not_loaded="a table computes no torques",
+    shows_intervals=True,
+)

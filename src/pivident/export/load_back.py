@@ -26,7 +26,6 @@ import numpy as np
 from pivident.dynamics.closed_chains.closed_motion import ClosedChains
 from pivident.dynamics.parameters import Parameter
 from pivident.errors import ExportError
-from pivident.export import mjcf, urdf
 from pivident.export.joint_side import JointSide, joint_side
 from pivident.export.robot_file import RobotFile
 from pivident.export.shafts import Shaft
@@ -84,8 +83,6 @@ def mujoco_slopes(
 #: Relative difference of torques due to rounding to seven digits.
 SEVEN_DIGITS = 1e-5
 
-_SUPPORTED = {"urdf": urdf.SUPPORTED, "mjcf": mjcf.SUPPORTED}
-
 
 @dataclass(frozen=True, eq=False)
 class _DryLevels:
@@ -109,7 +106,7 @@ def verify_with_pinocchio(
         return Verification("Pinocchio", skipped="Pinocchio is not installed (pip install pin)")
     if file.format != "urdf":
         raise ExportError(f"Pinocchio loads a URDF here, not {file.format!r}")
-    side = joint_side(model, _SUPPORTED[file.format])
+    side = joint_side(model, file.supported)
     robot, names = model.robot, model.robot.tree.joint_names
     try:
         loaded = _pinocchio_model(pin, file, robot, frozen or {})
@@ -198,9 +195,9 @@ def verify_with_mujoco(
         import mujoco
     except ImportError:
         return Verification("MuJoCo", skipped="MuJoCo is not installed (pip install mujoco)")
-    if file.format not in _SUPPORTED:
+    if file.format not in ("urdf", "mjcf"):
         raise ExportError(f"MuJoCo loads URDF and MJCF, not {file.format!r}")
-    side = joint_side(model, _SUPPORTED[file.format])
+    side = joint_side(model, file.supported)
     try:
         loaded = mujoco_model(file)
     except ExportError as error:

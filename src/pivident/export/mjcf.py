@@ -23,11 +23,13 @@ import numpy as np
 from pivident.errors import ExportError
 from pivident.export.differences import differences
 from pivident.export.joint_side import JointProperty, JointSide, joint_side
+from pivident.export.load_back import verify_with_mujoco
 from pivident.export.mjcf_bodies import ALMOST_NOTHING, body_lines, drawn_bodies, geom, quaternion
 from pivident.export.robot_file import RobotFile
 from pivident.export.shafts import Shaft
 from pivident.export.sketch import sticks
 from pivident.export.xml_text import comment, distinct, number, numbers, quoted, unlike
+from pivident.models.export_format import Format
 from pivident.models.possible_values import is_possible
 from pivident.models.runnable_model import RunnableModel
 from pivident.robot.assembly import link_frames
@@ -202,7 +204,8 @@ def to_mjcf(model: RunnableModel) -> RobotFile:
         drawn = [body.link for group in bodies.values() for body in group]
         frames = [names[i] for i in drawn if not tree.links[i].is_body]
         sentences += _of_loops(frames)
-    return RobotFile("\n".join(out).encode(), sentences, format="mjcf", left_out=side.left_out)
+    content = "\n".join(out).encode()
+    return RobotFile(content, sentences, format="mjcf", left_out=side.left_out, supported=SUPPORTED)
 
 
 def _of_mujoco(model: RunnableModel, side: JointSide) -> tuple[str, ...]:
@@ -289,3 +292,12 @@ def _motor(joint: Joint, offset: float) -> str:
         return f"<motor name={name} joint={name}{limits}/>"
     bias = f'biastype="affine" biasprm="{number(-offset)} 0 0"'
     return f"<general name={name} joint={name}{limits} {bias}/>"
+
+
+#: The format of MuJoCo.
+MJCF = Format(
+    "MJCF",
+    ".xml",
+    lambda model, _: to_mjcf(model),
+    (lambda file, model, options: verify_with_mujoco(file, model, frozen=options.frozen),),
+)

@@ -25,6 +25,7 @@ from pivident.export.model_programs import (
     model_columns,
     model_programs,
 )
+from pivident.models.export_format import Format
 from pivident.models.exported import ExportedText, Verification, compared_values, random_states
 from pivident.models.runnable_model import RunnableModel
 
@@ -177,3 +178,12 @@ def _rigid(model: RunnableModel) -> tuple[Any, np.ndarray]:
 def _literal(names: tuple[str, ...]) -> str:
     """A tuple of texts as an ASCII literal."""
     return "(" + "".join(f"{name!a}, " for name in names).rstrip() + ")"
+
+
+#: Functions of NumPy arrays.
+NUMPY = Format(
+    "Python with NumPy",
+    ".py",
+    lambda model, _: to_numpy(model),
+    (lambda file, model, _: verify_numpy(file, model),),
+)

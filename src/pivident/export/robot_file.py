@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from pivident.errors import ExportError
+from pivident.export.joint_side import JointProperty
 from pivident.models.exported import ExportedText
 from pivident.robot.urdf_xml import GZIP_MAGIC, MAXIMUM_SIZE
 
@@ -18,12 +19,14 @@ class RobotFile(ExportedText):
     """A robot in the format of simulators: ``urdf``, ``mjcf`` or ``sdf``.
 
     ``left_out`` are the parts of parameters that are not in the file, by name, in the parameters'
-    units. With Φ the observation matrix, the model's torque is what the file's readers compute plus
-    Φ · left_out; dry friction is in the file with a sharp sign.
+    units, ``supported`` the properties of joints that the format has. With Φ the observation
+    matrix, the model's torque is what the file's readers compute plus Φ · left_out; dry friction is
+    in the file with a sharp sign.
     """
 
     format: str = "urdf"
     left_out: Mapping[str, float] = field(default_factory=dict)
+    supported: frozenset[JointProperty] = frozenset()
 
     @property
     def text(self) -> str:

@@ -13,6 +13,7 @@ from pivident.export.joint_side import JointProperty, JointSide, joint_side
 from pivident.export.robot_file import RobotFile
 from pivident.export.sketch import Stick, sticks
 from pivident.export.xml_text import comment, distinct, number, numbers, quoted, rpy, unlike
+from pivident.models.export_format import Format
 from pivident.models.exported import refuse_loops
 from pivident.models.possible_values import is_possible, link_inertias, written_body
 from pivident.models.runnable_model import RunnableModel
@@ -69,7 +70,7 @@ def to_sdf(model: RunnableModel) -> RobotFile:
             "export the physically consistent parameters",
         )
     content = "\n".join([*out, "  </model>", "</sdf>", ""]).encode()
-    return RobotFile(content, sentences, format="sdf", left_out=side.left_out)
+    return RobotFile(content, sentences, format="sdf", left_out=side.left_out, supported=SUPPORTED)
 
 
 def _inertial(name: str, inertia: np.ndarray) -> list[str]:
@@ -130,3 +131,12 @@ def _visual(stick: Stick, k: int) -> list[str]:
 def _text(name: str) -> str:
     """A name as the text of an element."""
     return quoted(name)[1:-1]
+
+
+#: The format of Gazebo.
+SDF = Format(
+    "SDF",
+    ".sdf",
+    lambda model, _: to_sdf(model),
+    not_loaded="nothing here reads SDF; Gazebo does",
+)

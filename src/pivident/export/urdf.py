@@ -17,10 +17,12 @@ from pivident.errors import ExportError
 from pivident.export.carried_bodies import divide
 from pivident.export.differences import differences
 from pivident.export.joint_side import JointProperty, JointSide, joint_side
+from pivident.export.load_back import verify_with_mujoco, verify_with_pinocchio
 from pivident.export.robot_file import RobotFile, plain_content
 from pivident.export.urdf_new import dynamics_line, inertial_lines, mimics, new_urdf, unknown_limits
 from pivident.export.xml_edit import Element, XmlText
 from pivident.export.xml_text import number, numbers
+from pivident.models.export_format import Format
 from pivident.models.possible_values import is_possible, link_inertias
 from pivident.models.runnable_model import RunnableModel
 from pivident.robot.description import Robot
@@ -122,7 +124,7 @@ def to_urdf(
     else:
         content, decisions = _changed(model, side, plain_content(original), frozen)
     sentences += [*decisions, *_impossible(model)]
-    return RobotFile(content, tuple(sentences), left_out=side.left_out)
+    return RobotFile(content, tuple(sentences), left_out=side.left_out, supported=SUPPORTED)
 
 
 def _changed(
@@ -259,3 +261,15 @@ def _impossible(model: RunnableModel) -> tuple[str, ...]:
         f"no body can have the inertial parameters of {', '.join(names)}; simulators refuse or "
         "change them, export the physically consistent parameters",
     )
+
+
+#: The format of ROS.
+URDF = Format(
+    "URDF",
+    ".urdf",
+    lambda model, options: to_urdf(model, options.original, frozen=options.frozen),
+    (
+        lambda file, model, options: verify_with_pinocchio(file, model, frozen=options.frozen),
+        lambda file, model, options: verify_with_mujoco(file, model, frozen=options.frozen),
+    ),
+)

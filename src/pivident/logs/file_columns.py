@@ -10,8 +10,7 @@ import numpy as np
 
 from pivident.errors import BadCell, FileFormatError, NoSamples
 from pivident.logs.recognition.time_columns import is_clock
-from pivident.logs.tables.read_csv import read_csv_forgiving
-from pivident.logs.tables.tables import names_in, read_table, unread_in
+from pivident.logs.tables.tables import names_in, read_table, reader_of, unread_in
 from pivident.text.printable import escaped
 
 #: Longest axis from which on an array of other samples is named; shorter ones are constants.
@@ -61,11 +60,11 @@ def lenient_table(path: Path, names: Sequence[str] | None = None) -> dict[str, n
     """Numeric arrays of a file, NaN where a cell is no number; others are left out."""
     try:
         return read_table(path, names)
-    except BadCell as error:
-        try:
-            table = read_csv_forgiving(path)
-        except FileFormatError:  # no table of text
-            raise error from None
+    except BadCell:
+        forgiving = reader_of(path).forgiving
+        if forgiving is None:
+            raise
+        table = forgiving(path)
         return {n: v for n, v in table.items() if names is None or n in names}
     except NoSamples:  # nor has any column
         raise

@@ -25,6 +25,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from pivident.errors import IdentificationFileError, PividentError
+from pivident.models.export_format import Format
 from pivident.models.exported import ExportedText, Verification, compared
 from pivident.models.possible_values import impossible_value
 from pivident.models.runnable_model import Origin, RunnableModel, runnable_model
@@ -282,3 +283,14 @@ def _ends(interval: Any) -> list[float | None]:
 
 def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
+
+
+#: The format from which pivident reads a model back.
+JSON = Format(
+    "JSON",
+    ".json",
+    lambda model, _: to_json(model),
+    (lambda file, model, _: verify_json(file, model),),
+    holds_base=True,
+    shows_intervals=True,
+)

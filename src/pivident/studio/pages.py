@@ -12,6 +12,7 @@ from typing import Any
 
 from markupsafe import Markup
 
+from pivident.logs.tables.tables import is_log
 from pivident.robot.gallery import gallery_names
 from pivident.studio.assets import templates
 from pivident.studio.example import ROBOT
@@ -28,7 +29,6 @@ from pivident.studio.row_groups import row_groups
 from pivident.studio.rows import addable
 from pivident.studio.run_folder import read_object
 from pivident.studio.studio import Content, Studio
-from pivident.studio.uploads import is_log
 from pivident.studio.view import View
 from pivident.text.lists import plural
 from pivident.text.numbers import bytes_in_words

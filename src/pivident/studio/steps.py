@@ -9,6 +9,7 @@ from typing import Any
 
 from pivident.consistency.method_names import CONSISTENT_METHODS
 from pivident.estimation.methods import METHODS
+from pivident.export.formats import FORMATS
 from pivident.studio.projects import EXPERIMENT
 from pivident.studio.step_arguments import Argument, StepError
 
@@ -19,18 +20,6 @@ CAUSES = (
 
 #: Blocks of the motion that are held out in turn; one would leave nothing to fit.
 FOLDS = tuple(str(number) for number in range(21) if number != 1)
-
-#: Endings of the files of each format.
-ENDINGS = {
-    "urdf": ".urdf",
-    "mjcf": ".xml",
-    "sdf": ".sdf",
-    "c": ".c",
-    "numpy": ".py",
-    "json": ".json",
-    "latex": ".tex",
-    "rrd": ".rrd",
-}
 
 #: Name of an exported file; in C also of its functions.
 EXPORTED = "robot_model"
@@ -111,8 +100,9 @@ def _prints(out: str, given: Mapping[str, Any]) -> list[str]:
 def _file(out: str, given: Mapping[str, Any]) -> list[str]:
     """The exported file; Rerun also needs the log."""
     to = given["to"][1]
-    log = ["--log", EXPERIMENT] if to == "rrd" else []
-    return [*log, "--out", f"{out}/{EXPORTED}{ENDINGS[to]}"]
+    if to == "rrd":
+        return ["--log", EXPERIMENT, "--out", f"{out}/{EXPORTED}.rrd"]
+    return ["--out", f"{out}/{EXPORTED}{FORMATS[to].ending}"]
 
 
 _RESULT = Argument("result", "result", "Result", is_needed=True)
@@ -168,7 +158,7 @@ STEPS: dict[str, Step] = {
         "export",
         (
             _RESULT,
-            Argument("to", "choice", "Format", "--to", tuple(ENDINGS), is_needed=True),
+            Argument("to", "choice", "Format", "--to", (*FORMATS, "rrd"), is_needed=True),
             Argument("free", "flag", "The free estimate, not the consistent one", "--free"),
         ),
         _nothing,

@@ -14,6 +14,7 @@ from typing import Any
 from urllib.parse import quote
 
 from pivident.errors import PividentError
+from pivident.logs.tables.tables import is_log
 from pivident.robot.gallery import gallery_names
 from pivident.robot.naming import nearest
 from pivident.studio.drafting import DRAFT, draft
@@ -33,7 +34,6 @@ from pivident.studio.run_folder import read_object
 from pivident.studio.runs import Runs
 from pivident.studio.steps import STEPS
 from pivident.studio.tasks import Tasks
-from pivident.studio.uploads import is_log
 from pivident.text.toml import parse_toml
 from pivident.text.toml_values import string_text
 

@@ -8,7 +8,7 @@ import shutil
 from collections.abc import AsyncIterator
 from pathlib import Path
 
-from pivident.logs.tables.tables import READERS
+from pivident.logs.tables.tables import endings, is_log
 from pivident.robot.naming import ROBOT_FILES
 from pivident.studio.projects import (
     EXPERIMENT,
@@ -27,9 +27,6 @@ RESERVE = 256 * 2**20
 
 #: Deepest place of a file: a bag is a folder.
 MAX_DEPTH = 2
-
-#: Endings of compressed logs, behind the one that names the kind.
-PACKED = (".gz", ".zst", ".zstd")
 
 
 def target(project: Project, name: str) -> Path:
@@ -51,17 +48,9 @@ def target(project: Project, name: str) -> Path:
     if not (is_robot(Path(name)) or is_log(name) or (len(parts) > 1 and name == "metadata.yaml")):
         raise ProjectError(
             f"{name} is neither a robot nor a log; robots end with {', '.join(ROBOT_FILES)}, logs "
-            f"with {', '.join(READERS)}"
+            f"with {', '.join(endings())}"
         )
     return project.path_of("/".join(parts))
-
-
-def is_log(name: str) -> bool:
-    """Whether a file of this name is read as a log."""
-    lower = name.lower()
-    for ending in PACKED:
-        lower = lower.removesuffix(ending)
-    return Path(lower).suffix in READERS
 
 
 async def receive(path: Path, parts: AsyncIterator[bytes], declared: int | None) -> int:

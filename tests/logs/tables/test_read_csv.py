@@ -96,14 +96,14 @@ def test_a_bad_line_is_named(tmp_path, name, text, line, column, found):
 )
 def test_a_file_without_a_table_is_refused(tmp_path, text, message):
     with pytest.raises(FileFormatError, match=message):
-        read_csv(written(tmp_path, text))
+        read_table(written(tmp_path, text))
 
 
 def test_a_missing_file_a_folder_and_an_unknown_kind_are_refused(tmp_path):
     with pytest.raises(FileFormatError, match="cannot be opened"):
-        read_csv(tmp_path / "none.csv")
+        read_table(tmp_path / "none.csv")
     with pytest.raises(FileFormatError, match="folder"):
-        read_csv(tmp_path)
+        read_table(tmp_path)
     for name in ("log.xlsx", "log.npz.gz", "log"):
         with pytest.raises(FileFormatError, match="no reader"):
             read_table(tmp_path / name)

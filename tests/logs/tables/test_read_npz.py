@@ -9,7 +9,7 @@ from hypothesis.extra.numpy import array_shapes, arrays
 
 from pivident.errors import FileFormatError
 from pivident.logs import source_files as files
-from pivident.logs.tables.read_npz import npz_names, read_npz
+from pivident.logs.tables.read_npz import read_npz
 from pivident.logs.tables.tables import names_in, read_table
 
 KINDS = st.sampled_from(["f8", "f4", "i4", "u1", "?"])
@@ -57,7 +57,7 @@ def test_what_is_no_archive_is_refused(tmp_path):
     for content, message in ((b"", "empty"), (b"hello", "not an .npz"), (b"PK\3\4", "not an")):
         path.write_bytes(content)
         with pytest.raises(FileFormatError, match=message):
-            npz_names(path)
+            names_in(path)
 
 
 def archive_of(path, content):

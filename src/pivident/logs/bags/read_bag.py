@@ -36,14 +36,15 @@ from pivident.logs.bags.bag_containers import (
 )
 from pivident.logs.bags.decompression import unpack_file
 from pivident.logs.bags.joint_topics import TopicReader, TopicTable, WorkBudget
+from pivident.logs.reader import Reader
 from pivident.logs.source_files import bag_files, existing_file
 from pivident.text.printable import escaped
 
 #: What reads which kind of file.
 CONTAINERS: dict[str, Callable[[Path], Iterator[Message]]] = {
     ".bag": ros1_messages,
-    ".mcap": mcap_messages,
     ".db3": sqlite_messages,
+    ".mcap": mcap_messages,
 }
 
 #: Columns of every topic that hold times [s].
@@ -101,8 +102,8 @@ def is_bag(path: str | Path) -> bool:
     """Whether a path is read as a bag: its ending says so, or it is a folder with one in it."""
     path = Path(path)
     if not os.path.isdir(path):  # which takes any name, as long or odd as it may be
-        return _kind(path) in CONTAINERS
-    return any(_kind(f) in CONTAINERS for f in path.iterdir())
+        return BAG.takes(path.name)
+    return any(BAG.takes(file.name) for file in path.iterdir())
 
 
 def bag_names(path: str | Path) -> tuple[str, ...]:
@@ -114,6 +115,11 @@ def read_bag(path: str | Path, names: Sequence[str] | None = None) -> dict[str, 
     """Columns of a bag; those of different topics differ in length."""
     bag = open_bag(path)
     return {name: bag.column(name) for name in (bag.names() if names is None else names)}
+
+
+def bag_unread(path: str | Path) -> dict[str, str]:
+    """Why a topic, or some of its messages, is not read, by its name."""
+    return open_bag(path).passed_over
 
 
 def open_bag(path: str | Path) -> Bag:
@@ -198,3 +204,7 @@ def _kind(path: Path) -> str:
     """The ending that names the container, below the one of a packed file."""
     name = path.name.lower()
     return Path(name.removesuffix(".zstd").removesuffix(".zst")).suffix
+
+
+#: The reader of bags; a folder with the files of one in it is a bag too.
+BAG = Reader(tuple(CONTAINERS), bag_names, read_bag, bag_unread, packed=(".zstd", ".zst"))

@@ -16,9 +16,7 @@ from pivident.logs.recognition.column_series import JOINT, Series, column_series
 from pivident.logs.recognition.time_columns import is_clock
 from pivident.logs.source_files import printable_name
 from pivident.logs.tables.column_names import named_columns
-
-#: Endings that say nothing about a log.
-ENDINGS = (".gz", ".csv", ".txt", ".tsv", ".npz", ".npy", ".mat", ".parquet")
+from pivident.logs.tables.tables import endings
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +103,6 @@ def read_log_file(
 def file_reading(path: Path) -> Reading:
     """What the name of a file says about its columns: ``arm_effort.csv``."""
     name = path.name
-    for ending in ENDINGS:
+    for ending in (".gz", *endings()):
         name = name.removesuffix(ending)
     return read_words([word for word in words_of(name) if len(word) > 2 or word in ("q", "dq")])

@@ -21,7 +21,8 @@ from typing import NoReturn
 import numpy as np
 
 from pivident.errors import BadCell, FileFormatError, NoSamples
-from pivident.logs.source_files import HARMLESS_SIZE, existing_file, refuse_bomb
+from pivident.logs.reader import Reader
+from pivident.logs.source_files import HARMLESS_SIZE, refuse_bomb
 from pivident.logs.tables.dialect import (
     COMMENT,
     MAX_LINE,
@@ -39,14 +40,13 @@ END = "EOF"
 SPARSE, MANY = 0.1, 20
 
 
-def csv_names(path: str | Path) -> tuple[str, ...]:
+def csv_names(path: Path) -> tuple[str, ...]:
     """Names of the columns, without loading them."""
-    return _header(existing_file(path)).names
+    return _header(path).names
 
 
-def read_csv(path: str | Path, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
+def read_csv(path: Path, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
     """Columns of a text table, each of shape (samples,)."""
-    path = existing_file(path)
     header = _header(path)
     wanted = list(header.names if names is None else names)
     places = [header.names.index(name) for name in wanted]
@@ -65,9 +65,8 @@ def read_csv(path: str | Path, names: Sequence[str] | None = None) -> dict[str, 
     return dict(zip(wanted, np.ascontiguousarray(table.T), strict=True))
 
 
-def read_csv_forgiving(path: str | Path) -> dict[str, np.ndarray]:
+def read_csv_forgiving(path: Path) -> dict[str, np.ndarray]:
     """All columns of a text table that hold numbers, NaN where a cell is empty or no number."""
-    path = existing_file(path)
     header = _header(path)
     columns = [array("d") for _ in header.names]
     holds_numbers = [False] * len(columns)
@@ -304,3 +303,14 @@ def _sample_lines(lines: Iterable[str], header: Dialect) -> Iterator[tuple[int, 
         elif not (line.startswith(END) and line.strip() == END):
             begun = True
             yield number, line
+
+
+#: The reader of tables as text.
+CSV = Reader(
+    (".csv", ".txt", ".tsv"),
+    csv_names,
+    read_csv,
+    forgiving=read_csv_forgiving,
+    packed=(".gz",),
+    is_text=True,
+)

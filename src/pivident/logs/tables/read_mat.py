@@ -7,7 +7,7 @@ MATLAB's columns first, so that arrays are transposed back into the shape they h
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,8 @@ import numpy as np
 
 from pivident.errors import FileFormatError
 from pivident.extras import MissingExtra, require
-from pivident.logs.source_files import existing_file, refuse_bomb
+from pivident.logs.reader import Reader
+from pivident.logs.source_files import refuse_bomb
 from pivident.logs.tables.mat_elements import MAX_LEVELS, MAX_VARIABLES, array_of, variables
 
 #: MATLAB's classes of numbers.
@@ -28,14 +29,13 @@ NUMERIC = {"double", "single", "logical"} | {
 HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
-def mat_names(path: str | Path) -> tuple[str, ...]:
+def mat_names(path: Path) -> tuple[str, ...]:
     """Names of the variables of real numbers, without loading them."""
-    return tuple(_variables(existing_file(path)))
+    return tuple(_variables(path))
 
 
-def read_mat(path: str | Path, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
+def read_mat(path: Path, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
     """Variables of a MATLAB file in their MATLAB shapes: vectors are (n, 1) or (1, n)."""
-    path = existing_file(path)
     shapes = _variables(path)
     wanted = tuple(shapes) if names is None else tuple(names)
     refuse_bomb(path, sum(8 * math.prod(shapes.get(name, ())) for name in wanted))
@@ -48,11 +48,9 @@ def read_mat(path: str | Path, names: Sequence[str] | None = None) -> dict[str, 
         raise FileFormatError(f"{path.name} is a damaged MATLAB file ({error})") from error
 
 
-def mat_unread(path: str | Path) -> dict[str, str]:
+def mat_unread(path: Path) -> dict[str, str]:
     """Why variables that hold something else are not read, by their names."""
-    path = existing_file(path)
-    found = _hdf5_datasets if _is_hdf5(path) else _variables_v5
-    return {name: why for name, (_, why) in _described(path, found).items() if why}
+    return {name: why for name, (_, why) in _described(path).items() if why}
 
 
 def _is_hdf5(path: Path) -> bool:
@@ -64,24 +62,19 @@ def _is_hdf5(path: Path) -> bool:
 
 def _variables(path: Path) -> dict[str, tuple[int, ...]]:
     """Shapes of the numeric variables by name."""
-    found = _hdf5_datasets if _is_hdf5(path) else _variables_v5
-    return {name: shape for name, (shape, why) in _described(path, found).items() if not why}
+    return {name: shape for name, (shape, why) in _described(path).items() if not why}
 
 
-def _described(
-    path: Path, found: Callable[[Path], dict[str, tuple[tuple[int, ...], str]]]
-) -> dict[str, tuple[tuple[int, ...], str]]:
+def _described(path: Path) -> dict[str, tuple[tuple[int, ...], str]]:
     """Shape of every variable, and why it is not read or empty, by name."""
     try:
-        return found(path)
+        if _is_hdf5(path):
+            return _hdf5_datasets(path)
+        return {v.name: (v.shape, v.why_not) for v in variables(path)}
     except MissingExtra:
         raise
     except Exception as error:
         raise FileFormatError(f"{path.name} is not a readable MATLAB file ({error})") from error
-
-
-def _variables_v5(path: Path) -> dict[str, tuple[tuple[int, ...], str]]:
-    return {v.name: (v.shape, v.why_not) for v in variables(path)}
 
 
 def _hdf5_datasets(path: Path) -> dict[str, tuple[tuple[int, ...], str]]:
@@ -149,3 +142,7 @@ def _read_hdf5(path: Path, names: Sequence[str]) -> dict[str, np.ndarray]:
                 )
             arrays[name] = np.ascontiguousarray(dataset[()].T)
     return arrays
+
+
+#: The reader of MATLAB files.
+MAT = Reader((".mat",), mat_names, read_mat, mat_unread)

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.lib import format as npy
 
 from pivident.errors import FileFormatError
-from pivident.logs.source_files import existing_file, refuse_bomb
+from pivident.logs.reader import Reader
+from pivident.logs.source_files import refuse_bomb
 from pivident.scratch import largest_in_memory, working_array
 
 #: Name of the array in a file that holds one only.
@@ -28,17 +29,16 @@ PART = 2**24
 MAX_HEADER = 2**16
 
 
-def npz_names(path: str | Path) -> tuple[str, ...]:
+def npz_names(path: Path) -> tuple[str, ...]:
     """Names of the arrays, without loading them."""
-    with _archive(existing_file(path)) as archive:
+    with _archive(path) as archive:
         return tuple(
             member.removesuffix(".npy") for member in archive.namelist() if member.endswith(".npy")
         )
 
 
-def read_npz(path: str | Path, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
+def read_npz(path: Path, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
     """Arrays of a NumPy archive."""
-    path = existing_file(path)
     arrays = {}
     for name in npz_names(path) if names is None else names:
         with _archive(path) as archive:
@@ -110,15 +110,13 @@ def _header(member: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype]:
     return read(member)
 
 
-def npy_names(path: str | Path) -> tuple[str, ...]:
+def npy_names(path: Path) -> tuple[str, ...]:
     """The name under which a single array goes: ``data``."""
-    existing_file(path)
     return (ONLY,)
 
 
-def read_npy(path: str | Path, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
+def read_npy(path: Path, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
     """The array of a .npy file, as ``data``; mapped, not read."""
-    path = existing_file(path)
     with _damage_named(path, ONLY), path.open("rb") as file:
         _check_header_length(file)
         file.seek(0)
@@ -138,3 +136,7 @@ def _damage_named(path: Path, name: str) -> Iterator[None]:
     except Exception as error:
         reason = str(error).partition("\n")[0]
         raise FileFormatError(f"{path.name}: array {name!r} is damaged ({reason})") from error
+
+
+#: The readers of archives of arrays and of single ones.
+NPZ, NPY = Reader((".npz",), npz_names, read_npz), Reader((".npy",), npy_names, read_npy)

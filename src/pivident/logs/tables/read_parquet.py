@@ -19,7 +19,8 @@ import numpy as np
 
 from pivident.errors import BadCell, FileFormatError
 from pivident.extras import require
-from pivident.logs.source_files import existing_file, refuse_bomb
+from pivident.logs.reader import Reader
+from pivident.logs.source_files import refuse_bomb
 from pivident.scratch import working_array
 
 if TYPE_CHECKING:
@@ -44,23 +45,20 @@ class _Column:
     place: int = 0  # in the lists
 
 
-def parquet_names(path: str | Path) -> tuple[str, ...]:
+def parquet_names(path: Path) -> tuple[str, ...]:
     """Names of the columns of numbers, without loading them."""
-    path = existing_file(path)
     with _opened(path, "is not a readable Parquet file") as table:
         return tuple(_columns(path, table)[0])
 
 
-def parquet_unread(path: str | Path) -> dict[str, str]:
+def parquet_unread(path: Path) -> dict[str, str]:
     """Why the other columns are not read, by their names."""
-    path = existing_file(path)
     with _opened(path, "is not a readable Parquet file") as table:
         return _columns(path, table)[1]
 
 
-def read_parquet(path: str | Path, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
+def read_parquet(path: Path, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
     """Columns of a Parquet table, each of shape (samples,)."""
-    path = existing_file(path)
     with _opened(path, "is a damaged Parquet file") as table:
         known = _columns(path, table)[0]
         wanted = {name: known[name] for name in (known if names is None else names)}
@@ -206,3 +204,7 @@ def _opened(path: Path, problem: str) -> Iterator[ParquetFile]:
     except (pyarrow.ArrowException, OSError, ValueError) as error:
         reason = str(error).partition("\n")[0]
         raise FileFormatError(f"{path.name} {problem} ({reason})") from error
+
+
+#: The reader of Parquet tables.
+PARQUET = Reader((".parquet",), parquet_names, read_parquet, parquet_unread)

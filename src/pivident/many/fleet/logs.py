@@ -13,7 +13,7 @@ from pathlib import Path
 
 from pivident.errors import ExperimentError
 from pivident.logs.source_files import existing_file, sha256
-from pivident.logs.tables.tables import READERS
+from pivident.logs.tables.tables import is_log
 from pivident.many.fleet.fleet_schema import EVERY_LOG
 from pivident.many.fleet.log_pattern import ROBOT, Captures, Pattern, date_in, kind_of_times
 
@@ -127,7 +127,7 @@ def _every_log(folder: Path, files: Sequence[str]) -> dict[Captures, str]:
     found: dict[Captures, str] = {}
     for file in files:
         path = Path(file)
-        if Path(path.name.lower().removesuffix(".gz")).suffix not in READERS:
+        if not is_log(path.name):
             continue
         parent = path.parent.as_posix()
         robot = folder.absolute().name if parent == "." else parent
