@@ -46,7 +46,6 @@ from pivident.recording.repeated_motion import repeated_motion
 from pivident.robot.description import Robot
 from pivident.robot.friction import (
     FrictionLaw,
-    FrictionTerm,
     asymmetric_coulomb,
     asymmetric_viscous,
     coulomb,
@@ -62,6 +61,7 @@ from pivident.robot.friction import (
     stribeck,
     viscous,
 )
+from pivident.robot.friction_term import FrictionTerm
 from pivident.robot.gallery import load_robot
 from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import Cascade

@@ -6,7 +6,7 @@ This module needs pydantic and is imported only when a file is read.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal, get_args, get_origin
+from typing import Annotated, Any, Literal, cast, get_args, get_origin
 
 from pydantic import (
     BaseModel,
@@ -16,11 +16,14 @@ from pydantic import (
     NonNegativeFloat,
     PositiveFloat,
     ValidationError,
+    create_model,
     model_validator,
 )
 
 from pivident.errors import RobotDescriptionError
 from pivident.robot.description import MAX_JOINTS, STANDARD_GRAVITY
+from pivident.robot.friction_column import KeyValues, Smoothing
+from pivident.robot.friction_terms import TERM_KINDS
 from pivident.robot.naming import nearest
 
 GRAVITY_BY_NAME = {
@@ -33,57 +36,14 @@ GRAVITY_BY_NAME = {
     "+z": [0.0, 0.0, STANDARD_GRAVITY],
 }
 
-_SIGN = {"smoothing", "gamma"}
-
 #: Maximum number of problems in one error, and of characters of a quoted value.
 MAX_PROBLEMS, MAX_VALUE = 20, 60
 
-TermName = Literal[
-    "viscous",
-    "coulomb",
-    "offset",
-    "asymmetric",
-    "stribeck",
-    "asymmetric_viscous",
-    "power",
-    "load",
-    "ripple",
-    "spring",
-    "counterbalance",
-    "dahl",
-    "lugre",
-    "maxwell_slip",
-]
-
 #: Keys of each friction term: those it needs, and those it may have.
-TERM_KEYS: dict[TermName, tuple[set[str], set[str]]] = {
-    "viscous": (set(), set()),
-    "coulomb": (set(), _SIGN),
-    "offset": (set(), set()),
-    "asymmetric": (set(), _SIGN),
-    "stribeck": ({"speed"}, {"exponent", *_SIGN}),
-    "asymmetric_viscous": (set(), set()),
-    "power": ({"exponent"}, {"name", *_SIGN}),
-    "load": (set(), _SIGN),
-    "ripple": ({"order"}, {"name"}),
-    "spring": (set(), set()),
-    "counterbalance": ({"ratio", "angle"}, set()),
-    "dahl": ({"distance"}, set()),
-    "lugre": ({"distance", "excess", "speed"}, {"exponent", "damped"}),
-    "maxwell_slip": ({"distances"}, {"excess", "speed", "exponent"}),
-}
+TERM_KEYS = {name: kind.arguments for name, kind in TERM_KINDS.usable().items()}
 
-#: Description of a required key that is missing.
-_MEANING = {
-    "angle": "its angle in rad",
-    "distance": "its presliding distance in rad or m",
-    "distances": "its slip distances in rad or m, such as [1e-4, 1e-3]",
-    "excess": "its excess, the static level over the Coulomb level less one",
-    "exponent": "its exponent of the speed",
-    "order": "its order, periods per revolution (per 2π m of a prismatic joint)",
-    "ratio": "its ratio of lever arms, between 0 and 1",
-    "speed": "its speed in rad/s or m/s",
-}
+#: The keys of all friction terms by name; where several terms have one, it means the same.
+_KEYS = {key.key: key for kind in TERM_KINDS.usable().values() for key in kind.keys}
 
 
 def _gravity(value: Any) -> Any:
@@ -124,37 +84,42 @@ def _known_term(value: Any) -> Any:
     return value
 
 
-class FrictionEntry(Entry):
-    """One term of a friction law; shapes are SI (gamma in s/rad or s/m) whatever the units."""
+def _keys_belong_to_term(entry: Any) -> Any:
+    """Refuse keys that the term does not have, and name those that it lacks."""
+    needed, possible = TERM_KEYS[entry.term]
+    given = entry.model_fields_set - {"term"}
+    foreign = sorted(given - needed - possible)
+    if foreign:
+        own = sorted(needed | possible)
+        advice = f"it has {', '.join(own)}" if own else "remove the key"
+        raise ValueError(f"the term {entry.term!r} has no {', '.join(foreign)}; {advice}")
+    missing = sorted(needed - given)
+    if missing:
+        wanted = " and ".join(_KEYS[key].meaning for key in missing)
+        raise ValueError(f"the term {entry.term!r} needs {wanted} ({', '.join(missing)})")
+    return entry
 
-    term: Annotated[TermName, BeforeValidator(_known_term)]
-    smoothing: Literal["sign", "atan", "tanh"] = "atan"
-    gamma: PositiveFloat | None = None
-    speed: PositiveFloat | None = None
-    exponent: PositiveFloat | None = None
-    distance: PositiveFloat | None = None
-    distances: Annotated[list[PositiveFloat], Field(min_length=1)] | None = None
-    excess: NonNegativeFloat | None = None
-    damped: bool = True
-    order: PositiveFloat | None = None
-    ratio: PositiveFloat | None = None
-    angle: float | None = None
-    name: Annotated[str, Field(pattern="^[a-z_]+$")] | None = None
 
-    @model_validator(mode="after")
-    def _keys_belong_to_term(self) -> FrictionEntry:
-        needed, possible = TERM_KEYS[self.term]
-        given = self.model_fields_set - {"term"}
-        foreign = sorted(given - needed - possible)
-        if foreign:
-            own = sorted(needed | possible)
-            advice = f"it has {', '.join(own)}" if own else "remove the key"
-            raise ValueError(f"the term {self.term!r} has no {', '.join(foreign)}; {advice}")
-        missing = sorted(needed - given)
-        if missing:
-            wanted = " and ".join(_MEANING[key] for key in missing)
-            raise ValueError(f"the term {self.term!r} needs {wanted} ({', '.join(missing)})")
-        return self
+#: What the keys of friction terms hold, and their defaults where that is not the term's.
+_VALUES: dict[KeyValues, tuple[Any, Any]] = {
+    "positive": (PositiveFloat | None, None),
+    "not negative": (NonNegativeFloat | None, None),
+    "number": (float | None, None),
+    "positive list": (Annotated[list[PositiveFloat], Field(min_length=1)] | None, None),
+    "flag": (bool, True),
+    "name": (Annotated[str, Field(pattern="^[a-z_]+$")] | None, None),
+}
+
+#: One term of a friction law; shapes are SI (gamma in s/rad or s/m) whatever the units.
+FrictionEntry: Any = create_model(
+    "FrictionEntry",
+    __base__=Entry,
+    __validators__={"keys": cast(Any, model_validator(mode="after")(_keys_belong_to_term))},
+    term=Annotated[str, BeforeValidator(_known_term)],
+    smoothing=(Smoothing, "atan"),
+    gamma=(PositiveFloat | None, None),
+    **{name: _VALUES[key.values] for name, key in _KEYS.items()},
+)
 
 
 def _terms(value: Any) -> Any:
