@@ -7,13 +7,11 @@ from pivident.dynamics.friction import friction_column, smoothed_sign
 from pivident.dynamics.friction_kernels import friction_value_and_slope, smooth_sign_and_slope
 from pivident.robot.friction_column import FrictionColumn, Shape, SignFunction, Smoothing
 from pivident.robot.friction_term import FrictionTerm
-from pivident.robot.friction_terms.asymmetric_coulomb import COULOMB_NEGATIVE, COULOMB_POSITIVE
-from pivident.robot.friction_terms.asymmetric_viscous import VISCOUS_NEGATIVE, VISCOUS_POSITIVE
-from pivident.robot.friction_terms.coulomb import COULOMB
+from pivident.robot.friction_terms.coulomb import COULOMB, COULOMB_NEGATIVE, COULOMB_POSITIVE
 from pivident.robot.friction_terms.offset import OFFSET
 from pivident.robot.friction_terms.power import POWER
 from pivident.robot.friction_terms.stribeck import STRIBECK
-from pivident.robot.friction_terms.viscous import VISCOUS
+from pivident.robot.friction_terms.viscous import VISCOUS, VISCOUS_NEGATIVE, VISCOUS_POSITIVE
 
 SIGNS = ("sign", "atan", "tanh")
 SMOOTH = ("atan", "tanh")

@@ -1,14 +1,8 @@
 """Friction terms of another distribution, as its one module; used by test_foreign_friction."""
 
-from pivident.robot.friction_column import (
-    Candidate,
-    Constant,
-    FrictionColumn,
-    Key,
-    Smoothing,
-    TermKind,
-)
+from pivident.robot.friction_column import Constant, FrictionColumn, Key, Smoothing
 from pivident.robot.friction_term import FrictionTerm
+from pivident.robot.term_kind import Candidate, TermKind
 
 BUMP = FrictionColumn(
     name="bump",

@@ -67,7 +67,7 @@ def memory_column(
     return out
 
 
-#: Functions of expressions for arrays.
+#: Names in expressions for arrays.
 _FUNCTIONS = {
     "abs": np.abs,
     "power": np.power,
@@ -77,6 +77,10 @@ _FUNCTIONS = {
     "cos": np.cos,
     "max": np.maximum,
     "min": np.minimum,
+    "sign": np.sign,
+    "atan": np.arctan,
+    "tanh": np.tanh,
+    "pi": np.pi,
 }
 
 
@@ -117,8 +121,4 @@ def expression_value(expression: str, quantities: Mapping[str, Any]) -> Any:
 
 def smoothed_sign(sign: int, gamma: float, dq: np.ndarray) -> np.ndarray:
     """sign(dq), (2/π) atan(γ dq) or tanh(γ dq)."""
-    if sign == SignFunction.ATAN:
-        return (2.0 / np.pi) * np.arctan(gamma * dq)
-    if sign == SignFunction.TANH:
-        return np.tanh(gamma * dq)
-    return np.sign(dq)
+    return expression_value(SignFunction(sign).expression, {"gamma": gamma, "dq": dq})

@@ -12,14 +12,8 @@ from dataclasses import dataclass, replace
 
 from pivident.robot.friction_column import Shape
 from pivident.robot.friction_term import FrictionTerm
-from pivident.robot.friction_terms.asymmetric_coulomb import (
-    asymmetric_coulomb as asymmetric_coulomb,
-)
-from pivident.robot.friction_terms.asymmetric_viscous import (
-    asymmetric_viscous as asymmetric_viscous,
-)
+from pivident.robot.friction_terms.coulomb import asymmetric_coulomb as asymmetric_coulomb
 from pivident.robot.friction_terms.coulomb import coulomb as coulomb
-from pivident.robot.friction_terms.counterbalance import counterbalance as counterbalance
 from pivident.robot.friction_terms.load import load_dependent as load_dependent
 from pivident.robot.friction_terms.maxwell_slip import maxwell_slip as maxwell_slip
 from pivident.robot.friction_terms.offset import offset as offset
@@ -27,8 +21,10 @@ from pivident.robot.friction_terms.power import power_viscous as power_viscous
 from pivident.robot.friction_terms.presliding import dahl as dahl
 from pivident.robot.friction_terms.presliding import lugre as lugre
 from pivident.robot.friction_terms.ripple import ripple as ripple
-from pivident.robot.friction_terms.spring import spring as spring
+from pivident.robot.friction_terms.springs import counterbalance as counterbalance
+from pivident.robot.friction_terms.springs import spring as spring
 from pivident.robot.friction_terms.stribeck import stribeck as stribeck
+from pivident.robot.friction_terms.viscous import asymmetric_viscous as asymmetric_viscous
 from pivident.robot.friction_terms.viscous import viscous as viscous
 from pivident.robot.naming import nearest
 

@@ -6,23 +6,23 @@ from collections.abc import Iterator
 from typing import Any
 
 from pivident.robot.friction import FrictionLaw
-from pivident.robot.friction_column import TermKind
 from pivident.robot.friction_term import FrictionTerm
 from pivident.robot.friction_terms import TERM_KINDS
+from pivident.robot.term_kind import TermKind
+from pivident.text.toml import toml_value
 
 
 def law_toml(law: FrictionLaw) -> str:
     """The law as a TOML list, ``[{term = "viscous"}, {term = "stribeck", speed = 0.1}]``."""
-    return f"[{', '.join(_tables(law))}]"
+    return toml_value(list(_tables(law)))
 
 
-def _tables(law: FrictionLaw) -> Iterator[str]:
+def _tables(law: FrictionLaw) -> Iterator[dict[str, Any]]:
     """One table for each term that begins one; the terms that follow from it have none."""
     for term in law.terms:
         for kind in TERM_KINDS.usable().values():
             if kind.begins_with(term) and (keys := _keys(kind, law, term)) is not None:
-                pairs = {"term": kind.name} | keys
-                yield f"{{{', '.join(f'{key} = {_toml(x)}' for key, x in pairs.items())}}}"
+                yield {"term": kind.name} | {key: _rounded(x) for key, x in keys.items()}
 
 
 def _keys(kind: TermKind, law: FrictionLaw, term: FrictionTerm) -> dict[str, Any] | None:
@@ -32,18 +32,11 @@ def _keys(kind: TermKind, law: FrictionLaw, term: FrictionTerm) -> dict[str, Any
         written = kind.written(term, law.terms)
         if written is None:
             return None
-        keys |= {key: value for key, value in written.items() if value != ""}
-    if term.has_sign:
-        keys |= {"smoothing": term.smoothing}
-        keys |= {} if term.gamma is None else {"gamma": term.gamma}
-    return keys
+        keys |= written
+    return keys | ({"smoothing": term.smoothing, "gamma": term.gamma} if term.has_sign else {})
 
 
-def _toml(value: Any) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str):
-        return f'"{value}"'
+def _rounded(value: Any) -> Any:
     if isinstance(value, list):
-        return f"[{', '.join(map(_toml, value))}]"
-    return f"{value:.6g}" if float(f"{value:.6g}") != int(value) else f"{value:.1f}"
+        return [_rounded(x) for x in value]
+    return float(f"{value:.6g}") if isinstance(value, float) else value

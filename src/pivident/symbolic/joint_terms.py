@@ -15,7 +15,7 @@ from pivident.dynamics.grouping.expressions import (
     sine,
 )
 from pivident.dynamics.parameters import Parameter
-from pivident.robot.friction_column import SignFunction
+from pivident.robot.friction_column import SignFunction, evaluated
 from pivident.robot.friction_term import FrictionTerm
 from pivident.symbolic.model_symbols import ModelSymbols
 
@@ -48,11 +48,8 @@ def joint_column(
 
 def smooth_sign(code: int, gamma: float, dq: Expression) -> Expression:
     """sign(dq), (2/π) atan(γ dq) or tanh(γ dq)."""
-    if code == SignFunction.ATAN:
-        return (2.0 / math.pi) * call("atan", gamma * dq)
-    if code == SignFunction.TANH:
-        return call("tanh", gamma * dq)
-    return call("sign", dq)
+    names = {"gamma": gamma, "dq": dq}
+    return as_expression(evaluated(SignFunction(code).expression, {**_FUNCTIONS, **names}))
 
 
 def has_memory(p: Parameter) -> bool:
@@ -81,7 +78,7 @@ def _friction_column(
     return as_expression(term.column.evaluate(term.values, {**_FUNCTIONS, **names}))
 
 
-#: Functions of the expressions that friction terms declare.
+#: Names in the expressions that friction terms declare.
 _FUNCTIONS = {
     "sin": sine,
     "cos": cosine,
@@ -91,4 +88,8 @@ _FUNCTIONS = {
     "sqrt": partial(call, "sqrt"),
     "max": partial(call, "maximum"),
     "min": partial(call, "minimum"),
+    "sign": partial(call, "sign"),
+    "atan": partial(call, "atan"),
+    "tanh": partial(call, "tanh"),
+    "pi": math.pi,
 }

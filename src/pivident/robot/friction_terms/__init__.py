@@ -14,7 +14,8 @@ import copyreg
 from functools import cache
 
 from pivident.registry import Registry
-from pivident.robot.friction_column import FrictionColumn, TermKind
+from pivident.robot.friction_column import FrictionColumn
+from pivident.robot.term_kind import TermKind
 
 #: Terms by the name that robot files give them.
 TERM_KINDS: Registry[TermKind] = Registry(
@@ -24,14 +25,14 @@ TERM_KINDS: Registry[TermKind] = Registry(
         "viscous": "pivident.robot.friction_terms.viscous:VISCOUS_TERM",
         "coulomb": "pivident.robot.friction_terms.coulomb:COULOMB_TERM",
         "offset": "pivident.robot.friction_terms.offset:OFFSET_TERM",
-        "asymmetric": "pivident.robot.friction_terms.asymmetric_coulomb:ASYMMETRIC_TERM",
+        "asymmetric": "pivident.robot.friction_terms.coulomb:ASYMMETRIC_TERM",
         "stribeck": "pivident.robot.friction_terms.stribeck:STRIBECK_TERM",
         "power": "pivident.robot.friction_terms.power:POWER_TERM",
-        "asymmetric_viscous": "pivident.robot.friction_terms.asymmetric_viscous:SLOPES_TERM",
+        "asymmetric_viscous": "pivident.robot.friction_terms.viscous:SLOPES_TERM",
         "load": "pivident.robot.friction_terms.load:LOAD_TERM",
         "ripple": "pivident.robot.friction_terms.ripple:RIPPLE_TERM",
-        "spring": "pivident.robot.friction_terms.spring:SPRING_TERM",
-        "counterbalance": "pivident.robot.friction_terms.counterbalance:STRUT_TERM",
+        "spring": "pivident.robot.friction_terms.springs:SPRING_TERM",
+        "counterbalance": "pivident.robot.friction_terms.springs:STRUT_TERM",
         "dahl": "pivident.robot.friction_terms.presliding:DAHL_TERM",
         "lugre": "pivident.robot.friction_terms.presliding:LUGRE_TERM",
         "maxwell_slip": "pivident.robot.friction_terms.maxwell_slip:MAXWELL_TERM",

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from pivident.robot.friction_column import Candidate, FrictionColumn, Smoothing, TermKind
+from pivident.robot.friction_column import FrictionColumn, Smoothing
 from pivident.robot.friction_term import FrictionTerm
+from pivident.robot.term_kind import Candidate, TermKind
 
 LOAD = FrictionColumn(
     name="load",

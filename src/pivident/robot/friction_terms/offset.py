@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from pivident.robot.friction_column import FrictionColumn, TermKind
+from pivident.robot.friction_column import FrictionColumn
 from pivident.robot.friction_term import FrictionTerm
+from pivident.robot.term_kind import TermKind
 
 OFFSET = FrictionColumn(
     name="offset",

@@ -4,15 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from pivident.robot.friction_column import (
-    Candidate,
-    Constant,
-    FrictionColumn,
-    Key,
-    Smoothing,
-    TermKind,
-)
+from pivident.robot.friction_column import Constant, FrictionColumn, Key, Smoothing
 from pivident.robot.friction_term import FrictionTerm
+from pivident.robot.term_kind import Candidate, TermKind
 
 POWER = FrictionColumn(
     name="power",
@@ -68,7 +62,7 @@ POWER_TERM = TermKind(
     _named_power,
     (POWER,),
     keys=(EXPONENT, Key("name", values="name")),
-    written=lambda term, law: {"name": term.stem.removeprefix("fvx")},
+    written=lambda term, law: {"name": term.stem.removeprefix("fvx") or None},
     candidates=(
         Candidate(
             "power",

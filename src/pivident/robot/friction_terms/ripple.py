@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from pivident.robot.friction_column import Constant, FrictionColumn, Key, TermKind
+from pivident.robot.friction_column import Constant, FrictionColumn, Key
 from pivident.robot.friction_term import FrictionTerm
+from pivident.robot.term_kind import TermKind
 
 COSINE = FrictionColumn(
     name="cosine",

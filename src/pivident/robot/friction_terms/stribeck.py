@@ -2,15 +2,9 @@
 
 from __future__ import annotations
 
-from pivident.robot.friction_column import (
-    Candidate,
-    Constant,
-    FrictionColumn,
-    Shape,
-    Smoothing,
-    TermKind,
-)
+from pivident.robot.friction_column import Constant, FrictionColumn, Shape, Smoothing
 from pivident.robot.friction_term import FrictionTerm
+from pivident.robot.term_kind import Candidate, TermKind
 
 STRIBECK = FrictionColumn(
     name="stribeck",

@@ -1,11 +1,32 @@
-"""A strut, spring or cylinder between two links that carries part of an arm's weight."""
+"""Springs in a joint, and struts that carry part of an arm's weight."""
 
 from __future__ import annotations
 
 import math
 
-from pivident.robot.friction_column import Constant, FrictionColumn, TermKind
+from pivident.robot.friction_column import Constant, FrictionColumn
 from pivident.robot.friction_term import FrictionTerm
+from pivident.robot.term_kind import TermKind
+
+SPRING = FrictionColumn(
+    name="spring",
+    code=11,
+    expression="q",
+    text="{stem} q",
+    grows_with="position",
+    carries_load=True,
+    functions=lambda sign: {("q",): 1.0},
+    element="spring",
+)
+
+
+def spring() -> FrictionTerm:
+    """Torque ks q of a linear spring [N m/rad] or [N/m]; its rest position is in the offset."""
+    return FrictionTerm("ks", SPRING)
+
+
+SPRING_TERM = TermKind("spring", spring, (SPRING,))
+
 
 STRUT = FrictionColumn(
     name="strut",
