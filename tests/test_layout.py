@@ -35,7 +35,7 @@ DOORS = (
 #: equations, methods that fit a simulation, logs without torque, options of regressions and
 #: filters, algebraic signals and lines, loops on a measured base, derivatives kept in blocks.
 MAX_LINES_OF_PACKAGE = 7800
-#: Statements of all modules without docstrings; it only falls.
+#: Statements of all modules without docstrings, but for generated ones; it only falls.
 MAX_STATEMENTS = 71_900
 #: 90, nine for instruments from the record itself, the speeds of standstill, what smoothing takes,
 #: loops whose law reads whole counts, noise of the equations, eight that the simulator's kernel
@@ -43,8 +43,9 @@ MAX_STATEMENTS = 71_900
 #: torque, eleven for regressions, thirteen for filters, four for algebraic signals and the lines of
 #: periodic motions, thirteen for mechanisms with closed loops, three for force sensors and feet,
 #: one for a base that forces move, one for derivatives kept in blocks, two for joints and channels
-#: that have files of their own, one for work that methods share, five for tangents in blocks.
-MAX_MODULES_OF_IDENTIFY = 185
+#: that have files of their own, one for work that methods share, five for tangents in blocks,
+#: fourteen for friction terms, which have a module each.
+MAX_MODULES_OF_IDENTIFY = 199
 
 #: Subpackages with a budget of their own.
 ROOMS = (
@@ -174,8 +175,14 @@ def statements(path: Path) -> int:
     return len(found) - sum(isinstance(text.value.value, str) for text in texts)
 
 
+def is_generated(path: Path) -> bool:
+    """Whether a tool writes the module; a test compares it with what it is written from."""
+    return "from declarations, not by hand" in path.read_text(encoding="utf-8")[:300]
+
+
 def test_statements_only_become_fewer():
-    assert sum(map(statements, MODULES.values())) <= MAX_STATEMENTS
+    by_hand = (path for path in MODULES.values() if not is_generated(path))
+    assert sum(map(statements, by_hand)) <= MAX_STATEMENTS
 
 
 def test_contributing_shows_the_same_order():

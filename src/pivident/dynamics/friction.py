@@ -19,7 +19,7 @@ import numpy as np
 
 from pivident.compiled import kernel
 from pivident.dynamics.friction_kernels import level_and_slope, state_after_way, travel_to_reversal
-from pivident.robot.friction_column import SignFunction, evaluated
+from pivident.robot.friction_column import SIGNS, evaluated
 from pivident.robot.friction_term import FrictionTerm
 from pivident.robot.friction_terms.presliding import PRESLIDING, PRESLIDING_RATE
 
@@ -121,4 +121,4 @@ def expression_value(expression: str, quantities: Mapping[str, Any]) -> Any:
 
 def smoothed_sign(sign: int, gamma: float, dq: np.ndarray) -> np.ndarray:
     """sign(dq), (2/π) atan(γ dq) or tanh(γ dq)."""
-    return expression_value(SignFunction(sign).expression, {"gamma": gamma, "dq": dq})
+    return expression_value(SIGNS[sign], {"gamma": gamma, "dq": dq})

@@ -40,20 +40,36 @@ LEVEL_PER_PIECE = 0.02
 MAX_PIECES = 32
 
 
-@shared
-def smooth_sign_and_slope(sign, gamma, v):
-    """Smoothed sign at one speed and its slope there.
+@_inline
+def sign_partials(sign, gamma, v):
+    """s, ∂s/∂v, ∂²s/∂v², ∂s/∂γ and ∂²s/∂v∂γ of a sign; what is not used is not computed.
 
     The hard sign is not simulated, but where a factor |v|^p makes it continuous: its slope at rest
     is that of a step over a tiny speed.
     """
     x = gamma * v
     if sign == _ATAN:
-        return 2.0 / math.pi * arctangent(x), 2.0 / math.pi * gamma / (1.0 + x * x)
+        c, r = 2.0 / math.pi, 1.0 / (1.0 + x * x)
+        return (
+            c * arctangent(x),
+            c * gamma / (1.0 + x * x),
+            -2.0 * c * gamma * gamma * x * r * r,
+            c * v * r,
+            c * r * r * (1.0 - x * x),
+        )
     if sign == _TANH:
         s = math.tanh(x)
-        return s, gamma * (1.0 - s * s)
-    return direction(v), 1.0 / REST if v == 0.0 and sign == _SHARP else 0.0
+        e = 1.0 - s * s
+        return s, gamma * e, -2.0 * gamma * gamma * s * e, v * e, e - 2.0 * x * s * e
+    step = 1.0 / REST if v == 0.0 and sign == _SHARP else 0.0
+    return direction(v), step, 0.0, 0.0, 0.0
+
+
+@shared
+def smooth_sign_and_slope(sign, gamma, v):
+    """Smoothed sign at one speed and its slope there."""
+    partials = sign_partials(sign, gamma, v)
+    return partials[0], partials[1]
 
 
 @shared

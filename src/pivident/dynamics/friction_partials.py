@@ -7,54 +7,17 @@ The simulator integrates friction f(v; p) with its slope ∂f/∂v, so a tangent
 
 from __future__ import annotations
 
-import math
-
 from pivident.compiled import inlined as _inline
 from pivident.compiled import inner
 from pivident.dynamics.compiled_columns import BY_GAMMA, CURVATURE, FIRST_ADDRESS, call_column
-from pivident.dynamics.elementary import arctangent
 from pivident.dynamics.friction_generated import position_derivatives, speed_derivatives
-from pivident.dynamics.friction_kernels import smooth_sign_and_slope
-from pivident.robot.friction_column import SignFunction
+from pivident.dynamics.friction_kernels import sign_partials
 from pivident.robot.friction_terms.coulomb import COULOMB
 
 _COULOMB = int(COULOMB)
-_ATAN, _TANH = int(SignFunction.ATAN), int(SignFunction.TANH)
 
 #: Column of ``FrictionTable.term_value`` that holds γ.
 _GAMMA = 1
-
-
-@_inline
-def sign_partials(sign, gamma, v):
-    """s, ∂s/∂v, ∂²s/∂v², ∂s/∂γ and ∂²s/∂v∂γ of a smoothed sign."""
-    x = gamma * v
-    if sign == _ATAN:
-        c, r = 2.0 / math.pi, 1.0 / (1.0 + x * x)
-        return (
-            c * arctangent(x),
-            c * gamma * r,
-            -2.0 * c * gamma * gamma * x * r * r,
-            c * v * r,
-            c * r * r * (1.0 - x * x),
-        )
-    if sign != _TANH:
-        s, slope = smooth_sign_and_slope(sign, gamma, v)
-        return s, slope, 0.0, 0.0, 0.0
-    s = math.tanh(x)
-    e = 1.0 - s * s
-    return s, gamma * e, -2.0 * gamma * gamma * s * e, v * e, e - 2.0 * x * s * e
-
-
-@_inline
-def sign_curvature(sign, gamma, v):
-    """∂²s/∂v² of a smoothed sign alone, which takes no arctangent."""
-    x = gamma * v
-    if sign == _ATAN:
-        c, r = 2.0 / math.pi, 1.0 / (1.0 + x * x)
-        return -2.0 * c * gamma * gamma * x * r * r
-    s = math.tanh(x)
-    return -2.0 * gamma * gamma * s * (1.0 - s * s)
 
 
 @inner
@@ -94,5 +57,5 @@ def position_partials(column, first, second, q, which):
 def speed_curvature(column, sign, gamma, first, second, v):
     """∂²f/∂v² of one nonlinear term of speed, see ``speed_partials``."""
     if column == _COULOMB:
-        return sign_curvature(sign, gamma, v)
+        return sign_partials(sign, gamma, v)[2]
     return speed_partials(column, sign, gamma, first, second, v, _GAMMA)[0]

@@ -38,11 +38,10 @@ class SignFunction(IntEnum):
     TANH = 2
     SHARP = 3  # the sign where a term needs no smoothing
 
-    @property
-    def expression(self) -> str:
-        """As expressions of columns are written, with ``gamma`` and ``pi``."""
-        smooth = {"ATAN": "2/pi*atan(gamma*dq)", "TANH": "tanh(gamma*dq)"}
-        return smooth.get(self.name, "sign(dq)")
+
+#: Sign functions of the speed, written as the expressions of columns.
+SIGNS: dict[int, str] = {code: "sign(dq)" for code in SignFunction}
+SIGNS |= {SignFunction.ATAN: "2/pi*atan(gamma*dq)", SignFunction.TANH: "tanh(gamma*dq)"}
 
 
 @dataclass(frozen=True)

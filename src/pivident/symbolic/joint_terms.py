@@ -15,7 +15,7 @@ from pivident.dynamics.grouping.expressions import (
     sine,
 )
 from pivident.dynamics.parameters import Parameter
-from pivident.robot.friction_column import SignFunction, evaluated
+from pivident.robot.friction_column import SIGNS, evaluated
 from pivident.robot.friction_term import FrictionTerm
 from pivident.symbolic.model_symbols import ModelSymbols
 
@@ -49,7 +49,7 @@ def joint_column(
 def smooth_sign(code: int, gamma: float, dq: Expression) -> Expression:
     """sign(dq), (2/π) atan(γ dq) or tanh(γ dq)."""
     names = {"gamma": gamma, "dq": dq}
-    return as_expression(evaluated(SignFunction(code).expression, {**_FUNCTIONS, **names}))
+    return as_expression(evaluated(SIGNS[code], {**_FUNCTIONS, **names}))
 
 
 def has_memory(p: Parameter) -> bool:
