@@ -19,7 +19,6 @@ from pivident.recording.public_records import EMPS
 from pivident.recording.recording import Recording
 from pivident.robot.friction import (
     FrictionLaw,
-    FrictionTerm,
     asymmetric_viscous,
     coulomb,
     dahl,
@@ -32,6 +31,7 @@ from pivident.robot.friction import (
     stribeck,
     viscous,
 )
+from pivident.robot.friction_term import FrictionTerm
 from pivident.robot.gallery import load_robot
 
 #: Slope of the sign tanh(γ v) [s/m]: at 99 % of the Coulomb level a carriage at rest creeps

@@ -36,10 +36,11 @@ from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.method import Method
 from pivident.estimation.methods import METHODS
 from pivident.estimation.signal_recipes import RandomWalk
-from pivident.friction_laws.law_candidates import adding, in_place_of_coulomb, key_of
+from pivident.friction_laws.law_candidates import Reach, adding, change_of, key_of
 from pivident.friction_laws.law_choice import choose_laws
 from pivident.friction_laws.shapes import identify_shapes
-from pivident.robot.friction import FrictionColumn, FrictionLaw, coulomb, offset, viscous
+from pivident.robot.friction import FrictionLaw, coulomb, offset, viscous
+from pivident.robot.term_kind import Candidate
 
 NOISE = Noise(encoder=2e-7, torque=0.3)
 METHOD: dict[str, Method] = dict(METHODS)
@@ -77,10 +78,13 @@ def chosen(name: str, seed: int) -> tuple[bool, bool, list[bool], str]:
     """Whether the true law is chosen, the plain one rejected, the wrong ones rejected; its name."""
     case = CASES[name]
     base = FrictionLaw((viscous(), coulomb(), *(() if name.startswith("asym") else (offset(),))))
+    elements = Candidate(
+        "Maxwell slip", lambda *_: case.law.terms[1:-1], instead_of=("coulomb", "stribeck")
+    )
     more = {
         "ripple": {"ripple": adding(case.law.terms[3:])},
         "counterbalance": {"counterbalance": adding(case.law.terms[3:])},
-        "Maxwell slip": {"Maxwell slip": in_place_of_coulomb(case.law.terms[1:-1])},
+        "Maxwell slip": {"Maxwell slip": change_of(elements, Reach(1.0, 1.0))},
     }
     problem = Axis(case.truth, noise=NOISE).problem(base, seed)
     choice = choose_laws(problem, more={"axis": more.get(name, {})}).joint("axis")
@@ -93,15 +97,15 @@ def chosen(name: str, seed: int) -> tuple[bool, bool, list[bool], str]:
 
 #: Functions that can be what another one is: a power of one, a slope for each direction …
 SAME = {
-    FrictionColumn.VISCOUS: {FrictionColumn.POWER, FrictionColumn.VISCOUS_POSITIVE},
-    FrictionColumn.COULOMB: {FrictionColumn.COULOMB_POSITIVE},
+    "viscous": {"power", "viscous_positive"},
+    "coulomb": {"coulomb_positive"},
 }
 
 
 def _contains(law: FrictionLaw, true: FrictionLaw) -> bool:
     """Whether a law has, at least, the terms that are there."""
-    columns = {t.column for t in law.terms}
-    return all(columns & ({t.column} | SAME.get(t.column, set())) for t in true.terms)
+    names = {t.column.name for t in law.terms}
+    return all(names & ({t.column.name} | SAME.get(t.column.name, set())) for t in true.terms)
 
 
 def _index(found, name: str) -> int:

@@ -47,7 +47,6 @@ from pivident.recording.repeated_motion import repeated_motion
 from pivident.robot.description import Robot
 from pivident.robot.friction import (
     FrictionLaw,
-    FrictionTerm,
     asymmetric_coulomb,
     asymmetric_viscous,
     coulomb,
@@ -63,6 +62,7 @@ from pivident.robot.friction import (
     stribeck,
     viscous,
 )
+from pivident.robot.friction_term import FrictionTerm
 from pivident.robot.gallery import load_robot
 from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import Cascade

@@ -22,7 +22,7 @@ from pivident.export.joint_side import joint_side
 from pivident.export.load_back import mujoco_model
 from pivident.export.robot_file import RobotFile
 from pivident.models.runnable_model import RunnableModel
-from pivident.robot.friction import FrictionTerm
+from pivident.robot.friction_term import FrictionTerm
 from pivident.simulation.closed_loop import LoopSignals
 from pivident.simulation.controllers import TAPS, Controller, SampledLaw
 

@@ -13,20 +13,21 @@ from pivident.compiled import allocating
 from pivident.dynamics.closed_chains.closed_dynamics import (
     ClosedModel,
 )
-from pivident.dynamics.closed_chains.passive_springs import position_torque
 from pivident.dynamics.forward import Model, checked_states, closed_states, make_model
 from pivident.dynamics.friction_kernels import level_and_slope
 from pivident.dynamics.friction_table import (
     AHEAD,
+    OF_POSITION,
     PATH_ROWS,
+    SPRINGS,
     STATE,
     FrictionTable,
     friction_torque,
     make_friction_table,
     path_entries,
     path_torque,
+    position_torque,
     slopes_width,
-    spring_torque,
 )
 from pivident.dynamics.kernels import (
     invert_mass_matrix,
@@ -93,7 +94,7 @@ def _accelerations(model, q, dq, tau, states, out, failure):
             f.path_index, f.path_value, path, AHEAD, couplings, tau[s],
             vectors, position, speed, 0.0, still, speed, friction, slopes, 0,
         )  # fmt: skip
-        spring_torque(f.path_index, f.path_value, vectors, position, spring)
+        position_torque(f.path_index, f.path_value, vectors, position, spring, SPRINGS)
         for i in range(n):
             out[s, i] = 0.0
             for j in range(n):
@@ -116,7 +117,7 @@ def _closed_acceleration(
             f.linear, f.term_index, f.term_value, f.pair_index, f.pair_value, vectors, 0, 1, slopes,
             0,
         )  # fmt: skip
-        position_torque(f.path_index, f.path_value, vectors, 2, 1)
+        position_torque(f.path_index, f.path_value, vectors, 2, 1, OF_POSITION)
         net[s] -= vectors[1]
         try:
             np.linalg.cholesky(mass[s])

@@ -18,6 +18,5 @@ def friction_columns(
     dq = np.asarray(dq, dtype=float)
     out = np.empty((*dq.shape, len(law.terms)))
     for k, term in enumerate(law.terms):
-        column, sign, shape = term.encoded(simulated)
-        out[..., k] = friction_column(column, sign, shape, dq, q, load)
+        out[..., k] = friction_column(term, dq, q, load, simulated)
     return out

@@ -10,7 +10,6 @@ from pivident.dynamics.entry_plan import coupling_sign
 from pivident.dynamics.parameters import standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.robot.friction import (
-    FrictionColumn,
     FrictionLaw,
     coulomb,
     counterbalance,
@@ -25,7 +24,8 @@ from pivident.robot.friction import (
     stribeck,
     viscous,
 )
-from pivident.robot.friction_term import SignFunction
+from pivident.robot.friction_column import SignFunction
+from pivident.robot.friction_terms import friction_columns as declared_columns
 from pivident.robot.gallery import load_robot
 from pivident.robot.transmission import Transmission
 from tests.dynamics.friction_laws import LAWS, law, smooth_motion
@@ -211,7 +211,7 @@ def test_every_function_has_a_formula():
     shown = [str(term) for terms in LAWS.values() for term in terms]
     codes = {t.column for terms in LAWS.values() for t in terms}
     codes |= {t.column for t in counterbalance(0.4, 0.0)}
-    assert codes == set(FrictionColumn) and all(shown)
+    assert codes == set(declared_columns().values()) and all(shown)
 
 
 def test_levels_stand_for_memory_and_load_in_steady_motion():

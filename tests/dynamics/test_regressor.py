@@ -19,7 +19,7 @@ from pivident.robot.friction import (
     stribeck,
     viscous,
 )
-from pivident.robot.friction_term import SignFunction
+from pivident.robot.friction_column import SignFunction
 from pivident.robot.gallery import load_robot
 from tests.friction_columns import friction_columns
 from tests.robot.kinematics import gravity_torque

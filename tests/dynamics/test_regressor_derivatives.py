@@ -121,11 +121,10 @@ def test_slopes_of_every_friction_term(law):
         term = regressor.parameters[slope.column].friction
         if term is None:
             continue
-        column, sign, shape = term.encoded()
         if slope.quantity == 0:
-            ends = [friction_column(column, sign, shape, dq, q + s * step) for s in (1, -1)]
+            ends = [friction_column(term, dq, q + s * step) for s in (1, -1)]
         else:
-            ends = [friction_column(column, sign, shape, dq + s * step, q) for s in (1, -1)]
+            ends = [friction_column(term, dq + s * step, q) for s in (1, -1)]
         expected = (ends[0] - ends[1]) / (2.0 * step)
         np.testing.assert_allclose(
             slope.value(q, dq, dq), expected, rtol=1e-5, atol=1e-5 * np.abs(expected).max()

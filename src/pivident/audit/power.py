@@ -22,7 +22,7 @@ import numpy as np
 from pivident.audit.blocked_fit import BLOCKS, blocked_fit, jackknife, orthonormal
 from pivident.audit.inverse_model import InverseModel
 from pivident.logs.log import Log
-from pivident.robot.friction import FrictionColumn
+from pivident.robot.friction_terms.offset import OFFSET
 from pivident.text.finding import Finding, Quantity, Severity, at_sample
 from pivident.text.numbers import with_spread
 
@@ -123,7 +123,7 @@ def _friction_power(model: InverseModel, j: int, tau: np.ndarray) -> tuple[float
         for k, index in enumerate(model.own[j])
         if (p := parameters[index]).friction is not None
         and p.joint == model.robot.places[j]
-        and p.friction.column is not FrictionColumn.OFFSET
+        and p.friction.column != OFFSET
         and not p.friction.depends_on_position
     ]
     if not own:
@@ -218,8 +218,7 @@ def _constant_part(model: InverseModel, j: int, tau: np.ndarray) -> tuple[float,
     friction = [
         k
         for k, index in enumerate(model.own[j])
-        if (p := parameters[index]).friction is not None
-        and p.friction.column is not FrictionColumn.OFFSET
+        if (p := parameters[index]).friction is not None and p.friction.column != OFFSET
     ]
     columns = np.column_stack([model.columns[j][rows][:, friction], model.ddq[rows, j]])
     basis = orthonormal(np.column_stack([np.ones(len(columns)), columns]))

@@ -82,11 +82,7 @@ def speeds(highest: float) -> np.ndarray:
 def speed_columns(joint: Joint, speed: np.ndarray) -> dict[str, np.ndarray]:
     """The column of each term of a joint's law that is a function of speed, by its stem."""
     law = joint.friction.with_default_gamma(joint.default_gamma)
-    return {
-        term.stem: friction_column(*term.encoded(), speed)
-        for term in law.terms
-        if not term.has_inner_signal and not term.depends_on_position
-    }
+    return {term.stem: friction_column(term, speed) for term in law.terms if term.is_of_speed_alone}
 
 
 def _curve(k: int, entry: Entry, j: int, speed: np.ndarray) -> FrictionCurve | None:

@@ -12,6 +12,9 @@ import math
 import numpy as np
 from numba import njit
 
+#: Samples of a tile: long enough to vectorise, short enough for the caches.
+TILE = 128
+
 # π/2 in three parts; products of the first two with whole numbers up to 2²⁴ are exact.
 _HALF_PI_1, _HALF_PI_2 = 2 * 7.85398125648498535156e-1, 2 * 3.77489470793079817668e-8
 _HALF_PI_3 = 2 * 2.69515142907905952645e-15
@@ -57,3 +60,42 @@ def arctangent(x):
     q = ((q * z + 4.328810604912902668951e2) * z + 4.853903996359136964868e2) * z
     q = q + 1.945506571482613964425e2
     return math.copysign(start + (y + y * z * p / q), x)
+
+
+#: A speed in place of zero where something is divided by it.
+REST = 1e-150
+
+_inlined = njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+
+
+# What the generated functions of friction call.
+
+
+@_inlined
+def sin(x):
+    """The sine alone."""
+    return sine_and_cosine(x)[0]
+
+
+@_inlined
+def cos(x):
+    """The cosine alone."""
+    return sine_and_cosine(x)[1]
+
+
+@_inlined
+def power(x, exponent):
+    """x^p."""
+    return x**exponent
+
+
+@_inlined
+def size(x):
+    """|x|, and a tiny number for zero: finite in quotients such as |x|^p/|x|."""
+    return max(abs(x), REST)
+
+
+@_inlined
+def direction(x):
+    """sign(x), the slope of |x|; zero at zero."""
+    return math.copysign(1.0, x) if x != 0.0 else 0.0

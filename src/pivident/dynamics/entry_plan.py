@@ -10,15 +10,17 @@ import numpy as np
 from pivident.dynamics.kernels import Tree, tree_of
 from pivident.dynamics.parameters import Parameter
 from pivident.robot.description import INERTIAL, Robot
-from pivident.robot.friction import FrictionColumn
-from pivident.robot.friction_term import MAX_SHAPES, SignFunction
+from pivident.robot.friction_column import SignFunction
+from pivident.robot.friction_term import MAX_SHAPES
+from pivident.robot.friction_terms.coulomb import COULOMB
+from pivident.robot.friction_terms.viscous import VISCOUS
 
 #: Uses of the screw of a joint, seen from a link: for the links further out, for the columns of
 #: the inertias, for those of first moments and mass.
 CARRY, INERTIAS, MOMENTS = 1, 2, 4
 
-#: Functions of entries that are an acceleration or an inner signal; the others have the codes of
-#: ``FrictionColumn``.
+#: Functions of entries that are an acceleration or an inner signal; the others have the numbers
+#: of a ``FrictionColumn``.
 ACCELERATION, INNER = 100, 101
 
 
@@ -118,10 +120,9 @@ def joint_entry(
     if p.stem == "fcm":
         sign, gamma = coupling_sign(robot, c.motor, simulated)
         factor = c.ratio if joint == c.joint else 1.0
-        coulomb = int(FrictionColumn.COULOMB)
-        return (coulomb, sign, c.motor, c.joint), (factor, c.ratio, gamma, *_NO_SHAPE[1:])
+        return (int(COULOMB), sign, c.motor, c.joint), (factor, c.ratio, gamma, *_NO_SHAPE[1:])
     other = c.motor if joint == c.joint else c.joint
-    function = ACCELERATION if p.stem == "iam" else int(FrictionColumn.VISCOUS)
+    function = ACCELERATION if p.stem == "iam" else int(VISCOUS)
     return (function, 0, other, other), (c.ratio, 0.0, *_NO_SHAPE)
 
 

@@ -12,15 +12,18 @@ relaxed, z = 0.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any, cast
+
 import numpy as np
 
 from pivident.compiled import kernel
 from pivident.dynamics.friction_kernels import level_and_slope, state_after_way, travel_to_reversal
-from pivident.robot.friction import FrictionColumn
-from pivident.robot.friction_term import OF_POSITION, WITH_MEMORY, SignFunction
+from pivident.robot.friction_column import SIGNS, evaluated
+from pivident.robot.friction_term import FrictionTerm
+from pivident.robot.friction_terms.presliding import PRESLIDING, PRESLIDING_RATE
 
-_PRESLIDING = int(FrictionColumn.PRESLIDING)
-_RATE = int(FrictionColumn.PRESLIDING_RATE)
+_PRESLIDING, _RATE = int(PRESLIDING), int(PRESLIDING_RATE)
 
 
 @kernel
@@ -64,75 +67,58 @@ def memory_column(
     return out
 
 
+#: Names in expressions for arrays.
+_FUNCTIONS = {
+    "abs": np.abs,
+    "power": np.power,
+    "exp": np.exp,
+    "sqrt": np.sqrt,
+    "sin": np.sin,
+    "cos": np.cos,
+    "max": np.maximum,
+    "min": np.minimum,
+    "sign": np.sign,
+    "atan": np.arctan,
+    "tanh": np.tanh,
+    "pi": np.pi,
+}
+
+
 def friction_column(
-    column: int,
-    sign: int,
-    shape: tuple[float, ...],
+    term: FrictionTerm,
     dq: np.ndarray,
     q: np.ndarray | None = None,
     load: np.ndarray | None = None,
+    simulated: bool = False,
 ) -> np.ndarray:
-    """Column of one friction term, same shape as ``dq``; ``column`` and ``sign`` are codes.
+    """Column of one friction term, same shape as ``dq``.
 
     Terms of position need q, those with memory q along one path (samples,), those of load the
-    torque that the joint carries [N m or N].
+    torque that the joint carries [N m or N]. ``simulated`` replaces the hard sign.
     """
-    c = FrictionColumn
-    if column in OF_POSITION or column in WITH_MEMORY:
-        if q is None:
-            raise ValueError(f"the term {FrictionColumn(column).name} needs the positions q")
-        if column in OF_POSITION:
-            return _position_column(column, shape, np.asarray(q, dtype=float))
+    column, sign, shape = term.encoded(simulated)
+    if q is None and (term.depends_on_position or term.has_memory):
+        raise ValueError(f"the term {term.column.name.upper()} needs the positions q")
+    if term.has_memory:
         if np.shape(q) != dq.shape or dq.ndim != 1:
             raise ValueError(
                 "terms with memory need q and dq along one path, each of shape (samples,), not "
                 f"{np.shape(q)} and {dq.shape}"
             )
-        return memory_column(column, shape, q, dq)
-    if column == c.VISCOUS:
-        return dq
-    if column == c.VISCOUS_POSITIVE:
-        return np.maximum(dq, 0.0)
-    if column == c.VISCOUS_NEGATIVE:
-        return np.minimum(dq, 0.0)
-    if column == c.OFFSET:
-        return np.ones_like(dq)
-    if column == c.POWER:
-        direction = np.sign(dq) if shape[1] >= 1.0 else smoothed_sign(sign, shape[0], dq)
-        return direction * np.abs(dq) ** shape[1]
-    s = smoothed_sign(sign, shape[0], dq)
-    if column == c.COULOMB:
-        return s
-    if column == c.COULOMB_POSITIVE:
-        return 0.5 * (1.0 + s)
-    if column == c.COULOMB_NEGATIVE:
-        return -0.5 * (1.0 - s)
-    if column == c.LOAD:
-        if load is None:
-            raise ValueError("the term LOAD needs the torque that the joint carries")
-        return np.abs(load) * s
-    return s * np.exp(-(np.abs(dq / shape[1]) ** shape[2]))
+        return memory_column(column, shape, cast(np.ndarray, q), dq)
+    if load is None and term.depends_on_load:
+        name = term.column.name.upper()
+        raise ValueError(f"the term {name} needs the torque that the joint carries")
+    quantities = {"dq": dq, "q": q, "load": load, "s": smoothed_sign(sign, shape[0], dq)}
+    value = term.column.evaluate(term.values, {**_FUNCTIONS, **quantities})
+    return np.asarray(value) if np.shape(value) == dq.shape else np.full(dq.shape, float(value))
 
 
-def _position_column(column: int, shape: tuple[float, ...], q: np.ndarray) -> np.ndarray:
-    """Ripple cos(n q), sin(n q), spring q, strut; see ``pivident.robot.friction``."""
-    c = FrictionColumn
-    if column == c.SPRING:
-        return q
-    if column == c.COSINE:
-        return np.cos(shape[1] * q)
-    if column == c.SINE:
-        return np.sin(shape[1] * q)
-    ratio, angle = shape[1], q - shape[2]
-    if column == c.STRUT_STIFFNESS:
-        return np.sin(angle)
-    return np.sin(angle) / np.sqrt(1.0 + ratio**2 - 2.0 * ratio * np.cos(angle))
+def expression_value(expression: str, quantities: Mapping[str, Any]) -> Any:
+    """The expression of a column at arrays of its quantities and values of its constants."""
+    return evaluated(expression, {**_FUNCTIONS, **quantities})
 
 
 def smoothed_sign(sign: int, gamma: float, dq: np.ndarray) -> np.ndarray:
     """sign(dq), (2/π) atan(γ dq) or tanh(γ dq)."""
-    if sign == SignFunction.SIGN:
-        return np.sign(dq)
-    if sign == SignFunction.ATAN:
-        return (2.0 / np.pi) * np.arctan(gamma * dq)
-    return np.tanh(gamma * dq)
+    return expression_value(SIGNS[sign], {"gamma": gamma, "dq": dq})

@@ -20,18 +20,15 @@ import math
 
 from pivident.compiled import inlined as _inline
 from pivident.compiled import shared
-from pivident.dynamics.elementary import arctangent
-from pivident.robot.friction import FrictionColumn
-from pivident.robot.friction_term import SignFunction
+from pivident.dynamics.compiled_columns import FIRST_ADDRESS, SLOPE, VALUE, call_column
+from pivident.dynamics.elementary import REST, arctangent, direction
+from pivident.dynamics.friction_generated import position_derivatives, speed_derivatives
+from pivident.robot.friction_column import SignFunction
+from pivident.robot.friction_terms.presliding import PRESLIDING
 
-_COULOMB = int(FrictionColumn.COULOMB)
-_POSITIVE = int(FrictionColumn.COULOMB_POSITIVE)
-_NEGATIVE = int(FrictionColumn.COULOMB_NEGATIVE)
-_STRIBECK = int(FrictionColumn.STRIBECK)
-_POWER = int(FrictionColumn.POWER)
-_FORWARDS = int(FrictionColumn.VISCOUS_POSITIVE)
-_PRESLIDING = int(FrictionColumn.PRESLIDING)
-_ATAN = int(SignFunction.ATAN)
+_PRESLIDING = int(PRESLIDING)
+_ATAN, _TANH = int(SignFunction.ATAN), int(SignFunction.TANH)
+_SHARP = int(SignFunction.SHARP)
 
 #: Exponents beyond which exp(-x) is negligible beside 1.
 _NOTHING = 40.0
@@ -43,46 +40,61 @@ LEVEL_PER_PIECE = 0.02
 MAX_PIECES = 32
 
 
-@shared
-def smooth_sign_and_slope(sign, gamma, v):
-    """Smoothed sign at one speed and its slope there (the hard sign is not simulated)."""
+@_inline
+def sign_partials(sign, gamma, v):
+    """s, ∂s/∂v, ∂²s/∂v², ∂s/∂γ and ∂²s/∂v∂γ of a sign; what is not used is not computed.
+
+    The hard sign is not simulated, but where a factor |v|^p makes it continuous: its slope at rest
+    is that of a step over a tiny speed.
+    """
     x = gamma * v
     if sign == _ATAN:
-        return 2.0 / math.pi * arctangent(x), 2.0 / math.pi * gamma / (1.0 + x * x)
-    s = math.tanh(x)
-    return s, gamma * (1.0 - s * s)
+        c, r = 2.0 / math.pi, 1.0 / (1.0 + x * x)
+        return (
+            c * arctangent(x),
+            c * gamma / (1.0 + x * x),
+            -2.0 * c * gamma * gamma * x * r * r,
+            c * v * r,
+            c * r * r * (1.0 - x * x),
+        )
+    if sign == _TANH:
+        s = math.tanh(x)
+        e = 1.0 - s * s
+        return s, gamma * e, -2.0 * gamma * gamma * s * e, v * e, e - 2.0 * x * s * e
+    step = 1.0 / REST if v == 0.0 and sign == _SHARP else 0.0
+    return direction(v), step, 0.0, 0.0, 0.0
+
+
+@shared
+def smooth_sign_and_slope(sign, gamma, v):
+    """Smoothed sign at one speed and its slope there."""
+    partials = sign_partials(sign, gamma, v)
+    return partials[0], partials[1]
 
 
 @shared
 def friction_value_and_slope(column, sign, gamma, first, second, v):
-    """f(v) of one nonlinear term of speed and df/dv; v_s and δ, or p, are ``first second``."""
+    """f(v) of one term of speed and df/dv; ``first second``: its constants, such as v_s and δ."""
     s, slope = smooth_sign_and_slope(sign, gamma, v)
-    if column == _COULOMB:
-        return s, slope
-    if column == _POSITIVE:
-        return 0.5 * (1.0 + s), 0.5 * slope
-    if column == _NEGATIVE:
-        return -0.5 * (1.0 - s), 0.5 * slope
-    if column == _STRIBECK:
-        ratio = abs(v / first) ** second
-        fall = math.exp(-ratio)
-        decline = 0.0 if v == 0.0 else -s * fall * second * ratio / v
-        return s * fall, slope * fall + decline
-    if column == _POWER:
-        return _power_and_slope(s, slope, first, v)
-    moving = v > 0.0 if column == _FORWARDS else v < 0.0
-    return (v, 1.0) if moving else (0.0, 0.5 if v == 0.0 else 0.0)
+    if column >= FIRST_ADDRESS:
+        return (
+            call_column(column, VALUE, s, slope, 0.0, 0.0, 0.0, first, second, v),
+            call_column(column, SLOPE, s, slope, 0.0, 0.0, 0.0, first, second, v),
+        )
+    found = speed_derivatives(column, s, slope, 0.0, 0.0, 0.0, first, second, v)
+    return found[VALUE], found[SLOPE]
 
 
-@_inline
-def _power_and_slope(s, slope, exponent, v):
-    """sign(v) |v|^p and its slope; below p = 1 with the smoothed sign ``s``."""
-    if v == 0.0:
-        return 0.0, 1.0 if exponent == 1.0 else 0.0
-    power = abs(v) ** exponent
-    if exponent >= 1.0:
-        return math.copysign(power, v), exponent * power / abs(v)
-    return s * power, slope * power + s * exponent * power / v
+@shared
+def position_value_and_slope(column, first, second, q):
+    """f(q) of one term of position and df/dq."""
+    if column >= FIRST_ADDRESS:
+        return (
+            call_column(column, VALUE, 0.0, 0.0, 0.0, 0.0, 0.0, first, second, q),
+            call_column(column, SLOPE, 0.0, 0.0, 0.0, 0.0, 0.0, first, second, q),
+        )
+    found = position_derivatives(column, first, second, q)
+    return found[VALUE], found[SLOPE]
 
 
 @shared

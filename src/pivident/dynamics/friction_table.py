@@ -22,11 +22,11 @@ import numpy as np
 
 from pivident.compiled import inlined as _inline
 from pivident.compiled import inner, kernel, rows, shared
-from pivident.dynamics.elementary import sine_and_cosine
 from pivident.dynamics.entry_plan import coupling_sign
 from pivident.dynamics.friction_kernels import (
     friction_value_and_slope,
     level_and_slope,
+    position_value_and_slope,
     presliding_stiffness,
     slip_stiffness,
     smooth_sign_and_slope,
@@ -35,19 +35,19 @@ from pivident.dynamics.friction_kernels import (
 )
 from pivident.dynamics.parameters import Parameter
 from pivident.robot.description import Robot
-from pivident.robot.friction import FrictionColumn
+from pivident.robot.friction_column import SignFunction
 from pivident.robot.friction_term import MAX_SHAPES, FrictionTerm
+from pivident.robot.friction_terms import friction_columns
+from pivident.robot.friction_terms.load import LOAD
+from pivident.robot.friction_terms.maxwell_slip import MAXWELL
+from pivident.robot.friction_terms.offset import OFFSET
+from pivident.robot.friction_terms.presliding import PRESLIDING, PRESLIDING_RATE
+from pivident.robot.friction_terms.viscous import VISCOUS
 
-_COSINE, _SINE = int(FrictionColumn.COSINE), int(FrictionColumn.SINE)
-_SPRING, _STRUT = int(FrictionColumn.SPRING), int(FrictionColumn.STRUT)
-_STRUT_STIFFNESS = int(FrictionColumn.STRUT_STIFFNESS)
-_LOAD = int(FrictionColumn.LOAD)
-_PRESLIDING = int(FrictionColumn.PRESLIDING)
-_PRESLIDING_RATE = int(FrictionColumn.PRESLIDING_RATE)
-_MAXWELL = int(FrictionColumn.MAXWELL)
+_LOAD, _PRESLIDING, _MAXWELL = int(LOAD), int(PRESLIDING), int(MAXWELL)
 
-#: Columns whose parameters share one entry of the path table: entry's code, place of the parameter.
-_SHARED = {_SINE: (_COSINE, 1), _PRESLIDING_RATE: (_PRESLIDING, 1), _STRUT_STIFFNESS: (_STRUT, 1)}
+#: Signs of entries of the path table that are functions of the position: of springs, of all.
+SPRINGS, OF_POSITION = int(SignFunction.SPRING), int(SignFunction.NONE)
 
 #: Largest fl after clipping; at 1 friction would hold any torque.
 MAX_LOAD_SHARE = 0.9
@@ -62,8 +62,9 @@ RATE = AHEAD + 2  # dz/dx at the end of the step
 class FrictionTable(NamedTuple):
     """Friction of all joints in the simulator.
 
-    Rows of ``path_value`` are two parameters and four constants. Ripple: A, B, n. Strut: cbf, cbk,
-    ρ, φ. Presliding: fc, fd, 1/d, ρ, 1/v_s, δ; slip: fm, 0, then the same. Load: fl, 0, γ.
+    Rows of ``path_value`` are two parameters and four constants. Functions of the position: the
+    parameter, 0 and their constants. Presliding: fc, fd, 1/d, ρ, 1/v_s, δ; slip: fm, 0, then the
+    same. Load: fl, 0, γ.
     """
 
     linear: np.ndarray  # viscous parameter and constant torque, (joints, 2)
@@ -90,12 +91,12 @@ def make_friction_table(
     for p, value in zip(parameters, values.tolist(), strict=True):
         if p.coupling is not None and p.stem in ("fvm", "fcm"):
             pairs[p.coupling][1 if p.stem == "fvm" else 2] = value
-        if p.friction is None or not _is_of_speed_alone(p.friction):
+        if p.friction is None or not p.friction.is_of_speed_alone:
             continue
         code, sign, shape = p.friction.encoded(simulated=True)
-        if code == FrictionColumn.VISCOUS:
+        if p.friction.column == VISCOUS:
             linear[p.joint, 0] += value
-        elif code == FrictionColumn.OFFSET:
+        elif p.friction.column == OFFSET:
             linear[p.joint, 1] += value
         else:
             terms.append(((p.joint, code, sign), (value, *shape[:3])))
@@ -129,7 +130,7 @@ def path_entries(parameters: tuple[Parameter, ...], values: np.ndarray) -> list[
     """Entries of the path table, joint by joint, those of load last."""
     found: dict[tuple, tuple[str, list[float]]] = {}
     for p, value in zip(parameters, values.tolist(), strict=True):
-        if p.friction is None or _is_of_speed_alone(p.friction):
+        if p.friction is None or p.friction.is_of_speed_alone:
             continue
         code, sign, shape = p.friction.encoded(simulated=True)
         if code == _LOAD and not abs(value) < 1.0:
@@ -137,7 +138,8 @@ def path_entries(parameters: tuple[Parameter, ...], values: np.ndarray) -> list[
                 f"{p.name} = {value:g}: friction must grow slower than the load; give a value "
                 "between 0 and 1"
             )
-        head, place = _SHARED.get(code, (code, 0))
+        # the rate of presliding has the state of its entry
+        head, place = (_PRESLIDING, 1) if code == int(PRESLIDING_RATE) else (code, 0)
         _, both = found.setdefault(
             (head == _LOAD, p.joint, head, sign, shape), (p.name, [0.0, 0.0])
         )
@@ -154,7 +156,7 @@ def path_entries(parameters: tuple[Parameter, ...], values: np.ndarray) -> list[
 
 def clipped_friction(term: FrictionTerm, value: float) -> float:
     """The value, or the nearest one that dissipates energy."""
-    if term.is_dissipative or term.column is FrictionColumn.PRESLIDING_RATE:
+    if term.is_dissipative:
         value = max(value, 0.0)
     return min(value, MAX_LOAD_SHARE) if term.depends_on_load else value
 
@@ -164,27 +166,26 @@ def dry_friction_level(friction: FrictionTable, joints: int) -> np.ndarray:
 
     Friction that grows with speed sets the scale only where there is no other.
     """
-    grows = (FrictionColumn.POWER, FrictionColumn.VISCOUS_POSITIVE, FrictionColumn.VISCOUS_NEGATIVE)
+    grows = [int(column) for column in friction_columns().values() if column.speed_power]
     fast = np.isin(friction.term_index[:, 1], grows)
-    fast &= ~((friction.term_index[:, 1] == FrictionColumn.POWER) & (friction.term_value[:, 2] < 1))
+    fast &= friction.term_index[:, 2] == SignFunction.SHARP
     level, other = np.full(joints, 1e-9), np.zeros(joints)
     for where, into in ((~fast, level), (fast, other)):
         np.add.at(into, friction.term_index[where, 0], np.abs(friction.term_value[where, 0]))
     ratio, _, dry, _ = friction.pair_value.T
     np.add.at(level, friction.pair_index[:, 0], np.abs(dry))
     np.add.at(level, friction.pair_index[:, 1], np.abs(ratio * dry))
-    column = friction.path_index[:, 1]
-    first, second = np.abs(friction.path_value[:, :2]).T
-    for k, joint in enumerate(friction.path_index[:, 0]):
-        if column[k] in (_PRESLIDING, _MAXWELL):
-            level[joint] += first[k]
-        elif column[k] == _COSINE:
-            level[joint] += math.hypot(first[k], second[k])
+    waves: dict[tuple[float, ...], float] = {}
+    entries = zip(friction.path_index.tolist(), friction.path_value.tolist(), strict=True)
+    for (joint, column, sign), (value, _, *constants) in entries:
+        if column in (_PRESLIDING, _MAXWELL):
+            level[joint] += abs(value)
+        elif sign == OF_POSITION:  # sine and cosine of one order are one wave
+            wave = (joint, *constants)
+            waves[wave] = math.hypot(waves.get(wave, 0.0), value)
+    for (joint, *_), height in waves.items():
+        level[int(joint)] += height
     return np.where(level > 1e-9, level, level + other)
-
-
-def _is_of_speed_alone(term: FrictionTerm) -> bool:
-    return not (term.depends_on_position or term.has_memory or term.depends_on_load)
 
 
 def _constants(column: int, shape: tuple[float, ...]) -> tuple[float, ...]:
@@ -259,10 +260,12 @@ def path_torque(
         j, column = path_index[k, 0], path_index[k, 1]
         x, v = vectors[travel, j], vectors[speed, j]
         first, second, constant = path_value[k, 0], path_value[k, 1], path_value[k, 2]
-        if column == _COSINE:
-            sine, cosine = sine_and_cosine(constant * (vectors[position, j] + x))
-            vectors[out, j] += first * cosine + second * sine
-            slopes[row, stiffness + j] += constant * (second * cosine - first * sine)
+        if path_index[k, 2] == OF_POSITION:
+            f, df = position_value_and_slope(
+                column, constant, path_value[k, 3], vectors[position, j] + x
+            )
+            vectors[out, j] += first * f
+            slopes[row, stiffness + j] += first * df
         elif column == _PRESLIDING or column == _MAXWELL:
             excess, inverse_speed, exponent = path_value[k, 3], path_value[k, 4], path_value[k, 5]
             level, fall = level_and_slope(excess, inverse_speed, exponent, v)
@@ -304,18 +307,19 @@ def path_torque(
             slopes[row, j] += abs(load) * first * slope
 
 
-@_inline
-def spring_torque(path_index, path_value, vectors, position, out):
-    """Add the torques of springs and struts at the positions of a row to another row."""
+@shared
+def position_torque(path_index, path_value, vectors, position, out, kinds):
+    """Add the torques of functions of the position at a row of ``vectors`` to another row.
+
+    ``kinds``: ``SPRINGS``, whose torque the joint carries, or ``OF_POSITION``, all of them.
+    """
     for k in range(path_index.shape[0]):
-        j, column = path_index[k, 0], path_index[k, 1]
-        if column == _SPRING:
-            vectors[out, j] += path_value[k, 0] * vectors[position, j]
-        elif column == _STRUT:
-            ratio = path_value[k, 2]
-            sine, cosine = sine_and_cosine(vectors[position, j] - path_value[k, 3])
-            length = math.sqrt(1.0 + ratio * ratio - 2.0 * ratio * cosine)
-            vectors[out, j] += sine * (path_value[k, 0] / length + path_value[k, 1])
+        if path_index[k, 2] <= kinds:
+            j = path_index[k, 0]
+            f, _ = position_value_and_slope(
+                path_index[k, 1], path_value[k, 2], path_value[k, 3], vectors[position, j]
+            )
+            vectors[out, j] += path_value[k, 0] * f
 
 
 @_inline

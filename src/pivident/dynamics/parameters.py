@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pivident.robot.description import INERTIAL, Coupling, JointKind, Robot
-from pivident.robot.friction import FrictionColumn, FrictionTerm
+from pivident.robot.friction_term import FrictionTerm
 
 
 @dataclass(frozen=True)
@@ -112,10 +112,8 @@ def on_fixed_base(
 def friction_unit(term: FrictionTerm, kind: JointKind) -> str:
     """Unit of a friction parameter: that of the torque over that of its function."""
     torque, position = _units(kind)
-    if term.column is FrictionColumn.LOAD:
-        return f"{torque}/{torque}"
-    if term.column is FrictionColumn.SPRING:
-        return f"{torque}/{position}"
+    if term.column.grows_with:
+        return f"{torque}/{torque if term.column.grows_with == 'load' else position}"
     if term.exponent == 1.0:
         return f"{torque} s/{position}"
     if term.exponent == 0.0:

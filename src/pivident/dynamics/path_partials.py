@@ -14,22 +14,23 @@ import math
 import numpy as np
 
 from pivident.compiled import inner
-from pivident.dynamics.elementary import sine_and_cosine
 from pivident.dynamics.friction_kernels import (
     LEVEL_PER_PIECE,
     MAX_PIECES,
     level_and_slope,
+    position_value_and_slope,
     presliding_state,
     presliding_stiffness,
     slip_state,
     slip_stiffness,
     travel_to_reversal,
 )
-from pivident.robot.friction import FrictionColumn
+from pivident.dynamics.friction_partials import position_partials
+from pivident.dynamics.friction_table import OF_POSITION
+from pivident.robot.friction_terms.maxwell_slip import MAXWELL
+from pivident.robot.friction_terms.presliding import PRESLIDING
 
-_COSINE, _PRESLIDING = int(FrictionColumn.COSINE), int(FrictionColumn.PRESLIDING)
-_MAXWELL = int(FrictionColumn.MAXWELL)
-_SPRING, _STRUT = int(FrictionColumn.SPRING), int(FrictionColumn.STRUT)
+_PRESLIDING, _MAXWELL = int(PRESLIDING), int(MAXWELL)
 
 #: Columns: z₀, g₀, v₀, x, v and T, then the values of the entry.
 OF_STATE, OF_LEVEL, OF_START, OF_TRAVEL, OF_SPEED, OF_TIME, OF_VALUES = 0, 1, 2, 3, 4, 5, 6
@@ -253,7 +254,7 @@ def _memory_partials(column, z, start_level, v_start, v, elapsed, x, values, k, 
 
 @inner
 def path_partials(
-    column, z, start_level, v_start, v, elapsed, x, position, values, k, partials
+    column, sign, z, start_level, v_start, v, elapsed, x, position, values, k, partials
 ):  # fmt: skip
     """Partial derivatives of entry ``k`` of the path table, rows TORQUE to RATE of ``partials``.
 
@@ -263,55 +264,38 @@ def path_partials(
     """
     for row in range(RATE + 1):
         _set(partials, row, -1)
-    if column == _COSINE:
-        first, second, count = values[k, 0], values[k, 1], values[k, 2]
-        at = position + x
-        sine, cosine = sine_and_cosine(count * at)
-        torque, rise = first * cosine + second * sine, second * cosine - first * sine
-        partials[TORQUE, OF_TRAVEL] = count * rise
-        partials[TORQUE, _FIRST], partials[TORQUE, _SECOND] = cosine, sine
-        partials[TORQUE, _CONSTANT] = at * rise
-        partials[STIFFNESS, OF_TRAVEL] = -count * count * torque
-        partials[STIFFNESS, _FIRST] = -count * sine
-        partials[STIFFNESS, _SECOND] = count * cosine
-        partials[STIFFNESS, _CONSTANT] = rise - count * at * torque
+    if sign == OF_POSITION:
+        first, constant, other, at = values[k, 0], values[k, 2], values[k, 3], position + x
+        value, slope = position_value_and_slope(column, constant, other, at)
+        partials[TORQUE, OF_TRAVEL], partials[TORQUE, _FIRST] = first * slope, value
+        partials[STIFFNESS, _FIRST] = slope
+        for which in range(2):
+            bend, f, rise = position_partials(column, constant, other, at, which + 2)
+            partials[STIFFNESS, OF_TRAVEL] = first * bend
+            partials[TORQUE, _CONSTANT + which] = first * f
+            partials[STIFFNESS, _CONSTANT + which] = first * rise
     elif column == _PRESLIDING or column == _MAXWELL:
         _memory_partials(column, z, start_level, v_start, v, elapsed, x, values, k, partials)
 
 
 @inner
-def spring_slopes(path_index, path_value, vectors, position, by_position):
-    """Add ∂τ/∂q of springs and struts at the positions of a row to a matrix, (joints, joints)."""
+def position_slopes(path_index, path_value, vectors, position, by_position, kinds):
+    """Add ∂τ/∂q at the positions of a row to a matrix; ``kinds``: see ``position_torque``."""
     for k in range(path_index.shape[0]):
-        j, column = path_index[k, 0], path_index[k, 1]
-        if column == _SPRING:
-            by_position[j, j] += path_value[k, 0]
-        elif column == _STRUT:
-            ratio, force, stiffness = path_value[k, 2], path_value[k, 0], path_value[k, 1]
-            sine, cosine = sine_and_cosine(vectors[position, j] - path_value[k, 3])
-            length = math.sqrt(1.0 + ratio * ratio - 2.0 * ratio * cosine)
-            bend = ratio * sine / length  # dl/dq
-            by_position[j, j] += cosine * (force / length + stiffness) - (
-                sine * force * bend / (length * length)
+        if path_index[k, 2] <= kinds:
+            j = path_index[k, 0]
+            _, slope = position_value_and_slope(
+                path_index[k, 1], path_value[k, 2], path_value[k, 3], vectors[position, j]
             )
+            by_position[j, j] += path_value[k, 0] * slope
 
 
 @inner
-def spring_partials(path_index, path_value, k, column, q):
-    """Derivative of the torque of a spring or a strut by one of its values; others have none."""
-    kind = path_index[k, 1]
-    if kind == _SPRING:
-        return q if column == 0 else 0.0
-    if kind != _STRUT:
+def position_partial(path_index, path_value, k, column, q, kinds):
+    """Derivative of the torque of a function of the position by one of its values; else zero."""
+    function, first, second = path_index[k, 1], path_value[k, 2], path_value[k, 3]
+    if path_index[k, 2] > kinds or column == 1:
         return 0.0
-    ratio, force, stiffness = path_value[k, 2], path_value[k, 0], path_value[k, 1]
-    sine, cosine = sine_and_cosine(q - path_value[k, 3])
-    length = math.sqrt(1.0 + ratio * ratio - 2.0 * ratio * cosine)
     if column == 0:
-        return sine / length
-    if column == 1:
-        return sine
-    if column == 2:
-        return -sine * force * (ratio - cosine) / length**3
-    bend = ratio * sine / length
-    return -(cosine * (force / length + stiffness) - sine * force * bend / (length * length))
+        return position_value_and_slope(function, first, second, q)[0]
+    return path_value[k, 0] * position_partials(function, first, second, q, column)[1]

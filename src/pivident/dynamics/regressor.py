@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from pivident.dynamics.elementary import TILE
 from pivident.dynamics.entry_plan import EntryPlan, has_inner_signal, make_entry_plan
 from pivident.dynamics.friction import memory_column, smoothed_sign
-from pivident.dynamics.joint_rows import TILE
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor_kernels import DENSE, PACKED, TORQUES, observe, tile_rows
 from pivident.robot.description import Robot

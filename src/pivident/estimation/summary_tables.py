@@ -19,7 +19,6 @@ from pivident.estimation.parameter_rows import (
 )
 from pivident.estimation.signal_recipes import Algebraic, Bandpass
 from pivident.estimation.simulation_tables import simulation_text
-from pivident.robot.friction import FrictionColumn
 from pivident.text.numbers import format_exact, format_significant, percent, with_spread
 from pivident.text.plain_table import GAP, column, lines_of
 
@@ -272,13 +271,6 @@ _STEMS = {
     ("fvm", "fcm"): "viscous and dry friction of a coupling",
 }
 
-#: Friction by its function, whatever the stem.
-_FRICTION = {
-    FrictionColumn.VISCOUS: "viscous friction",
-    FrictionColumn.COULOMB: "Coulomb friction",
-    FrictionColumn.OFFSET: "constant torque",
-}
-
 
 def names_in_words(parameters: Mapping[str, Parameter]) -> str:
     """What the names of some parameters stand for, in a line without a full stop.
@@ -293,11 +285,9 @@ def names_in_words(parameters: Mapping[str, Parameter]) -> str:
             words.append(f"{', '.join(present)}: {meaning}")
     friction = {p.stem: p.friction for p in parameters.values() if p.friction is not None}
     words += [
-        f"{stem}: {_FRICTION[term.column]}"
-        for stem, term in friction.items()
-        if term.column in _FRICTION
+        f"{stem}: {term.column.words}" for stem, term in friction.items() if term.column.words
     ]
-    if others := [s for s, term in friction.items() if term.column not in _FRICTION]:
+    if others := [s for s, term in friction.items() if not term.column.words]:
         words.append(f"{', '.join(others)}: further terms of the friction law")
     if any(name != p.name for name, p in parameters.items()):
         words.append("with r: together with others that no motion of this robot tells from it")

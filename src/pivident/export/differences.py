@@ -11,7 +11,7 @@ from pivident.dynamics.parameters import Parameter
 from pivident.export.joint_side import JointProperty
 from pivident.models.runnable_model import RunnableModel
 from pivident.robot.description import Joint, Robot
-from pivident.robot.friction import FrictionColumn, FrictionTerm
+from pivident.robot.friction_term import FrictionTerm
 
 #: Acceleration at which inertias are expressed as torque [rad/s² or m/s²].
 ACCELERATION = 10.0
@@ -21,8 +21,6 @@ SPEED, POSITION = 1.0, np.pi
 
 #: Torque below which nothing is reported [N m or N].
 NEGLIGIBLE = 1e-6
-
-_PRESLIDING = (FrictionColumn.PRESLIDING, FrictionColumn.MAXWELL)
 
 #: Each kind of parameter in the order of the sentences, and what to do about it.
 _KINDS = {
@@ -62,20 +60,20 @@ def differences(
 
 
 def _kind(p: Parameter, part: float, supported: frozenset[JointProperty], driven: bool) -> str:
-    c = FrictionColumn
     if p.stem == "ia":
         return "rotor"
     if p.coupling is not None:
         return "coupling"
     assert p.friction is not None
-    column = p.friction.column
-    if column in (c.OFFSET, c.COULOMB_POSITIVE, c.COULOMB_NEGATIVE) and "offset" not in supported:
+    element, one_way = p.friction.column.element, p.friction.column.opposite
+    dry = element == "dry friction"
+    if (element == "offset" or (dry and one_way)) and "offset" not in supported:
         return "offset"
-    if column is c.OFFSET and not driven:
+    if element == "offset" and not driven:
         return "bias"
-    if column is c.SPRING:
+    if element == "spring":
         return "spring"
-    if column in (c.VISCOUS_POSITIVE, c.VISCOUS_NEGATIVE):
+    if one_way and not dry:
         return "viscous"
     if p.is_dissipative and part < 0.0:
         return "negative"
@@ -100,23 +98,26 @@ def _sized(robot: Robot, p: Parameter, part: float) -> tuple[str, float]:
         size = abs(part) if p.stem == "fcm" else abs(part * p.coupling.ratio) * max(speed, other)
         return f"{own} (up to {size:.3g} {torque})", size
     assert p.friction is not None
-    if p.friction.column is FrictionColumn.LOAD:
+    if p.friction.depends_on_load:
         return f"{own} ({abs(part):.3g} {torque} per {torque} that the joint carries)", abs(part)
-    if p.friction.column in (FrictionColumn.OFFSET, *_PRESLIDING):
+    if p.friction.column.element == "offset" or _is_presliding(p.friction):
         return own, abs(part)
     size = abs(part) * _largest(p.friction, joint, speed)
     return f"{own}, {p.friction} (up to {size:.3g} {torque})", size
 
 
+def _is_presliding(term: FrictionTerm) -> bool:
+    return term.has_memory and term.column.element == "dry friction"
+
+
 def _largest(term: FrictionTerm, joint: Joint, speed: float) -> float:
     """Largest value of a term's function between the limits and up to a speed."""
-    if term.column is FrictionColumn.PRESLIDING_RATE:  # d dz/dt is at most the speed
+    if term.has_memory:  # d dz/dt is at most the speed
         return speed
     low, high = joint.position_limits or (-POSITION, POSITION)
     q = np.linspace(low, high, 2001)
     dq = np.linspace(-speed, speed, 2001)
-    column, sign, shape = term.encoded()
-    return float(np.abs(friction_column(column, sign, shape, dq, q)).max())
+    return float(np.abs(friction_column(term, dq, q)).max())
 
 
 def _dry_friction(
@@ -129,7 +130,7 @@ def _dry_friction(
         if p.friction is None or part == 0.0 or not p.is_dissipative:
             continue
         torque, unit = p.unit, "rad" if p.unit == "N m" else "m"
-        if p.friction.column in _PRESLIDING:
+        if _is_presliding(p.friction):
             distance = p.friction.shapes[0].value
             elastic.append(
                 f"{p.name} {abs(part):.3g} {torque}, over some {distance:.3g} {unit} of travel"

@@ -17,26 +17,9 @@ import numpy as np
 
 from pivident.export.shafts import Shaft, divide_couplings
 from pivident.models.runnable_model import RunnableModel
-from pivident.robot.friction import FrictionColumn
 
 #: Properties of joints that a format may have an element for.
 JointProperty = Literal["damping", "dry friction", "offset", "spring", "rotor inertia", "coupling"]
-
-#: Properties of terms of one parameter; presliding and Maxwell slip are dry friction once the joint
-#: has moved some way in one direction.
-_PROPERTY_OF: dict[FrictionColumn, JointProperty] = {
-    FrictionColumn.VISCOUS: "damping",
-    FrictionColumn.COULOMB: "dry friction",
-    FrictionColumn.PRESLIDING: "dry friction",
-    FrictionColumn.MAXWELL: "dry friction",
-    FrictionColumn.OFFSET: "offset",
-    FrictionColumn.SPRING: "spring",
-}
-
-_FORWARDS = {
-    FrictionColumn.COULOMB_POSITIVE: FrictionColumn.COULOMB_NEGATIVE,
-    FrictionColumn.VISCOUS_POSITIVE: FrictionColumn.VISCOUS_NEGATIVE,
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,23 +83,24 @@ def joint_side(model: RunnableModel, supported: frozenset[JointProperty]) -> Joi
 
 
 def _shares(model: RunnableModel) -> Iterator[_Share]:
-    """All joint parameters except those of couplings."""
+    """All joint parameters except those of couplings.
+
+    Presliding and Maxwell slip are dry friction once the joint has moved some way in one direction.
+    """
     values = {p.name: float(v) for p, v in zip(model.parameters, model.values, strict=True)}
-    backwards = {(p.joint, p.friction.column): p for p in model.parameters if p.friction}
+    backwards = {(p.joint, p.friction.column.name): p for p in model.parameters if p.friction}
     for p in model.parameters:
         value = values[p.name]
         if p.stem == "ia":
             yield _Share("rotor inertia", p.joint, value, {p.name: value})
-        if p.friction is None or p.friction.column in _FORWARDS.values():
+        if p.friction is None or p.friction.column.is_backwards:
             continue
-        column = p.friction.column
-        if column not in _FORWARDS:
-            yield _Share(_PROPERTY_OF.get(column), p.joint, value, {p.name: value})
+        element = p.friction.column.element
+        if not p.friction.column.opposite:
+            yield _Share(element, p.joint, value, {p.name: value})
             continue
-        other = backwards[p.joint, _FORWARDS[column]].name
+        other = backwards[p.joint, p.friction.column.opposite].name
         mean, half = (value + values[other]) / 2.0, (value - values[other]) / 2.0
-        dry = column is FrictionColumn.COULOMB_POSITIVE
-        friction: JointProperty = "dry friction" if dry else "damping"
-        yield _Share(friction, p.joint, mean, {p.name: mean, other: mean})
-        rest: JointProperty | None = "offset" if dry else None
+        yield _Share(element, p.joint, mean, {p.name: mean, other: mean})
+        rest: JointProperty | None = "offset" if element == "dry friction" else None
         yield _Share(rest, p.joint, half, {p.name: half, other: -half})

@@ -12,13 +12,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pivident.robot.friction import FrictionColumn, FrictionLaw, FrictionTerm
+from pivident.robot.friction import FrictionLaw
+from pivident.robot.friction_term import FrictionTerm
 from pivident.text.numbers import plus_minus
 
 
 def has_definite_sign(term: FrictionTerm) -> bool:
     """Whether the parameter of a term must not be negative."""
-    return term.is_dissipative or term.column in (FrictionColumn.STRIBECK, FrictionColumn.POWER)
+    return term.is_dissipative or term.column.never_negative
 
 
 def impossible_terms(law: FrictionLaw, theta: Sequence[float] | np.ndarray) -> set[str]:

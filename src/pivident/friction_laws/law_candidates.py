@@ -10,23 +10,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from pivident.friction_laws.shape_constants import GAMMA
-from pivident.robot.friction import (
-    FrictionColumn,
-    FrictionLaw,
-    FrictionTerm,
-    Smoothing,
-    asymmetric_coulomb,
-    asymmetric_viscous,
-    dahl,
-    load_dependent,
-    lugre,
-    maxwell_slip,
-    power_viscous,
-    stribeck,
-)
+from pivident.robot.friction import FrictionLaw
+from pivident.robot.friction_column import Smoothing
+from pivident.robot.friction_term import FrictionTerm
+from pivident.robot.friction_terms import TERM_KINDS
+from pivident.robot.term_kind import Candidate
 
 #: The change to the sign itself.
 SHARP_SIGN = "sharp sign"
@@ -49,66 +38,39 @@ class Reach:
     fastest: float  # largest speed [rad/s or m/s]
 
 
-#: Changes to friction that closed loops do not handle: of the load, and with a memory.
-LOAD_AND_MEMORY = ("load", "Dahl", "LuGre", "Maxwell slip")
+def load_and_memory() -> tuple[str, ...]:
+    """Changes to friction that closed loops do not handle: of the load, and with a memory."""
+    kinds = [k for k in TERM_KINDS.usable().values() if k.columns[0].needs_more_than_a_sample]
+    return tuple(candidate.name for kind in kinds for candidate in kind.candidates)
 
 
 def default_changes(reach: Reach) -> dict[str, Change]:
     """The usual changes, with initial shape constants."""
-    dry = (FrictionColumn.COULOMB,)
-    speed, distance = 0.05 * reach.fastest, 1e-3 * reach.travel
-    slips = [float(d) for d in np.geomspace(1e-3, 1e-1, 3) * reach.travel]
-
-    def asymmetric(law: FrictionLaw) -> FrictionLaw | None:
-        old = _term(law, FrictionColumn.COULOMB)
-        # with an offset the law already has two levels: fc s + off
-        if old is None or _has(law, FrictionColumn.OFFSET):
-            return None
-        return _replaced(law, dry, asymmetric_coulomb(old.smoothing, old.gamma))
-
-    def with_stribeck(law: FrictionLaw) -> FrictionLaw | None:
-        if _has(law, FrictionColumn.STRIBECK) or _excess(law):
-            return None
-        old = _term(law, FrictionColumn.COULOMB) or _term(law, FrictionColumn.COULOMB_POSITIVE)
-        smoothing, gamma = (old.smoothing, old.gamma) if old else ("atan", None)
-        return _replaced(law, (), (stribeck(speed, 2.0, smoothing, gamma),))
-
-    def with_power(law: FrictionLaw) -> FrictionLaw | None:
-        if _has(law, FrictionColumn.POWER):
-            return None
-        return _replaced(law, (), (power_viscous(2.0),))
-
-    def power_only(law: FrictionLaw) -> FrictionLaw | None:
-        if not _has(law, FrictionColumn.VISCOUS) or _has(law, FrictionColumn.POWER):
-            return None
-        return _replaced(law, (FrictionColumn.VISCOUS,), (power_viscous(2.0),))
-
-    def two_slopes(law: FrictionLaw) -> FrictionLaw | None:
-        if not _has(law, FrictionColumn.VISCOUS):
-            return None
-        return _replaced(law, (FrictionColumn.VISCOUS,), asymmetric_viscous())
-
-    def with_load(law: FrictionLaw) -> FrictionLaw | None:
-        if _has(law, FrictionColumn.LOAD):
-            return None
-        old = _term(law, FrictionColumn.COULOMB)
-        smoothing, gamma = (old.smoothing, old.gamma) if old else ("atan", None)
-        return _replaced(law, (), (load_dependent(smoothing, gamma),))
-
-    return {
+    found: dict[str, Change] = {
         SHARP_SIGN: sharp_sign,
         FREE_STEEPNESS[0]: free_steepness,
         FREE_STEEPNESS[1]: other_smoothing,
-        "asymmetric Coulomb": asymmetric,
-        "Stribeck": with_stribeck,
-        "power": with_power,
-        "power for viscous": power_only,
-        "asymmetric viscous": two_slopes,
-        "load": with_load,
-        "Dahl": in_place_of_coulomb((dahl(distance),)),
-        "LuGre": in_place_of_coulomb(lugre(distance, 0.3, speed)),
-        "Maxwell slip": in_place_of_coulomb(maxwell_slip(slips)),
     }
+    for kind in TERM_KINDS.usable().values():
+        found |= {candidate.name: change_of(candidate, reach) for candidate in kind.candidates}
+    return found
+
+
+def change_of(candidate: Candidate, reach: Reach) -> Change:
+    """A candidate that the declaration of a term names, as a change of laws."""
+
+    def change(law: FrictionLaw) -> FrictionLaw | None:
+        names = {t.column.name for t in law.terms} | {s.name for s in law.shapes}
+        if not names.isdisjoint(candidate.unless):
+            return None
+        if candidate.instead_of and candidate.instead_of[0] not in names:
+            return None
+        signed = [t for name in candidate.sign_of for t in law.terms if t.column.name == name]
+        smoothing, gamma = (signed[0].smoothing, signed[0].gamma) if signed else ("atan", None)
+        terms = candidate.terms(reach.travel, reach.fastest, smoothing, gamma)
+        return _replaced(law, candidate.instead_of, terms)
+
+    return change
 
 
 def sharp_sign(law: FrictionLaw) -> FrictionLaw | None:
@@ -154,17 +116,6 @@ def adding(terms: tuple[FrictionTerm, ...]) -> Change:
     return change
 
 
-def in_place_of_coulomb(terms: tuple[FrictionTerm, ...]) -> Change:
-    """The change that replaces Coulomb and Stribeck friction by terms with memory."""
-
-    def change(law: FrictionLaw) -> FrictionLaw | None:
-        if not _has(law, FrictionColumn.COULOMB):
-            return None
-        return _replaced(law, (FrictionColumn.COULOMB, FrictionColumn.STRIBECK), terms)
-
-    return change
-
-
 def changed(
     law: FrictionLaw, changes: Mapping[str, Change], known: set[frozenset[str]]
 ) -> dict[str, FrictionLaw]:
@@ -188,7 +139,7 @@ def changed(
 def key_of(law: FrictionLaw) -> frozenset[str]:
     """Identity of a law: its terms, their signs, and whether presliding has a Stribeck curve."""
     # whether a power of the speed has a sign depends on the exponent, which is to be found
-    signs = [t.has_sign and t.column is not FrictionColumn.POWER for t in law.terms]
+    signs = [t.has_sign and t.column.sharp is None for t in law.terms]
     return frozenset(
         f"{t.stem}{t.column.name}{len(t.shapes)}{t.smoothing * sign}"
         for t, sign in zip(law.terms, signs, strict=True)
@@ -204,7 +155,7 @@ def _smoothed(law: FrictionLaw, smoothing: Smoothing) -> FrictionLaw | None:
     """The law with other signs; None where it has none, or these already."""
     if all(t.smoothing == smoothing for t in law.terms if t.has_sign):
         return None
-    signed = [t.has_sign or t.column is FrictionColumn.POWER for t in law.terms]
+    signed = [t.has_sign or t.column.sharp is not None for t in law.terms]
     return FrictionLaw(
         tuple(
             replace(t, smoothing=smoothing) if own else t
@@ -213,19 +164,7 @@ def _smoothed(law: FrictionLaw, smoothing: Smoothing) -> FrictionLaw | None:
     )
 
 
-def _term(law: FrictionLaw, column: FrictionColumn) -> FrictionTerm | None:
-    return next((t for t in law.terms if t.column is column), None)
-
-
-def _has(law: FrictionLaw, column: FrictionColumn) -> bool:
-    return _term(law, column) is not None
-
-
-def _excess(law: FrictionLaw) -> bool:
-    return any(s.name == "stribeck_speed" for s in law.shapes)
-
-
 def _replaced(
-    law: FrictionLaw, without: tuple[FrictionColumn, ...], new: tuple[FrictionTerm, ...]
+    law: FrictionLaw, without: tuple[str, ...], new: tuple[FrictionTerm, ...]
 ) -> FrictionLaw:
-    return FrictionLaw((*(t for t in law.terms if t.column not in without), *new))
+    return FrictionLaw((*(t for t in law.terms if t.column.name not in without), *new))

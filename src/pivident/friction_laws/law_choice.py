@@ -34,7 +34,6 @@ from pivident.friction_laws.filtered_rows import LastPass
 from pivident.friction_laws.held_out_cells import Cells
 from pivident.friction_laws.law_candidates import (
     FREE_STEEPNESS,
-    LOAD_AND_MEMORY,
     SHARP_SIGN,
     STEEPNESS,
     Change,
@@ -43,6 +42,7 @@ from pivident.friction_laws.law_candidates import (
     default_changes,
     free_constants,
     key_of,
+    load_and_memory,
 )
 from pivident.friction_laws.law_rules import judged, simplest, with_criterion
 from pivident.friction_laws.law_scores import JointJudge, LawScore
@@ -116,7 +116,7 @@ def choose_laws(
         name = robot.joint_names[j]
         own = default_changes(_reach(kinematics, j)) if changes is None else dict(changes)
         if changes is None and robot.constraints is not None:
-            own = {k: v for k, v in own.items() if k not in LOAD_AND_MEMORY}
+            own = {k: v for k, v in own.items() if k not in load_and_memory()}
         own |= (more or {}).get(name, {})
         judges.append(JointJudge(last, robot, j, cells, by_joint, found.theta, band))
         tests = max(len(own) * len(numbers), 1)

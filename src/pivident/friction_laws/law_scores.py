@@ -29,7 +29,8 @@ from pivident.friction_laws.shape_constants import (
 from pivident.friction_laws.training_set import TrainingSet, weighted_sums
 from pivident.motion.motion import with_inner
 from pivident.robot.description import Robot
-from pivident.robot.friction import FrictionLaw, FrictionTerm
+from pivident.robot.friction import FrictionLaw
+from pivident.robot.friction_term import FrictionTerm
 from pivident.validation.held_out.segment_sums import SegmentSums, effective_rows
 
 

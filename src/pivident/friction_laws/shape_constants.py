@@ -18,8 +18,8 @@ import numpy as np
 from pivident.errors import ExperimentError
 from pivident.motion.kinematics import Kinematics
 from pivident.robot.description import Robot
-from pivident.robot.friction import FrictionLaw, Shape
-from pivident.robot.friction_term import unit_on_joint
+from pivident.robot.friction import FrictionLaw
+from pivident.robot.friction_column import Shape, unit_on_joint
 from pivident.robot.naming import nearest
 
 #: Slope of all smoothed signs of a law; not among its shapes, but identifiable like one.

@@ -17,13 +17,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from pivident.dynamics.friction import expression_value
 from pivident.estimation.problem import Problem
 from pivident.model_errors.cause import Cause, on_joint
 from pivident.model_errors.motion_errors import PERCENT, with_positions
 from pivident.model_errors.record_motion import STEP, Reach, RecordMotion
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
-from pivident.robot.friction import FrictionColumn
+from pivident.robot.friction_column import names_in
+from pivident.robot.friction_terms import TERM_KINDS
 
 #: Milliseconds, the unit of delays [s].
 MILLISECOND = 1e-3
@@ -128,9 +130,6 @@ def with_delay(problem: Problem, joint: int | None, delay: float) -> Problem:
     return replace(problem, recordings=tuple(corrected(r) for r in problem.recordings))
 
 
-#: Stribeck speeds that are tried, as shares of the largest speed.
-STRIBECK_SPEEDS = (0.01, 0.03, 0.1)
-
 #: Factors of the slope of the smoothed sign that are tried.
 STEEPNESS = (0.3, 3.0)
 
@@ -148,35 +147,29 @@ def friction_causes(robot: Robot, reach: Reach) -> Iterator[Cause]:
             continue
         unit = joint.torque_unit
         slope = max(joint.friction.slopes, default=joint.default_gamma)
-        kinds = {term.column for term in joint.friction.terms}
-        for what, shapes in _shapes(reach, j, slope, kinds).items():
+        names = {term.column.name for term in joint.friction.terms}
+        for what, shapes in _shapes(reach, j, slope, names).items():
             yield _cause("friction", joint.name, what, unit, j, slope, shapes)
         warming, unit = _warming(float(reach.fastest[j])), f"{unit}/min"
         yield _cause("warming up", joint.name, "friction by time", unit, j, slope, warming)
 
 
-def _shapes(
-    reach: Reach, joint: int, slope: float, kinds: set[FrictionColumn]
-) -> dict[str, list[Shape]]:
-    """Shapes by name, each relative to the joint's largest speed and travel."""
+def _shapes(reach: Reach, joint: int, slope: float, names: set[str]) -> dict[str, list[Shape]]:
+    """Shapes by name, each relative to the joint's largest speed and travel.
+
+    ``names``: columns of the joint's law.
+    """
     fastest = float(reach.fastest[joint])
     middle = 0.5 * float(reach.low[joint] + reach.high[joint])
     half = max(0.5 * float(reach.high[joint] - reach.low[joint]), 1e-300)
     found: dict[str, list[Shape]] = {}
-    for share in STRIBECK_SPEEDS:
-        found[f"Stribeck peak below {share:g} of the largest speed"] = [_peak(share * fastest)]
+    for kind in TERM_KINDS.usable().values():
+        # a term without constants leaves nothing of its shape
+        if len(kind.columns) > 1 or kind.constants or kind.columns[0].name not in names:
+            found |= {what: [_declared(text, fastest)] for what, text in kind.causes.items()}
     for factor in STEEPNESS:
         found[f"a sign {factor:g} times as steep"] = [_steeper(factor * slope)]
     found["another smoothed sign"] = [lambda m, j, s: np.tanh(slope * m.dq[j]) - s]
-    found["square of the speed"] = [lambda m, j, s: m.dq[j] * np.abs(m.dq[j]) / fastest**2]
-    found["root of the speed"] = [lambda m, j, s: s * np.sqrt(np.abs(m.dq[j]) / fastest)]
-    found["other friction in one direction"] = [lambda m, j, s: np.abs(m.dq[j]) / fastest]
-    if FrictionColumn.LOAD not in kinds:
-        found["friction by load"] = [
-            lambda m, j, s: s * np.abs(m.load[j]) / max(float(np.abs(m.load[j]).max()), 1e-300)
-        ]
-    if FrictionColumn.OFFSET not in kinds:
-        found["constant torque"] = [lambda m, j, s: np.ones_like(s)]
     found["friction by position"] = [
         lambda m, j, s: s * (m.q[j] - middle) / half,
         lambda m, j, s: s * ((m.q[j] - middle) / half) ** 2,
@@ -184,9 +177,17 @@ def _shapes(
     return found
 
 
-def _peak(speed: float) -> Shape:
-    """Friction that falls off beyond a speed [rad/s or m/s]."""
-    return lambda m, j, s: s * np.exp(-((m.dq[j] / speed) ** 2))
+def _declared(expression: str, fastest: float) -> Shape:
+    """The shape that a friction term declares; see ``TermKind.causes``."""
+
+    def shape(m: RecordMotion, j: int, s: np.ndarray) -> np.ndarray:
+        quantities = {"dq": m.dq[j], "s": s, "fastest": fastest}
+        if "load" in names_in(expression):
+            heaviest = max(float(np.abs(m.load[j]).max()), 1e-300)
+            quantities |= {"load": m.load[j], "heaviest": heaviest}
+        return np.zeros_like(s) + expression_value(expression, quantities)
+
+    return shape
 
 
 def _steeper(slope: float) -> Shape:

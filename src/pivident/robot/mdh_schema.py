@@ -6,7 +6,7 @@ This module needs pydantic and is imported only when a file is read.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Annotated, Any, Literal, get_args, get_origin
+from typing import Annotated, Any, Literal, cast, get_args, get_origin
 
 from pydantic import (
     BaseModel,
@@ -16,6 +16,7 @@ from pydantic import (
     NonNegativeFloat,
     PositiveFloat,
     ValidationError,
+    create_model,
     model_validator,
 )
 from pydantic.fields import FieldInfo
@@ -23,6 +24,8 @@ from pydantic.fields import FieldInfo
 from pivident.errors import RobotDescriptionError
 from pivident.options import DECLARED, Option
 from pivident.robot.description import MAX_JOINTS, STANDARD_GRAVITY
+from pivident.robot.friction_column import Key, KeyValues, Smoothing
+from pivident.robot.friction_terms import TERM_KINDS
 from pivident.robot.naming import nearest
 
 GRAVITY_BY_NAME = {
@@ -35,57 +38,14 @@ GRAVITY_BY_NAME = {
     "+z": [0.0, 0.0, STANDARD_GRAVITY],
 }
 
-_SIGN = {"smoothing", "gamma"}
-
 #: Maximum number of problems in one error, and of characters of a quoted value.
 MAX_PROBLEMS, MAX_VALUE = 20, 60
 
-TermName = Literal[
-    "viscous",
-    "coulomb",
-    "offset",
-    "asymmetric",
-    "stribeck",
-    "asymmetric_viscous",
-    "power",
-    "load",
-    "ripple",
-    "spring",
-    "counterbalance",
-    "dahl",
-    "lugre",
-    "maxwell_slip",
-]
-
 #: Keys of each friction term: those it needs, and those it may have.
-TERM_KEYS: dict[TermName, tuple[set[str], set[str]]] = {
-    "viscous": (set(), set()),
-    "coulomb": (set(), _SIGN),
-    "offset": (set(), set()),
-    "asymmetric": (set(), _SIGN),
-    "stribeck": ({"speed"}, {"exponent", *_SIGN}),
-    "asymmetric_viscous": (set(), set()),
-    "power": ({"exponent"}, {"name", *_SIGN}),
-    "load": (set(), _SIGN),
-    "ripple": ({"order"}, {"name"}),
-    "spring": (set(), set()),
-    "counterbalance": ({"ratio", "angle"}, set()),
-    "dahl": ({"distance"}, set()),
-    "lugre": ({"distance", "excess", "speed"}, {"exponent", "damped"}),
-    "maxwell_slip": ({"distances"}, {"excess", "speed", "exponent"}),
-}
+TERM_KEYS = {name: kind.arguments for name, kind in TERM_KINDS.usable().items()}
 
-#: Description of a required key that is missing.
-_MEANING = {
-    "angle": "its angle in rad",
-    "distance": "its presliding distance in rad or m",
-    "distances": "its slip distances in rad or m, such as [1e-4, 1e-3]",
-    "excess": "its excess, the static level over the Coulomb level less one",
-    "exponent": "its exponent of the speed",
-    "order": "its order, periods per revolution (per 2π m of a prismatic joint)",
-    "ratio": "its ratio of lever arms, between 0 and 1",
-    "speed": "its speed in rad/s or m/s",
-}
+#: The keys of all friction terms by name; where several terms have one, it means the same.
+_KEYS = {entry.key: entry for kind in TERM_KINDS.usable().values() for entry in kind.keys}
 
 
 def _gravity(value: Any) -> Any:
@@ -148,82 +108,64 @@ def _known_term(value: Any) -> Any:
     return value
 
 
-class FrictionEntry(Entry):
-    """One term of a friction law; shapes are SI (gamma in s/rad or s/m) whatever the units."""
+def _keys_belong_to_term(entry: Any) -> Any:
+    """Refuse keys that the term does not have, and name those that it lacks."""
+    needed, possible = TERM_KEYS[entry.term]
+    given = entry.model_fields_set - {"term"}
+    foreign = sorted(given - needed - possible)
+    if foreign:
+        own = sorted(needed | possible)
+        advice = f"it has {', '.join(own)}" if own else "remove the key"
+        raise ValueError(f"the term {entry.term!r} has no {', '.join(foreign)}; {advice}")
+    missing = sorted(needed - given)
+    if missing:
+        wanted = " and ".join(_KEYS[name].meaning for name in missing)
+        raise ValueError(f"the term {entry.term!r} needs {wanted} ({', '.join(missing)})")
+    return entry
 
-    term: Annotated[TermName, BeforeValidator(_known_term)] = key(
-        meaning="which function, see the list below"
-    )
-    smoothing: Literal["sign", "atan", "tanh"] = key(
-        "atan", 'sign function: `"sign"`, `"atan"` for (2/π) atan(γ dq), `"tanh"` for tanh(γ dq)'
-    )
-    gamma: PositiveFloat | None = key(
-        None, "slope γ of the smoothed sign", unit="s/rad or s/m", shown="750 / rated speed"
-    )
-    speed: PositiveFloat | None = key(
-        None,
-        "speed v_s at which the Stribeck excess has fallen to 1/e",
-        unit="rad/s or m/s",
-        shown="needed for `stribeck`, `lugre`",
-    )
-    exponent: PositiveFloat | None = key(
-        None,
-        "δ of the Stribeck curve, 2 where not given; power of the speed, needed for `power`",
-        shown="see meaning",
-    )
-    distance: PositiveFloat | None = key(
-        None, "presliding distance d", unit="rad or m", shown="needed for `dahl`, `lugre`"
-    )
-    distances: Annotated[list[PositiveFloat], Field(min_length=1)] | None = key(
-        None,
-        "sticking distances of the elements, all different",
-        unit="rad or m",
-        kind="list of numbers",
-        shown="needed for `maxwell_slip`",
-    )
-    excess: NonNegativeFloat | None = key(
-        None,
-        "ρ, static level over Coulomb level less one; 0 for `maxwell_slip` where not given",
-        shown="needed for `lugre`",
-    )
-    damped: bool = key(True, "`lugre`: with the damping fd of presliding")
-    order: PositiveFloat | None = key(
-        None,
-        "periods per revolution of the joint (per 2π m of a prismatic one)",
-        shown="needed for `ripple`",
-    )
-    ratio: PositiveFloat | None = key(
-        None,
-        "lever arm of the moving end over that of the fixed end, 0 to 1",
-        shown="needed for `counterbalance`",
-    )
-    angle: float | None = key(
-        None,
-        "joint position at which both ends are in line on the same side",
-        unit="rad",
-        shown="needed for `counterbalance`",
-    )
-    name: Annotated[str, Field(pattern="^[a-z_]+$")] | None = key(
-        None,
-        "suffix of the parameter's name where a law has several `ripple` or `power`; "
-        "lower-case letters and `_`",
-        shown="see meaning",
-    )
 
-    @model_validator(mode="after")
-    def _keys_belong_to_term(self) -> FrictionEntry:
-        needed, possible = TERM_KEYS[self.term]
-        given = self.model_fields_set - {"term"}
-        foreign = sorted(given - needed - possible)
-        if foreign:
-            own = sorted(needed | possible)
-            advice = f"it has {', '.join(own)}" if own else "remove the key"
-            raise ValueError(f"the term {self.term!r} has no {', '.join(foreign)}; {advice}")
-        missing = sorted(needed - given)
-        if missing:
-            wanted = " and ".join(_MEANING[key] for key in missing)
-            raise ValueError(f"the term {self.term!r} needs {wanted} ({', '.join(missing)})")
-        return self
+#: What the keys of friction terms hold, and their defaults where that is not the term's.
+_VALUES: dict[KeyValues, tuple[Any, Any]] = {
+    "positive": (PositiveFloat | None, None),
+    "not negative": (NonNegativeFloat | None, None),
+    "number": (float | None, None),
+    "positive list": (Annotated[list[PositiveFloat], Field(min_length=1)] | None, None),
+    "flag": (bool, True),
+    "name": (Annotated[str, Field(pattern="^[a-z_]+$")] | None, None),
+}
+
+
+def _field(name: str, entry: Key) -> tuple[Any, Any]:
+    """Type and declaration of a key, which says for which terms it is needed."""
+    values, default = _VALUES[entry.values]
+    needed = [f"`{term}`" for term, (always, _) in TERM_KEYS.items() if name in always]
+    shown = f"needed for {', '.join(needed)}" if needed else "" if default else "see meaning"
+    kind = "list of numbers" if entry.values == "positive list" else ""
+    return values, key(default, entry.meaning.removeprefix("its "), shown=shown, kind=kind)
+
+
+#: One term of a friction law; shapes are SI (gamma in s/rad or s/m) whatever the units.
+FrictionEntry: Any = create_model(
+    "FrictionEntry",
+    __base__=Entry,
+    __validators__={"keys": cast(Any, model_validator(mode="after")(_keys_belong_to_term))},
+    term=(
+        Annotated[str, BeforeValidator(_known_term)],
+        key(meaning="which function, see the list below", kind="name"),
+    ),
+    smoothing=(
+        Smoothing,
+        key(
+            "atan",
+            'sign function: `"sign"`, `"atan"` for (2/π) atan(γ dq), `"tanh"` for tanh(γ dq)',
+        ),
+    ),
+    gamma=(
+        PositiveFloat | None,
+        key(None, "slope γ of the smoothed sign", unit="s/rad or s/m", shown="750 / rated speed"),
+    ),
+    **{name: _field(name, entry) for name, entry in _KEYS.items()},
+)
 
 
 def _terms(value: Any) -> Any:

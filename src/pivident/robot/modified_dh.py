@@ -47,7 +47,7 @@ A base that floats is a body, ``[floating_base]`` with the keys of a link; logs 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -61,25 +61,9 @@ from pivident.robot.closed_tables import BASE, closed_from_tables
 from pivident.robot.description import Coupling, Joint, Link, Robot
 from pivident.robot.drives import implied_coupling, with_drives
 from pivident.robot.frames import Pose, exact_angle, rotation_x, rotation_z
-from pivident.robot.friction import (
-    DEFAULT_FRICTION,
-    FrictionLaw,
-    FrictionTerm,
-    asymmetric_coulomb,
-    asymmetric_viscous,
-    coulomb,
-    counterbalance,
-    dahl,
-    load_dependent,
-    lugre,
-    maxwell_slip,
-    offset,
-    power_viscous,
-    ripple,
-    spring,
-    stribeck,
-    viscous,
-)
+from pivident.robot.friction import DEFAULT_FRICTION, FrictionLaw
+from pivident.robot.friction_term import FrictionTerm
+from pivident.robot.friction_terms import TERM_KINDS
 from pivident.robot.inertia import from_center_of_mass, tensor
 from pivident.robot.measured_base import with_floating_base
 from pivident.robot.naming import errors_name, find_joint, nearest, repeated
@@ -89,7 +73,6 @@ from pivident.text.toml import MAX_FILE, parse_toml
 if TYPE_CHECKING:
     from pivident.robot.mdh_schema import (
         CouplingEntry,
-        FrictionEntry,
         JointEntry,
         LinkEntry,
         TableFile,
@@ -299,7 +282,7 @@ def _inertia(link: LinkEntry | None) -> np.ndarray:
     return np.array([*at_origin, *first_moments, link.mass])
 
 
-def friction_law(entries: Sequence[FrictionEntry] | None) -> FrictionLaw:
+def friction_law(entries: Sequence[Any] | None) -> FrictionLaw:
     """The friction law of a list of terms; viscous, Coulomb and offset where there is none."""
     if entries is None:
         return DEFAULT_FRICTION
@@ -315,38 +298,12 @@ def friction_law(entries: Sequence[FrictionEntry] | None) -> FrictionLaw:
         raise RobotDescriptionError(f"key 'friction': {error}") from error
 
 
-def _terms(entry: FrictionEntry) -> tuple[FrictionTerm, ...]:
+def _terms(entry: Any) -> tuple[FrictionTerm, ...]:
     """The terms of an entry; its keys have the names of the constructor's arguments."""
-    from pivident.robot.mdh_schema import TERM_KEYS
-
-    constructor = _CONSTRUCTORS[entry.term]
-    needed, possible = TERM_KEYS[entry.term]
-    given = entry.model_fields_set & (needed | possible)
-    made = constructor(**{key: getattr(entry, key) for key in given})
+    kind = TERM_KINDS[entry.term]
+    keys = entry.model_fields_set & frozenset().union(*kind.arguments)
+    made = kind.make(**{key: getattr(entry, key) for key in keys})
     return (made,) if isinstance(made, FrictionTerm) else made
-
-
-def _power(name: str = "", **options: Any) -> FrictionTerm:
-    return power_viscous(stem=f"fvx{name}", **options)
-
-
-#: Constructor of the terms of each entry.
-_CONSTRUCTORS: dict[str, Callable[..., FrictionTerm | tuple[FrictionTerm, ...]]] = {
-    "viscous": viscous,
-    "asymmetric_viscous": asymmetric_viscous,
-    "power": _power,
-    "coulomb": coulomb,
-    "offset": offset,
-    "asymmetric": asymmetric_coulomb,
-    "stribeck": stribeck,
-    "load": load_dependent,
-    "ripple": ripple,
-    "spring": spring,
-    "counterbalance": counterbalance,
-    "dahl": dahl,
-    "lugre": lugre,
-    "maxwell_slip": maxwell_slip,
-}
 
 
 def _nominal_friction(robot: Robot, rows: Sequence[JointEntry]) -> dict[str, float]:

@@ -17,7 +17,8 @@ from pydantic.functional_validators import AfterValidator, BeforeValidator
 from pivident.errors import RobotDescriptionError
 from pivident.robot.constraints import ClosureKind
 from pivident.robot.description import MAX_JOINTS, JointMotion, TorqueSide
-from pivident.robot.friction_term import FrictionColumn, ShapeUnit, Smoothing
+from pivident.robot.friction_column import ShapeUnit, Smoothing
+from pivident.robot.friction_terms import friction_columns
 from pivident.robot.naming import nearest
 from pivident.robot.wrench_sensor import Acts
 
@@ -42,7 +43,7 @@ def _not_nan(value: float) -> float:
 
 
 def _known_function(value: str) -> str:
-    known = [column.name.lower() for column in FrictionColumn]
+    known = list(friction_columns())
     if value not in known:
         raise ValueError(f"there is no such friction; {nearest(value, known)}")
     return value

@@ -19,7 +19,9 @@ from pivident.robot.constraints import Closure, Constraints, LinearConstraint
 from pivident.robot.description import Coupling, Joint, Link, Robot, UrdfFile
 from pivident.robot.frames import Pose
 from pivident.robot.friction import FrictionLaw
-from pivident.robot.friction_term import FrictionColumn, FrictionTerm, Shape
+from pivident.robot.friction_column import Shape
+from pivident.robot.friction_term import FrictionTerm
+from pivident.robot.friction_terms import column_named
 from pivident.robot.joints import Contact
 from pivident.robot.naming import errors_name
 from pivident.robot.robot_schema import (
@@ -33,19 +35,6 @@ from pivident.robot.robot_schema import (
 )
 from pivident.robot.transmission import Transmission
 from pivident.robot.wrench_sensor import WrenchSensor
-
-#: How many constants of shape each function of friction may have; functions not listed have none.
-SHAPES = {
-    FrictionColumn.STRIBECK: (2,),
-    FrictionColumn.POWER: (1,),
-    FrictionColumn.COSINE: (1,),
-    FrictionColumn.SINE: (1,),
-    FrictionColumn.STRUT: (2,),
-    FrictionColumn.STRUT_STIFFNESS: (2,),
-    FrictionColumn.PRESLIDING: (1, 4),
-    FrictionColumn.PRESLIDING_RATE: (4,),
-    FrictionColumn.MAXWELL: (1, 4),
-}
 
 
 def robot_values(robot: Robot) -> dict[str, Any]:
@@ -242,7 +231,7 @@ def _joint_values(joint: Joint) -> dict[str, Any]:
         "friction": [
             {
                 "stem": term.stem,
-                "function": term.column.name.lower(),
+                "function": term.column.name,
                 "smoothing": term.smoothing,
                 "gamma": None if term.gamma is None else float(term.gamma),
                 "shapes": [
@@ -277,8 +266,8 @@ def _joint(values: JointValues) -> Joint:
 
 
 def _term(values: TermValues) -> FrictionTerm:
-    column = FrictionColumn[values.function.upper()]
-    allowed = SHAPES.get(column, (0,))
+    column = column_named(values.function)
+    allowed = column.shape_counts
     if len(values.shapes) not in allowed:
         needed = " or ".join(map(str, allowed))
         raise ValueError(

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from pivident.compiled import read_only
 from pivident.dynamics.forward import Model
+from pivident.dynamics.friction_table import SPRINGS
 from pivident.errors import (
     ExperimentError,
     LoopOpened,
@@ -22,7 +23,6 @@ from pivident.errors import (
     ShapeMismatch,
     SimulationDiverged,
 )
-from pivident.robot.friction import FrictionColumn
 from pivident.simulation.controllers import (
     TAPS,
     Controller,
@@ -281,10 +281,8 @@ def steps_of_a_period(model: Model, rate: float) -> int:
         model: the robot with its parameter values.
         rate: sampling rate [Hz].
     """
-    springs = {FrictionColumn.SPRING, FrictionColumn.STRUT}.intersection(
-        model.friction.path_index[:, 1].tolist()
-    )
-    if model.tree.prismatic.all() and not springs and model.closed is None:
+    springs = model.friction.path_index[:, 2] == SPRINGS
+    if model.tree.prismatic.all() and not springs.any() and model.closed is None:
         return 1
     return max(1, int(np.ceil(1.0 / (rate * MAX_STEP) - 1e-9)))
 

@@ -13,8 +13,9 @@ from pivident.dynamics.closed_chains.closed_slopes import (
     closed_slopes,
     project_columns,
 )
-from pivident.dynamics.closed_chains.passive_springs import position_partial
+from pivident.dynamics.friction_table import OF_POSITION
 from pivident.dynamics.lanes import row_array
+from pivident.dynamics.path_partials import position_partial
 from pivident.dynamics.rigid_body_slopes import inertial_columns
 from pivident.simulation.friction_tangent import PATH, constant_torque
 
@@ -55,7 +56,12 @@ def parameter_torques(run, tangent, inertial, links, out):
         if table == PATH:
             joint = friction.path_index[row, 0]
             torque = position_partial(
-                friction.path_index, friction.path_value, row, column, run.place.q[joint]
+                friction.path_index,
+                friction.path_value,
+                row,
+                column,
+                run.place.q[joint],
+                OF_POSITION,
             )
         else:
             joint, torque = constant_torque(

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from pivident.compiled import inlined, inner
-from pivident.dynamics.friction_kernels import friction_value_and_slope
+from pivident.dynamics.friction_kernels import friction_value_and_slope, sign_partials
 from pivident.dynamics.friction_partials import (
-    sign_curvature,
-    sign_partials,
     speed_curvature,
     speed_partials,
 )
@@ -60,7 +58,7 @@ def friction_columns(
         bends[term_index[k, 0]] += term_value[k, 0] * bend
     for k in range(couplings):
         at = vectors[speed, pair_index[k, 0]] + pair_value[k, 0] * vectors[speed, pair_index[k, 1]]
-        bend = sign_curvature(pair_index[k, 2], pair_value[k, 3], at)
+        bend = sign_partials(pair_index[k, 2], pair_value[k, 3], at)[2]
         bends[n + k] = pair_value[k, 2] * bend
     for e in range(index.shape[0]):  # several constants may meet in one place
         k, d = index[e, 2], index[e, 4]

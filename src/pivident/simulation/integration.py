@@ -32,11 +32,12 @@ from pivident.dynamics.friction_table import (
     AHEAD,
     MIDWAY,
     RATE,
+    SPRINGS,
     STATE,
     accept_states,
     friction_torque,
     path_torque,
-    spring_torque,
+    position_torque,
 )
 from pivident.dynamics.kernels import (
     bias_torque,
@@ -145,7 +146,7 @@ def evaluate(
         if status > 0:
             return -1 - status
     if path is not None:  # decided by its type: laws of speed alone are compiled without
-        spring_torque(path_index, path_value, vectors, Q, BIAS)
+        position_torque(path_index, path_value, vectors, Q, BIAS, SPRINGS)
     if exact or _has_moved(vectors, clock):
         if closed is None:
             composite_mass_matrix(

@@ -18,7 +18,7 @@ from pivident.dynamics.friction_table import (
     friction_torque,
     slopes_width,
 )
-from pivident.robot.friction import FrictionColumn
+from pivident.robot.friction_terms import friction_columns
 from pivident.simulation.controllers import TAPS, SampledLaw
 from pivident.simulation.friction_tangent import friction_tangent
 from pivident.simulation.gravity_compensation import PLACE, gravity_torques
@@ -66,14 +66,6 @@ GAIN, OUTPUT, DISTANCE, SPEED, COUNT, LIMITS = 0, 1, 2, 3, 4, 5
 # Layers of ``channels``: positions, speeds, accelerations right after the new torque was applied,
 # torques, limited outputs of the law.
 _Q, _DQ, _DDQ, TORQUE, _COMMAND, CHANNELS = 0, 1, 2, 3, 4, 5
-
-
-#: Terms of speed whose slope jumps at standstill.
-_KINKED = {
-    FrictionColumn.POWER,
-    FrictionColumn.VISCOUS_POSITIVE,
-    FrictionColumn.VISCOUS_NEGATIVE,
-}
 
 
 class LoopState(NamedTuple):
@@ -150,8 +142,8 @@ def is_on_path(friction: FrictionTable) -> bool:
 
     Powers of the speed and one-sided viscous friction have the kinks that it looks out for, too.
     """
-    columns = friction.term_index[:, 1].tolist()
-    return bool(len(friction.path_index)) or not _KINKED.isdisjoint(columns)
+    kinked = [int(column) for column in friction_columns().values() if column.kinked]
+    return bool(len(friction.path_index) or np.isin(friction.term_index[:, 1], kinked).any())
 
 
 def path_arguments(

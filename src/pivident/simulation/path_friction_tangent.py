@@ -9,6 +9,7 @@ from pivident.compiled import inlined as _inline
 from pivident.compiled import inner, rows
 from pivident.dynamics.friction_table import (
     AHEAD,
+    OF_POSITION,
     START_LEVEL,
     STATE,
     accept_states,
@@ -30,7 +31,6 @@ from pivident.dynamics.path_partials import (
 )
 from pivident.dynamics.path_partials import RATE as _RATE_ROW
 from pivident.dynamics.path_partials import STATE as _STATE_ROW
-from pivident.robot.friction import FrictionColumn
 from pivident.simulation.friction_tangent import PATH, friction_tangent, slope_times_tangent
 from pivident.simulation.integration import (
     FRICTION,
@@ -41,8 +41,6 @@ from pivident.simulation.integration import (
     V,
 )
 from pivident.simulation.loop_tangent import LENGTH, STILL_TANGENT
-
-_COSINE = int(FrictionColumn.COSINE)
 
 #: Scratch row of the copy of the simulation's ``vectors``: the net torque.
 (NET,) = rows(23)
@@ -79,11 +77,12 @@ def friction_after_tangent(
     for k in range(path_index.shape[0]):
         j, column = path_index[k, 0], path_index[k, 1]
         path_partials(
-            column, path[STATE, k], path[START_LEVEL, k], vectors[V, j], vectors[speed, j],
-            elapsed, vectors[travel, j], vectors[Q, j], path_value, k, partials,
+            column, path_index[k, 2], path[STATE, k], path[START_LEVEL, k],
+            vectors[V, j], vectors[speed, j], elapsed,
+            vectors[travel, j], vectors[Q, j], path_value, k, partials,
         )  # fmt: skip
         for what in range(_RATE_ROW + 1):
-            of_q = partials[what, OF_TRAVEL] if column == _COSINE else 0.0
+            of_q = partials[what, OF_TRAVEL] if path_index[k, 2] == OF_POSITION else 0.0
             of_z, of_g = partials[what, OF_STATE], partials[what, OF_LEVEL]
             of_v0, of_x = partials[what, OF_START], partials[what, OF_TRAVEL]
             of_v, of_time = partials[what, OF_SPEED], partials[what, OF_TIME] * longer

@@ -29,7 +29,7 @@ from pivident.dynamics.friction_table import (
     friction_torque,
     path_torque,
 )
-from pivident.robot.friction import FrictionColumn
+from pivident.robot.friction_terms.load import LOAD
 from pivident.simulation.integration import (
     FRICTION,
     FRICTION_KNOWN,
@@ -75,7 +75,7 @@ _T, _MIDWAY_SPEED, _MIDWAY_TRAVEL, _MIDWAY_REST, _DX = rows(18, 19, 20, 21, 22)
 (_BETWEEN,) = rows(2)
 SLOPE_ROWS = 4
 
-_LOAD = int(FrictionColumn.LOAD)
+_LOAD = int(LOAD)
 
 
 @inner

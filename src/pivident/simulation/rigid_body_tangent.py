@@ -12,8 +12,9 @@ from pivident.dynamics.closed_chains.closed_slopes import (
     mass_matrix_slopes,
     parameter_masses,
 )
+from pivident.dynamics.friction_table import SPRINGS
 from pivident.dynamics.lanes import LANES, load, nothing, store
-from pivident.dynamics.path_partials import spring_partials, spring_slopes
+from pivident.dynamics.path_partials import position_partial, position_slopes
 from pivident.dynamics.rigid_body_slopes import (
     inertial_columns,
     inertial_masses,
@@ -75,13 +76,13 @@ def bias_tangent(
         bias_slopes(closed, loops.slopes, links, body, by_position, by_speed)
         parameter_torques(closed, loops, inertial, links, columns)
     if path_index is not None:  # decided by its type, too
-        spring_slopes(path_index, path_value, vectors, Q, by_position)
+        position_slopes(path_index, path_value, vectors, Q, by_position, SPRINGS)
         for e in range(constants.shape[0]):
             if constants[e, 1] == PATH:
                 k = constants[e, 2]
                 j = path_index[k, 0]
-                columns[j, constants[e, 4]] += constant_slope[e] * spring_partials(
-                    path_index, path_value, k, constants[e, 3], vectors[Q, j]
+                columns[j, constants[e, 4]] += constant_slope[e] * position_partial(
+                    path_index, path_value, k, constants[e, 3], vectors[Q, j], SPRINGS
                 )
     for at in range(0, own.shape[2], LANES):
         for i in range(n):

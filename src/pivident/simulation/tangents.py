@@ -17,7 +17,7 @@ from pivident.dynamics.friction_table import PATH_ROWS, slopes_width
 from pivident.dynamics.lanes import LANES, row_array
 from pivident.dynamics.path_partials import partials_scratch
 from pivident.dynamics.rigid_body_slopes import slope_scratch
-from pivident.robot.friction import FrictionColumn
+from pivident.robot.friction_terms.load import LOAD
 from pivident.simulation.closed_loop import Trajectory, simulate, simulate_blocks
 from pivident.simulation.closed_tangent import closed_tangent
 from pivident.simulation.controllers import TAPS, PythonController, SampledLaw
@@ -153,7 +153,7 @@ def has_compiled_tangents(loop: ParametrisedLoop, model: Model | None = None) ->
         model: its model, where it is known already.
     """
     column = (model or loop.model).friction.path_index[:, 1]
-    return not isinstance(loop.controller, PythonController) and FrictionColumn.LOAD not in column
+    return not isinstance(loop.controller, PythonController) and int(LOAD) not in column
 
 
 def _by_differences(loop: ParametrisedLoop, directions: Sequence[Direction]) -> TangentBlock:

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 from pivident.dynamics.entry_plan import coupling_sign
 from pivident.dynamics.grouping.expressions import (
-    ONE,
     Expression,
+    as_expression,
     call,
     cosine,
-    divide,
     power,
     sine,
 )
 from pivident.dynamics.parameters import Parameter
-from pivident.robot.friction import FrictionColumn, FrictionTerm
-from pivident.robot.friction_term import SignFunction
+from pivident.robot.friction_column import SIGNS, evaluated
+from pivident.robot.friction_term import FrictionTerm
 from pivident.symbolic.model_symbols import ModelSymbols
 
 
@@ -48,11 +48,8 @@ def joint_column(
 
 def smooth_sign(code: int, gamma: float, dq: Expression) -> Expression:
     """sign(dq), (2/π) atan(γ dq) or tanh(γ dq)."""
-    if code == SignFunction.SIGN:
-        return call("sign", dq)
-    if code == SignFunction.ATAN:
-        return (2.0 / math.pi) * call("atan", gamma * dq)
-    return call("tanh", gamma * dq)
+    names = {"gamma": gamma, "dq": dq}
+    return as_expression(evaluated(SIGNS[code], {**_FUNCTIONS, **names}))
 
 
 def has_memory(p: Parameter) -> bool:
@@ -73,49 +70,26 @@ def inner_name(p: Parameter) -> str:
 def _friction_column(
     term: FrictionTerm, q: Expression, dq: Expression, inner: Expression | None
 ) -> Expression:
-    c = FrictionColumn
-    column, code, shape = term.encoded()
     if term.has_memory:
         assert inner is not None
         return inner
-    if column in (c.VISCOUS, c.VISCOUS_POSITIVE, c.VISCOUS_NEGATIVE, c.OFFSET):
-        functions = {
-            c.VISCOUS: lambda: dq,
-            c.OFFSET: lambda: ONE,
-            c.VISCOUS_POSITIVE: lambda: call("maximum", dq, 0.0),
-            c.VISCOUS_NEGATIVE: lambda: call("minimum", dq, 0.0),
-        }
-        return functions[c(column)]()
-    if term.depends_on_position:
-        return _position_column(c(column), shape, q)
-    if column == c.POWER:
-        smooth = smooth_sign(code if shape[1] < 1.0 else SignFunction.SIGN, shape[0], dq)
-        return smooth * power(call("abs", dq), shape[1])
-    s = smooth_sign(code, shape[0], dq)
-    if column == c.COULOMB:
-        return s
-    if column == c.COULOMB_POSITIVE:
-        return 0.5 * (1.0 + s)
-    if column == c.COULOMB_NEGATIVE:
-        return -0.5 * (1.0 - s)
-    if column == c.LOAD:
-        assert inner is not None
-        return call("abs", inner) * s
-    ratio = dq * (1.0 / shape[1])
-    squared = ratio * ratio if shape[2] == 2.0 else power(call("abs", ratio), shape[2])
-    return s * call("exp", -squared)
+    _, code, shape = term.encoded()
+    names = {"q": q, "dq": dq, "s": smooth_sign(code, shape[0], dq), "load": inner}
+    return as_expression(term.column.evaluate(term.values, {**_FUNCTIONS, **names}))
 
 
-def _position_column(column: FrictionColumn, shape: tuple[float, ...], q: Expression) -> Expression:
-    """Ripple cos(n q), sin(n q), spring q, strut; see ``pivident.robot.friction``."""
-    if column is FrictionColumn.SPRING:
-        return q
-    if column is FrictionColumn.COSINE:
-        return cosine(shape[1] * q)
-    if column is FrictionColumn.SINE:
-        return sine(shape[1] * q)
-    ratio, angle = shape[1], q - shape[2]
-    if column is FrictionColumn.STRUT_STIFFNESS:
-        return sine(angle)
-    squared = (1.0 + ratio**2) - 2.0 * ratio * cosine(angle)
-    return divide(sine(angle), call("sqrt", squared))
+#: Names in the expressions that friction terms declare.
+_FUNCTIONS = {
+    "sin": sine,
+    "cos": cosine,
+    "abs": partial(call, "abs"),
+    "power": power,
+    "exp": partial(call, "exp"),
+    "sqrt": partial(call, "sqrt"),
+    "max": partial(call, "maximum"),
+    "min": partial(call, "minimum"),
+    "sign": partial(call, "sign"),
+    "atan": partial(call, "atan"),
+    "tanh": partial(call, "tanh"),
+    "pi": math.pi,
+}

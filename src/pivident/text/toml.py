@@ -49,17 +49,17 @@ def toml_lines(tables: Mapping[str, Any], heading: str = "") -> list[str]:
         if isinstance(value, Mapping) and value:
             lines += toml_lines(value, name)
         elif value is not None:
-            lines.append(f"{name} = {_toml_value(value)}")
+            lines.append(f"{name} = {toml_value(value)}")
     return lines
 
 
-def _toml_value(value: Any) -> str:
-    """One value on one line."""
+def toml_value(value: Any) -> str:
+    """One value on one line; keys of None are left out."""
     if isinstance(value, Mapping):
-        pairs = (f"{key} = {_toml_value(x)}" for key, x in value.items() if x is not None)
+        pairs = (f"{key} = {toml_value(x)}" for key, x in value.items() if x is not None)
         return "{" + ", ".join(pairs) + "}"
     if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(map(_toml_value, value)) + "]"
+        return "[" + ", ".join(map(toml_value, value)) + "]"
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
     return json.dumps(value, ensure_ascii=False, default=str)

@@ -16,11 +16,12 @@ import numpy as np
 from pivident.compiled import inlined, kernel
 from pivident.dynamics.closed_chains.closure_kernels import CLOSED, close_loops, lead_on
 from pivident.dynamics.closed_chains.closure_table import ClosureTable, ClosureWork, closure_table
-from pivident.dynamics.closed_chains.passive_springs import position_torque
 from pivident.dynamics.friction_table import (
+    OF_POSITION,
     FrictionTable,
     friction_torque,
     make_friction_table,
+    position_torque,
     slopes_width,
 )
 from pivident.dynamics.kernels import bias_torque, composite_mass_matrix
@@ -113,7 +114,9 @@ def closed_bias(run, q, dq, bias):
         friction.linear, friction.term_index, friction.term_value, friction.pair_index,
         friction.pair_value, vectors, _SPEED, FRICTION, run.slopes, 0,
     )  # fmt: skip
-    position_torque(friction.path_index, friction.path_value, vectors, POSITION, FRICTION)
+    position_torque(
+        friction.path_index, friction.path_value, vectors, POSITION, FRICTION, OF_POSITION
+    )
     for a in range(m):
         bias[a] = 0.0
     for i in range(n):

@@ -23,8 +23,9 @@ from pivident.dynamics.closed_chains.closure_slopes import (
     closure_slopes,
     find_closure_slopes,
 )
-from pivident.dynamics.closed_chains.passive_springs import position_slopes
+from pivident.dynamics.friction_table import OF_POSITION
 from pivident.dynamics.kernels import composite_mass_matrix
+from pivident.dynamics.path_partials import position_slopes
 from pivident.dynamics.rigid_body_slopes import (
     inertial_masses,
     mass_slopes,
@@ -69,7 +70,12 @@ def bias_slopes(run, slopes, links, body, by_position, by_speed):
         slopes.by_speed[i, i] += run.slopes[0, i]
     friction = run.model.friction
     position_slopes(
-        friction.path_index, friction.path_value, run.vectors, POSITION, slopes.by_position
+        friction.path_index,
+        friction.path_value,
+        run.vectors,
+        POSITION,
+        slopes.by_position,
+        OF_POSITION,
     )
     project_slopes(run, slopes, by_position, by_speed)
 

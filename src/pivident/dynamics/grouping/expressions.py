@@ -161,6 +161,8 @@ def divide(a: Operand, b: Operand) -> Expression:
 def power(a: Operand, exponent: Number) -> Expression:
     """A power with constant exponent; whole ones up to 8 become products."""
     a = as_expression(a)
+    if isinstance(a, Call) and a.function == "abs" and exponent % 2 == 0:
+        a = a.operands[0]
     if exponent == int(exponent) and 0 <= exponent <= 8:
         product: Expression = ONE
         for bit in bin(int(exponent))[2:]:

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from pivident.dynamics.entry_plan import coupling_sign
 from pivident.dynamics.grouping.reach import ROUNDING
 from pivident.robot.description import Coupling, Robot
-from pivident.robot.friction_term import FrictionColumn, FrictionTerm, SignFunction
-
-#: Factor by function; a function is its name and its constants.
-Functions = dict[tuple, float]
+from pivident.robot.friction_column import Functions, SignFunction
+from pivident.robot.friction_term import FrictionTerm
 
 
 def friction_functions(term: FrictionTerm) -> Functions:
@@ -18,28 +14,17 @@ def friction_functions(term: FrictionTerm) -> Functions:
 
     ``1`` is the function of an offset, ``cos`` and ``sin`` of order 1 are those of a weight.
     """
-    c = FrictionColumn
-    _, code, (gamma, *a) = term.encoded()
-    sign = _sign(code, gamma)
-    if term.is_independent:
+    functions = term.column.functions
+    if functions is None:
         return {("own", term.stem): 1.0}
-    if term.column in (c.COSINE, c.SINE):
-        order = 1.0 if abs(a[0] - 1.0) < ROUNDING else a[0]
-        return {("cos" if term.column is c.COSINE else "sin", order): 1.0}
-    if term.column is c.STRUT_STIFFNESS:  # sin(q - φ)
-        return {("cos", 1.0): -float(np.sin(a[1])), ("sin", 1.0): float(np.cos(a[1]))}
-    functions: dict[FrictionColumn, Functions] = {
-        c.VISCOUS: {("dq",): 1.0},
-        c.VISCOUS_POSITIVE: {("dq",): 0.5, ("|dq|",): 0.5},
-        c.VISCOUS_NEGATIVE: {("dq",): 0.5, ("|dq|",): -0.5},
-        c.COULOMB: {sign: 1.0},
-        c.COULOMB_POSITIVE: {("1",): 0.5, sign: 0.5},
-        c.COULOMB_NEGATIVE: {("1",): -0.5, sign: 0.5},
-        c.OFFSET: {("1",): 1.0},
-        c.SPRING: {("q",): 1.0},
-        c.STRUT: {("strut", a[0], a[1]): 1.0},
+    _, code, (gamma, *_) = term.encoded()
+    return {
+        (name, 1.0)
+        if name in ("cos", "sin") and abs(constants[0] - 1.0) < ROUNDING
+        else key: factor
+        for key, factor in functions(_sign(code, gamma), *term.values).items()
+        for name, *constants in (key,)
     }
-    return functions[term.column]
 
 
 def coupling_functions(robot: Robot, stem: str, coupling: Coupling) -> Functions:

@@ -10,7 +10,7 @@ from pivident.errors import ExperimentError
 from pivident.estimation.output_error.unknowns import Unknown
 from pivident.estimation.problem import Problem, position_units, torque_units
 from pivident.recording.checks import MAX_DRIVE_DELAY
-from pivident.robot.friction_term import unit_on_joint
+from pivident.robot.friction_column import unit_on_joint
 from pivident.robot.naming import nearest
 from pivident.simulation.controllers import Cascade
 from pivident.simulation.direction import Direction, Kind, ParametrisedLoop

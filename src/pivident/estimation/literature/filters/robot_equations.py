@@ -9,29 +9,25 @@ and a level below zero, which would feed energy in, counts as zero: only its col
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
 from pivident.compiled import inlined, inner
 from pivident.dynamics.closed_chains.closed_dynamics import ClosedModel, closed_model
-from pivident.dynamics.elementary import sine_and_cosine
 from pivident.dynamics.entry_plan import ACCELERATION, has_inner_signal, joint_entry
-from pivident.dynamics.friction_kernels import friction_value_and_slope
+from pivident.dynamics.friction_kernels import (
+    friction_value_and_slope,
+    position_value_and_slope,
+)
 from pivident.dynamics.kernels import Tree, tree_of
 from pivident.dynamics.parameters import Parameter
 from pivident.errors import ExperimentError
 from pivident.robot.description import INERTIAL, Robot
-from pivident.robot.friction import FrictionColumn
-from pivident.robot.friction_term import SignFunction
+from pivident.robot.friction_column import SignFunction
 from pivident.robot.refusals import without_base
 
-_OFFSET, _VISCOUS = int(FrictionColumn.OFFSET), int(FrictionColumn.VISCOUS)
-_SPRING, _STRUT = int(FrictionColumn.SPRING), int(FrictionColumn.STRUT)
-_STIFFNESS = int(FrictionColumn.STRUT_STIFFNESS)
-_COSINE, _SINE = int(FrictionColumn.COSINE), int(FrictionColumn.SINE)
-
+_OF_POSITION = int(SignFunction.NONE)
 _HARD, _TANH = int(SignFunction.SIGN), int(SignFunction.TANH)
 
 #: γ of a hyperbolic tangent that is a hard sign at any speed but zero.
@@ -121,21 +117,8 @@ def _local(index, value, e, q, dq, ddq):
     f, by_position, by_speed = 0.0, 0.0, 0.0
     if function == ACCELERATION:
         f = ddq[a]
-    elif function == _OFFSET:
-        f = 1.0
-    elif function == _VISCOUS:
-        f, by_speed = v, 1.0
-    elif function == _SPRING:
-        f, by_position = q[a], 1.0
-    elif function == _COSINE or function == _SINE:
-        s, c = sine_and_cosine(first * q[a])
-        f, by_position = (c, -first * s) if function == _COSINE else (s, first * c)
-    elif function == _STRUT or function == _STIFFNESS:
-        s, c = sine_and_cosine(q[a] - value[e, _SECOND])
-        f, by_position = s, c
-        if function == _STRUT:
-            length = math.sqrt(1.0 + first * first - 2.0 * first * c)
-            f, by_position = s / length, c / length - first * s * s / length**3
+    elif index[e, _SIGN] <= _OF_POSITION:
+        f, by_position = position_value_and_slope(function, first, value[e, _SECOND], q[a])
     else:
         f, by_speed = friction_value_and_slope(
             function, index[e, _SIGN], value[e, _GAMMA], first, value[e, _SECOND], v

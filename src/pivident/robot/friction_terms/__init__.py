@@ -1,0 +1,56 @@
+"""Friction terms, one module for each: the built-in ones and those of other distributions.
+
+Another distribution declares a term as the modules here do, lets ``python -m
+pivident.dynamics.generate_friction my_package.my_term:MY_TERM`` write the module of its compiled
+functions, and names the term in its entry points:
+
+    [project.entry-points."pivident.friction"]
+    my_term = "my_package.my_term:MY_TERM"
+"""
+
+from __future__ import annotations
+
+import copyreg
+from functools import cache
+
+from pivident.registry import Registry
+from pivident.robot.friction_column import FrictionColumn
+from pivident.robot.term_kind import TermKind
+
+#: Terms by the name that robot files give them.
+TERM_KINDS: Registry[TermKind] = Registry(
+    "pivident.friction",
+    TermKind,
+    {
+        "viscous": "pivident.robot.friction_terms.viscous:VISCOUS_TERM",
+        "coulomb": "pivident.robot.friction_terms.coulomb:COULOMB_TERM",
+        "offset": "pivident.robot.friction_terms.offset:OFFSET_TERM",
+        "asymmetric": "pivident.robot.friction_terms.coulomb:ASYMMETRIC_TERM",
+        "stribeck": "pivident.robot.friction_terms.stribeck:STRIBECK_TERM",
+        "power": "pivident.robot.friction_terms.power:POWER_TERM",
+        "asymmetric_viscous": "pivident.robot.friction_terms.viscous:SLOPES_TERM",
+        "load": "pivident.robot.friction_terms.load:LOAD_TERM",
+        "ripple": "pivident.robot.friction_terms.ripple:RIPPLE_TERM",
+        "spring": "pivident.robot.friction_terms.springs:SPRING_TERM",
+        "counterbalance": "pivident.robot.friction_terms.springs:STRUT_TERM",
+        "dahl": "pivident.robot.friction_terms.presliding:DAHL_TERM",
+        "lugre": "pivident.robot.friction_terms.presliding:LUGRE_TERM",
+        "maxwell_slip": "pivident.robot.friction_terms.maxwell_slip:MAXWELL_TERM",
+    },
+)
+
+
+@cache
+def friction_columns() -> dict[str, FrictionColumn]:
+    """All columns of friction by name."""
+    kinds = TERM_KINDS.usable().values()
+    return {column.name: column for kind in kinds for column in kind.columns}
+
+
+def column_named(name: str) -> FrictionColumn:
+    """The column of friction of that name."""
+    return friction_columns()[name]
+
+
+# A column is the same object wherever it comes from.
+copyreg.pickle(FrictionColumn, lambda column: (column_named, (column.name,)))  # type: ignore[arg-type]

@@ -1,0 +1,112 @@
+"""Presliding friction with a state, by Dahl and LuGre; kernels in ``dynamics.friction_kernels``."""
+
+from __future__ import annotations
+
+from pivident.robot.friction_column import Constant, FrictionColumn, Key
+from pivident.robot.friction_term import FrictionTerm
+from pivident.robot.friction_terms.stribeck import EXCESS, EXPONENT, SPEED, weakening
+from pivident.robot.term_kind import Candidate, TermKind
+
+PRESLIDING = FrictionColumn(
+    name="presliding",
+    code=15,
+    expression="",
+    text="{stem} z({shapes})",
+    constants=("distance", "excess", "speed", "exponent"),
+    fewest=1,
+    dissipative=True,
+    memory=True,
+    element="dry friction",
+)
+PRESLIDING_RATE = FrictionColumn(
+    name="presliding_rate",
+    code=16,
+    expression="",
+    text="{stem} {distance} dz/dt",
+    constants=("distance", "excess", "speed", "exponent"),
+    speed_power=1.0,
+    dissipative=True,
+    memory=True,
+)
+DISTANCE = Constant(
+    "distance",
+    "its presliding distance in rad or m",
+    name="presliding_distance",
+    unit="position",
+    low=1e-12,
+    high=1e3,
+)
+
+
+def dahl(distance: float) -> FrictionTerm:
+    """Dahl's presliding friction fc z with dz/dt = (dq - |dq| z)/d: Coulomb friction with a state.
+
+    After a reversal it needs some times d of travel to come to its new level.
+
+    Args:
+        distance: d, presliding distance [rad or m]; stiffness at rest is fc/d.
+
+    Returns:
+        One term with the parameter fc [N m or N].
+    """
+    return FrictionTerm("fc", PRESLIDING, shapes=(DISTANCE.at(distance),))
+
+
+def lugre(
+    distance: float, excess: float, speed: float, exponent: float = 2.0, damped: bool = True
+) -> tuple[FrictionTerm, ...]:
+    """LuGre friction (Canudas de Wit et al. 1995): presliding with a Stribeck curve.
+
+        dz/dt = (dq - |dq| z/g)/d,    g = 1 + ρ exp(-|dq/v_s|^δ),    friction fc z + fd d dz/dt
+
+    with distance d [rad or m], excess ρ, speed v_s and exponent δ; fd is a term where it is damped.
+    In the usual symbols σ0 = fc/d, σ1 = fd, and g fc is the curve from static to Coulomb level.
+
+    Args:
+        distance: d [rad or m].
+        excess: ρ, static level over Coulomb level less one.
+        speed: v_s [rad/s or m/s].
+        exponent: δ.
+        damped: whether the micro-damping fd is a term.
+
+    Returns:
+        Terms with the parameters fc and, if damped, fd.
+    """
+    shapes = (DISTANCE.at(distance), *weakening(excess, speed, exponent))
+    terms = (FrictionTerm("fc", PRESLIDING, shapes=shapes),)
+    return (*terms, FrictionTerm("fd", PRESLIDING_RATE, shapes=shapes)) if damped else terms
+
+
+DAHL_TERM = TermKind(
+    "dahl",
+    dahl,
+    (PRESLIDING,),
+    keys=(DISTANCE,),
+    candidates=(
+        Candidate(
+            "Dahl",
+            lambda travel, fastest, smoothing, gamma: (dahl(1e-3 * travel),),
+            instead_of=("coulomb", "stribeck"),
+        ),
+    ),
+)
+LUGRE_TERM = TermKind(
+    "lugre",
+    lugre,
+    (PRESLIDING, PRESLIDING_RATE),
+    keys=(
+        DISTANCE,
+        EXCESS,
+        SPEED,
+        EXPONENT,
+        Key("damped", "whether presliding is damped, with a parameter fd", "flag"),
+    ),
+    written=lambda term, law: {"damped": any(t.column is PRESLIDING_RATE for t in law)},
+    candidates=(
+        Candidate(
+            "LuGre",
+            lambda travel, fastest, smoothing, gamma: lugre(1e-3 * travel, 0.3, 0.05 * fastest),
+            instead_of=("coulomb", "stribeck"),
+        ),
+    ),
+)
