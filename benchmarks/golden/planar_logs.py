@@ -76,9 +76,7 @@ def _step(
     return moved((mean[0], mean[1], mean[2], mean[3]), h)
 
 
-def _reference(
-    t: np.ndarray, rng: np.random.Generator, period: float | None = None
-) -> np.ndarray:
+def _reference(t: np.ndarray, rng: np.random.Generator, period: float | None = None) -> np.ndarray:
     """Sums of five sines that rise from rest [rad], shape (samples, 2).
 
     With a period [s], the sines are its first five harmonics.

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pivident.diagnostics.failed_simulation import identify
 from pivident.errors import SimulationDiverged
-from pivident.estimation.identify import identify
 from pivident.estimation.methods import InstrumentalVariables, RandomWalk
 from pivident.many.study.bench import Bench
 from pivident.many.study.scenario import read_scenario

@@ -36,7 +36,7 @@ from pivident.cli.predict import predict
 from pivident.cli.studio import studio
 from pivident.cli.study import study
 from pivident.cli.symbolic import symbolic
-from pivident.errors import DatasetUnavailable, PividentError
+from pivident.errors import DatasetUnavailable, PividentError, SimulationFailed
 from pivident.text.lists import separated
 from pivident.version import __version__
 
@@ -353,6 +353,10 @@ def main(tokens: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return DONE
     except Exception as error:
+        if isinstance(error, SimulationFailed):
+            from pivident.diagnostics.failed_simulation import explain
+
+            explain(error)
         if os.environ.get("PIVIDENT_DEBUG", "") not in ("", "0"):
             raise
         note(error_line(error))

@@ -20,10 +20,8 @@ import numpy as np
 from pivident.common_work import once
 from pivident.errors import (
     ExperimentError,
-    IdentificationError,
-    MassMatrixNotPositiveDefinite,
     RankDeficientRegressor,
-    SimulationDiverged,
+    SimulationFailed,
 )
 from pivident.estimation.answer import Covariances, answer, law_findings
 from pivident.estimation.equation_record import accumulate
@@ -49,7 +47,6 @@ from pivident.estimation.problem import Problem
 from pivident.estimation.simulation_result import LoopParameter, SimulationResult
 from pivident.instruments.given_motion import InstrumentsUsed
 from pivident.robot.refusals import without_wrenches
-from pivident.text import display
 from pivident.text.finding import Finding, Quantity
 
 #: Shares of the way from nominal values to least squares at which a start is tried.
@@ -72,15 +69,16 @@ def identify_output_error(
         _check_loop(problem, method)
     say(f"{method.label}: smoothing the records")
     signals = Signals.of(problem, method)
-    stretches = _stretches(signals, method, _start(signals, method))
-    loop = stretches[0].loop
-    unknowns = within_bounds(
-        [*model_unknowns(problem), *loop_unknowns(problem, loop, method.free)], method.bounds
-    )
+    theta = _start(signals, method)
     try:
+        stretches = _stretches(signals, method, theta)
+        loop = stretches[0].loop
+        unknowns = within_bounds(
+            [*model_unknowns(problem), *loop_unknowns(problem, loop, method.free)], method.bounds
+        )
         fit = fit_simulation(stretches, unknowns, _options(problem, method), say)
-    except (SimulationDiverged, MassMatrixNotPositiveDefinite) as error:
-        _explain(problem, error)
+    except SimulationFailed as error:
+        error.problem, error.from_start = problem, True
         raise
     return _identification(signals, method, fit, test_gains)
 
@@ -147,19 +145,9 @@ def _stretches(signals: Signals, method: OutputError, theta: np.ndarray) -> list
         )
         try:
             return once(("stretches", problem, method.signals, values.tobytes()), make)
-        except (SimulationDiverged, MassMatrixNotPositiveDefinite) as error:
+        except SimulationFailed as error:
             failure = error
-    _explain(problem, failure)
     raise failure
-
-
-def _explain(problem: Problem, error: IdentificationError) -> None:
-    """Note what an audit has against the log, and what may be the cause of a divergence."""
-    for sentence in display.provided("divergence_cause")(problem, error):
-        error.add_note(sentence)
-    for finding in display.provided("log_faults")(problem.robot, problem.recordings):
-        if finding.severity == "error":
-            error.add_note(finding.advised)
 
 
 def _identification(
