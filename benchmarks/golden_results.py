@@ -32,6 +32,9 @@ from golden.numerals import Content, read
 
 TREE = Path(__file__).resolve().parents[1]
 
+#: The program with a clock that counts.
+COUNTED = TREE / "benchmarks" / "golden" / "counted_clock.py"
+
 #: One thread, one width, one hash seed: what else numbers and their layout could depend on.
 SETTINGS = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
@@ -40,6 +43,7 @@ SETTINGS = dict.fromkeys(
     "NO_COLOR": "1",
     "LC_ALL": "C.UTF-8",
     "PYTHONHASHSEED": "0",
+    "PIVIDENT_THREADS": "1",
     "TZ": "UTC",
 }
 
@@ -66,7 +70,8 @@ def run(step: Step, folder: Path, variables: dict[str, str]) -> tuple[int, float
     """One command in a folder: its exit code and processor time [s]."""
     printed = folder / "printed"
     printed.mkdir(exist_ok=True)
-    command = [sys.executable, "-m", "pivident", *step.arguments()]
+    program = [str(COUNTED)] if step.counted else ["-m", "pivident"]
+    command = [sys.executable, *program, *step.arguments()]
     with (
         (printed / f"{step.label}.out").open("wb") as out,
         (printed / f"{step.label}.err").open("wb") as err,

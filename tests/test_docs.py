@@ -20,6 +20,7 @@ PARTS_OF_OTHERS = {
     Entry,
     identify_table.IdentifyKeys,
     identify_table.DecimatedEntry,
+    identify_table.BandpassKeys,
     identify_table.NoiseKeys,
     consistency_keys.ConsistencyFile,
     excite_keys.RoomEntry,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 import sys
@@ -11,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from golden.planar_logs import write_ampere_logs, write_fleet
+from golden.planar_logs import write_ampere_logs, write_fleet, write_periods
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
@@ -21,20 +22,28 @@ COMMANDS: dict[str, str] = {
     "check": "check {file} --json",
     "compare": "compare {results} --out {out}",
     "consistent": "consistent {result} --out {out}",
+    "demo": "demo --out {out}",
+    "excite": "excite {subject} --duration 4 --rate 100 --seconds {seconds} {more} --out {out}",
     "export": "export {result} --to {format} --out {out}",
     "fleet": "fleet {folder} --workers 1 --out {out}",
+    "fit-simulator": "fit-simulator {file} --to {format} --out {out}",
     "flexibility": "flexibility {file} --out {out}",
     "friction": "friction {file} --out {out}",
     "gains": "gains {file} --out {out} --in-log-units --least-squares",
     "identify": "identify {file} --method {methods} --folds {folds} --out {out}",
     "init": "init {logs} --robot {robot} --out {out} --yes",
     "laws": "laws {file} --blocks 5 --depth 2",
-    "payload": "payload {file} --method ls --out {out}",
+    "paper": "paper --quick --workers 1 --out {out}",
+    "payload": "payload {file} --method {method} --out {out}",
+    "predict": "predict {result} {log} --csv {out}.csv --html {out}.html",
     "robots": "robots {robot}",
     "study": "study {scenario} --runs {runs} --workers 1 --out {out}",
     "symbolic": "symbolic {robot} --out {out}",
     "symbolic counts": "symbolic {robot}",
 }
+
+#: Where a word of a step goes.
+BRACES = re.compile(r"{([a-z]+)}")
 
 #: Formats of `export`, and how their files end.
 FORMATS = {
@@ -56,19 +65,25 @@ class Step:
         label: of its output.
         command: key of `COMMANDS`.
         words: what the braces of the command stand for; a list fills several words.
+        counted: whether the clock counts (`counted_clock`), for searches that end by the clock.
     """
 
     label: str
     command: str
     words: Mapping[str, str | list[str]] = field(default_factory=dict)
+    counted: bool = False
 
     def arguments(self) -> list[str]:
         """The command line after the program's name."""
         made: list[str] = []
         for word in COMMANDS[self.command].split():
-            value = self.words[word[1:-1]] if word.startswith("{") else word
+            whole = BRACES.fullmatch(word)
+            value = self.words[whole[1]] if whole else BRACES.sub(self._word, word)
             made += [value] if isinstance(value, str) else value
         return made
+
+    def _word(self, braces: re.Match[str]) -> str:
+        return str(self.words[braces[1]])
 
 
 @dataclass(frozen=True)
@@ -140,6 +155,12 @@ def _ur10e(folder: Path, data: Path) -> None:
     _script(folder, "ur10e_like", line)
 
 
+def _leg(folder: Path, data: Path) -> None:
+    """The log of positions of a leg that MuJoCo has simulated, and its description."""
+    line = "import simulate_log; from pathlib import Path; simulate_log.main(Path())"
+    _script(folder, "suspended_leg", line)
+
+
 def _tiago(folder: Path, data: Path) -> None:
     """The TIAGo's log and URDF."""
     for path in sorted((data / "tiago").glob("*.gz")):
@@ -205,6 +226,146 @@ def _planar(folder: Path, data: Path) -> None:
     (folder / "logs" / "fleet.toml").write_text(_FLEET, encoding="utf-8")
 
 
+#: All methods; the frequency domain needs whole periods.
+_METHODS = (
+    "ols,ls,wls,tls,irls,ridge,map,ml-ls,set-membership,adaline,hopfield,ekf,ukf,cdkf,particle,"
+    "iv,iv-full-rate,piv,didim,piv-as-printed,cloe,clie,ml,oloe"
+)
+
+#: The same methods with other options than those that they have by default.
+_OPTIONS = """[identify]
+tolerance = 0.01
+max_iterations = 30
+mask = "auto"
+bandpass = {cutoff = 30, order = 3, bandwidth = 25, median = 3}
+random_walk = {order = 3, passes = 2, f50_max = 60}
+noise = {p_max = 60, criterion = "bic"}
+
+[identify.ols]
+signals = "algebraic"
+algebraic = {window = 20, degree = 3, decimation = [5]}
+
+[identify.ls]
+bandpass = {cutoff = 20, decimation = [4, 5], convention = "scipy", edge = [40, 60], align = true}
+
+[identify.tls]
+signals = "random_walk"
+
+[identify.irls]
+loss = "bisquare"
+tolerance = 1e-3
+
+[identify.ridge]
+penalty = 0.02
+
+[identify.map]
+spread = 0.5
+deviation = {fc1 = 0.5}
+
+[identify.set-membership]
+bound = [3.0, 1.5]
+
+[identify.adaline]
+rate = 0.5
+epochs = 40
+
+[identify.hopfield]
+reach = 3.0
+time = 50.0
+
+[identify.ekf]
+start = "initial"
+spread = 0.3
+drift = 1e-4
+passes = 2
+
+[identify.ukf]
+alpha = 0.5
+beta = 1.0
+kappa = 1.0
+square_root = false
+
+[identify.cdkf]
+step = 1.5
+encoder_noise = [1e-5, 2e-5]
+torque_noise = 0.1
+
+[identify.particle]
+particles = 60
+discount = 0.97
+seed = 3
+
+[identify.iv]
+instruments = "halves"
+
+[identify.piv]
+prefilter = "controller"
+covariance = "sandwich"
+start = "initial"
+noise = {ar_order = 6, ma_order = 2}
+
+[identify.didim]
+max_iterations = 12
+
+[identify.piv-as-printed]
+noise = {p_max = 40}
+
+[identify.cloe]
+free = ["kp"]
+bounds = {fc1 = [0, 20]}
+loss = "huber"
+
+[identify.ml]
+prefilter = "none"
+undetermined = "hold"
+
+[identify.oloe]
+segment = 1.0
+bandwidth = 30
+"""
+
+_PERIODS = """
+[identify]
+methods = ["frequency"]
+frequency = {period = 2.0, transient = 1}
+"""
+
+
+def _methods(folder: Path, data: Path) -> None:
+    """The planar arm's log with options for all methods, and one of whole periods."""
+    write_ampere_logs(folder)
+    write_periods(folder)
+    experiments = (
+        ("arm", "empty", ""),
+        ("options", "empty", _OPTIONS),
+        ("periods", "periods", _PERIODS),
+    )
+    for name, log, more in experiments:
+        text = _PLANAR.format(
+            empty=_LOG.format(name=log, unit=_KNOWN), gain="drive_gain = [12, 5]\n", more=more
+        )
+        (folder / f"{name}.toml").write_text(text, encoding="utf-8")
+
+
+def _payload(method: str) -> Step:
+    words = {"file": "payload.toml", "method": method, "out": f"payload_{method}"}
+    return Step(f"payload_{method}", "payload", words)
+
+
+def _predict(result: str, log: str, out: str) -> Step:
+    return Step(out, "predict", {"result": result, "log": log, "out": out})
+
+
+def _simulator(to: str) -> Step:
+    return Step(to, "fit-simulator", {"file": "leg.toml", "format": to, "out": to})
+
+
+def _excite(out: str, subject: str, seconds: int, *more: str) -> Step:
+    """A search of so many seconds by the counted clock."""
+    words = {"subject": subject, "seconds": str(seconds), "more": list(more), "out": out}
+    return Step(out, "excite", words, counted=True)
+
+
 _ALL = "ls,iv,iv-full-rate,piv"
 _TIAGO = [f"tiago_{kind}.csv.gz" for kind in ("position", "velocity", "effort")]
 
@@ -266,13 +427,36 @@ CASES: dict[str, Case] = {
             _identify("arm.toml", "ols,iv-full-rate,piv,didim,pc-ls", 3),
             Step("consistent", "consistent", {"result": "results/piv", "out": "consistent"}),
             Step("laws", "laws", {"file": "arm.toml"}),
-            *_on("payload.toml", "payload"),
+            *map(_payload, ("ls", "piv")),
+            _predict("results/piv", "loaded.csv", "predict_piv"),
+            _predict("consistent/consistent.json", "loaded.csv", "predict_consistent"),
+            _predict("planar_2r", "arm.toml", "predict_nominal"),
             Step("gains", "gains", {"file": "gains.toml", "out": "found_gains.toml"}),
             Step("fleet", "fleet", {"folder": "logs", "out": "fleet"}),
             *_exports("results/piv"),
+            _excite("next_motion", "results/piv", 4),
         ),
         _planar,
     ),
+    "methods": Case(
+        (
+            _identify("arm.toml", _METHODS, 2),
+            _identify("options.toml", _METHODS, 0, "options"),
+            _identify("periods.toml", "frequency,ls", 0, "periods"),
+        ),
+        _methods,
+    ),
+    "leg": Case(tuple(map(_simulator, ("mjcf", "isaac"))), _leg),
+    "excite": Case(
+        (
+            _excite("splines", "planar_2r", 6),
+            _excite("fourier", "planar_2r", 6, "--motion", "fourier", "--criterion", "d"),
+            _excite("postures", "planar_2r", 6, "--motion", "postures", "--for", "fc1,fc2"),
+            _excite("goal", "planar_2r", 20, "--to", "20%", "--for", "zz2,ia2", "--start=0.3,-0.4"),
+        )
+    ),
+    "demo": Case((Step("demo", "demo", {"out": "demo"}),)),
+    "paper": Case((Step("paper", "paper", {"out": "paper"}),)),
     "symbolic": Case(
         (
             Step("robot", "robots", {"robot": "staubli_tx40"}),

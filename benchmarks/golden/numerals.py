@@ -38,7 +38,7 @@ PASSING = re.compile(
 RUN_TIME = re.compile(r"(?<![\w.])\d+(?:\.\d+)? s$")
 
 #: Lines of progress, which come by the clock, and the time that compiling will take.
-PROGRESS = re.compile(r"\d+ of \d+ (?:runs|logs)\b|\"compiling\": ")
+PROGRESS = re.compile(r"\d+ of \d+ (?:runs|logs)\b|motions tried|\"compiling\": ")
 
 #: Keys and columns of such values.
 PASSING_KEY = re.compile(

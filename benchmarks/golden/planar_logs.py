@@ -76,10 +76,15 @@ def _step(
     return moved((mean[0], mean[1], mean[2], mean[3]), h)
 
 
-def _reference(t: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Sums of five sines that rise from rest [rad], shape (samples, 2)."""
+def _reference(t: np.ndarray, rng: np.random.Generator, period: float | None = None) -> np.ndarray:
+    """Sums of five sines that rise from rest [rad], shape (samples, 2).
+
+    With a period [s], the sines are its first five harmonics.
+    """
     rise = (1.0 - np.exp(-((t / 0.5) ** 2)))[:, None]
     rates = 2 * np.pi * rng.uniform(0.1, 0.9, (5, 2))
+    if period is not None:
+        rates = 2 * np.pi / period * np.arange(1.0, 6.0)[:, None] * np.ones(2)
     sizes = rng.uniform(0.1, 0.5, (5, 2))
     phases = rng.uniform(0, 2 * np.pi, (5, 2))
     return rise * np.sum(sizes * np.sin(rates * t[:, None, None] + phases), axis=1)
@@ -96,6 +101,7 @@ def simulate(
     friction: float = 1.0,
     motion: int | None = None,
     encoder: float = 2e-6,
+    period: float | None = None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Measured positions and references [rad], torques [N m], each of shape (samples, 2).
 
@@ -109,10 +115,12 @@ def simulate(
         friction: factor on viscous and Coulomb friction.
         motion: seed of the reference; None: that of the noise.
         encoder: standard deviation of the encoders' noise [rad].
+        period: of the reference [s]; None: it does not repeat.
     """
     rng = np.random.default_rng(seed)
     t = np.arange(samples) / rate
-    reference = _reference(t, np.random.default_rng(seed if motion is None else motion))
+    shapes = np.random.default_rng(seed if motion is None else motion)
+    reference = _reference(t, shapes, period)
     noise = encoder * rng.standard_normal((samples, 2))
     state: State = (float(reference[0, 0]), float(reference[0, 1]), 0.0, 0.0)
     last = [0.0, 0.0]
@@ -132,16 +140,27 @@ def simulate(
 
 def write_ampere_logs(folder: Path) -> None:
     """Logs in amperes without (empty.csv) and with a payload of 1.2 kg (loaded.csv)."""
-    gains = np.array([12.0, 5.0])
     for name, seed, load in (("empty", 2, (0.0, 0.0)), ("loaded", 3, (1.2, 0.35))):
-        q, reference, tau = simulate(seed, 5000, 1000.0, (6000, 2500), (180, 60), load=load)
-        noise = 0.01 * np.random.default_rng(seed + 10).standard_normal(tau.shape)
-        columns = [np.arange(len(q)) / 1000.0, np.rad2deg(q), np.rad2deg(reference)]
-        rows = np.column_stack([*columns, tau / gains + noise])
-        header = "time,q1,q2,r1,r2,i1,i2"
-        np.savetxt(
-            folder / f"{name}.csv", rows, fmt="%.9g", delimiter=",", header=header, comments=""
-        )
+        signals = simulate(seed, 5000, 1000.0, (6000, 2500), (180, 60), load=load)
+        _write_amperes(folder / f"{name}.csv", seed, signals, 1000.0)
+
+
+def write_periods(folder: Path) -> None:
+    """A log in amperes of six periods of 2 s (periods.csv)."""
+    signals = simulate(4, 6000, 500.0, (6000, 2500), (180, 60), period=2.0)
+    _write_amperes(folder / "periods.csv", 4, signals, 500.0)
+
+
+def _write_amperes(
+    path: Path, seed: int, signals: tuple[np.ndarray, np.ndarray, np.ndarray], rate: float
+) -> None:
+    """Positions and references in degrees, noisy currents in amperes, as a table."""
+    q, reference, tau = signals
+    noise = 0.01 * np.random.default_rng(seed + 10).standard_normal(tau.shape)
+    columns = [np.arange(len(q)) / rate, np.rad2deg(q), np.rad2deg(reference)]
+    rows = np.column_stack([*columns, tau / np.array([12.0, 5.0]) + noise])
+    header = "time,q1,q2,r1,r2,i1,i2"
+    np.savetxt(path, rows, fmt="%.9g", delimiter=",", header=header, comments="")
 
 
 def write_fleet(folder: Path) -> None:

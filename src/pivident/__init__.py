@@ -18,7 +18,5 @@ display.provided_by(
     text="pivident.estimation.summary_tables.identification_table",
     headline="pivident.estimation.summary_tables.headline",
     files="pivident.estimation.identification_file.save_identification",
-    divergence_cause="pivident.validation.divergence_cause.divergence_cause",
-    log_faults="pivident.audit.recording_audit.recording_faults",
     pinocchio_joints="pivident.robot.pinocchio_model.model_joints",
 )

@@ -1,11 +1,11 @@
 from .comparison.compare import compare as compare
 from .consistency.consistent_model import make_consistent as make_consistent
 from .diagnostics.diagnostics import diagnose as diagnose
+from .diagnostics.failed_simulation import identify as identify
 from .diagnostics.verdict import verdict as verdict
 from .dynamics.base_parameters import base_parameters as base_parameters
 from .errors import PividentError as PividentError
 from .estimation.identification import Identification as Identification
-from .estimation.identify import identify as identify
 from .estimation.instrumental_variables import InstrumentalVariables as InstrumentalVariables
 from .estimation.least_squares import LeastSquares as LeastSquares
 from .estimation.prefiltered_iv import PrefilteredIV as PrefilteredIV

@@ -182,6 +182,6 @@ def test_an_error_without_evidence_is_raised_as_it_is(record, monkeypatch):
     def refuse(*arguments):
         raise RankDeficientRegressor(2, 3, [("a", "b")])
 
-    monkeypatch.setattr("pivident.estimation.identify._estimate", refuse)
+    monkeypatch.setattr("pivident.estimation.least_squares.LeastSquares.estimate", refuse)
     with pytest.raises(RankDeficientRegressor, match="separates 2 of 3"):
         identify(Problem(parse_urdf(EXACT), (record,)), "ls")

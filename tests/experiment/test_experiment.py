@@ -351,7 +351,7 @@ BAD = {
     ),
     "options of another method": (
         with_identify("ls = {noise = {p_max = 3}}"),
-        ("[identify] unknown key", "ls.noise", "bandpass"),
+        ("[identify]", "'ls' has no noise", "bandpass"),
     ),
     "signals without use": (
         with_identify("ls = {random_walk = {order = 2}}"),

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pivident.diagnostics.failed_simulation import identify
 from pivident.errors import PividentError
-from pivident.estimation.identify import identify
 from pivident.estimation.instrumental_variables import InstrumentalVariables
 from pivident.estimation.signal_recipes import RandomWalk
 from pivident.many.study.bench import Bench

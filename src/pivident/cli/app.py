@@ -19,6 +19,7 @@ from cyclopts import App, CycloptsError, Group, MissingArgumentError
 from pivident.cli.console import error_line, note
 from pivident.cli.exit_codes import DONE, INTERRUPTED, WRONG_INPUT, WRONG_USAGE, UsageError
 from pivident.cli.interruption import end_on_signals
+from pivident.errors import SimulationFailed
 from pivident.registry import BrokenExtension, Registry
 from pivident.version import __version__
 
@@ -143,6 +144,10 @@ def main(tokens: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return DONE
     except Exception as error:
+        if isinstance(error, SimulationFailed):
+            from pivident.diagnostics.failed_simulation import explain
+
+            explain(error)
         if os.environ.get("PIVIDENT_DEBUG", "") not in ("", "0"):
             raise
         note(error_line(error))

@@ -30,12 +30,13 @@ from pivident.consistency.consistent_estimate import (
 from pivident.consistency.consistent_files import write_consistent
 from pivident.consistency.method_names import PREFIX, free_methods
 from pivident.diagnostics.diagnostics import Diagnostics, diagnose
+from pivident.diagnostics.failed_simulation import identify
 from pivident.diagnostics.verdict import Verdict, beside_verdict, verdict
 from pivident.diagnostics.verdict_file import VERDICT_FILE, save_verdict
 from pivident.errors import Attempts
 from pivident.estimation.identification import Identification
 from pivident.estimation.identification_file import save_identification
-from pivident.estimation.identify import identify, narrowed
+from pivident.estimation.identify import narrowed
 from pivident.estimation.method import Method
 from pivident.estimation.methods import METHODS
 from pivident.estimation.parameter_rows import parameter_rows

@@ -17,6 +17,7 @@ from pivident.errors.identifications import (
     OrdersNotSupported,
     RankDeficientRegressor,
     SimulationDiverged,
+    SimulationFailed,
     UnstableFit,
     UnusableSignal,
 )
@@ -86,6 +87,7 @@ __all__ = [
     "SaturatedSignal",
     "ShapeMismatch",
     "SimulationDiverged",
+    "SimulationFailed",
     "UnknownColumn",
     "UnstableFit",
     "UnusableSignal",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pivident.errors.kinds import IdentificationError
 
@@ -38,7 +38,20 @@ class RankDeficientRegressor(IdentificationError):
         )
 
 
-class MassMatrixNotPositiveDefinite(IdentificationError):
+class SimulationFailed(IdentificationError):
+    """A model cannot be simulated.
+
+    Attributes:
+        problem: the problem of the identification in which it could not, and which says why;
+            None outside of identifications.
+        from_start: whether no other parameters of that problem could be simulated before.
+    """
+
+    problem: Any = None
+    from_start: bool = False
+
+
+class MassMatrixNotPositiveDefinite(SimulationFailed):
     """The mass matrix of the current parameters is indefinite on the motion.
 
     Attributes:
@@ -91,7 +104,7 @@ class LoopNotClosed(IdentificationError):
         )
 
 
-class SimulationDiverged(IdentificationError):
+class SimulationDiverged(SimulationFailed):
     """The simulated closed loop left the neighbourhood of its reference.
 
     Attributes:

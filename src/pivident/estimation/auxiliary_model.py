@@ -30,7 +30,6 @@ from pivident.simulation.closed_loop import (
 from pivident.simulation.control_loop import Loop
 from pivident.simulation.feed_forward import with_measured_gravity
 from pivident.simulation.loop_kernel import TORQUE
-from pivident.text import display
 from pivident.threads import run_in_threads
 
 #: Why a floating base is not simulated.
@@ -182,9 +181,8 @@ class AuxiliaryModel:
                 motions = self.simulate(step)
             except (SimulationDiverged, MassMatrixNotPositiveDefinite) as error:
                 if previous is None or halvings == HALVINGS:
-                    if not self.simulated:  # later the estimate is the cause, not what was given
-                        for sentence in display.provided("divergence_cause")(self.problem, error):
-                            error.add_note(sentence)
+                    # later than at the start the estimate is the cause, not what was given
+                    error.problem, error.from_start = self.problem, not self.simulated
                     raise
                 step = previous + 0.5 * (step - previous)
             else:

@@ -40,7 +40,6 @@ from pivident.motion.motion import SimulatedMotion, with_inner
 from pivident.motion.simulated_detail import with_forced_detail, with_simulated_detail
 from pivident.motion.speed_limits import SpeedLimits
 from pivident.signals.prefilter import Prefilter
-from pivident.text import display
 from pivident.text.finding import Finding, Quantity
 
 #: Share of a step that the next one takes back where an iteration alternates between two estimates.
@@ -273,8 +272,7 @@ def simulate(steps: Steps, last: Pass, run: Run) -> Simulated:
     """Step (a): simulate θ, or the first point of half the way to it that can be simulated.
 
     An iteration that alternates goes half the way: it still ends only where the estimate is what it
-    was simulated with. Where no point can be simulated, the error tells what an audit has against
-    the log, then what the motion lacks.
+    was simulated with. Where no point can be simulated, the error tells what the motion lacks.
     """
     theta = last.theta
     if run.alternates and steps.repeatable and last.simulated is not None:
@@ -282,10 +280,7 @@ def simulate(steps: Steps, last: Pass, run: Run) -> Simulated:
     try:
         return Simulated(*steps.auxiliary.simulate_or_halve(last.simulated, theta))
     except (SimulationDiverged, MassMatrixNotPositiveDefinite) as error:
-        problem = steps.signals.problem
-        faults = display.provided("log_faults")(problem.robot, problem.recordings)
-        errors = (finding for finding in faults if finding.severity == "error")
-        for finding in (*errors, *last.reservations):
+        for finding in last.reservations:
             error.add_note(finding.advised)
         raise
 

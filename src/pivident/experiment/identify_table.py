@@ -75,6 +75,15 @@ class DecimatedEntry(Entry):
         return self
 
 
+class BandpassKeys(DecimatedEntry):
+    """What the table of a band-pass refuses beside."""
+
+    @model_validator(mode="after")
+    def _odd_median(self) -> BandpassKeys:
+        Bandpass(**self.model_dump(include={"median"}, exclude_none=True))
+        return self
+
+
 class NoiseKeys(Entry):
     """What the table of a noise model has beside the options of one."""
 
@@ -102,10 +111,12 @@ class NoiseKeys(Entry):
         return self
 
 
-BandpassEntry = entry_of(Bandpass, base=DecimatedEntry)
-AlgebraicEntry = entry_of(Algebraic, base=DecimatedEntry)
-RandomWalkEntry = entry_of(RandomWalk)
-NoiseEntry = entry_of(AutoRegressive, Repetition, Arma, base=NoiseKeys, name="NoiseEntry")
+BandpassEntry = entry_of(Bandpass, base=BandpassKeys, module=__name__)
+AlgebraicEntry = entry_of(Algebraic, base=DecimatedEntry, module=__name__)
+RandomWalkEntry = entry_of(RandomWalk, module=__name__)
+NoiseEntry = entry_of(
+    AutoRegressive, Repetition, Arma, base=NoiseKeys, name="NoiseEntry", module=__name__
+)
 
 #: Tables below that of a method.
 PARTS: dict[str, type[Entry]] = {
@@ -206,12 +217,15 @@ def method_entry(name: str, method: Method) -> type[Entry]:
     title = "".join(word.capitalize() for word in name.split("-"))
     return entry_of(
         type(method), keys=[k for k in method.keys if k not in ("signals", *PARTS)],
-        name=f"{title}Entry", further=fields,
+        name=f"{title}Entry", further=fields, module=__name__,
     )  # fmt: skip
 
 
 #: Tables of all methods, by name.
 METHOD_ENTRIES = {name: method_entry(name, method) for name, method in METHODS.usable().items()}
+
+# Other processes find a class by its name.
+globals().update({entry.__name__: entry for entry in METHOD_ENTRIES.values()})
 
 if TYPE_CHECKING:
     IdentifyEntry = IdentifyKeys
@@ -219,6 +233,7 @@ else:
     IdentifyEntry = create_model(
         "IdentifyEntry",
         __base__=IdentifyKeys,
+        __module__=__name__,
         **{part: table_of(entry, f"see *{part}*") for part, entry in PARTS.items()},
         **{
             name.replace("-", "_"): table_of(entry, f"of this method alone, see *{name}*", name)

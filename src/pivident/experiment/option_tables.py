@@ -60,6 +60,7 @@ def entry_of(
     base: type[Entry] = Entry,
     name: str = "",
     further: Mapping[str, Any] | None = None,
+    module: str = __name__,
 ) -> type[Entry]:
     """Schema of a table with the declared options of a class, or of several; none is required.
 
@@ -69,6 +70,7 @@ def entry_of(
         base: what the schema adds to.
         name: name of the schema; empty: that of the class.
         further: other fields, as `pydantic.create_model` takes them.
+        module: the module that has the schema under its name, so that other processes find it.
     """
     fields: dict[str, Any] = {}
     for kind in kinds:
@@ -82,7 +84,7 @@ def entry_of(
                 words: Any = {DECLARED: replace(declared, shown=shown)}
                 fields[name_of_key] = (annotation | None, Field(None, json_schema_extra=words))
     title = name or f"{kinds[0].__name__}Entry"
-    entry = create_model(title, __base__=base, **fields, **(further or {}))
+    entry = create_model(title, __base__=base, __module__=module, **fields, **(further or {}))
     entry.__doc__ = f"Options of `{kinds[0].__module__}.{kinds[0].__name__}`."
     return entry
 

@@ -22,10 +22,8 @@ import numpy as np
 from pivident.common_work import once
 from pivident.errors import (
     ExperimentError,
-    IdentificationError,
-    MassMatrixNotPositiveDefinite,
     RankDeficientRegressor,
-    SimulationDiverged,
+    SimulationFailed,
 )
 from pivident.estimation.answer import Covariances, answer, law_findings
 from pivident.estimation.equation_record import accumulate
@@ -53,7 +51,6 @@ from pivident.estimation.signal_recipes import RandomWalk
 from pivident.estimation.simulation_result import LoopParameter, SimulationResult
 from pivident.instruments.given_motion import InstrumentsUsed
 from pivident.options import Option, check_option, choices_of, option
-from pivident.text import display
 from pivident.text.finding import Finding, Quantity
 
 #: Shares of the way from nominal values to least squares at which a start is tried.
@@ -230,15 +227,16 @@ class OutputError(IteratedMethod):
         """Start from least squares, fit the simulation, and say what it leaves."""
         say(f"{self.label}: smoothing the records")
         signals = Signals.of(problem, self)
-        stretches = _stretches(signals, self, _start(signals, self))
-        loop = stretches[0].loop
-        unknowns = within_bounds(
-            [*model_unknowns(problem), *loop_unknowns(problem, loop, self.free)], self.bounds
-        )
+        theta = _start(signals, self)
         try:
+            stretches = _stretches(signals, self, theta)
+            loop = stretches[0].loop
+            unknowns = within_bounds(
+                [*model_unknowns(problem), *loop_unknowns(problem, loop, self.free)], self.bounds
+            )
             fit = fit_simulation(stretches, unknowns, _options(problem, self), say)
-        except (SimulationDiverged, MassMatrixNotPositiveDefinite) as error:
-            _explain(problem, error)
+        except SimulationFailed as error:
+            error.problem, error.from_start = problem, True
             raise
         return _identification(signals, self, fit, test_gains and self.simulates_loop)
 
@@ -295,19 +293,9 @@ def _stretches(signals: Signals, method: OutputError, theta: np.ndarray) -> list
         )
         try:
             return once(("stretches", problem, method.signals, values.tobytes()), make)
-        except (SimulationDiverged, MassMatrixNotPositiveDefinite) as error:
+        except SimulationFailed as error:
             failure = error
-    _explain(problem, failure)
     raise failure
-
-
-def _explain(problem: Problem, error: IdentificationError) -> None:
-    """Note what an audit has against the log, and what may be the cause of a divergence."""
-    for sentence in display.provided("divergence_cause")(problem, error):
-        error.add_note(sentence)
-    for finding in display.provided("log_faults")(problem.robot, problem.recordings):
-        if finding.severity == "error":
-            error.add_note(finding.advised)
 
 
 def _identification(

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pivident.diagnostics.failed_simulation import identify
 from pivident.errors import ExperimentError, PividentError
 from pivident.estimation.identification import Identification
-from pivident.estimation.identify import identify
 from pivident.estimation.problem import Problem
 from pivident.experiment.temperature import TEMPERATURE, without_temperature
 from pivident.many.batch.results_folder import Row, failure

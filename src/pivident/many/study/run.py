@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from pivident.common_work import shared_work
+from pivident.diagnostics.failed_simulation import identify
 from pivident.estimation.identification import Identification
-from pivident.estimation.identify import identify
 from pivident.many.batch.results_folder import Row as Row
 from pivident.many.batch.results_folder import failure
 from pivident.many.batch.runner import CHANGED, GivenExecutor, Pool, Processes, Runner, Say

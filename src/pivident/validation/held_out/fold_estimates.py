@@ -220,7 +220,7 @@ def filters_without(
     samples = sum(recording.samples for recording in problem.recordings)
     if method.steps(samples) > MAX_STEPS:
         reason = IdentificationError(
-            f"{method.label} takes too long on {samples} samples to be run anew for each fold; "
+            f"{method.label}: {samples} samples would take too long to be run anew for each fold; "
             "give a second recording to judge by, or fewer particles"
         )
         return [reason] * len(folds)

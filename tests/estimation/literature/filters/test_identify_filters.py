@@ -91,7 +91,7 @@ def test_folds_are_filtered_anew(arm):
     assert (judged.prediction.relative < 1.05 * least.prediction.relative).all()
     too_long = Particles(particles=10_000)
     found = replace(identify(problem, "ekf"), method_used=too_long)
-    assert "take too long" in str(filters_without(problem, found, [None, None])[0])
+    assert "would take too long" in str(filters_without(problem, found, [None, None])[0])
 
 
 def test_torques_that_act_before_a_sample(arm):
