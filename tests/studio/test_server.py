@@ -44,7 +44,7 @@ def test_every_method_is_described():
     from pivident.studio.methods import method_context
     from pivident.studio.studio import Content
 
-    groups = method_context(Content(has_recording=True), {}, [])["groups"]
+    groups = method_context(Content("recording = {files = 'log.csv'}"), {}, [])["groups"]
     described = {m["name"]: m["words"] for group in groups for m in group["methods"]}
     assert sorted(set(described) - {"pc-piv"}) == sorted(METHODS)
     assert all(described.values())
