@@ -27,11 +27,10 @@ NUMBERS = 8
 _SIGNATURE = types.float64(types.int64, *[types.float64] * NUMBERS)
 
 #: Decorator of a column's function.
-column_function = cfunc(_SIGNATURE, cache=True, nopython=True, error_model="numpy")
+column_function = cfunc(_SIGNATURE, cache=True, error_model="numpy")
 
 
-@intrinsic
-def call_column(context, address, which, s, s_v, s_vv, s_g, s_vg, first, second, x):  # type: ignore[no-untyped-def]
+def _call_column(context, address, which, s, s_v, s_vv, s_g, s_vg, first, second, x):
     """Call the function of a column at an address."""
 
     def called(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -41,3 +40,7 @@ def call_column(context, address, which, s, s_v, s_vv, s_g, s_vg, first, second,
 
     wanted = (types.int64, types.int64, *[types.float64] * NUMBERS)
     return types.float64(*wanted), called
+
+
+#: The value of a column's function at an address, in compiled code.
+call_column: Any = intrinsic(_call_column)

@@ -13,7 +13,7 @@ relaxed, z = 0.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -100,12 +100,13 @@ def friction_column(
     if q is None and (term.depends_on_position or term.has_memory):
         raise ValueError(f"the term {term.column.name.upper()} needs the positions q")
     if term.has_memory:
-        if np.shape(q) != dq.shape or dq.ndim != 1:
+        path = np.asarray(q)
+        if path.shape != dq.shape or dq.ndim != 1:
             raise ValueError(
                 "terms with memory need q and dq along one path, each of shape (samples,), not "
-                f"{np.shape(q)} and {dq.shape}"
+                f"{path.shape} and {dq.shape}"
             )
-        return memory_column(column, shape, cast(np.ndarray, q), dq)
+        return memory_column(column, shape, path, dq)
     if load is None and term.depends_on_load:
         name = term.column.name.upper()
         raise ValueError(f"the term {name} needs the torque that the joint carries")

@@ -145,7 +145,7 @@ def _field(name: str, entry: Key) -> tuple[Any, Any]:
 
 
 #: One term of a friction law; shapes are SI (gamma in s/rad or s/m) whatever the units.
-FrictionEntry: Any = create_model(
+FrictionEntry: Any = cast(Any, create_model)(
     "FrictionEntry",
     __base__=Entry,
     __validators__={"keys": cast(Any, model_validator(mode="after")(_keys_belong_to_term))},

@@ -53,4 +53,4 @@ def column_named(name: str) -> FrictionColumn:
 
 
 # A column is the same object wherever it comes from.
-copyreg.pickle(FrictionColumn, lambda column: (column_named, (column.name,)))  # type: ignore[arg-type]
+copyreg.pickle(FrictionColumn, lambda column: (column_named, (column.name,)))
