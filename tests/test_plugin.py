@@ -105,6 +105,17 @@ def test_its_entry_points_are_the_parts_of_the_package():
     assert "(plugin)" in (REPOSITORY / "examples" / "README.md").read_text("utf-8")
 
 
+def test_contributing_shows_the_code_of_the_example():
+    text = (REPOSITORY / "CONTRIBUTING.md").read_text("utf-8")
+    section = text.partition("## Additions\n")[2].partition("\n## ")[0]
+    files = [path.read_text("utf-8") for path in PLUGIN.rglob("*.py")]
+    files.append((PLUGIN / "pyproject.toml").read_text("utf-8"))
+    shown = re.findall(r"```(?:python|toml)\n(.*?)```", section, flags=re.DOTALL)
+    assert len(shown) == 1 + len(PROJECT["entry-points"])
+    for excerpt in shown:
+        assert sum(excerpt in file for file in files) == 1, excerpt
+
+
 def test_the_reader_reads_what_the_table_holds(plugin, result, tmp_path):
     """The same estimate, to the last bit, as from the same numbers as CSV."""
     own = Installation(plugin.target, tmp_path)
