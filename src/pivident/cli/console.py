@@ -6,7 +6,7 @@ import sys
 import warnings
 from importlib.util import find_spec
 from types import TracebackType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pivident.cli.progress_channel import ProgressChannel
 from pivident.errors import in_words
@@ -30,12 +30,18 @@ def note(line: str) -> None:
     print(escaped(line), file=sys.stderr, flush=True)
 
 
-def warning_text(message: Warning | str, category: type[Warning], *place: Any) -> str:
+def warning_text(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    line: str | None = None,
+) -> str:
     """A warning as it is printed; in one line, without its place, where an addition is broken."""
     return (
         f"warning: {message}\n"
         if issubclass(category, ExtensionWarning)
-        else _WITH_PLACE(message, category, *place)
+        else _WITH_PLACE(message, category, filename, lineno, line)
     )
 
 
