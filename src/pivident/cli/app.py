@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import os
 import sys
+import warnings
 from collections.abc import Sequence
 from types import FunctionType
 from typing import Literal
 
 from cyclopts import App, CycloptsError, Group, MissingArgumentError
 
-from pivident.cli.console import error_line, note
+from pivident.cli.console import error_line, note, warning_text
 from pivident.cli.exit_codes import DONE, INTERRUPTED, WRONG_INPUT, WRONG_USAGE, UsageError
 from pivident.cli.interruption import end_on_signals
 from pivident.errors import SimulationFailed
@@ -113,6 +114,7 @@ def main(tokens: Sequence[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # a σ must not stop a terminal without it
             stream.reconfigure(errors="replace")
+    warnings.formatwarning = warning_text
     end_on_signals(alone=tokens is None)
     add_commands()
     words = sys.argv[1:] if tokens is None else tokens
@@ -124,9 +126,9 @@ def main(tokens: Sequence[str] | None = None) -> int:
         return int(result or DONE)
     except CycloptsError as error:
         text = " ".join(str(error).split()).replace(", ...", " …").rstrip(".")
-        if isinstance(error, MissingArgumentError) and error.keyword is None and error.argument:
-            if not error.argument.tokens:  # it was not given at all
-                text = f"{error.argument.name} is missing"
+        missing = isinstance(error, MissingArgumentError) and error.keyword is None
+        if missing and error.argument and not error.argument.tokens:  # it was not given at all
+            text = f"{error.argument.name} is missing"
         note(f"error: {text}; see {' '.join(('pivident', *(error.command_chain or ())))} --help")
         return WRONG_USAGE
     except UsageError as error:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from importlib.util import find_spec
 from types import TracebackType
 from typing import TYPE_CHECKING
 
 from pivident.cli.progress_channel import ProgressChannel
 from pivident.errors import in_words
+from pivident.registry import ExtensionWarning
 from pivident.text.printable import escaped
 
 if TYPE_CHECKING:
@@ -19,10 +21,28 @@ if TYPE_CHECKING:
 
     from pivident.cli.remaining import Remaining
 
+#: How Python prints a warning.
+_WITH_PLACE = warnings.formatwarning
+
 
 def note(line: str) -> None:
     """One line on standard error."""
     print(escaped(line), file=sys.stderr, flush=True)
+
+
+def warning_text(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    line: str | None = None,
+) -> str:
+    """A warning as it is printed; in one line, without its place, where an addition is broken."""
+    return (
+        f"warning: {message}\n"
+        if issubclass(category, ExtensionWarning)
+        else _WITH_PLACE(message, category, filename, lineno, line)
+    )
 
 
 def error_line(error: BaseException) -> str:

@@ -12,6 +12,7 @@ from pivident.errors import DatasetUnavailable, PividentError
 app = App(
     name="datasets",
     help="Public records: list them, or fetch one.",
+    group_commands="Commands",
     suppress_keyboard_interrupt=False,
 )
 

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from pivident.errors import ExportError
 from pivident.models.export_format import FileOptions, Format
 from pivident.registry import Registry
-from pivident.robot.naming import nearest
 
 if TYPE_CHECKING:
     from pivident.models.exported import ExportedText, Verification
@@ -55,6 +54,7 @@ def export_model(
         RobotDescriptionError: a robot with closed loops in a format that has none, or on a
             measured base.
     """
+    from pivident.robot.naming import nearest
     from pivident.robot.refusals import without_base
 
     if to not in FORMATS:

@@ -106,20 +106,10 @@ def is_bag(path: str | Path) -> bool:
     return any(BAG.takes(file.name) for file in path.iterdir())
 
 
-def bag_names(path: str | Path) -> tuple[str, ...]:
-    """Names of the columns of a bag."""
-    return open_bag(path).names()
-
-
 def read_bag(path: str | Path, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
     """Columns of a bag; those of different topics differ in length."""
     bag = open_bag(path)
     return {name: bag.column(name) for name in (bag.names() if names is None else names)}
-
-
-def bag_unread(path: str | Path) -> dict[str, str]:
-    """Why a topic, or some of its messages, is not read, by its name."""
-    return open_bag(path).passed_over
 
 
 def open_bag(path: str | Path) -> Bag:
@@ -207,4 +197,10 @@ def _kind(path: Path) -> str:
 
 
 #: The reader of bags; a folder with the files of one in it is a bag too.
-BAG = Reader(tuple(CONTAINERS), bag_names, read_bag, bag_unread, packed=(".zstd", ".zst"))
+BAG = Reader(
+    tuple(CONTAINERS),
+    lambda path: open_bag(path).names(),
+    read_bag,
+    lambda path: open_bag(path).passed_over,
+    packed=(".zstd", ".zst"),
+)

@@ -110,11 +110,6 @@ def _header(member: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype]:
     return read(member)
 
 
-def npy_names(path: Path) -> tuple[str, ...]:
-    """The name under which a single array goes: ``data``."""
-    return (ONLY,)
-
-
 def read_npy(path: Path, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
     """The array of a .npy file, as ``data``; mapped, not read."""
     with _damage_named(path, ONLY), path.open("rb") as file:
@@ -139,4 +134,4 @@ def _damage_named(path: Path, name: str) -> Iterator[None]:
 
 
 #: The readers of archives of arrays and of single ones.
-NPZ, NPY = Reader((".npz",), npz_names, read_npz), Reader((".npy",), npy_names, read_npy)
+NPZ, NPY = Reader((".npz",), npz_names, read_npz), Reader((".npy",), lambda path: (ONLY,), read_npy)

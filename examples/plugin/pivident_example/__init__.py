@@ -1,0 +1,1 @@
+"""One addition to pivident of each kind, each in a file of its own."""

@@ -1,0 +1,257 @@
+"""The additions of ``examples/plugin``, installed: each works like a built-in one."""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+import pivident
+from tests.conftest import REPOSITORY
+from tests.planar_log import EXPERIMENT, HEADER, planar_log, write_experiment
+
+PLUGIN = REPOSITORY / "examples" / "plugin"
+PROJECT = tomllib.loads((PLUGIN / "pyproject.toml").read_text("utf-8"))["project"]
+
+#: A second distribution, whose entries cannot be imported.
+BROKEN = {"pivident.methods": "lost", "pivident.readers": "lost", "pivident.formats": "lost", "pivident.commands": "lost"}
+
+
+def install(target: Path) -> None:
+    """As pip does; where its builder is missing, by hand what a wheel of it holds."""
+    if find_spec("hatchling") is not None:
+        copy = shutil.copytree(PLUGIN, target.parent / "plugin")
+        options = ["--no-deps", "--no-build-isolation", "--no-index", "--quiet"]
+        pip = [sys.executable, "-m", "pip", "install", *options, "--target", str(target)]
+        subprocess.run([*pip, str(copy)], check=True, capture_output=True)
+        return
+    shutil.copytree(PLUGIN / "pivident_example", target / "pivident_example")
+    declare(target, PROJECT["name"], PROJECT["entry-points"])
+
+
+def declare(target: Path, name: str, groups: dict[str, dict[str, str]]) -> None:
+    """Write what an installed distribution says about itself."""
+    folder = target / f"{name.replace('-', '_')}-0.1.0.dist-info"
+    folder.mkdir(parents=True)
+    (folder / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 0.1.0\n")
+    lines = []
+    for group, entries in groups.items():
+        lines += [f"[{group}]", *(f"{key} = {value}" for key, value in entries.items())]
+    (folder / "entry_points.txt").write_text("\n".join([*lines, ""]))
+
+
+class Installation:
+    """pivident with what is installed in a folder, and a folder to work in."""
+
+    def __init__(self, target: Path, folder: Path) -> None:
+        self.target, self.folder = target, folder
+
+    def python(self, *arguments: object) -> subprocess.CompletedProcess[str]:
+        paths = [str(self.target), str(Path(pivident.__file__).parents[1])]
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "COLUMNS": "100"}
+        return subprocess.run(
+            [sys.executable, *map(str, arguments)],
+            cwd=self.folder, env=environment, capture_output=True, text=True,
+        )  # fmt: skip
+
+    def run(self, *arguments: object) -> subprocess.CompletedProcess[str]:
+        return self.python("-m", "pivident", *arguments)
+
+
+@pytest.fixture(scope="module")
+def plugin(tmp_path_factory):
+    """The example alone, and a log that only its reader reads."""
+    target, folder = tmp_path_factory.mktemp("target"), tmp_path_factory.mktemp("work")
+    install(target)
+    names = HEADER.split(",")
+    lines = (
+        " ".join(f"{name}={value:.9g}" for name, value in zip(names, row, strict=True))
+        for row in planar_log().tolist()
+    )
+    write_experiment(folder, EXPERIMENT.replace("log.csv", "log.pairs"))
+    (folder / "log.pairs").write_text("\n".join(lines), encoding="utf-8")
+    return Installation(target, folder)
+
+
+@pytest.fixture(scope="module")
+def broken(plugin, tmp_path_factory):
+    """The same with a distribution beside it that is broken."""
+    target = tmp_path_factory.mktemp("broken")
+    shutil.copytree(plugin.target, target, dirs_exist_ok=True)
+    declare(target, "broken-one", {g: {n: "not_there:thing"} for g, n in BROKEN.items()})
+    return Installation(target, plugin.folder)
+
+
+@pytest.fixture(scope="module")
+def result(plugin):
+    """The log identified, which the example's reader reads."""
+    done = plugin.run("identify", "experiment.toml", "--folds", 0, "--out", "results")
+    assert done.returncode == 0, done.stderr
+    return plugin.folder / "results"
+
+
+def test_its_entry_points_are_the_parts_of_the_package():
+    for group, entries in PROJECT["entry-points"].items():
+        assert re.fullmatch(r"pivident\.[a-z]+", group)
+        for place in entries.values():
+            module, _, name = place.partition(":")
+            text = (PLUGIN / module.replace(".", "/")).with_suffix(".py").read_text("utf-8")
+            assert re.search(rf"^(?:{name} = |def {name}\(|class {name}\b)", text, re.MULTILINE)
+    assert "(plugin)" in (REPOSITORY / "examples" / "README.md").read_text("utf-8")
+
+
+def test_contributing_shows_the_code_of_the_example():
+    text = (REPOSITORY / "CONTRIBUTING.md").read_text("utf-8")
+    section = text.partition("## Additions\n")[2].partition("\n## ")[0]
+    files = [path.read_text("utf-8") for path in PLUGIN.rglob("*.py")]
+    files.append((PLUGIN / "pyproject.toml").read_text("utf-8"))
+    shown = re.findall(r"```(?:python|toml)\n(.*?)```", section, flags=re.DOTALL)
+    assert len(shown) == 1 + len(PROJECT["entry-points"])
+    for excerpt in shown:
+        assert sum(excerpt in file for file in files) == 1, excerpt
+
+
+def test_the_reader_reads_what_the_table_holds(plugin, result, tmp_path):
+    """The same estimate, to the last bit, as from the same numbers as CSV."""
+    own = Installation(plugin.target, tmp_path)
+    write_experiment(tmp_path)
+    done = own.run("identify", "experiment.toml", "--folds", 0, "--out", "results")
+    assert done.returncode == 0, done.stderr
+    tables = [(f / "parameters.csv").read_text("utf-8") for f in (result, tmp_path / "results")]
+    assert tables[0] == tables[1]
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["check", "experiment.toml"],
+        ["audit", "log.pairs", "--robot", "planar_2r"],
+        ["init", "log.pairs", "--robot", "planar_2r", "--yes", "--out", "first.toml"],
+    ],
+    ids=lambda command: command[0],
+)
+def test_commands_take_logs_of_the_reader(plugin, command):
+    done = plugin.run(*command)
+    assert done.returncode in (0, 4), done.stderr  # 4: findings about the log
+    assert "log.pairs" in done.stdout + (plugin.folder / "experiment.toml").read_text()
+    assert "warning: 'lost'" not in done.stderr
+
+
+def test_the_studio_takes_logs_of_the_reader(plugin):
+    code = (
+        "from pivident.logs.tables.tables import is_log; from pivident.studio.projects import "
+        "Projects; from pivident.studio.uploads import target; from pathlib import Path; "
+        "print(is_log('LOG.PAIRS'), target(Projects(Path('studio')).create('p'), 'a.pairs').name)"
+    )
+    done = plugin.python("-c", code)
+    assert done.stdout == "True a.pairs\n", done.stderr
+
+
+def test_a_bad_cell_is_named(plugin, tmp_path):
+    (tmp_path / "log.pairs").write_text("time=0 q1=1\ntime=1 q1=x\n")
+    own = Installation(plugin.target, tmp_path)
+    done = own.run("audit", "log.pairs", "--robot", "planar_2r")
+    assert done.returncode == 1 and "log.pairs, line 2" in done.stderr
+
+
+def test_the_format_is_written_and_loaded_back(plugin, result):
+    done = plugin.run("export", result, "--to", "values", "--out", "values.csv")
+    assert done.returncode == 0, done.stderr
+    assert "Loaded back: torques of 200 random states by the values of the table" in done.stdout
+    head, *rows = (plugin.folder / "values.csv").read_text("utf-8").splitlines()
+    assert head == "name,value,unit" and len(rows) > 20
+    assert '"values"' in plugin.run("export", result, "--to", "x", "--out", "x").stderr
+
+
+def test_the_command_is_listed_and_runs(plugin):
+    shown = plugin.run("--help").stdout
+    panel = shown.partition("Additions")[2].partition("╭")[0]
+    assert "lengths  Report how the standard errors fall with the length of the record." in panel
+    done = plugin.run("lengths", "experiment.toml", "--parts", 2)
+    assert done.returncode == 0, done.stderr
+    errors = re.findall(r"^ +[\d.]+ s: median standard error (\S+) %$", done.stdout, re.MULTILINE)
+    assert len(errors) == 2 and float(errors[0]) > float(errors[1]) > 0.0
+    assert "lengths" in plugin.run("completion", "bash").stdout
+
+
+@pytest.mark.parametrize(
+    ("command", "group"),
+    [
+        (["--help"], "pivident.commands"),
+        (["lengths", "experiment.toml", "--parts", "1", "--method", "ls"], "pivident.readers"),
+        (["robots"], "pivident.commands"),
+    ],
+)
+def test_what_is_broken_is_named_in_one_line_and_stops_nothing(broken, command, group):
+    done = broken.run(*command)
+    assert done.returncode == 0, done.stderr
+    named = [line for line in done.stderr.splitlines() if "broken-one" in line]
+    assert len(named) == len(set(named))
+    (line,) = (line for line in named if group in line)
+    assert line.startswith("warning: 'lost' of the distribution broken-one (entry points ")
+    assert "not_there" in line and line.endswith("pip uninstall broken-one")
+    assert "Traceback" not in done.stderr and "ExtensionWarning" not in done.stderr
+
+
+def test_a_broken_format_is_named_where_it_is_asked_for(broken, result):
+    done = broken.run("export", result, "--to", "lost", "--out", "lost.txt")
+    assert done.returncode == 1 and "broken-one" in done.stderr
+    assert broken.run("export", result, "--to", "values", "--out", "again.csv").returncode == 0
+
+
+def test_the_method_is_one_of_all(plugin, result, tmp_path):
+    """Options of its file, studio form, manual, stored result and folds follow from the class."""
+    text = EXPERIMENT.replace("log.csv", "log.pairs").replace(
+        'methods = ["ls"]', 'methods = ["ls", "least-absolute"]\nleast-absolute = {passes = 12}'
+    )
+    (plugin.folder / "absolute.toml").write_text(text, encoding="utf-8")
+    done = plugin.run("identify", "absolute.toml", "--out", "absolute")
+    assert done.returncode == 0, done.stderr
+    assert "IDIM-LAD" in done.stdout
+    code = (
+        "import json, sys; from pivident import load_identification; "
+        "from pivident.estimation.methods import METHODS; "
+        "from pivident.experiment.identify_table import METHOD_ENTRIES; "
+        "from pivident.experiment.manual import rows_of; "
+        "from pivident.studio.methods import method_context; "
+        "from pivident.studio.studio import Content; "
+        "found = load_identification('absolute/least-absolute'); "
+        "text = 'recording = {files = \\'log.csv\\'}'; "
+        "groups = method_context(Content(text), {}, [])['groups']; "
+        "offered = {m['name']: m['words'] for g in groups for m in g['methods']}; "
+        "rows = list(rows_of(METHOD_ENTRIES['least-absolute'])); "
+        "print(json.dumps([found.method, found.options['passes'], type(found.method_used).__name__, "
+        "offered['least-absolute'], rows[2]]))"
+    )
+    method, passes, kind, words, row = json.loads(plugin.python("-c", code).stdout)
+    assert (method, passes, kind) == ("IDIM-LAD", 12, "LeastAbsolute")
+    assert words == "least absolute deviations"
+    assert row == "| `passes` | number | `30` | – | how often the rows are weighted anew |"
+
+
+@pytest.mark.parametrize(
+    ("line", "answer"),
+    [
+        ("least-absolute = {passes = 0}", "passes"),
+        ("least-absolute = {order = 2}", "the method 'least-absolute' has no order"),
+    ],
+)
+def test_wrong_options_of_the_method_are_refused(plugin, line, answer):
+    text = EXPERIMENT.replace("log.csv", "log.pairs").replace('methods = ["ls"]', line)
+    (plugin.folder / "wrong.toml").write_text(text, encoding="utf-8")
+    done = plugin.run("identify", "wrong.toml")
+    assert done.returncode == 1 and answer in done.stderr
+
+
+def test_a_broken_method_is_named_and_stops_no_other(broken):
+    done = broken.run("identify", "experiment.toml", "--folds", 0, "--out", "beside-broken")
+    assert done.returncode == 0, done.stderr
+    assert "'lost' of the distribution broken-one" in done.stderr
+    done = broken.run("identify", "experiment.toml", "-m", "lost")
+    assert done.returncode == 1 and "pip uninstall broken-one" in done.stderr
