@@ -28,8 +28,7 @@ from pivident.estimation.normal_equations import JointSums, Solution, relative_r
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import Decimated
 from pivident.motion.kinematics import Kinematics
-from pivident.motion.motion import with_inner
-from pivident.motion.speed_limits import SpeedLimits
+from pivident.motion.motion import SpeedLimits, with_inner
 
 
 def identify_ls(problem: Problem, method: LeastSquares, say: Say) -> Identification:
