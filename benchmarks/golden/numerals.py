@@ -32,6 +32,7 @@ PASSING = re.compile(
     r"|(?<![\w.])\d+\.\d+\.\d+[\w.+-]*"
     r"|(?<![\w.])(?=[0-9a-f]*[a-f])[0-9a-f]{32,}\b"
     r"|\(\d+(?:\.\d+)? (?:ms|s|min)\)$"
+    r"|\b\d+(?:\.\d+)? (?:s|min) for this page"
 )
 
 #: A study says how long a run of each method takes.
