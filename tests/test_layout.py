@@ -22,7 +22,7 @@ ORDER = (
     "model_errors", "experiment", "audit", "diagnostics", "check", "init",
     "report", "comparison", "prediction", "figures", "tables", "notebook",
     "linear", "symbolic", "export", "simulators", "payload", "flexibility", "collision",
-    "excitation", "many", "paper", "studio", "cli", "__main__",
+    "excitation", "presentation", "many", "paper", "studio", "cli", "__main__",
 )  # fmt: skip
 
 #: Doors that can be closed: no package before the command line imports them.
@@ -62,6 +62,23 @@ def modules() -> dict[str, Path]:
 MODULES = modules()
 
 
+def package(name: str) -> str:
+    return name.split(".")[1] if "." in name else ""
+
+
+#: The one exception: ``pivident.tables`` lists the tables of studies and fleets with all others.
+TABLES_OF_STUDIES = ("pivident.tables.chosen", "many")
+
+
+def named(text: str) -> str:
+    """The module that a string imports from, ``pivident.x.y:name`` or ``pivident.x.y.name``, or "".
+
+    The name of a module alone says what a process runs.
+    """
+    module = text.partition(":")[0] if ":" in text else text.rpartition(".")[0]
+    return module if module in MODULES and module != "pivident" and text not in MODULES else ""
+
+
 def imported(name: str) -> Iterator[tuple[str, int]]:
     """Modules of pivident that a module imports anywhere, or names in a registry, and the line."""
     for node in ast.walk(ast.parse(MODULES[name].read_text(encoding="utf-8"))):
@@ -74,15 +91,19 @@ def imported(name: str) -> Iterator[tuple[str, int]]:
                 if whole in MODULES or node.module in MODULES:
                     yield (whole if whole in MODULES else str(node.module)), node.lineno
         elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-            if (module := node.value.partition(":")[0]) in MODULES and ":" in node.value:
+            module = named(node.value)
+            if module and not (name, package(module)) == TABLES_OF_STUDIES:
                 yield module, node.lineno  # an entry of a registry, imported when it is asked for
 
 
+def test_strings_that_are_imported_from_count_as_imports():
+    module = "pivident.audit.recording_audit"
+    assert named(f"{module}:x") == named(f"{module}.x") == module
+    assert not named(module) and not named("pivident.identify")
+    assert not named("pivident.audit.no_module.at_all")
+
+
 GRAPH = {name: {to for to, _ in imported(name) if to != name} for name in MODULES}
-
-
-def package(name: str) -> str:
-    return name.split(".")[1] if "." in name else ""
 
 
 def test_every_package_has_its_place():

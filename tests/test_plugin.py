@@ -20,7 +20,7 @@ PLUGIN = REPOSITORY / "examples" / "plugin"
 PROJECT = tomllib.loads((PLUGIN / "pyproject.toml").read_text("utf-8"))["project"]
 
 #: A second distribution, whose entries cannot be imported.
-BROKEN = {"pivident.methods": "lost", "pivident.readers": "lost", "pivident.formats": "lost", "pivident.commands": "lost"}
+BROKEN = {f"pivident.{group}": "lost" for group in ("methods", "readers", "formats", "commands")}
 
 
 def install(target: Path) -> None:

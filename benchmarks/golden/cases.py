@@ -429,7 +429,7 @@ CASES: dict[str, Case] = {
             Step("laws", "laws", {"file": "arm.toml"}),
             *map(_payload, ("ls", "piv")),
             _predict("results/piv", "loaded.csv", "predict_piv"),
-            _predict("consistent/consistent.json", "loaded.csv", "predict_consistent"),
+            _predict("consistent/consistent.json", "arm.toml", "predict_consistent"),
             _predict("planar_2r", "arm.toml", "predict_nominal"),
             Step("gains", "gains", {"file": "gains.toml", "out": "found_gains.toml"}),
             Step("fleet", "fleet", {"folder": "logs", "out": "fleet"}),

@@ -29,9 +29,10 @@ COORDINATE = re.compile(r"-?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?")
 #: What may differ between two runs: dates, versions of three parts, hashes, a time at a line's end.
 PASSING = re.compile(
     r"\d{4}-\d\d-\d\d(?:[T ]\d\d:\d\d(?::\d\d(?:\.\d+)?)?(?:Z|[+-]\d\d:?\d\d)?)?"
-    r"|(?<![\w.])\d+\.\d+\.\d+[\w.+-]*"
+    r"|(?<![\w.])\d+\.\d+\.\d+[\w.+-]*(?: \([0-9a-f]{12}\))?"
     r"|(?<![\w.])(?=[0-9a-f]*[a-f])[0-9a-f]{32,}\b"
     r"|\(\d+(?:\.\d+)? (?:ms|s|min)\)$"
+    r"|\b\d+(?:\.\d+)? (?:s|min) for this page"
 )
 
 #: A study says how long a run of each method takes.

@@ -9,14 +9,9 @@ fronts are private. Names are imported when they are first used.
 
 import lazy_loader
 
+from pivident import presentation
 from pivident.text import display
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
-display.provided_by(
-    html="pivident.notebook.displays.html_of",
-    text="pivident.estimation.summary_tables.identification_table",
-    headline="pivident.estimation.summary_tables.headline",
-    files="pivident.estimation.identification_file.save_identification",
-    pinocchio_joints="pivident.robot.pinocchio_model.model_joints",
-)
+display.presentation = presentation

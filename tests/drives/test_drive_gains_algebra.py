@@ -16,7 +16,7 @@ from pivident.drives.total_least_squares import gains_by
 from pivident.dynamics.parameters import nominal_values
 from pivident.estimation.problem import Problem
 from pivident.motion.kinematics import Kinematics
-from pivident.motion.speed_limits import SpeedLimits
+from pivident.motion.motion import SpeedLimits
 from pivident.recording.recording import Recording
 from pivident.robot.gallery import load_robot
 

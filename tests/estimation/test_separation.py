@@ -179,7 +179,7 @@ def test_weak_but_separate_parameters_stay():
 
 
 def test_an_error_without_evidence_is_raised_as_it_is(record, monkeypatch):
-    def refuse(*arguments):
+    def refuse(*arguments, **options):
         raise RankDeficientRegressor(2, 3, [("a", "b")])
 
     monkeypatch.setattr("pivident.estimation.least_squares.LeastSquares.estimate", refuse)

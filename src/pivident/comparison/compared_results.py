@@ -9,7 +9,7 @@ from pivident.comparison.cross_torque import CrossTorque
 from pivident.comparison.differences import Difference, Estimate
 from pivident.comparison.entry import Entry
 from pivident.comparison.friction_curves import JointFriction
-from pivident.text import display
+from pivident.text.display import Displayed
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class ComparedParameter:
 
 
 @dataclass(frozen=True, eq=False)
-class ComparedResults:
+class ComparedResults(Displayed):
     """Several results side by side, with the fields of `Comparison`."""
 
     entries: tuple[Entry, ...]
@@ -77,6 +77,3 @@ class ComparedResults:
             f"<Comparison of {', '.join(self.labels)}: {len(self.parameters)} parameters, "
             f"{sum(len(self.marked(k)) for k in range(len(self.entries)))} significant differences>"
         )
-
-    def _repr_html_(self) -> str:
-        return display.html_of(self)

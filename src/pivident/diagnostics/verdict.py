@@ -53,7 +53,7 @@ from pivident.diagnostics.residual_statements import (
 from pivident.errors import Attempts
 from pivident.estimation.identification import Identification
 from pivident.logs.torque_scale import scale_headline
-from pivident.text import display
+from pivident.text.display import Displayed
 from pivident.text.finding import Finding, Severity, worst
 from pivident.validation.held_out.held_out_errors import HeldOutErrors
 
@@ -62,7 +62,7 @@ MAX_NAMED = 12
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Verdict(Displayed):
     """Should one believe it?
 
     Attributes:
@@ -131,9 +131,6 @@ class Verdict:
 
     def __repr__(self) -> str:
         return f"<Verdict: {self.headline}>"
-
-    def _repr_html_(self) -> str:
-        return display.html_of(self)
 
 
 def verdict(diagnostics: Diagnostics | Identification, attempts: Attempts | None = None) -> Verdict:

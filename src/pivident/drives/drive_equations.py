@@ -25,8 +25,7 @@ from pivident.estimation.covariance.windows import Windows
 from pivident.estimation.full_rate import BLOCK, valid_samples
 from pivident.estimation.normal_equations import JointSums
 from pivident.motion.kinematics import Kinematics
-from pivident.motion.motion import SimulatedMotion, packed_stretch, with_inner
-from pivident.motion.speed_limits import SpeedLimits
+from pivident.motion.motion import SimulatedMotion, SpeedLimits, packed_stretch, with_inner
 from pivident.robot.description import Robot
 from pivident.robot.transmission import Transmission
 

@@ -42,11 +42,13 @@ class SimulationFailed(IdentificationError):
     """A model cannot be simulated.
 
     Attributes:
+        time: of the sample [s].
         problem: the problem of the identification in which it could not, and which says why;
             None outside of identifications.
         from_start: whether no other parameters of that problem could be simulated before.
     """
 
+    time: float
     problem: Any = None
     from_start: bool = False
 

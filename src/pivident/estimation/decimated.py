@@ -15,8 +15,7 @@ from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.signal_recipes import Decimated
 from pivident.logs.clocks.gaps import mostly_usable
 from pivident.motion.kinematics import Kinematics
-from pivident.motion.motion import SimulatedMotion, packed_stretch
-from pivident.motion.speed_limits import SpeedLimits
+from pivident.motion.motion import SimulatedMotion, SpeedLimits, packed_stretch
 from pivident.signals.decimation import (
     Convention,
     decimation_blocks,

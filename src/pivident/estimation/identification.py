@@ -22,6 +22,7 @@ from pivident.logs.torque_scale import TorqueScale
 from pivident.robot.description import Robot
 from pivident.simulation.control_loop import Loop
 from pivident.text import display
+from pivident.text.display import Displayed
 from pivident.text.finding import Finding
 
 
@@ -62,7 +63,7 @@ class JointFit:
 
 
 @dataclass(frozen=True, eq=False)
-class Identification:
+class Identification(Displayed):
     """Estimated base parameters with everything that came with them.
 
     Attributes:
@@ -261,14 +262,12 @@ class Identification:
         return self.summary()
 
     def __repr__(self) -> str:
-        return f"<Identification: {len(self.names)} parameters by {display.headline_of(self)}>"
-
-    def _repr_html_(self) -> str:
-        return display.html_of(self)
+        headline = display.presentation.headline_of(self)
+        return f"<Identification: {len(self.names)} parameters by {headline}>"
 
     def summary(self) -> str:
         """The result as a table: name, value, σ, relative σ, unit, group."""
-        return display.text_of(self)
+        return str(display.presentation.identification_text(self))
 
     def save(self, folder: Any) -> None:
         """Write ``identification.json`` and ``parameters.csv`` into a folder, all or nothing.
@@ -276,4 +275,4 @@ class Identification:
         Args:
             folder: folder to create or to write into.
         """
-        display.save(self, folder)
+        display.presentation.save(self, folder)

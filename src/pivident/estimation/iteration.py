@@ -36,9 +36,8 @@ from pivident.estimation.normal_equations import (
 )
 from pivident.estimation.problem import Problem
 from pivident.motion.kinematics import Kinematics
-from pivident.motion.motion import SimulatedMotion, with_inner
+from pivident.motion.motion import SimulatedMotion, SpeedLimits, with_inner
 from pivident.motion.simulated_detail import with_forced_detail, with_simulated_detail
-from pivident.motion.speed_limits import SpeedLimits
 from pivident.signals.prefilter import Prefilter
 from pivident.text.finding import Finding, Quantity
 

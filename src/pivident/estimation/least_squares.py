@@ -30,8 +30,7 @@ from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import Decimated
 from pivident.estimation.without_torque import BIASED
 from pivident.motion.kinematics import Kinematics
-from pivident.motion.motion import with_inner
-from pivident.motion.speed_limits import SpeedLimits
+from pivident.motion.motion import SpeedLimits, with_inner
 from pivident.options import option
 from pivident.text.finding import Finding
 

@@ -26,7 +26,7 @@ from numba import njit
 
 from pivident.dynamics.separation import is_separated, refusal, weakest_direction
 from pivident.errors import IdentificationError
-from pivident.estimation.covariance.white_noise import white_noise_covariance
+from pivident.estimation.covariance import white_noise_covariance
 from pivident.estimation.covariance.windows import Share
 
 #: Rows that are multiplied with each other at a time.

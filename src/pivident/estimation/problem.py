@@ -24,12 +24,12 @@ from pivident.errors import ExperimentError, IdentificationError, concerning
 from pivident.estimation.without_torque import scale_findings
 from pivident.logs.torque_scale import OUTPUT_UNIT, is_ratio
 from pivident.motion.law_torque import with_law_torque
-from pivident.motion.speed_limits import SpeedLimits
+from pivident.motion.motion import SpeedLimits
 from pivident.recording.checks import check_within_reach
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.simulation.control_loop import Loop
-from pivident.text import display
+from pivident.text.display import Displayed
 from pivident.text.finding import Finding
 
 #: Share of the rated speed below which rows are excluded.
@@ -45,7 +45,7 @@ def rated_speeds(robot: Robot, recording: Recording) -> np.ndarray:
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class Problem(Displayed):
     """Robot, recordings and loop: everything but the method.
 
     Attributes:
@@ -140,9 +140,6 @@ class Problem:
         return (
             f"<Problem of {self.robot.name!r}: {len(self.selection)} parameters, {records}, {law}>"
         )
-
-    def _repr_html_(self) -> str:
-        return display.html_of(self)
 
     @cached_property
     def names(self) -> tuple[str, ...]:

@@ -6,8 +6,4 @@ robot moves how large their standard errors will be.
 
 import lazy_loader
 
-from pivident.text import display
-
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
-
-display.provided_by(design_text="pivident.excitation.design_text.design_text")

@@ -165,7 +165,7 @@ class Design:
     torque_margin: np.ndarray | None = None
 
     def __str__(self) -> str:
-        return str(display.provided("design_text")(self))
+        return str(display.presentation.design_text(self))
 
     @property
     def undetermined(self) -> tuple[PredictedError, ...]:

@@ -18,7 +18,7 @@ import numpy as np
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.equation_noise import EquationNoise
 from pivident.excitation.questions import Question
-from pivident.motion.speed_limits import SpeedLimits
+from pivident.motion.motion import SpeedLimits
 
 #: Position, speed and acceleration, each (samples, joints).
 Samples = tuple[np.ndarray, np.ndarray, np.ndarray]

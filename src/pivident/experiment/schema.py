@@ -1,8 +1,8 @@
 """Keys of an experiment file, their types and defaults, and what contradicts each other.
 
 This module needs pydantic and is imported only when a file is read. `pivident.experiment` turns
-the checked tables into robot, recordings, loop and methods. The tables ``[identify]`` and
-``[consistency]`` are in `method_tables` and `consistency_tables`.
+the checked tables into robot, recordings, loop and methods. The tables ``[identify]``,
+``[consistency]`` and ``[excite]`` are in `method_keys`, `consistency_keys` and `excite_keys`.
 """
 
 from __future__ import annotations

@@ -109,7 +109,7 @@ _ROWS: tuple[tuple[int, str, tuple[str, ...]], ...] = (
     (
         31,
         "covariance of the estimate",
-        (f"{_ESTIMATION}.covariance.white_noise.white_noise_covariance",),
+        (f"{_ESTIMATION}.covariance.white_noise_covariance",),
     ),
 )
 

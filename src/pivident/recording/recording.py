@@ -32,7 +32,7 @@ from pivident.recording.channels import (
 from pivident.robot.description import TorqueSide
 from pivident.robot.naming import nearest
 from pivident.robot.transmission import Transmission
-from pivident.text import display
+from pivident.text.display import Displayed
 from pivident.text.printable import is_printable
 
 __all__ = [
@@ -46,7 +46,7 @@ __all__ = [
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class Recording(Displayed):
     """One run, checked when it is made. Its arrays are float64 and read-only.
 
     Attributes:
@@ -209,9 +209,6 @@ class Recording:
             f"<Recording {self.name!r}: {self.samples} samples of {joints} at {self.rate:.6g} Hz, "
             f"{self.duration:.4g} s, channels {', '.join(named)}>"
         )
-
-    def _repr_html_(self) -> str:
-        return display.html_of(self)
 
     def channels(self) -> dict[str, np.ndarray]:
         """All arrays that are there, by name: q, tau, references, then inputs."""

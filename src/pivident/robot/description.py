@@ -36,9 +36,10 @@ from pivident.robot.joints import (
     check_joint,
 )
 from pivident.robot.naming import find_joint, nearest
+from pivident.robot.pinocchio_model import model_joints
 from pivident.robot.transmission import Transmission
 from pivident.robot.wrench_sensor import WrenchSensor
-from pivident.text import display
+from pivident.text.display import Displayed
 from pivident.text.printable import is_printable
 
 __all__ = [
@@ -76,7 +77,7 @@ class UrdfFile:
 
 
 @dataclass(frozen=True, eq=False)
-class Robot:
+class Robot(Displayed):
     """A tree of links with everything that its dynamic model needs.
 
     Attributes:
@@ -141,7 +142,7 @@ class Robot:
             RobotDescriptionError: a free-flyer, spherical, planar or other joint that has not one
                 degree of freedom about or along a fixed axis; names the joint and the next step.
         """
-        found = display.provided("pinocchio_joints")(model)
+        found = model_joints(model)
         robot = cls(
             name=str(getattr(model, "name", "")) or "pinocchio model",
             joints=tuple(
@@ -174,9 +175,6 @@ class Robot:
     def __repr__(self) -> str:
         names = ", ".join(self.joint_names)
         return f"<Robot {self.name!r}: {self.size} joint{'s' * (self.size != 1)} ({names})>"
-
-    def _repr_html_(self) -> str:
-        return display.html_of(self)
 
     @property
     def size(self) -> int:

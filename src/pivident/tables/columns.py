@@ -12,7 +12,7 @@ import numpy as np
 
 from pivident.errors import PividentError
 from pivident.extras import require
-from pivident.text import display
+from pivident.text.display import Displayed
 from pivident.text.plain_values import csv_table
 from pivident.text.printable import sheet_text
 
@@ -31,7 +31,7 @@ class TableError(PividentError, ValueError):
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class Table(Displayed):
     """Columns of equal length.
 
     Numbers that are not known are NaN, other entries None.
@@ -154,9 +154,6 @@ class Table:
             number = any(isinstance(v, float | int) and not isinstance(v, bool) for v in plain)
             columns.append((name, number, [_text(value) for value in plain]))
         return columns
-
-    def _repr_html_(self) -> str:
-        return display.html_of(self)
 
 
 def _column(values: list[Any]) -> Values:

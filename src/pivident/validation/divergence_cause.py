@@ -20,12 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pivident.dynamics.forward import mass_matrix
-from pivident.errors import (
-    ExperimentError,
-    MassMatrixNotPositiveDefinite,
-    PividentError,
-    SimulationDiverged,
-)
+from pivident.errors import ExperimentError, PividentError, SimulationFailed
 from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.identify import identify
 from pivident.estimation.least_squares import LeastSquares
@@ -53,9 +48,7 @@ class Trial:
     of_law: bool = True
 
 
-def divergence_cause(
-    problem: Problem, error: SimulationDiverged | MassMatrixNotPositiveDefinite
-) -> list[str]:
+def divergence_cause(problem: Problem, error: SimulationFailed) -> list[str]:
     """The cause in a sentence with the next step; that none was found, otherwise.
 
     Args:
@@ -166,7 +159,7 @@ def _away(trial: Trial) -> float:
     try:
         auxiliary = AuxiliaryModel(trial.problem, differences=True, torque=False)
         motions = auxiliary.simulate(trial.theta)
-    except (SimulationDiverged, MassMatrixNotPositiveDefinite):
+    except SimulationFailed:
         return np.inf
     shares = [
         np.mean((motion.q.T - own.q) ** 2, axis=0) / np.maximum(np.ptp(own.q, axis=0), 1e-9) ** 2
