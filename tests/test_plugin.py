@@ -226,8 +226,8 @@ def test_the_method_is_one_of_all(plugin, result, tmp_path):
         "groups = method_context(Content(text), {}, [])['groups']; "
         "offered = {m['name']: m['words'] for g in groups for m in g['methods']}; "
         "rows = list(rows_of(METHOD_ENTRIES['least-absolute'])); "
-        "print(json.dumps([found.method, found.options['passes'], type(found.method_used).__name__, "
-        "offered['least-absolute'], rows[2]]))"
+        "kind = type(found.method_used).__name__; words = offered['least-absolute']; "
+        "print(json.dumps([found.method, found.options['passes'], kind, words, rows[2]]))"
     )
     method, passes, kind, words, row = json.loads(plugin.python("-c", code).stdout)
     assert (method, passes, kind) == ("IDIM-LAD", 12, "LeastAbsolute")

@@ -9,10 +9,9 @@ from typing import Any
 
 from pivident.check.remark import Place, Remark, of_error, split_advice
 from pivident.errors import ExperimentError, PividentError
-from pivident.estimation.methods import METHODS
 from pivident.experiment.experiment import Experiment, with_every_run
 from pivident.experiment.explained import every_problem, plain_form, refuse_robot_file
-from pivident.experiment.identify_table import method_of
+from pivident.experiment.identify_table import METHOD_ENTRIES, method_of
 from pivident.experiment.schema import ExperimentFile
 from pivident.experiment.toml_file import toml_content
 from pivident.robot.naming import ROBOT_FILES
@@ -81,7 +80,7 @@ def _without(plain: dict[str, Any], locations: Sequence[Sequence[int | str]]) ->
 def _options(experiment: Experiment) -> list[Remark]:
     """Options of single methods that they do not have, or that contradict each other."""
     remarks = []
-    for name in METHODS:
+    for name in METHOD_ENTRIES:
         try:
             method_of(name, experiment.content.identify)
         except PividentError as error:

@@ -117,6 +117,6 @@ def plan_of(
         reference if controller else "",
         blocks,
         expected_time(problem, methods, blocks, law_unknown=controller == "identify"),
-        time_of_methods(problem, {**METHODS, **methods}, blocks),
+        time_of_methods(problem, METHODS.usable() | dict(methods), blocks),
         first_run(methods),
     )

@@ -130,7 +130,7 @@ def diagnose(
         ExperimentError: a result whose method is not known.
     """
     say = progress or (lambda line: None)
-    methods = METHODS if methods is None else methods
+    methods = METHODS.usable() if methods is None else methods
     if unknown := sorted(identifications.keys() - methods.keys()):
         raise ExperimentError(
             f"there is no method for the results {', '.join(unknown)}; give `methods` by the same "

@@ -36,6 +36,7 @@ from pivident.estimation.problem import Problem
 from pivident.experiment.consistency_table import consistency_of
 from pivident.experiment.explained import validated
 from pivident.experiment.identify_table import (
+    METHOD_ENTRIES,
     IdentifyEntry,
     median_finding,
     method_of,
@@ -312,7 +313,7 @@ def load_experiment(path: str | Path) -> Experiment:
     with errors_name(path, ""):
         content = toml_content(path)
         experiment = Experiment(path, with_every_run(validated(content), path.parent))
-        for name in METHODS:
+        for name in METHOD_ENTRIES:
             method_of(name, experiment.content.identify)
     experiment.methods()
     return experiment
