@@ -20,7 +20,10 @@ PLUGIN = REPOSITORY / "examples" / "plugin"
 PROJECT = tomllib.loads((PLUGIN / "pyproject.toml").read_text("utf-8"))["project"]
 
 #: A second distribution, whose entries cannot be imported.
-BROKEN = {f"pivident.{group}": "lost" for group in ("methods", "readers", "formats", "commands")}
+BROKEN = {
+    f"pivident.{group}": "lost"
+    for group in ("methods", "friction", "readers", "formats", "commands")
+}
 
 
 def install(target: Path) -> None:
@@ -255,3 +258,29 @@ def test_a_broken_method_is_named_and_stops_no_other(broken):
     assert "'lost' of the distribution broken-one" in done.stderr
     done = broken.run("identify", "experiment.toml", "-m", "lost")
     assert done.returncode == 1 and "pip uninstall broken-one" in done.stderr
+
+
+def test_the_friction_term_is_a_term_of_robot_files(plugin):
+    """Its compiled functions are those of its declaration, and its parameter is estimated."""
+    pytest.importorskip("sympy")
+    term = PROJECT["entry-points"]["pivident.friction"]["drag"]
+    done = plugin.python("-m", "pivident.dynamics.generate_friction", term)
+    compiled = PLUGIN / "pivident_example" / "drag_compiled.py"
+    assert done.stdout == compiled.read_text("utf-8")
+    text = EXPERIMENT.replace("log.csv", "log.pairs").replace(
+        'robot = "planar_2r"',
+        'robot = {model = "planar_2r", friction = ["viscous", "coulomb", "offset", "drag"]}',
+    )
+    (plugin.folder / "drag.toml").write_text(text, encoding="utf-8")
+    done = plugin.run("identify", "drag.toml", "--folds", 0, "--out", "drag")
+    assert done.returncode == 0, done.stderr
+    rows = (plugin.folder / "drag" / "parameters.csv").read_text("utf-8").splitlines()[1:]
+    estimates = {row.split(",")[0]: [float(x) for x in row.split(",")[1:3]] for row in rows}
+    for name in ("cd1", "cd2"):  # of which the simulated arm has none
+        value, std = estimates[name]
+        assert abs(value) < 5.0 * max(std, 0.05)
+
+
+def test_a_friction_term_that_is_broken_stops_no_other(broken):
+    done = broken.run("check", "experiment.toml")
+    assert done.returncode in (0, 4), done.stderr

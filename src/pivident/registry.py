@@ -63,6 +63,7 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
     def __init__(self, group: str, kind: type[Entry], built_in: Mapping[str, str]) -> None:
         self.group, self.kind, self._built_in = group, kind, dict(built_in)
         self._loaded: dict[str, Entry] = {}
+        self._broken: set[str] = set()
 
     @property
     def foreign(self) -> tuple[str, ...]:
@@ -70,13 +71,15 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
         return tuple(name for name in _declared(self.group) if name not in self._built_in)
 
     def usable(self) -> dict[str, Entry]:
-        """All entries that can be imported, by name; a warning names the others."""
+        """All entries that can be imported, by name; one warning names each of the others."""
         entries = {}
         for name in self:
             try:
                 entries[name] = self[name]
             except BrokenExtension as error:
-                warnings.warn(str(error), ExtensionWarning, stacklevel=2)
+                if name not in self._broken:
+                    warnings.warn(str(error), ExtensionWarning, stacklevel=2)
+                self._broken.add(name)
         return entries
 
     def __iter__(self) -> Iterator[str]:

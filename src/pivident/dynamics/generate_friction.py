@@ -31,7 +31,7 @@ Written by ``python -m pivident.dynamics.generate_friction`` from declarations, 
 """
 
 # fmt: off
-# ruff: noqa: E501
+# ruff: noqa
 from __future__ import annotations
 
 from math import exp, log, sqrt

@@ -1,0 +1,21 @@
+"""Functions of friction terms.
+
+Written by ``python -m pivident.dynamics.generate_friction`` from declarations, not by hand.
+"""
+
+# fmt: off
+# ruff: noqa
+from __future__ import annotations
+
+from math import exp, log, sqrt
+
+from pivident.dynamics.compiled_columns import column_function
+from pivident.dynamics.elementary import cos, direction, power, sin, size
+
+
+@column_function
+def drag(which, s, s_v, s_vv, s_g, s_vg, first, second, dq):
+    """dq*abs(dq)"""
+    x0 = size(dq)
+    x1 = direction(dq)
+    return (dq*x0, dq*x1 + x0, 2*x1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)[which]
