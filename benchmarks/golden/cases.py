@@ -228,7 +228,7 @@ def _planar(folder: Path, data: Path) -> None:
 
 #: All methods; the frequency domain needs whole periods.
 _METHODS = (
-    "ols,ls,wls,tls,irls,ridge,map,ml-ls,set-membership,adaline,hopfield,ekf,ukf,cdkf,particle,"
+    "ols,ls,tls,irls,ridge,map,ml-ls,set-membership,adaline,hopfield,ekf,ukf,cdkf,particle,"
     "iv,iv-full-rate,piv,didim,piv-as-printed,cloe,clie,ml,oloe"
 )
 
