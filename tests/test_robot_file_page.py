@@ -7,7 +7,7 @@ import pytest
 
 from pivident.robot import mdh_schema as schema
 from pivident.robot.mdh_schema import Entry
-from tests.test_docs import toml
+from pivident.text.toml_values import value_text
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 TEXT = (DOCS / "robot_file.md").read_text("utf-8")
@@ -48,7 +48,7 @@ def test_every_key_is_listed_with_its_default(heading):
             assert default.startswith("needed"), key
         elif (value := field.get_default(call_default_factory=True)) is not None:
             gravity = {tuple(v): f'"{n}"' for n, v in schema.GRAVITY_BY_NAME.items()}
-            shown = gravity[tuple(value)] if key == "`gravity`" else toml(value)
+            shown = gravity[tuple(value)] if key == "`gravity`" else value_text(value)
             assert default == f"`{shown}`", key
         else:
             assert not default.startswith("`"), f"{key} has no default that a file could hold"

@@ -93,7 +93,7 @@ def test_the_result_says_how_it_was_made(found):
 def test_a_virtual_loop_is_refused(bench):
     problem = bench.problem(0)
     virtual = replace(problem, loop=replace(problem.loop, reference="smoothed"))
-    with pytest.raises(ExperimentError, match="virtual one"):
+    with pytest.raises(ExperimentError, match="measurement itself takes its place"):
         identify(virtual, "didim")
 
 

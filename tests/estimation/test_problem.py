@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pivident.diagnostics.failed_simulation import identify
 from pivident.errors import (
     ExperimentError,
     IdentificationError,
@@ -13,7 +14,6 @@ from pivident.errors import (
     RecordingTooShort,
     SimulationDiverged,
 )
-from pivident.estimation.identify import identify
 from pivident.estimation.instrumental_variables import InstrumentalVariables
 from pivident.estimation.noise_options import AutoRegressive
 from pivident.estimation.prefiltered_iv import PrefilteredIV

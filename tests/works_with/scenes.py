@@ -65,7 +65,7 @@ def five_bar() -> pv.Problem:
     """A mechanism with a closed loop."""
     robot = pv.load_robot("five_bar")
     rest = robot.constraints.posture[list(robot.places)]
-    rise = np.minimum(np.arange(PERIODS * PERIOD) / PERIOD, 1.0)[:, None]
+    rise = np.minimum(np.arange(PERIODS * PERIOD) / (0.8 * PERIOD), 1.0)[:, None]
     loop = pv.Loop(virtual_pd(robot, rest))
     q_ref = rest + rise * reference(2, 0.25)
     made = pv.simulate(robot, loop, q_ref, rate=RATE, encoder=2e-6, torque=0.2, seed=5)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from pivident.errors import ExperimentError
-from pivident.estimation.methods import METHODS
+from pivident.experiment.identify_table import METHOD_ENTRIES
 from pivident.experiment.schema import ExperimentFile
 from pivident.robot.mdh_schema import addition, keys_at, short
 from pivident.robot.naming import nearest
@@ -116,7 +116,8 @@ def _sentence(details: Any, table: str, key: str, root: type[BaseModel]) -> str:
             return f"key {key!r} is gone: {GONE[str(above[0])][last]}"
         if not above:
             return f"unknown table {last!r}; {hint}"
-        if len(above) == 2 and above[0] == "identify" and above[1] in METHODS:
+        in_another = any(last in entry.model_fields for entry in METHOD_ENTRIES.values())
+        if len(above) == 2 and above[0] == "identify" and in_another:
             return f"the method {above[1]!r} has no {last}; its keys are {', '.join(sorted(known))}"
         return f"unknown key {key!r}; {hint}"
     if details["type"] == "missing":

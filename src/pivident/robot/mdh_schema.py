@@ -150,7 +150,7 @@ FrictionEntry: Any = cast(Any, create_model)(
     __base__=Entry,
     __validators__={"keys": cast(Any, model_validator(mode="after")(_keys_belong_to_term))},
     term=(
-        Annotated[str, BeforeValidator(_known_term)],
+        Annotated[Literal[tuple(TERM_KEYS)], BeforeValidator(_known_term)],
         key(meaning="which function, see the list below", kind="name"),
     ),
     smoothing=(
