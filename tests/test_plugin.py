@@ -242,7 +242,7 @@ def test_the_method_is_one_of_all(plugin, result, tmp_path):
     ("line", "answer"),
     [
         ("least-absolute = {passes = 0}", "passes"),
-        ("least-absolute = {order = 2}", "the method 'least-absolute' has no order"),
+        ("least-absolute = {penalty = 2.0}", "the method 'least-absolute' has no penalty"),
     ],
 )
 def test_wrong_options_of_the_method_are_refused(plugin, line, answer):
