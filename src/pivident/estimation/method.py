@@ -19,7 +19,7 @@ from pivident.estimation.signal_recipes import RECIPES, Bandpass, SignalRecipe
 from pivident.instruments.kinds import KINDS
 from pivident.options import Options, declarations, option
 from pivident.recording.recording import Recording
-from pivident.robot.refusals import without_wrenches
+from pivident.robot.refusals import without_loops, without_wrenches
 from pivident.text.finding import Finding
 
 #: Called with one line at each stage.
@@ -151,12 +151,25 @@ class Method(Options):
             problem: what is given.
 
         Raises:
-            RobotDescriptionError: the robot has measured wrenches.
+            RobotDescriptionError: the robot has measured wrenches, or closed loops.
             IdentificationError: torques were computed from the control law.
-            ExperimentError: the loop has to be simulated, and law or reference are not known.
+            ExperimentError: the loop has to be simulated, and law or reference are not known; or
+                friction has a memory or grows with the load.
         """
         if not self.handles.wrenches:
             without_wrenches(problem.robot, f"the method {self.label}")
+        if not self.handles.closed_loops:
+            without_loops(problem.robot, f"the method {self.label}")
+        inner = [
+            joint.name
+            for joint in problem.robot.joints
+            if any(term.has_memory or term.depends_on_load for term in joint.friction.terms)
+        ]
+        if inner and not self.handles.inner_friction:
+            raise ExperimentError(
+                f"joint {inner[0]!r} has friction with a memory or of the load, which the method "
+                f"{self.label} does not handle; use piv or cloe, or another friction law"
+            )
         computed = [r.name for r in problem.recordings if r.torque_source == "law"]
         if computed and not self.handles.computed_torque:
             raise IdentificationError(
