@@ -8,6 +8,7 @@ whenever it is read: the search ends after as many motions on every machine.
 from __future__ import annotations
 
 import runpy
+import sys
 import threading
 import time
 
@@ -21,6 +22,8 @@ def counted_clock() -> float:
     """Time [s] by how often this thread has asked for it; in the main thread it stands still."""
     if threading.current_thread() is threading.main_thread():
         return 0.0
+    if not sys._getframe(1).f_globals["__name__"].startswith("pivident."):
+        return 0.0  # numba reads it as often as it has kernels to load
     _readings.count = getattr(_readings, "count", 0) + 1
     return TICK * _readings.count
 
