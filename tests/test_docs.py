@@ -19,6 +19,7 @@ TEXT = PAGE.read_text("utf-8")
 PARTS_OF_OTHERS = {
     Entry,
     identify_table.IdentifyKeys,
+    identify_table.SharedKeys,
     identify_table.DecimatedEntry,
     identify_table.BandpassKeys,
     identify_table.NoiseKeys,

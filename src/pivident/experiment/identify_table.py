@@ -11,12 +11,12 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import Field, create_model, model_validator
+from pydantic import create_model, model_validator
 from pydantic.functional_validators import PlainValidator
 
 from pivident.consistency.method_names import CONSISTENT_METHODS  # consistency
 from pivident.errors import ExperimentError
-from pivident.estimation.method import Instruments, Method
+from pivident.estimation.method import InstrumentalMethod, Method
 from pivident.estimation.methods import METHODS
 from pivident.estimation.noise_options import Arma, AutoRegressive, Repetition
 from pivident.estimation.signal_recipes import (
@@ -170,20 +170,6 @@ class IdentifyKeys(Entry):
     initial: dict[str, float] = key(
         meaning="starting values by parameter name", factory=dict, unit="of the parameter"
     )
-    tolerance: Annotated[float, Field(gt=0, lt=1)] | None = key(
-        None, "criterion of convergence of IV and PIV", shown="`0.01`"
-    )
-    max_iterations: Annotated[int, Field(ge=1)] | None = key(
-        None, "largest number of iterations", shown="`20`"
-    )
-    instruments: Instruments | None = key(
-        None,
-        'of `iv`, `iv-full-rate`, `piv`: from the simulated `"loop"`, the `"response"` to '
-        'the reference, another `"repetition"`, a second `"sensor"`, a `"virtual"` loop, or '
-        '`"halves"` of the samples; `"auto"`: the loop where there is a controller, else the '
-        "best that the record allows",
-        shown='`"auto"`',
-    )
     if TYPE_CHECKING:
         bandpass: Any
 
@@ -227,12 +213,18 @@ METHOD_ENTRIES = {name: method_entry(name, method) for name, method in METHODS.u
 # Other processes find a class by its name.
 globals().update({entry.__name__: entry for entry in METHOD_ENTRIES.values()})
 
+#: With the options that methods share.
+SharedKeys = entry_of(
+    InstrumentalMethod, keys=[k for k, o in declarations(InstrumentalMethod).items() if o.shared],
+    base=IdentifyKeys, name="SharedKeys", module=__name__,
+)  # fmt: skip
+
 if TYPE_CHECKING:
     IdentifyEntry = IdentifyKeys
 else:
     IdentifyEntry = create_model(
         "IdentifyEntry",
-        __base__=IdentifyKeys,
+        __base__=SharedKeys,
         __module__=__name__,
         **{part: table_of(entry, f"see *{part}*") for part, entry in PARTS.items()},
         **{

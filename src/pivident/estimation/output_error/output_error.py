@@ -50,7 +50,7 @@ from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import RandomWalk
 from pivident.estimation.simulation_result import LoopParameter, SimulationResult
 from pivident.instruments.given_motion import InstrumentsUsed
-from pivident.options import Option, check_option, choices_of, option
+from pivident.options import DECLARED, Option, option
 from pivident.text.finding import Finding, Quantity
 
 #: Shares of the way from nominal values to least squares at which a start is tried.
@@ -95,8 +95,13 @@ class OutputError(IteratedMethod):
         max_iterations: give up after so many.
     """
 
-    compares: Literal["positions", "torques", "both"] = field(default="both", kw_only=False)
-    loop: Literal["closed", "open"] = field(default="closed", kw_only=False)
+    # mypy knows fields without their name by dataclasses.field alone
+    compares: Literal["positions", "torques", "both"] = field(
+        default="both", kw_only=False, metadata={DECLARED: Option("signals that are compared")}
+    )
+    loop: Literal["closed", "open"] = field(
+        default="closed", kw_only=False, metadata={DECLARED: Option("what drives the simulation")}
+    )
     free: tuple[str, ...] = option(
         (),
         "further unknowns of the loop: `delay`, `drive_gain`, `inputs`, gains of the law such as "
@@ -154,8 +159,6 @@ class OutputError(IteratedMethod):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("compares", "loop"):
-            check_option(name, getattr(self, name), Option(""), choices_of(OutputError, name))
         if type(self.noise) is not AutoRegressive:
             raise ExperimentError(
                 "noise models of simulation errors are autoregressive; leave ar_order, ma_order "
