@@ -1,7 +1,8 @@
 """The last word on a motion: every limit on a grid ten times finer than that of the search.
 
-Positions, speeds, accelerations and torques are smooth, and so fine a grid shows them. Distances
-are not, where another corner becomes the nearest: they are bounded between its samples, too.
+Positions, speeds and accelerations are smooth, and so fine a grid shows them. Torques are not, where
+a joint turns round and its friction changes sides, and neither are distances, where another corner
+becomes the nearest: both are bounded between its samples, too.
 
 A distance d changes no faster than the joints allow, |ḋ| ≤ L = Σ_i |dq_i| |∂d/∂q_i|, with bounds of
 the slopes that hold in every posture. Between samples h apart it is therefore at least
@@ -116,14 +117,32 @@ class FineCheck:
         )
 
     def keeps_all(self, coefficients: np.ndarray) -> bool:
-        """Whether no limit is broken at any sample, and no clearance between them."""
+        """Whether no limit is broken at any sample, and no torque or clearance between them."""
         c = self.constraints
         if c.largest_ratio(coefficients) > ROUNDING:
+            return False
+        if self._largest_torque_ratio(coefficients) > ROUNDING:
             return False
         if c.clearances is None or not c.clearances.needed.size:
             return True
         least, _ = self._least(coefficients)
         return bool((least >= c.clearances.needed).all())
+
+    def _largest_torque_ratio(self, coefficients: np.ndarray) -> float:
+        """Largest of r_k + ½ min(|r_k - r_{k-1}|, |r_{k+1} - r_k|), r the torque over its limit.
+
+        What lies between two samples is no further from the nearer one than half a step of the side
+        on which the torque does not jump.
+        """
+        c, largest = self.constraints, 0.0
+        q, dq, ddq, _ = c.motion(coefficients)
+        for model in c.torques:
+            torque, margin = model.torque_and_margin((q, dq, ddq))
+            ratio = (np.abs(torque) + margin) / c.limits.torque
+            step = np.abs(np.diff(ratio, axis=0))
+            smaller = np.minimum(step[:-1], step[1:])
+            largest = max(largest, float((ratio[1:-1] + 0.5 * smaller).max()))
+        return largest
 
     def _least(self, coefficients: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Least clearances and their instants."""
