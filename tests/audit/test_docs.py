@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from pivident.report.audit.audit_files import CHECKS
+from pivident.audit.audit import TOPICS
 from pivident.report.drawing_library import DrawingLibrary
 from pivident.text.finding import SEVERITIES
 
@@ -22,4 +22,4 @@ def test_example_runs(tmp_path, monkeypatch, capsys):
 def test_tables_name_everything():
     rows = re.findall(r"^\| (\w+) \|", TEXT, re.MULTILINE)
     assert set(SEVERITIES) <= set(rows)
-    assert set(CHECKS) - {"reading"} <= set(rows)
+    assert {topic.name for topic in TOPICS} - {"reading"} <= set(rows)

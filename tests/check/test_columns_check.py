@@ -2,11 +2,10 @@
 
 from pivident.check.columns_check import check_columns
 
-TABLE = ("recording", 0)
 
 
 def told(columns, units=None):
-    return [(r.kind, r.subject) for r in check_columns(columns, units or {}, None, TABLE)]
+    return [(r.kind, r.subject) for r in check_columns(columns, units or {}, None)]
 
 
 def test_the_letter_of_an_axis_is_no_unit():

@@ -24,7 +24,7 @@ def log(late: int) -> Log:
 
 def told(late: int, **gains: float) -> list[str]:
     entry = ControllerEntry(type="pd", **gains)
-    return [r.place[-1] for r in check_gains(log(late), TIMING, entry, (), ("recording", 0))]
+    return [r.place[-1] for r in check_gains(log(late), TIMING, entry, ())]
 
 
 @pytest.mark.parametrize("late", [0, 1])

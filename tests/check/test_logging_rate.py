@@ -17,7 +17,7 @@ NOISE = 1e-3 * np.random.default_rng(0).standard_normal(MOTION.shape)
     "positions", [np.round(MOTION, 3), MOTION + NOISE], ids=["counts", "noise"]
 )
 def test_noise_of_the_positions_is_no_motion(positions):
-    assert not list(_slow_rate(positions, 1000.0, ("recording", 0)))
-    (remark,) = _slow_rate(positions[::40], 25.0, ("recording", 0))
+    assert not list(_slow_rate(positions, 1000.0))
+    (remark,) = _slow_rate(positions[::40], 25.0)
     assert "rate of 25 Hz is low for this motion: 99 % of its speed lies below 2." in remark.message
     assert "log at 4" in remark.next_step

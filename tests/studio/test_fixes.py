@@ -6,22 +6,19 @@ import numpy as np
 import pytest
 
 from pivident.check.experiment_check import check_experiment
-from pivident.check.geometry_check import _candidates
+from pivident.check.geometry_check import candidates
+from pivident.check.gravity_check import GRAVITY
+from pivident.check.remark import of_finding
 from pivident.errors import ExperimentError
 from pivident.experiment.experiment import load_experiment
 from pivident.experiment.recording_tables import log_of
 from pivident.logs.joint_side import factors_of
-from pivident.studio.fixes import MAKERS, Fix, applied, as_json, fixes, of_json
+from pivident.studio.fixes import Fix, applied, as_json, fixes, of_json
+from pivident.text.repair import Edit, Repair, Reversed
 from pivident.text.toml import parse_toml
 from tests.other_arms import random_arm
 from tests.planar_log import EXPERIMENT, HEADER, planar_log
 from tests.studio.faulty_logs import FAULTS, TAU
-
-#: Kinds whose fixes have tests of their own below.
-OTHERS = {
-    ("channels", "clipped"), ("channels", "constant"), ("motion", "standstill"),
-    ("power", "gives energy"), ("geometry", "zero"), ("controller", "gravity"),
-}  # fmt: skip
 
 JOINTS = ["shoulder", "elbow"]
 
@@ -56,10 +53,6 @@ def test_a_fault_is_gone_after_its_fix(name, tmp_path):
             break
     assert not found
     assert sum(r["refused"] for r in left) <= sum(r["refused"] for r in remarks)
-
-
-def test_every_maker_is_tested():
-    assert set(MAKERS) == ({fault.kind for fault in FAULTS.values()} & set(MAKERS)) | OTHERS
 
 
 def written(folder, rows, text=EXPERIMENT, header=HEADER):
@@ -129,7 +122,8 @@ def test_fixes_of_the_geometry_are_what_the_check_has_tried(tmp_path):
     given = load_experiment(experiment)
     entry = given.content.recording[0]
     log = log_of(entry, given.robot, tmp_path)
-    for turned, remark in _candidates(log, given.robot, ("recording", 0)):
+    for turned, finding in candidates(log, given.robot):
+        remark = of_finding(finding, ("recording", 0))
         (fix,) = fixes(json.loads(json.dumps(remark.as_json())) | {"joints": JOINTS}, EXPERIMENT)
         experiment.write_text(applied(EXPERIMENT, fix), encoding="utf-8")
         made = load_experiment(experiment)
@@ -142,15 +136,12 @@ def test_fixes_of_the_geometry_are_what_the_check_has_tried(tmp_path):
             )
 
 
-def remark_of(topic, kind, message="", step="", subject="", place=(), evidence=None):
-    return {
-        "topic": topic, "kind": kind, "message": message, "next_step": step, "subject": subject,
-        "place": list(place), "evidence": evidence or {}, "joints": JOINTS, "refused": False,
-    }  # fmt: skip
+def remark_of(*edits):
+    return {"repairs": [Repair(edits).below(("recording", 0)).as_json()], "joints": JOINTS}
 
 
 def test_a_sign_is_reversed_in_whatever_unit():
-    place = ("recording", 0, "units", "tau")
+    reversed_elbow = remark_of(Reversed(channel="tau", joints=("elbow",)))
     for unit, expected in (
         ('"N m"', "[1.0, -1.0]"),
         ('["kN m", "kN m"]', "[1000.0, -1000.0]"),
@@ -159,7 +150,7 @@ def test_a_sign_is_reversed_in_whatever_unit():
         ('"A"', "none"),
     ):
         text = EXPERIMENT.replace('tau = "N m"', f"tau = {unit}")
-        found = fixes(remark_of("power", "sign", subject="elbow", place=place), text)
+        found = fixes(reversed_elbow, text)
         if expected == "none":
             assert found == ()  # the drive gain of the robot has to be reversed
             continue
@@ -172,11 +163,11 @@ def test_a_sign_is_reversed_in_whatever_unit():
 
 
 def test_gravity_of_the_controller_and_energy():
-    step = 'Set feed_forward = "gravity_measured" ("gravity" at the reference) if'
-    (fix,) = fixes(remark_of("controller", "gravity", step=step, place=("controller",)), EXPERIMENT)
+    edit = Edit((*GRAVITY.place, "feed_forward"), "gravity_measured")
+    (fix,) = fixes(remark_of(edit), EXPERIMENT)
     assert fix.edits == ((("controller", "feed_forward"), '"gravity_measured"'),)
-    found = fixes(remark_of("power", "gives energy", subject="shoulder"), EXPERIMENT)
-    assert found[0].words == "Reverse the sign of the torque of shoulder."
+    (fix,) = fixes(remark_of(Reversed(channel="tau", joints=("shoulder",))), EXPERIMENT)
+    assert fix.words == "Reverse the sign of the torque of shoulder."
 
 
 def test_several_stretches_between_gaps(tmp_path):
@@ -192,9 +183,9 @@ def test_several_stretches_between_gaps(tmp_path):
 
 
 def test_what_has_no_fix():
-    assert fixes(remark_of("channels", "wrapped", subject="q of elbow"), EXPERIMENT) == ()
-    assert fixes(remark_of("delay", "late", step="Set delay = 1 under"), "x = ") == ()
+    assert fixes(remark_of(Edit(("recording", "delay"), 1.0)), "x = ") == ()
     assert fixes({}, EXPERIMENT) == ()
+    assert fixes({"repairs": [{"edits": [{"edit": "Exec"}], "words": ""}]}, EXPERIMENT) == ()
 
 
 def test_a_fix_of_another_text_is_refused():

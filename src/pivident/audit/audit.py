@@ -1,8 +1,4 @@
-"""The audit of a log: every check that what is known of it allows, in one order.
-
-A fault that is found is made good before the next check, so that one wrong column is not reported
-once for every number that depends on it.
-"""
+"""The audit of a log: every check that what is known of it allows, in one order."""
 
 from __future__ import annotations
 
@@ -12,42 +8,62 @@ from typing import Any
 
 import numpy as np
 
-from pivident.audit.delay import Delay, check_delay
-from pivident.audit.excitation import Excitation, check_excitation
+from pivident.audit.delay import DELAY, Delay
+from pivident.audit.examination import CHECKS, Examination, in_turn
+from pivident.audit.excitation import EXCITATION, Excitation
+from pivident.audit.frozen import CHANNELS
 from pivident.audit.inverse_model import InverseModel, build_inverse_model
-from pivident.audit.order import Order, check_order
-from pivident.audit.power import Power, check_power, mechanical_power
-from pivident.audit.quantisation import Quantisation, check_quantisation
+from pivident.audit.order import ORDER, Order
+from pivident.audit.power import SIGNS, Power, mechanical_power
+from pivident.audit.quantisation import QUANTISATION, Quantisation, check_quantisation
 from pivident.audit.saturation import check_channels
-from pivident.audit.scale import Scale, check_assumed, check_positions, check_reach, check_scale
-from pivident.audit.speed import check_speeds
+from pivident.audit.scale import SCALE, Scale, check_assumed, check_positions, check_reach
+from pivident.audit.speed import DERIVATIVE, check_speeds
 from pivident.audit.standstill import check_standstill
+from pivident.audit.steps import CLOCK
 from pivident.audit.timing import Timing, check_timing
+from pivident.audit.unexplained import UNEXPLAINED_TORQUE
 from pivident.errors import PividentError, RecordingError
 from pivident.logs.log import Log
-from pivident.text.finding import Finding, Quantity, Severity, worst
+from pivident.text.finding import Finding, FindingKind, Severity, Topic, worst
 from pivident.text.lists import listed
 from pivident.threads import linear_algebra_in_one_thread
 from pivident.version import __version__
 
+#: What was read.
+READING = Topic("reading", "What was read")
+
+COLUMNS = FindingKind(READING, "columns")
+NO_POSITIONS = FindingKind(READING, "no positions")
+NO_TORQUE = FindingKind(READING, "no torque")
+NOT_JUDGED = FindingKind(READING, "not judged")
+
 #: Version of the layout of ``audit.json``.
 SCHEMA = 2
 
-#: Delays of all torques that are made good for the checks behind that of the delay.
-MADE_GOOD = (("error", "late"), ("error", "early"), ("note", "timing"))
-
-#: Share of a joint's torque that its inverse model may leave unexplained.
-UNEXPLAINED = 0.5
-
 #: What is left out where a log has positions only.
-_NO_TORQUE = Finding(
+_NO_TORQUE = NO_TORQUE.finding(
     "note",
-    "reading",
-    "no torque",
     "No torque was logged, or none is named: order, delay, signs, gains and excitation were not "
     "judged.",
     next_step="Name the columns of the torque (--experiment); where there is none, the known "
     "control law under [controller] stands for it.",
+)
+
+
+#: What an audit looks at, in the order of its page.
+TOPICS = (
+    READING,
+    CLOCK,
+    CHANNELS,
+    QUANTISATION,
+    DERIVATIVE.topic,
+    SCALE,
+    ORDER.topic,
+    DELAY,
+    SIGNS,
+    UNEXPLAINED_TORQUE.topic,
+    EXCITATION,
 )
 
 
@@ -87,6 +103,13 @@ class Audit:
     def count(self, severity: Severity) -> int:
         """Number of findings of one severity."""
         return sum(finding.severity == severity for finding in self.findings)
+
+    @property
+    def topics(self) -> tuple[Topic, ...]:
+        """What was looked at: its own topics, then those of other distributions."""
+        kinds = [finding.declared for finding in self.findings]
+        others = (kind.topic for kind in kinds if kind is not None and kind.topic.heading)
+        return tuple(dict.fromkeys((*TOPICS, *others)))
 
     def of(self, check: str) -> tuple[Finding, ...]:
         """Findings of one check, such as ``delay``."""
@@ -160,7 +183,7 @@ def _audit(log: Log, say: Callable[[str], None]) -> Audit:
     say("looking at clock and channels")
     timing = check_timing(log)
     quantisation = check_quantisation(log, timing)
-    findings = [Finding("ok", "reading", "columns", note) for note in log.notes]
+    findings = [COLUMNS.finding("ok", note) for note in log.notes]
     findings += check_assumed(log)
     findings += [*timing.findings, *check_channels(log), *quantisation.findings]
     findings += check_speeds(log, timing)
@@ -203,38 +226,22 @@ def _with_model(
     quantisation: Quantisation,
     say: Callable[[str], None],
 ) -> Audit:
-    """The checks that need the inverse model; each fault is made good for the next."""
-    order = check_order(model)
-    if any(f.severity == "error" for f in order.findings):
-        model = model.reordered(order.torque_of)
-    say("looking for a delay")
-    delay = check_delay(log, model)
-    if any(f.subject == "" and (f.severity, f.kind) in MADE_GOOD for f in delay.findings):
-        model = model.delayed(delay.common[0])
-    say("looking at signs, gains and excitation")
-    power = check_power(log, model)
-    scale = check_scale(log, model, power.right)
-    excitation = check_excitation([model])
-    findings += [*order.findings, *delay.findings, *power.findings, *scale.findings]
-    findings += [*_unexplained(model), *excitation.findings]
+    """The checks that need the inverse model."""
+    say("looking at delay, signs, gains and excitation")
+    seen = in_turn(Examination(log, timing, model, tuple(findings)), CHECKS.usable().values())
+    measured = seen.results
     return Audit(
-        log, tuple(findings), timing, quantisation, model, order, delay, power, scale, excitation
+        log,
+        seen.findings,
+        timing,
+        quantisation,
+        seen.model,
+        measured.get("order"),
+        measured.get("delay"),
+        measured.get("power"),
+        measured.get("scale"),
+        measured.get("excitation"),
     )
-
-
-def _unexplained(model: InverseModel) -> list[Finding]:
-    """Joints whose torque the inverse model does not explain."""
-    findings = []
-    for joint, error in zip(model.robot.joints, model.relative_errors, strict=True):
-        if not error <= UNEXPLAINED:
-            share = "nothing" if not np.isfinite(error) else f"{100 * (1 - error):.3g} %"
-            text = f"The inverse model explains {share} of the torque of {joint.name}."
-            step = "Check the column, the geometry and the friction law of this joint."
-            evidence = {"unexplained": Quantity(100 * float(error), "%", bound=100 * UNEXPLAINED)}
-            findings.append(
-                Finding("warning", "model", "unexplained", text, joint.name, step, evidence)
-            )
-    return findings
 
 
 def _inverse_model(log: Log, timing: Timing) -> InverseModel:
@@ -247,10 +254,8 @@ def _inverse_model(log: Log, timing: Timing) -> InverseModel:
 def _no_positions(log: Log) -> Finding:
     """That nothing but the clock could be judged, and which columns there are."""
     names = listed(list(log.columns), 12) if log.columns else "none"
-    return Finding(
+    return NO_POSITIONS.finding(
         "error",
-        "reading",
-        "no positions",
         f"{log.name} has no positions, or none that their names show: delay, signs, gains and "
         f"excitation were not judged. Its columns: {names}.",
         next_step="Log the positions of the joints, rename their columns (q_1 …), or name them in "
@@ -263,7 +268,7 @@ def _not_judged(reason: str) -> Finding:
     text = f"Delay, signs, gains and excitation were not judged: {reason}."
     step = "Give the robot (--robot) and the columns (--experiment)."
     step = "" if reason.endswith("still") else step
-    return Finding("ok", "reading", "not judged", text, next_step=step)
+    return NOT_JUDGED.finding("ok", text, "", step)
 
 
 def _number(value: float) -> float | None:

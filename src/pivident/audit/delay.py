@@ -18,12 +18,30 @@ from typing import Literal
 import numpy as np
 
 from pivident.audit.blocked_fit import BLOCKS, CLEAR, blocked_fit, jackknife
+from pivident.audit.examination import Examination, LogCheck
 from pivident.audit.inverse_model import InverseModel
+from pivident.audit.spoilt_checks import COMPARISONS
 from pivident.logs.log import Log
 from pivident.recording.channels import TIMING_WORDS
 from pivident.signals.alignment import torque_shift
-from pivident.text.finding import Finding, Quantity, Severity
+from pivident.text.finding import Finding, FindingKind, Quantity, Severity, Topic
 from pivident.text.numbers import with_spread
+from pivident.text.repair import Repair, setting
+
+#: What this check looks at, and where a delay is declared.
+DELAY, DECLARED = Topic("delay", "Delay between torque and position"), ("recording", "delay")
+
+UNKNOWN = FindingKind(DELAY, "unknown")
+LATE = FindingKind(DELAY, "late", DECLARED, reservation=True, spoils=COMPARISONS)
+EARLY = FindingKind(DELAY, "early", DECLARED, reservation=True, spoils=COMPARISONS)
+TIMING = FindingKind(DELAY, "timing", ("recording", "torque_timing"))
+LOOP_RATE = FindingKind(DELAY, "loop rate", ("recording", "control_rate"))
+JOINT_LATE = FindingKind(
+    DELAY, "joint late", ("recording", "columns", "tau"), reservation=True, spoils=COMPARISONS
+)
+JOINT_EARLY = FindingKind(
+    DELAY, "joint early", ("recording", "columns", "tau"), reservation=True, spoils=COMPARISONS
+)
 
 #: Shifts that are tried [s], but at least so many samples on each side.
 MAX_SHIFT, MIN_SHIFT_SAMPLES = 0.04, 6
@@ -89,6 +107,23 @@ class Delay:
         return apart, float(np.hypot(self.standard_errors[joint], uncertain))
 
 
+class DelayCheck(LogCheck):
+    """The delay of the torques; what all of them have in common is made good."""
+
+    name = "delay"
+
+    def examine(self, seen: Examination) -> Examination:
+        """See `LogCheck.examine`."""
+        delay = check_delay(seen.log, seen.model)
+        is_clear = any(
+            finding.severity == "error" or finding.declared is TIMING
+            for finding in delay.findings
+            if not finding.subject
+        )
+        aligned = seen.model.delayed(delay.common[0]) if is_clear else None
+        return seen.after(self.name, delay.findings, delay, aligned)
+
+
 def check_delay(log: Log, model: InverseModel) -> Delay:
     """Estimate how much later the torque was logged than the positions.
 
@@ -121,7 +156,9 @@ def check_delay(log: Log, model: InverseModel) -> Delay:
             seen = min(found.gains[j], apart.gains[j], fast.gains[j]) > GAIN_OF_ONE
             seen &= found.gains[j] > NEARLY_ALL or _agree(found, slow, j)
             none |= _contradicts(found, fast, j) or not seen
-        findings.append(replace(finding, severity="ok", next_step="") if none else finding)
+        findings.append(
+            replace(finding, severity="ok", next_step="", repairs=()) if none else finding
+        )
     return replace(found, findings=tuple(findings))
 
 
@@ -247,49 +284,52 @@ def _findings(log: Log, model: InverseModel, found: Delay) -> list[Finding]:
     if not np.isfinite(mean):
         text = "The motion does not show whether torque and position were logged together."
         step = "Log a motion with reversals and accelerations."
-        return [Finding("ok", "delay", "unknown", text, next_step=step)]
+        return [UNKNOWN.finding("ok", text, "", step)]
     sharp = np.isfinite(estimates)
     # What makes it visible has to be late as well: a gain of another sign is another fault.
     alike = np.where(sharp & (estimates * mean > 0.0), effects, 0.0)
     most = int(np.argmax(alike))
     severity = _severity(mean, standard_error, float(gains[most]), float(alike[most]), period)
     total = log.delay + mean
-    text = (
-        f"The torque is {_with_interval(abs(mean), 2 * standard_error)} "
-        f"({abs(mean) / period:.2f} samples) {'later' if mean > 0 else 'earlier'} than the "
-        "positions"
-        + (f", beyond the declared delay of {_milliseconds(log.delay)}." if log.delay else ".")
+    amount = f"{_with_interval(abs(mean), 2 * standard_error)} ({abs(mean) / period:.2f} samples)"
+    text = f"The torque is {amount} {'later' if mean > 0 else 'earlier'} than the positions" + (
+        f", beyond the declared delay of {_milliseconds(log.delay)}." if log.delay else "."
     )
-    step = ""
+    step, repairs = "", list[Repair]()
     if severity != "ok":
         step = f"Set delay = {total:.3g} under [recording]."
+        repairs.append(_declared("Declare how much later the torque is", "delay", total))
         if total < 0:
             step += (
                 f" If the log holds the command and the drive responds late, set "
                 f"drive_delay = {-total:.3g} instead: the simulated loop then has the same delay."
             )
+            words = "Declare that the drive responds late to the logged command"
+            repairs.append(_declared(words, "drive_delay", -total))
         if abs(abs(mean) / period - 0.5) < 0.15 and log.torque_timing == "held" and mean > 0:
             step += ' torque_timing = "sampled" would also explain half a sample.'
-    kind, evidence = "late" if mean > 0 else "early", _evidence(mean, standard_error, period)
+            repairs.append(_declared_timing("sampled"))
+    kind, evidence = LATE if mean > 0 else EARLY, _evidence(mean, standard_error, period)
     clear = abs(mean) > CLEAR * standard_error  # which instant a torque belongs to needs no more
     timing = undeclared_timing(log, model.rate, found.common) if clear else None
     if timing is not None:
-        severity, kind = "note", "timing"
+        severity, kind, repairs = "note", TIMING, [_declared_timing(timing)]
         text = (
-            f"The torque is {TIMING_WORDS[timing]}: {text[14:].partition(' later')[0]} later than "
-            "one that is held from its instant on."
+            f"The torque is {TIMING_WORDS[timing]}: {amount} later than one that is held from its "
+            "instant on."
         )
         step = f'Set torque_timing = "{timing}" under [recording].'
     faster = faster_loop(log, model.rate, found.common) if clear else None
     if faster is not None:
-        severity, kind = "note", "loop rate"
+        severity, kind = "note", LOOP_RATE
+        repairs = [_declared("Declare the rate of the control loop", "control_rate", faster, "g")]
         held = _with_interval(period - 2 * mean, 4 * standard_error)
         text = (
             f"The torque is held for {held} of the {_milliseconds(period)} between two samples: by "
             f"a control loop of {faster:g} Hz."
         )
         step = f"Set control_rate = {faster:g} under [recording]."
-    findings = [Finding(severity, "delay", kind, text, next_step=step, evidence=evidence)]
+    findings = [kind.finding(severity, text, "", step, evidence, repairs=repairs)]
     for j in np.flatnonzero(sharp):
         if sharp.sum() < 2:
             continue
@@ -300,15 +340,28 @@ def _findings(log: Log, model: InverseModel, found: Delay) -> list[Finding]:
         if abs(estimates[j]) > INSIDE * found.shifts[-1]:
             continue
         name = model.robot.joints[j].name
-        kind, side = ("joint late", "later") if apart > 0 else ("joint early", "earlier")
+        kind, side = (JOINT_LATE, "later") if apart > 0 else (JOINT_EARLY, "earlier")
         text = (
             f"The torque of {name} is {_with_interval(abs(apart), 2 * uncertain)} {side} than that "
             "of the other joints."
         )
         step = "One delay for all joints does not fit; log the channels at the same instants."
         evidence = _evidence(apart, uncertain, period)
-        findings.append(Finding(own, "delay", kind, text, name, step, evidence))
+        findings.append(kind.finding(own, text, name, step, evidence))
     return findings
+
+
+def _declared(words: str, key: str, value: float, digits: str = ".3g") -> Repair:
+    """A number that the recording declares."""
+    return setting(
+        key, value=float(f"{value:{digits}}"), words=f"{words}: {key} = {value:{digits}}."
+    )
+
+
+def _declared_timing(timing: str) -> Repair:
+    """Which instant a torque sample belongs to."""
+    words = f'Declare the instant of a torque sample: torque_timing = "{timing}".'
+    return setting("torque_timing", value=timing, words=words)
 
 
 def undeclared_timing(

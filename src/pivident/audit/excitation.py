@@ -13,11 +13,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pivident.audit.examination import Examination, LogCheck
 from pivident.audit.inverse_model import OVERSAMPLING, InverseModel
 from pivident.dynamics.parameters import Parameter, nominal_values
 from pivident.dynamics.separation import LeftOut, left_out, preferred, sentence
 from pivident.motion.wanted_motion import FullMotion, MotionLimits, motions_for
-from pivident.text.finding import Finding, Quantity, Severity
+from pivident.text.finding import Finding, FindingKind, Quantity, Severity, Topic
+
+#: What this check looks at, and where the parameters are chosen.
+EXCITATION, CHOICE = Topic("excitation", "Excitation"), ("identify", "parameters")
+
+RANK = FindingKind(EXCITATION, "rank", CHOICE)
+WEAK_PARAMETER = FindingKind(EXCITATION, "weak", CHOICE)
+USED = FindingKind(EXCITATION, "used", CHOICE)
 
 #: Condition of the scaled matrix above which errors of the model are magnified too much.
 CONDITION = 1e4
@@ -41,6 +49,17 @@ class Excitation:
     open_torque: np.ndarray  # share of the torque in full motion that each parameter leaves open
     used: np.ndarray  # share of its column in full motion that the log has, by parameter
     ranges: np.ndarray  # used of position range, speed, acceleration, (joints, 3)
+
+
+class ExcitationCheck(LogCheck):
+    """What the motion tells about the parameters."""
+
+    name = "excitation"
+
+    def examine(self, seen: Examination) -> Examination:
+        """See `LogCheck.examine`."""
+        excitation = check_excitation([seen.model])
+        return seen.after(self.name, excitation.findings, excitation)
 
 
 def check_excitation(models: Sequence[InverseModel]) -> Excitation:
@@ -180,22 +199,20 @@ def _findings(
         more = "Add motions as below" if chosen else "Let `pivident excite` add a motion"
         step = f"{more}, or name fewer parameters under [identify]."
     evidence = {"condition": Quantity(condition, bound=CONDITION)}
-    findings = [Finding(severity, "excitation", "rank", text, next_step=step, evidence=evidence)]
+    findings = [RANK.finding(severity, text, "", step, evidence)]
     if out:
-        findings = [replace(sentence(out, names, separating), topic="excitation")]
+        findings = [replace(sentence(out, names, separating), topic=EXCITATION.name, place=CHOICE)]
     for k, step in zip(chosen, advice([parameters[k] for k in chosen]), strict=True):
         share = 100 * float(open_torque[k])
         findings.append(
-            Finding(
+            WEAK_PARAMETER.finding(
                 "warning" if open_torque[k] > WEAK else "ok",
-                "excitation",
-                "weak",
                 f"{names[k]} is poorly excited: it alone leaves {share:.3g} % of the torque of "
                 f"full motion undetermined; its column in the log is {100 * used[k]:.2g} % of that "
                 "in full motion.",
                 names[k],
                 step,
-                evidence={"open torque": Quantity(share, "%", bound=100 * WEAK)},
+                {"open torque": Quantity(share, "%", bound=100 * WEAK)},
             )
         )
     for j, joint in enumerate(model.robot.joints):
@@ -205,7 +222,5 @@ def _findings(
                 found.ranges[j], ("range", "rated speed", "usual acceleration"), strict=True
             )
         )
-        findings.append(
-            Finding("ok", "excitation", "used", f"{joint.name} uses {shares}.", joint.name)
-        )
+        findings.append(USED.finding("ok", f"{joint.name} uses {shares}.", joint.name))
     return findings

@@ -4,11 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
+from pivident.audit.spoilt_checks import COMPARISONS
 from pivident.logs.clocks.gaps import runs_of
 from pivident.logs.frozen_torque import frozen_samples
 from pivident.logs.log import Log
 from pivident.recording.checks import TOLERATED_CLIPPING
-from pivident.text.finding import Finding, Quantity, Severity, at_sample
+from pivident.text.finding import Finding, FindingKind, Quantity, Severity, Topic, at_sample
+
+#: What the checks of single channels look at.
+CHANNELS = Topic("channels", "Channels")
+
+FROZEN = FindingKind(
+    CHANNELS, "frozen", ("recording", "part"), reservation=True, spoils=COMPARISONS
+)
 
 
 def check_frozen(
@@ -36,7 +44,7 @@ def check_frozen(
         "share": Quantity(100 * share, "%", bound=100 * TOLERATED_CLIPPING),
         **at_sample(begin, log.time_of(begin)),
     }
-    return [Finding(severity, "channels", "frozen", text, name, step, evidence)]
+    return [FROZEN.finding(severity, text, name, step, evidence)]
 
 
 def _times(log: Log, begin: int, end: int) -> str:

@@ -11,8 +11,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pivident.audit.examination import Examination, LogCheck
 from pivident.audit.inverse_model import InverseModel
-from pivident.text.finding import Finding, Quantity
+from pivident.audit.spoilt_checks import COMPARISONS
+from pivident.text.finding import Finding, FindingKind, Quantity, Topic
+from pivident.text.repair import Reordered, Repair
+
+ORDER = FindingKind(
+    Topic("order", "Order of the joints"),
+    "order",
+    ("recording", "columns", "tau"),
+    reservation=True,
+    spoils=COMPARISONS,
+)
 
 #: Another order must shrink the error of each joint that it moves by this factor, on average.
 BETTER = 2.0
@@ -25,6 +36,19 @@ class Order:
     findings: tuple[Finding, ...]
     errors: np.ndarray  # relative, of torque k on the columns of joint j, (joints, joints)
     torque_of: tuple[int, ...]  # index of the torque that fits each joint best as a whole
+
+
+class OrderCheck(LogCheck):
+    """The order of the torques; they are put into the one that fits."""
+
+    name = "order"
+
+    def examine(self, seen: Examination) -> Examination:
+        """See `LogCheck.examine`."""
+        order = check_order(seen.model)
+        is_wrong = any(finding.severity == "error" for finding in order.findings)
+        right = seen.model.reordered(order.torque_of) if is_wrong else None
+        return seen.after(self.name, order.findings, order, right)
 
 
 def check_order(model: InverseModel) -> Order:
@@ -45,7 +69,7 @@ def check_order(model: InverseModel) -> Order:
         text = "Each torque fits its own joint better than in any other order of the columns."
         if joints == 1:
             return Order((), errors, (0,))
-        return Order((Finding("ok", "order", "order", text),), errors, tuple(range(joints)))
+        return Order((ORDER.finding("ok", text),), errors, tuple(range(joints)))
     pairs = ", ".join(f"{names[j]} takes the torque of {names[best[j]]}" for j in moved)
     factor = float(np.exp(gain / moved.size))
     text = (
@@ -54,7 +78,8 @@ def check_order(model: InverseModel) -> Order:
     )
     step = "Change the order of the columns of tau, or that of q."
     evidence = {"factor": Quantity(factor, bound=BETTER)}
-    finding = Finding(
-        "error", "order", "order", text, ", ".join(names[j] for j in moved), step, evidence=evidence
-    )
-    return Order((finding,), errors, tuple(int(k) for k in best))
+    order = tuple(int(k) for k in best)
+    repair = Repair((Reordered(channel="tau", order=order),))
+    whose = ", ".join(names[j] for j in moved)
+    finding = ORDER.finding("error", text, whose, step, evidence, repairs=[repair])
+    return Order((finding,), errors, order)

@@ -15,16 +15,27 @@ is compared with it, whether it rests or not. An estimate would take it for an o
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from pivident.audit.blocked_fit import BLOCKS, blocked_fit, jackknife, orthonormal
+from pivident.audit.examination import Examination, LogCheck
 from pivident.audit.inverse_model import InverseModel
+from pivident.audit.spoilt_checks import GEOMETRY
 from pivident.logs.log import Log
 from pivident.robot.friction_terms.offset import OFFSET
-from pivident.text.finding import Finding, Quantity, Severity, at_sample
+from pivident.text.finding import Finding, FindingKind, Quantity, Severity, Topic, at_sample
 from pivident.text.numbers import with_spread
+from pivident.text.repair import Repair, Reversed
+
+#: What these checks look at, and the unit that holds the sign of a torque.
+SIGNS, TORQUES = Topic("power", "Signs: power and gravity"), ("recording", "units", "tau")
+
+SIGN = FindingKind(SIGNS, "sign", TORQUES, reservation=True, spoils=GEOMETRY)
+GIVES_ENERGY = FindingKind(SIGNS, "gives energy")
+WEIGHT = FindingKind(SIGNS, "weight", TORQUES, reservation=True)
+GRAVITY_AT_REST = FindingKind(SIGNS, "gravity at rest", ("robot", "gravity"))
 
 #: A power counts as negative from this many of its standard errors on.
 CLEAR = 3.0
@@ -59,6 +70,17 @@ class Power:
     reversed: tuple[int, ...]  # joints whose sign is reversed: friction would clearly give energy
     right: tuple[int, ...]  # joints whose sign is right: friction clearly takes energy
     static: np.ndarray  # friction level of each joint [N m or N], NaN where it is not known
+
+
+class PowerCheck(LogCheck):
+    """The signs of the torques."""
+
+    name = "power"
+
+    def examine(self, seen: Examination) -> Examination:
+        """See `LogCheck.examine`."""
+        power = check_power(seen.log, seen.model)
+        return seen.after(self.name, power.findings, power)
 
 
 def check_power(log: Log, model: InverseModel) -> Power:
@@ -109,7 +131,10 @@ def mechanical_power(log: Log) -> list[Finding]:
                     interval=(total - 2 * standard_error, total + 2 * standard_error),
                 )
             }
-            findings.append(Finding("warning", "power", "gives energy", text, name, step, evidence))
+            repairs = [_other_sign(name)]
+            findings.append(
+                GIVES_ENERGY.finding("warning", text, name, step, evidence, repairs=repairs)
+            )
     return findings
 
 
@@ -169,7 +194,13 @@ def _power_finding(
             power, "W", bound=0.0, interval=(power - 2 * standard_error, power + 2 * standard_error)
         )
     }
-    return Finding(severity, "power", "sign", text, name, step, evidence)
+    repairs = [_other_sign(name)] if j in negative else []
+    return SIGN.finding(severity, text, name, step, evidence, repairs=repairs)
+
+
+def _other_sign(joint: str) -> Repair:
+    """The torque of a joint with the other sign."""
+    return Repair((Reversed(channel="tau", joints=(joint,)),))
 
 
 def _constant_weights(log: Log, model: InverseModel, tau: np.ndarray) -> list[Finding]:
@@ -207,8 +238,8 @@ def _constant_weights(log: Log, model: InverseModel, tau: np.ndarray) -> list[Fi
             "force": Quantity(constant, "N", interval=interval),
             "weight": Quantity(weight, "N"),
         }
-        finding = Finding(severity, "power", "weight", text, joint.name, step if off else "")
-        findings.append(replace(finding, evidence=evidence))
+        step = step if off else ""
+        findings.append(WEIGHT.finding(severity, text, joint.name, step, evidence))
     return findings
 
 
@@ -266,7 +297,5 @@ def _gravity_at_rest(
             ),
             **at_sample(sample, log.time_of(sample)),
         }
-        findings.append(
-            Finding(severity, "power", "gravity at rest", text, joint.name, step, evidence=evidence)
-        )
+        findings.append(GRAVITY_AT_REST.finding(severity, text, joint.name, step, evidence))
     return findings

@@ -14,7 +14,13 @@ from pivident.logs.log import Log
 from pivident.motion.kinematics import MOTION_BAND
 from pivident.signals.bandpass import bandpass
 from pivident.signals.random_walk import half_power_frequencies
-from pivident.text.finding import Finding, Quantity
+from pivident.text.finding import Finding, FindingKind, Quantity, Topic
+
+#: What this check looks at.
+QUANTISATION = Topic("quantisation", "Quantisation")
+
+DIGITS = FindingKind(QUANTISATION, "digits")
+STEP = FindingKind(QUANTISATION, "step")
 
 #: Values examined of a channel.
 MAX_VALUES = 20_000
@@ -174,14 +180,12 @@ def _findings(log: Log, name: str, grid: Grid, values: np.ndarray, rounded: floa
         )
         step = "Write the log with more digits (%.12g), or as .npz or .parquet." if limits else ""
         findings.append(
-            Finding(
+            DIGITS.finding(
                 "warning" if limits else "ok",
-                "quantisation",
-                "digits",
                 text,
                 name,
                 step,
-                evidence={"digits": Quantity(float(grid.digits), "digits")},
+                {"digits": Quantity(float(grid.digits), "digits")},
             )
         )
     if not math.isfinite(grid.step):
@@ -208,9 +212,7 @@ def _findings(log: Log, name: str, grid: Grid, values: np.ndarray, rounded: floa
             bound=float(np.ptp(values)) / MIN_LEVELS[kind] if MIN_LEVELS.get(kind) else None,
         )
     }
-    findings.append(
-        Finding("warning" if few else "ok", "quantisation", "step", text, name, step, evidence)
-    )
+    findings.append(STEP.finding("warning" if few else "ok", text, name, step, evidence))
     return findings
 
 

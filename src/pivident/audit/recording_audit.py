@@ -9,34 +9,23 @@ the masses of the description where a torque has another shape than theirs.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 
-from pivident.audit.delay import check_delay
-from pivident.audit.inverse_model import InverseModel, build_inverse_model
-from pivident.audit.order import check_order
-from pivident.audit.power import check_power
-from pivident.audit.saturation import check_channels
-from pivident.audit.scale import ALIKE, another_position_unit, check_scale
-from pivident.audit.timing import check_timing
+from pivident.audit.examination import CHECKS, Examination, LogCheck, in_turn
+from pivident.audit.inverse_model import build_inverse_model
+from pivident.audit.saturation import CLIPPED, check_channels
+from pivident.audit.scale import ALIKE, GAIN, PositionUnitCheck, check_scale
+from pivident.audit.timing import Timing, check_timing
 from pivident.errors import PividentError
 from pivident.logs.log import Log
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.text.finding import Finding, gravest_first, serious
 from pivident.threads import linear_algebra_in_one_thread
-
-#: Kinds of findings that are a reservation about every estimate, by topic; empty: all of them.
-KINDS: dict[str, tuple[str, ...]] = {
-    "timing": ("lost", "repeated", "hidden jitter"),
-    "channels": ("spike", "stuck", "frozen", "wrapped", "clipped"),
-    "order": (),
-    "delay": (),
-    "power": ("sign", "weight"),
-    "scale": ("angle unit", "joint angle unit", "gain"),
-}
 
 
 def recording_faults(robot: Robot, recordings: Sequence[Recording]) -> tuple[Finding, ...]:
@@ -65,48 +54,58 @@ def _together(own: Sequence[tuple[Recording, Finding]], several: bool) -> Findin
 
 
 def _faults(robot: Robot, recording: Recording) -> list[Finding]:
-    """Warnings and errors about one recording; each fault is made good for the next check."""
+    """Warnings and errors about one recording."""
     log = log_of(robot, recording)
     timing = check_timing(log)
     findings = [*timing.findings, *map(_allowed, check_channels(log))]
-    if not recording.has_torque:  # one from the control law fits the motion whatever is wrong
-        return serious(f for f in findings if _is_reservation(f))
-    try:
-        model = build_inverse_model(log, timing).delayed(-recording.drive_delay)
-        if (another := another_position_unit(log, model)) is not None:
-            finding, model = another
-            findings.append(finding)
-        order = check_order(model)
-        if any(f.severity == "error" for f in order.findings):
-            model = model.reordered(order.torque_of)
-        delay = check_delay(log, model)
-        if np.isfinite(delay.common[0]):
-            model = model.delayed(delay.common[0])
-        power = check_power(log, model)
-        findings += [*order.findings, *delay.findings, *power.findings]
-        if not serious([*order.findings, *power.findings]):  # they spoil the factors
-            findings += _gains(log, model, power.right)
-    except (PividentError, np.linalg.LinAlgError):
-        pass  # too short to compare torque and motion, for example: nothing is said of them
-    return serious(f for f in findings if _is_reservation(f))
+    if recording.has_torque:  # one from the control law fits the motion whatever is wrong
+        findings += _against_torque(log, timing, recording.drive_delay)
+    return serious(finding for finding in findings if finding.is_reservation)
+
+
+def _against_torque(log: Log, timing: Timing, drive_delay: float) -> tuple[Finding, ...]:
+    """What torque and motion say about each other, as far as they can be compared."""
+    findings: tuple[Finding, ...] = ()
+    with suppress(PividentError, np.linalg.LinAlgError):  # too short, for example
+        seen = Examination(log, timing, build_inverse_model(log, timing).delayed(-drive_delay))
+        for check in _checks():
+            seen = in_turn(seen, [check])
+            findings = seen.findings
+    return findings
+
+
+def _checks() -> Iterator[LogCheck]:
+    """The checks of an audit, but for what an estimate says more about."""
+    yield PositionUnitCheck()
+    yield from (CHECKS[name] for name in ("order", "delay", "power"))
+    yield GainsCheck()
+    yield from (check for name, check in CHECKS.usable().items() if name in CHECKS.foreign)
 
 
 def _allowed(finding: Finding) -> Finding:
     """A torque that is cut off is in a recording because somebody allowed it."""
-    is_cut = finding.kind == "clipped" and finding.severity == "error"
+    is_cut = finding.declared is CLIPPED and finding.severity == "error"
     return replace(finding, severity="warning") if is_cut else finding
 
 
-def _gains(log: Log, model: InverseModel, signs_right: Sequence[int]) -> list[Finding]:
+class GainsCheck(LogCheck):
     """Joints whose torque is that of the description but for a factor: a reservation at most.
 
     A torque of another shape speaks of wrong masses, which an estimate replaces. So may a factor,
-    which is then no fault of the log.
+    which is then no fault of the log. Wrong orders and signs spoil all factors.
     """
-    found = check_scale(log, model, signs_right)
-    alike = dict(zip(model.robot.joint_names, np.abs(found.likeness) >= ALIKE, strict=True))
-    gains = serious(f for f in found.findings if f.kind == "gain" and alike[f.subject])
-    return [replace(f, severity="warning") for f in gains]
+
+    name = "factors"
+
+    def examine(self, seen: Examination) -> Examination:
+        """See `LogCheck.examine`."""
+        if serious(seen.of("order", "power")):
+            return seen
+        scale = check_scale(seen.log, seen.model, seen.results["power"].right)
+        alike = np.abs(scale.likeness) >= ALIKE
+        same_shape = dict(zip(seen.model.robot.joint_names, alike, strict=True))
+        gains = serious(f for f in scale.findings if f.declared is GAIN and same_shape[f.subject])
+        return seen.after(self.name, [replace(f, severity="warning") for f in gains], scale)
 
 
 def log_of(robot: Robot, recording: Recording) -> Log:
@@ -128,11 +127,3 @@ def log_of(robot: Robot, recording: Recording) -> Log:
         recording.delay,
         torque_scale=recording.torque_scale,
     )
-
-
-def _is_reservation(finding: Finding) -> bool:
-    """Whether a finding is about every estimate; a torque jumps where dry friction turns."""
-    kinds = KINDS.get(finding.topic)
-    if kinds is None or (finding.kind == "spike" and finding.subject.startswith("tau ")):
-        return False
-    return not kinds or finding.kind in kinds

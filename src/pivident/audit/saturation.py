@@ -6,13 +6,47 @@ import math
 
 import numpy as np
 
-from pivident.audit.frozen import check_frozen
+from pivident.audit.frozen import CHANNELS, check_frozen
+from pivident.audit.spoilt_checks import COMPARISONS, GEOMETRY
+from pivident.errors import ConstantChannel, NonFiniteSamples, SaturatedSignal
 from pivident.logs.bad_samples import TOLERATED
 from pivident.logs.log import Log
 from pivident.logs.misplaced_positions import cuts
 from pivident.recording.checks import TOLERATED_CLIPPING, clipped_samples
 from pivident.recording.usable_samples import left_out
-from pivident.text.finding import Finding, Quantity, Severity, at_sample
+from pivident.text.finding import Finding, FindingKind, Quantity, Severity, at_sample
+from pivident.text.repair import LeftOut, Repair, setting
+
+#: Tables and keys of the part that is used, and of the positions.
+PART, POSITIONS = ("recording", "part"), ("recording", "columns", "q")
+
+ROWS_LEFT_OUT = FindingKind(CHANNELS, "rows left out")
+BREAK = FindingKind(CHANNELS, "break", PART)
+MISSING = FindingKind(CHANNELS, "missing", spoils=GEOMETRY, reports=(NonFiniteSamples,))
+CONSTANT = FindingKind(CHANNELS, "constant", spoils=COMPARISONS, reports=(ConstantChannel,))
+SPIKE_OF_MOTION = FindingKind(CHANNELS, "spike", reservation=True)
+#: Torques jump where dry friction turns, so that theirs is none about every estimate.
+SPIKE_OF_TORQUE = FindingKind(CHANNELS, "spike")
+CLIPPED = FindingKind(
+    CHANNELS,
+    "clipped",
+    ("recording", "saturation"),
+    reservation=True,
+    spoils=COMPARISONS,
+    reports=(SaturatedSignal,),
+)
+STUCK = FindingKind(CHANNELS, "stuck", reservation=True, spoils=COMPARISONS)
+WRAPPED = FindingKind(CHANNELS, "wrapped", POSITIONS, reservation=True)
+
+#: Repairs that take a log as it is.
+ACCEPT_CUT_OFF = setting(
+    "saturation", value="allow", words='Accept the torques that are cut off: saturation = "allow".'
+)
+ACCEPT_CONSTANT = setting(
+    "allow_constant",
+    value=True,
+    words="Accept joints that do not move: allow_constant = true.",
+)
 
 #: A spike stands out of its neighbourhood by so many of its standard deviations.
 SPIKE = 12.0
@@ -65,10 +99,7 @@ def check_channels(log: Log) -> tuple[Finding, ...]:
 def _no_measurements(log: Log) -> list[Finding]:
     """Rows that were left out, and samples that are no measurement but are there."""
     step = "Check the logger."
-    findings = [
-        Finding("warning", "channels", "rows left out", text, "the log", step)
-        for text in log.dropped
-    ]
+    findings = [ROWS_LEFT_OUT.finding("warning", text, "the log", step) for text in log.dropped]
     for fault in log.bad:
         if fault.kind == "missing":
             continue
@@ -79,7 +110,8 @@ def _no_measurements(log: Log) -> list[Finding]:
         name = fault.name(log.joint_names)
         many = number > TOLERATED * log.samples
         severity: Severity = "error" if many else "warning"
-        findings.append(Finding(severity, "channels", fault.kind, text, name, step, evidence))
+        kind = FindingKind(CHANNELS, fault.kind)
+        findings.append(kind.finding(severity, text, name, step, evidence))
     return findings
 
 
@@ -93,7 +125,7 @@ def _breaks(log: Log) -> list[Finding]:
     text += f" (t = {log.time_of(first):.6g} s)." if log.time_of(first) is not None else "."
     step = "Rows were lost or logged twice. The stretches before and behind are used separately."
     evidence = {"breaks": Quantity(float(at.size)), **at_sample(first, log.time_of(first))}
-    return [Finding("warning", "channels", "break", text, "q", step, evidence)]
+    return [BREAK.finding("warning", text, "q", step, evidence)]
 
 
 def _missing(log: Log, name: str, values: np.ndarray) -> list[Finding]:
@@ -118,16 +150,22 @@ def _missing(log: Log, name: str, values: np.ndarray) -> list[Finding]:
         "missing": Quantity(float(bad.size), "samples"),
         **at_sample(int(bad[0]), log.time_of(int(bad[0]))),
     }
-    return [Finding(severity, "channels", "missing", text, name, step, evidence)]
+    return [MISSING.finding(severity, text, name, step, evidence)]
 
 
 def _constant(name: str, value: float) -> Finding:
-    kind = name.partition(" of ")[0]
-    severity: Severity = "error" if kind in ("q", "tau") else "ok"
+    channel, _, joint = name.partition(" of ")
+    severity: Severity = "error" if channel in ("q", "tau") else "ok"
     step = "Check its column, or freeze that joint and leave it out." if severity == "error" else ""
     text = f"{name} is {value:.6g} at every sample."
-    return Finding(
-        severity, "channels", "constant", text, name, step, evidence={"value": Quantity(value)}
+    at = LeftOut(at=((joint, float(f"{value:.6g}")),))
+    return CONSTANT.finding(
+        severity,
+        text,
+        name,
+        step,
+        {"value": Quantity(value)},
+        repairs=(Repair((at,)), ACCEPT_CONSTANT) if severity == "error" else (),
     )
 
 
@@ -201,7 +239,8 @@ def _spikes(
         "height": Quantity(largest, "unit of the file", bound=SPIKE * usual),
         **at_sample(first, log.time_of(first)),
     }
-    return [Finding("warning", "channels", "spike", text, name, step, evidence)]
+    spike = SPIKE_OF_TORQUE if kind == "tau" else SPIKE_OF_MOTION
+    return [spike.finding("warning", text, name, step, evidence)]
 
 
 def _turning(q: np.ndarray) -> np.ndarray:
@@ -240,7 +279,7 @@ def _clipped(
         "share": Quantity(100 * share, "%", bound=100 * TOLERATED_CLIPPING),
         **at_sample(first, log.time_of(first)),
     }
-    return [Finding(severity, "channels", "clipped", text, name, step, evidence)]
+    return [CLIPPED.finding(severity, text, name, step, evidence, repairs=[ACCEPT_CUT_OFF])]
 
 
 def _one_value(name: str, tau: np.ndarray, q: np.ndarray) -> list[Finding]:
@@ -258,7 +297,7 @@ def _one_value(name: str, tau: np.ndarray, q: np.ndarray) -> list[Finding]:
     )
     step = "The channel does not measure this joint; leave the joint out, or log it in another way."
     evidence = {"share": Quantity(100 * share, "%", bound=100 * ONE_VALUE)}
-    return [Finding("error", "channels", "stuck", text, name, step, evidence)]
+    return [STUCK.finding("error", text, name, step, evidence)]
 
 
 def _wrapped(log: Log, name: str, q: np.ndarray, place: np.ndarray) -> list[Finding]:
@@ -275,5 +314,5 @@ def _wrapped(log: Log, name: str, q: np.ndarray, place: np.ndarray) -> list[Find
             )
             step = "Unwrap the angle before it is logged or read."
             evidence = {"jumps": Quantity(float(at.size)), **at_sample(k, log.time_of(k))}
-            return [Finding("error", "channels", "wrapped", text, name, step, evidence)]
+            return [WRAPPED.finding("error", text, name, step, evidence)]
     return []

@@ -17,16 +17,37 @@ from itertools import product
 import numpy as np
 
 from pivident.audit.blocked_fit import CLEAR, blocked_fit, jackknife, orthonormal
+from pivident.audit.examination import Examination, LogCheck
 from pivident.audit.flange_load import FlangeLoad, flange_load
 from pivident.audit.inverse_model import InverseModel, inverse_model_of
+from pivident.audit.spoilt_checks import COMPARISONS
 from pivident.audit.timing import Timing
 from pivident.errors import PositionsBeyondLimits
 from pivident.logs.log import Log
 from pivident.logs.torque_scale import scale_sentences
 from pivident.recording.checks import check_within_reach
 from pivident.robot.description import Robot
-from pivident.text.finding import Finding, Quantity, Severity
+from pivident.text.finding import Finding, FindingKind, Quantity, Severity, Topic
 from pivident.text.numbers import plus_minus
+from pivident.text.repair import Gain, Repair, setting
+
+#: What these checks look at, and the units of positions and torques.
+SCALE, POSITIONS, TORQUES = (
+    Topic("scale", "Units and gains"),
+    ("recording", "units", "q"),
+    ("recording", "units", "tau"),
+)
+
+ASSUMED = FindingKind(SCALE, "assumed", TORQUES)
+REACH = FindingKind(SCALE, "reach", POSITIONS, spoils=COMPARISONS, reports=(PositionsBeyondLimits,))
+TOO_FAST = FindingKind(SCALE, "speed", POSITIONS, spoils=COMPARISONS)
+ANGLE_UNIT = FindingKind(SCALE, "angle unit", POSITIONS, reservation=True, spoils=COMPARISONS)
+JOINT_ANGLE_UNIT = FindingKind(
+    SCALE, "joint angle unit", POSITIONS, reservation=True, spoils=COMPARISONS
+)
+SIDE = FindingKind(SCALE, "side", ("recording", "side"), spoils=COMPARISONS)
+GAIN = FindingKind(SCALE, "gain", TORQUES, reservation=True)
+LOAD = FindingKind(SCALE, "load", ("robot", "model"))
 
 #: A gain that differs from 1 by this factor gets a warning, by that one it is wrong.
 WARNING, ERROR = 1.3, 3.0
@@ -70,12 +91,31 @@ class Scale:
     likeness: np.ndarray  # correlation of both torques, without friction, or NaN
 
 
+class PositionUnitCheck(LogCheck):
+    """The unit of the positions; they are taken in the one that fits much better."""
+
+    name = "position unit"
+
+    def examine(self, seen: Examination) -> Examination:
+        """See `LogCheck.examine`."""
+        another = another_position_unit(seen.log, seen.model)
+        return seen if another is None else seen.after(self.name, [another[0]], None, another[1])
+
+
+class ScaleCheck(LogCheck):
+    """The torques beside those of the description, and a load that it lacks."""
+
+    name = "scale"
+
+    def examine(self, seen: Examination) -> Examination:
+        """See `LogCheck.examine`."""
+        scale = check_scale(seen.log, seen.model, seen.results["power"].right)
+        return seen.after(self.name, scale.findings, scale)
+
+
 def check_assumed(log: Log) -> list[Finding]:
     """Assumed scales of the torque; a factor of 1 to the description confirms nothing then."""
-    return [
-        Finding("warning", "scale", "assumed", sentence)
-        for sentence in scale_sentences(log.torque_scale)
-    ]
+    return [ASSUMED.finding("warning", sentence) for sentence in scale_sentences(log.torque_scale)]
 
 
 def check_positions(
@@ -137,7 +177,7 @@ def _load_finding(robot: Robot, load: FlangeLoad) -> Finding:
         "those of this link, which is right for torques of the arm with it."
     )
     evidence = {"mass": Quantity(load.mass, "kg", interval=(low, high))}
-    return Finding("warning", "scale", "load", text, last, step, evidence=evidence)
+    return LOAD.finding("warning", text, last, step, evidence)
 
 
 def check_reach(log: Log, timing: Timing) -> list[Finding]:
@@ -154,8 +194,11 @@ def check_reach(log: Log, timing: Timing) -> list[Finding]:
             bound = error.limits[int(error.position > error.limits[1])]
             step = error.advice[0].upper() + error.advice[1:]
             evidence = {"position": Quantity(error.position, error.unit, bound=bound)}
+            repairs = [_in_unit("q", error.likely_unit), _MOTOR_SIDE] if error.likely_unit else []
             findings.append(
-                Finding("error", "scale", "reach", f"{error.fact}.", joint.name, step, evidence)
+                REACH.finding(
+                    "error", f"{error.fact}.", joint.name, step, evidence, repairs=repairs
+                )
             )
             continue
         if joint.rated_speed is None or not timing.rate or len(finite) < 100:
@@ -169,7 +212,7 @@ def check_reach(log: Log, timing: Timing) -> list[Finding]:
             )
             step = "Check the unit of the positions, the reduction and the sampling rate."
             evidence = {"speed": Quantity(fastest, unit, bound=MAX_SPEED_RATIO * joint.rated_speed)}
-            findings.append(Finding("error", "scale", "speed", text, joint.name, step, evidence))
+            findings.append(TOO_FAST.finding("error", text, joint.name, step, evidence))
     return findings
 
 
@@ -201,8 +244,8 @@ def another_position_unit(log: Log, model: InverseModel) -> tuple[Finding, Inver
             )
             step = f'Set units = {{q = "{meant}"}} under [recording].'
             evidence = {"unexplained": Quantity(100 * here, "%", bound=100 * here * BETTER)}
-            finding = Finding("error", "scale", "angle unit", text, "q", step, evidence)
-            return finding, other
+            repairs = [_in_unit("q", meant)]
+            return ANGLE_UNIT.finding("error", text, "q", step, evidence, repairs=repairs), other
     return _joint_in_another_unit(log, model)
 
 
@@ -238,7 +281,7 @@ def _joint_in_another_unit(log: Log, model: InverseModel) -> tuple[Finding, Inve
     )
     step = f'Give {name} its own unit, "{meant}", in a list q = [...] of units under [recording].'
     evidence = {"unexplained": Quantity(100 * here, "%", bound=100 * here * BETTER)}
-    return Finding("error", "scale", "joint angle unit", text, name, step, evidence), other
+    return JOINT_ANGLE_UNIT.finding("error", text, name, step, evidence), other
 
 
 def _joint_side_already(log: Log, model: InverseModel) -> tuple[Finding, InverseModel] | None:
@@ -256,8 +299,24 @@ def _joint_side_already(log: Log, model: InverseModel) -> tuple[Finding, Inverse
     )
     step = 'Set side = {q = "joint"} under [recording].'
     evidence = {"unexplained": Quantity(100 * here, "%", bound=100 * here * BETTER)}
-    finding = Finding("error", "scale", "side", text, "q", step, evidence)
-    return finding, other
+    repairs = [_on_side("q", "joint")]
+    return SIDE.finding("error", text, "q", step, evidence, repairs=repairs), other
+
+
+def _in_unit(channel: str, unit: str) -> Repair:
+    """Another unit of a channel."""
+    words = f'Change the unit: units = {{{channel} = "{unit}"}}.'
+    return setting("units", channel, value=unit, words=words)
+
+
+#: Positions and torques of the motors.
+_MOTOR_SIDE = setting("side", value="motor", words='Change the side of the gear: side = "motor".')
+
+
+def _on_side(channel: str, side: str) -> Repair:
+    """Another side of the gear for a channel."""
+    words = f'Change the side of the gear: side = {{{channel} = "{side}"}}.'
+    return setting("side", channel, value=side, words=words)
 
 
 def _total_error(model: InverseModel) -> float:
@@ -332,13 +391,13 @@ def _gain_findings(
             f"The torque of {joint.name} is {plus_minus(a, 2 * standard_error)} times that of the "
             "description."
         )
-        severity, step = _judged_gain(a, standard_error, float(reduction[j]))
+        severity, step, repairs = _judged_gain(a, standard_error, float(reduction[j]))
         alike, sign_is_right = abs(found.likeness[j]), a < 0 and j in signs_right
         if severity == "error" and (alike < ALIKE or sign_is_right):
             # A wrong body leaves the estimate as it is, which needs right torques only.
-            severity, step = "warning", _wrong_body(joint.name, sign_is_right)
+            severity, step, repairs = "warning", _wrong_body(joint.name, sign_is_right), []
         elif severity == "warning" and alike < UNLIKE:
-            severity, step = "ok", ""
+            severity, step, repairs = "ok", "", []
         if j in log.commands:
             unit = "N m" if joint.kind == "revolute" else "N"
             severity = "warning"
@@ -348,12 +407,13 @@ def _gain_findings(
                 f"suggests {1 / a:.4g} {unit} per unit (between {low:.3g} and {high:.3g})."
             )
             step = f"If that is right, write gain = {1 / a:.4g} beside the unit of tau."
+            repairs = [Repair((Gain(gains=((joint.name, float(f"{1 / a:.4g}")),)),))]
         evidence = {
             "factor": Quantity(
                 a, bound=WARNING if severity != "error" else ERROR, interval=interval
             )
         }
-        findings.append(Finding(severity, "scale", "gain", text, joint.name, step, evidence))
+        findings.append(GAIN.finding(severity, text, joint.name, step, evidence, repairs=repairs))
     return findings
 
 
@@ -367,17 +427,20 @@ def _wrong_body(joint: str, sign_is_right: bool) -> str:
     )
 
 
-def _judged_gain(a: float, standard_error: float, ratio: float) -> tuple[Severity, str]:
-    """Severity of a factor, and what may explain it."""
+def _judged_gain(
+    a: float, standard_error: float, ratio: float
+) -> tuple[Severity, str, list[Repair]]:
+    """Severity of a factor, what may explain it, and what would set that right."""
     if abs(a - 1.0) < CLEAR * standard_error or 1.0 / WARNING < a < WARNING:
-        return "ok", ""
+        return "ok", "", []
     if a < 0:
-        return "error", "The sign of the torque, of the position or of gravity is reversed."
-    for candidate, cause in (
-        (1.0 / ratio, 'The torque may be that of the motor: set side = {tau = "motor"}.'),
-        (ratio, 'The torque may be of the joint side already: set side = {tau = "joint"}.'),
+        return "error", "The sign of the torque, of the position or of gravity is reversed.", []
+    for candidate, side, cause in (
+        (1.0 / ratio, "motor", "The torque may be that of the motor"),
+        (ratio, "joint", "The torque may be of the joint side already"),
     ):
         if ratio > 2.0 and 1.0 / NEAR < a / candidate < NEAR:
-            return "error", cause
+            step = f'{cause}: set side = {{tau = "{side}"}}.'
+            return "error", step, [_on_side("tau", side)]
     step = "Check drive gain, gear ratio and unit of the torque, or the masses of the description."
-    return ("error" if not 1.0 / ERROR < a < ERROR else "warning"), step
+    return ("error" if not 1.0 / ERROR < a < ERROR else "warning"), step, []

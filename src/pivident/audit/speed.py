@@ -12,7 +12,12 @@ from pivident.logs.log import Log
 from pivident.signals.bandpass import butterworth, central_difference
 from pivident.signals.instants import slope_at_instants
 from pivident.signals.random_walk import half_power_frequencies
-from pivident.text.finding import Finding, Quantity, Severity
+from pivident.text.finding import Finding, FindingKind, Quantity, Severity, Topic
+from pivident.text.repair import NotRead, Repair
+
+DERIVATIVE = FindingKind(
+    Topic("speed", "Logged speeds"), "derivative", ("recording", "columns", "dq_ref")
+)
 
 #: Factors further from 1 than this get a warning, or are wrong.
 WARNING, ERROR = 0.02, 0.2
@@ -118,4 +123,7 @@ def _finding(
         f"({samples:.3g} samples) later; {100 * error:.3g} % of it is not explained."
     )
     evidence = {"factor": Quantity(factor, bound=1 + WARNING)}
-    return Finding(severity, "speed", "derivative", text, name, step, evidence)
+    derivative = name.partition(" ")[0]
+    is_left_out = severity != "ok" and derivative in ("dq", "dq_ref")
+    repairs = [Repair((NotRead(channel=derivative),))] if is_left_out else []
+    return DERIVATIVE.finding(severity, text, name, step, evidence, repairs=repairs)

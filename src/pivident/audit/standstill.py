@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from pivident.logs.log import Log
-from pivident.text.finding import Finding, Quantity
+from pivident.text.finding import Finding, FindingKind, Quantity, Topic
+from pivident.text.repair import LeftOut, Repair
+
+STANDSTILL = FindingKind(Topic("motion"), "standstill", ("recording", "columns", "q"))
 
 #: Travel below which a joint stands still [rad or m].
 STILL = 5e-3
@@ -43,4 +46,6 @@ def check_standstill(log: Log) -> list[Finding]:
     unit = {"rad": "mrad", "m": "mm"}.get(log.position_unit(most), "mrad (or mm)")
     text = f"Standstill: {names} moves by {farthest:.3g} {unit} in the whole record."
     evidence = {"travel": Quantity(farthest, unit, bound=1e3 * STILL)}
-    return [Finding("error", "motion", "standstill", text, names, step, evidence)]
+    left_out = LeftOut(at=tuple((log.joint_names[j], 0.0) for j in still))
+    repairs = [Repair((left_out,))] if len(still) < q.shape[1] else []
+    return [STANDSTILL.finding("error", text, names, step, evidence, repairs=repairs)]

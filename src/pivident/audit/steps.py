@@ -18,7 +18,14 @@ import numpy as np
 
 from pivident.logs.clocks.timestamps import JITTER_TOLERANCE
 from pivident.logs.log import Log
-from pivident.text.finding import Finding, Quantity, at_sample
+from pivident.text.finding import Finding, FindingKind, Quantity, Topic, at_sample
+
+#: What the checks of a clock look at.
+CLOCK = Topic("timing", "Clock")
+
+LOST = FindingKind(CLOCK, "lost", reservation=True)
+REPEATED_SAMPLE = FindingKind(CLOCK, "repeated", reservation=True)
+HIDDEN_JITTER = FindingKind(CLOCK, "hidden jitter", reservation=True)
 
 #: Distance of a lost or repeated step from all others, in their spread.
 CLEAR_STEP = 10.0
@@ -198,8 +205,7 @@ def check_steps(log: Log, rate: float, stamped: bool) -> list[Finding]:
             "equal intervals."
         )
         step = "Stamp each sample where it is taken; until then it is noise in all positions."
-        found = Finding("warning", "timing", "hidden jitter", text, "q", step, {"jitter": late})
-        findings.append(found)
+        findings.append(HIDDEN_JITTER.finding("warning", text, "q", step, {"jitter": late}))
     return findings
 
 
@@ -209,13 +215,13 @@ def _places(log: Log, steps: np.ndarray, stamped: bool) -> list[Finding]:
     for chosen, kind, words, step in (
         (
             steps[:, 1] >= 1,
-            "lost",
+            LOST,
             "In {n} place(s) all joints skip {m} sample(s) that are missing from the log",
             "The logger dropped samples{s}; cut the recording there, or log with time stamps.",
         ),
         (
             steps[:, 1] == -1,
-            "repeated",
+            REPEATED_SAMPLE,
             "In {n} place(s) a moving arm stands still for one sample: {m} repeated sample(s)",
             "The logger was faster than its source{s}; log at the rate of the control loop.",
         ),
@@ -227,10 +233,8 @@ def _places(log: Log, steps: np.ndarray, stamped: bool) -> list[Finding]:
         share = len(here) / max(len(next(iter(log.channels.values()))), 1)
         text = words.format(n=len(here), m=number)
         findings.append(
-            Finding(
+            kind.finding(
                 "error" if len(here) > 1 or share > 1e-3 else "warning",
-                "timing",
-                kind,
                 f"{text}, first after sample {first}.",
                 "q",
                 step.format(s=" although its stamps are regular" if stamped else ""),

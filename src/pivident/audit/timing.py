@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pivident.audit.steps import check_steps
-from pivident.errors.recordings import written
+from pivident.audit.spoilt_checks import GEOMETRY
+from pivident.audit.steps import CLOCK, check_steps
+from pivident.errors import IrregularSampling, MissingSamples
+from pivident.errors.recordings import Stretches, written
 from pivident.logs.clocks.gaps import GAP, bridged_interval, stretches
 from pivident.logs.clocks.timestamps import (
     EVEN,
@@ -15,13 +18,34 @@ from pivident.logs.clocks.timestamps import (
     LIKELY_RATES,
     MIN_SAMPLES,
     lacking,
+    likely_time_units,
     mean_rate,
     resample_smooth,
     stamp_error,
     usual_interval,
 )
 from pivident.logs.log import Log
-from pivident.text.finding import Finding, Quantity, Severity, at_sample
+from pivident.logs.units import TIME
+from pivident.text.finding import Finding, FindingKind, Quantity, Severity, at_sample
+from pivident.text.repair import Edit, Repair, setting
+
+#: Tables and keys of the stamps, and of the stretch that is used.
+STAMPS, PART = ("recording", "columns", "t"), ("recording", "part")
+
+NO_CLOCK = FindingKind(CLOCK, "no clock", STAMPS, reports=(IrregularSampling,))
+NO_STAMP = FindingKind(CLOCK, "no stamp", STAMPS)
+RATE = FindingKind(CLOCK, "rate", ("recording", "units", "t"), spoils=GEOMETRY)
+DRIFT = FindingKind(CLOCK, "drift", ("recording", "rate"))
+MISSING_SAMPLES = FindingKind(CLOCK, "gap", PART, reports=(MissingSamples, IrregularSampling))
+BACKWARD = FindingKind(CLOCK, "backward", PART, reports=(IrregularSampling,))
+DUPLICATE = FindingKind(CLOCK, "duplicate", reports=(IrregularSampling,))
+JITTER = FindingKind(CLOCK, "jitter", ("recording", "resample"), reports=(IrregularSampling,))
+RATE_CHANGE = FindingKind(CLOCK, "rate change", PART)
+CLOCKS_JUMP = FindingKind(CLOCK, "clocks jump")
+
+#: What is done with samples that are not equally spaced, and with stamps that are not.
+INTERPOLATE = "Interpolate onto a uniform clock: resample = true."
+EQUALLY_SPACED = "Take the samples for equally spaced: rate = {:.6g}."
 
 #: Two clocks that drift apart by more than this get a warning; quartz keeps 1e-4.
 MAX_DRIFT = 2e-4
@@ -58,7 +82,7 @@ def check_timing(log: Log) -> Timing:
         if log.rate is None:
             text = "The log has no time column, and no rate is given."
             step = "Name the time column (columns = {t = …}) or give the rate in Hz."
-            findings.append(Finding("error", "timing", "no clock", text, next_step=step))
+            findings.append(NO_CLOCK.finding("error", text, "", step))
             regular = False
     else:
         name = next(iter(log.clocks))
@@ -95,10 +119,16 @@ def _one_clock(
     """Intervals, rate, regularity and findings of one time column."""
 
     def finding(
-        severity: Severity, kind: str, text: str, sample: int, step: str, **numbers: Quantity
+        severity: Severity,
+        kind: FindingKind,
+        text: str,
+        sample: int,
+        step: str,
+        repairs: Sequence[Repair] = (),
+        **numbers: Quantity,
     ) -> Finding:
         evidence = numbers | at_sample(sample, log.time_of(sample))
-        return Finding(severity, "timing", kind, text, name, step, evidence)
+        return kind.finding(severity, text, name, step, evidence, repairs=repairs)
 
     findings, regular = [], True
     bad = np.flatnonzero(~np.isfinite(t))
@@ -106,7 +136,7 @@ def _one_clock(
         text = f"{bad.size} time stamp(s) are missing or infinite, the first at sample {bad[0]}."
         step = "Remove these rows, or give the rate if the samples themselves are regular."
         findings.append(
-            finding("error", "no stamp", text, int(bad[0]), step, stamps=Quantity(bad.size))
+            finding("error", NO_STAMP, text, int(bad[0]), step, stamps=Quantity(bad.size))
         )
         regular = False
     finite = t[np.isfinite(t)]
@@ -115,14 +145,14 @@ def _one_clock(
     forward = steps[steps > 0]
     if len(finite) < 3 or not forward.size:
         text = "The time column never advances."
-        findings.append(finding("error", "no clock", text, 0, "Name another time column."))
+        findings.append(finding("error", NO_CLOCK, text, 0, "Name another time column."))
         return steps, None, False, findings
     period = usual_interval(forward)
     for wrong, kind, words, step in (
-        (steps < 0, "backward", "go backward", "Cut the log there; two logs may have been joined."),
+        (steps < 0, BACKWARD, "go backward", "Cut the log there; two logs may have been joined."),
         (
             steps == 0,
-            "duplicate",
+            DUPLICATE,
             "repeat the one before",
             "Remove the repeated rows, or give the rate if the stamps are only coarse.",
         ),
@@ -140,15 +170,17 @@ def _one_clock(
             f"The clock changes its rate at sample {place[k]} (t = {finite[k]:.6g} s): it ticks "
             f"every {1e3 * before:.5g} ms before and every {1e3 * after:.5g} ms behind."
         )
-        step = (
-            f"Make two recordings of it, with part = [{finite[0]:.6g}, {finite[k]:.6g}] and part = "
-            f"[{finite[k]:.6g}, {finite[-1] + after:.6g}]."
-        )
+        ends = [(finite[0], finite[k]), (finite[k], finite[-1] + after)]
+        parts = [[float(f"{x:.6g}") for x in part] for part in ends]
+        listed = [f"part = [{first:.6g}, {last:.6g}]" for first, last in parts]
+        step = f"Make two recordings of it, with {listed[0]} and {listed[1]}."
+        repairs = [_only(part, words) for part, words in zip(parts, listed, strict=True)]
         severity: Severity = "warning" if log.resample else "error"
         if log.resample:
             text += " New samples at one rate are made for all of it."
         interval = Quantity(1e3 * after, "ms", bound=1e3 * before)
-        found = finding(severity, "rate change", text, int(place[k]), step, interval=interval)
+        sample = int(place[k])
+        found = finding(severity, RATE_CHANGE, text, sample, step, repairs, interval=interval)
         return steps, mean_rate(finite), False, [*findings, found]
     ratio = steps / period
     tolerated, gaps = GAP * period, lacking(steps, period)
@@ -171,17 +203,21 @@ def _one_clock(
                 "paused, the clock was set, or two logs have been joined."
             )
         step = "Fix the stamps first; then cut the recording there (part)."
+        repairs = []
         if regular:
             left = stretches(finite)
-            advice = (replace(left, resample=False) if log.resample else left).advice()
+            left = replace(left, resample=False) if log.resample else left
+            advice = left.advice()
             step = f"{advice[0].upper()}{advice[1:]}."
+            repairs = _without_gaps(left)
         missing = Quantity(float(lost), "samples")
         apart = regular and (log.resample or not left.resample) and bool(left.parts)
         if apart:
             text += f" {USED_APART.format(n=len(left.parts))}"
             step = f"{written(left.longest)} under [recording] uses the longest alone."
+            repairs = [_only(left.longest, written(left.longest))]
         severity = "warning" if apart else "error"
-        findings.append(finding(severity, "gap", text, k, step, missing=missing))
+        findings.append(finding(severity, MISSING_SAMPLES, text, k, step, repairs, missing=missing))
         regular = False
         steps = steps[steps <= tolerated]
         ratio = steps / period
@@ -203,7 +239,7 @@ def _one_clock(
         f"{100 * spread:.2g} %)."
     )
     jitter = Quantity(100 * largest, "%", bound=100 * JITTER_TOLERANCE)
-    harmless = Finding("ok", "timing", "jitter", text, name, evidence={"jitter": jitter})
+    harmless = JITTER.finding("ok", text, name, evidence={"jitter": jitter})
     if largest > ROUNDING and log.resample:
         text += " New samples are made at equal intervals, as requested by resample = true."
         findings.append(replace(harmless, message=text))
@@ -212,8 +248,8 @@ def _one_clock(
         text += f" The samples are taken for equally spaced, as rate = {log.rate:.6g} says."
         findings.append(replace(harmless, message=text))
     elif largest > JITTER_TOLERANCE:
-        step = _resample_or_rate(log, t)
-        findings.append(finding("error", "jitter", text, late, step, jitter=jitter))
+        step, repairs = _resample_or_rate(log, t)
+        findings.append(finding("error", JITTER, text, late, step, repairs, jitter=jitter))
         regular = False
     else:
         findings.append(harmless)
@@ -221,7 +257,11 @@ def _one_clock(
     if not LIKELY_RATES[0] <= rate <= LIKELY_RATES[1]:
         text = f"The stamps advance at {rate:.4g} Hz, unlike any robot's log."
         step = 'Give the unit of the stamps: units = {t = "ms"} or "us", "ns".'
-        findings.append(finding("error", "rate", text, 0, step, rate=Quantity(rate, "Hz")))
+        units = likely_time_units(1.0 / (rate * TIME[log.clock_unit]))
+        repairs = [
+            setting("units", "t", value=unit, words=f"The stamps are in {unit}.") for unit in units
+        ]
+        findings.append(finding("error", RATE, text, 0, step, repairs, rate=Quantity(rate, "Hz")))
     return steps, rate, regular, findings
 
 
@@ -271,27 +311,51 @@ def _moves_as_stamped(log: Log, t: np.ndarray) -> bool:
     return _error_of_stamps(log, t) < 1.0 / EVEN
 
 
-def _resample_or_rate(log: Log, t: np.ndarray) -> str:
+def _resample_or_rate(log: Log, t: np.ndarray) -> tuple[str, list[Repair]]:
     """What to do about irregular stamps: the motion shows whether the samples are irregular too."""
-    error = _error_of_stamps(log, t)
+    error, resampled = (
+        _error_of_stamps(log, t),
+        [setting("resample", value=True, words=INTERPOLATE)],
+    )
     if error > EVEN:
-        return (
+        rate = float(f"{mean_rate(t[np.isfinite(t)]):.6g}")
+        step = (
             "The joints move as if the samples were equally spaced, and only the stamps are not: "
-            f"set rate = {mean_rate(t[np.isfinite(t)]):.6g} under [recording]."
+            f"set rate = {rate:.6g} under [recording]."
         )
+        return step, [setting("rate", value=rate, words=EQUALLY_SPACED.format(rate))]
     if error < 1.0 / EVEN:
-        return "The joints move as the stamps say: resample onto a uniform grid (resample = true)."
-    return (
+        step = "The joints move as the stamps say: resample onto a uniform grid (resample = true)."
+        return step, resampled
+    step = (
         "Resample onto a uniform grid (resample = true), or give the rate if only the stamps "
         "are irregular and the samples are not."
     )
+    return step, resampled
+
+
+def _only(part: Sequence[float], words: str) -> Repair:
+    """That nothing but a stretch is used [s]."""
+    return setting("part", value=list(part), words=f"Keep this part of the log only: {words}.")
+
+
+def _without_gaps(left: Stretches) -> list[Repair]:
+    """Each stretch between gaps, the longest first, and new samples where shorter ones remain."""
+    filled = (Edit(("recording", "resample"), True),) if left.resample else ()
+    if not left.lost and len(left.parts) < 2:
+        return [Repair(filled, INTERPOLATE)] if filled else []
+    parts = dict.fromkeys((left.longest, *left.listed))
+    repairs = [_only(part, written(part)) for part in parts]
+    return [replace(repair, edits=(*repair.edits, *filled)) for repair in repairs]
 
 
 def _against_rate(rate: float, t: np.ndarray, name: str) -> Finding:
     """How far the stamps run away from the declared rate."""
     k = np.flatnonzero(np.isfinite(t))
     drift, standard_error = _slope(k / rate, t[k])
-    return _drift_finding(name, f"the declared rate of {rate:g} Hz", drift, standard_error)
+    finding = _drift_finding(name, f"the declared rate of {rate:g} Hz", drift, standard_error)
+    by_stamps = setting("rate", words="Take the rate of the time stamps: remove rate.")
+    return finding if finding.severity == "ok" else replace(finding, repairs=(by_stamps,))
 
 
 def _against_clock(name: str, t: np.ndarray, other: str, u: np.ndarray) -> list[Finding]:
@@ -318,7 +382,7 @@ def _against_clock(name: str, t: np.ndarray, other: str, u: np.ndarray) -> list[
             "jump": Quantity(1e3 * float(jump[k]), "ms", bound=1e3 * GAP * period),
             **at_sample(where, float(t[where])),
         }
-        findings.append(Finding("warning", "timing", "clocks jump", text, other, step, evidence))
+        findings.append(CLOCKS_JUMP.finding("warning", text, other, step, evidence))
     return findings
 
 
@@ -347,4 +411,4 @@ def _drift_finding(name: str, against: str, drift: float, standard_error: float)
             interval=(1e6 * (drift - 2 * standard_error), 1e6 * (drift + 2 * standard_error)),
         )
     }
-    return Finding(severity, "timing", "drift", text, name, step, evidence)
+    return DRIFT.finding(severity, text, name, step, evidence)

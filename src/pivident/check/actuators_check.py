@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from pivident.check.gains_check import of_joint
-from pivident.check.remark import Remark
+from pivident.check.gains_check import CONTROLLER, of_joint
 from pivident.errors import PividentError
 from pivident.experiment.schema import ControllerEntry
 from pivident.recording.recording import Recording
@@ -21,7 +20,10 @@ from pivident.robot.description import Robot
 from pivident.robot.mjcf_actuators import ActuatorLaw, actuator_law
 from pivident.robot.naming import MJCF_FILES
 from pivident.simulation.controllers import UNKNOWN_GAIN
-from pivident.text.finding import Severity
+from pivident.text.finding import Finding, FindingKind, Severity
+from pivident.text.repair import Edit, Repair
+
+ACTUATORS = FindingKind(CONTROLLER, "actuators", ("controller", "type"))
 
 #: Relative difference of gains that is none, and share of the reach that a command may exceed.
 EQUAL = 0.01
@@ -45,7 +47,7 @@ def controller_keys(law: ActuatorLaw, with_speeds: bool) -> dict[str, Any]:
 
 def check_actuators(
     entry: ControllerEntry | None, robot: Robot, recordings: Sequence[Recording] = ()
-) -> list[Remark]:
+) -> list[Finding]:
     """Where the declared law differs from the position actuators of the robot's MJCF.
 
     Args:
@@ -65,17 +67,21 @@ def check_actuators(
         return []
     file, names, n = Path(robot.description).name, robot.joint_names, robot.size
     if law.reasons:
-        return [_remark("note", f"Not all actuators of {file} hold a position: {law.reasons[0]}.")]
+        return [
+            ACTUATORS.finding(
+                "note", f"Not all actuators of {file} hold a position: {law.reasons[0]}."
+            )
+        ]
     share = law.speed_feed_forward(any(run.dq_ref is not None for run in recordings))
     gain, kp, kd = (
         np.array([of_joint(x, j) for j in range(n)])
         for x in (entry.gain, entry.kp, entry.kd if entry.kv is None else entry.kv)
     )
-    found = []
+    found: list[tuple[str, str, str, Any]] = []
     if share is not None and abs(entry.feed_forward_share - share) > EQUAL and (kd * law.kd).any():
         said = f"damps by {_form(entry.feed_forward_share)}, the actuators of {file} by "
         said += f"{_form(share)}: the difference is found as damping of the joints"
-        found.append(("speed_feed_forward", said, f"write speed_feed_forward = {share:g}"))
+        found.append(("speed_feed_forward", said, f"write speed_feed_forward = {share:g}", share))
     products = {"kp": (gain * kp, law.kp, law.kp), "kd": (gain * kd, law.kd, law.kd)}
     if entry.type == "cascade":
         inner = law.kp / np.where(law.kd, law.kd, np.inf)
@@ -85,17 +91,19 @@ def check_actuators(
         listed = ", ".join(f"{names[j]} {declared[j]:.5g} (file: {of_file[j]:.5g})" for j in off)
         said = f"has other gains {key} in joint torque than the actuators of {file}: {listed}"
         if off.size:
-            found.append((key, said, f"write {key} = {_plain(right / gain)}"))
+            gains = _plain(right / gain)
+            found.append((key, said, f"write {key} = {gains}", gains))
     if entry.ki is not None and np.any(entry.ki):
         said = f"has an integrator, the actuators of {file} have none"
-        found.append(("ki", said, "leave ki out"))
+        found.append(("ki", said, "leave ki out", None))
     if entry.limit is None and np.isfinite(law.limit).all():
         said = f"has no limit, the actuators of {file} have"
-        found.append(("limit", said, f"write limit = {_plain(law.limit / gain)}"))
+        limits = _plain(law.limit / gain)
+        found.append(("limit", said, f"write limit = {limits}", limits))
     ask = "If the log is of these actuators, {}; other drives have their own law."
-    remarks = [
-        _remark("warning", f"The law under [controller] {said}.", ask.format(step), key)
-        for key, said, step in found
+    findings = [
+        _finding("warning", f"The law under [controller] {said}.", ask.format(step), key, value)
+        for key, said, step, value in found
     ]
     for run in recordings if np.isfinite(law.reach).any() else ():
         for j, (low, high) in enumerate(law.reach):
@@ -105,8 +113,8 @@ def check_actuators(
                 said = f"The reference of {names[j]} goes from {ends[0]:.4g} to {ends[1]:.4g} "
                 said += f"{unit}, beyond ctrlrange in {file}, {low:.4g} to {high:.4g} {unit}."
                 step = "MuJoCo cuts it off there; check the unit of q_ref, or log what is applied."
-                remarks.append(_remark("warning", said, step, joint=names[j]))
-    return remarks
+                findings.append(ACTUATORS.finding("warning", said, names[j], step))
+    return findings
 
 
 def _form(share: float) -> str:
@@ -122,8 +130,8 @@ def _plain(values: np.ndarray) -> float | list[float]:
     return listed[0] if len(set(listed)) == 1 else listed
 
 
-def _remark(
-    severity: Severity, message: str, step: str = "", key: str = "type", joint: str = ""
-) -> Remark:
+def _finding(severity: Severity, message: str, step: str, key: str, value: Any) -> Finding:
+    """A key of the table ``[controller]`` that is another one than the file's; None: too much."""
     place = ("controller", key)
-    return Remark(severity, "controller", "actuators", message, joint, step, place=place)
+    repairs = [Repair((Edit(place, value),))]
+    return ACTUATORS.finding(severity, message, "", step, place=place, repairs=repairs)

@@ -6,7 +6,6 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from pivident.check.remark import Place, Remark
 from pivident.logs.recognition.channel_words import (
     PLAIN_QUANTITIES,
     REFERENCE,
@@ -15,8 +14,16 @@ from pivident.logs.recognition.channel_words import (
     words_of,
 )
 from pivident.robot.description import Robot
-from pivident.text.finding import Severity
+from pivident.text.finding import Finding, FindingKind, Severity, Topic
 from pivident.text.lists import listed
+from pivident.text.repair import Repair, setting
+
+#: What these checks look at, and the table of the columns.
+COLUMNS, TABLE = Topic("columns"), ("recording", "columns")
+
+JOINT_ORDER = FindingKind(COLUMNS, "joint order")
+TORQUE_NOT_NAMED = FindingKind(COLUMNS, "torque not named", TABLE)
+UNIT = FindingKind(COLUMNS, "unit")
 
 #: What a channel is called in a sentence.
 CALLED = {
@@ -49,22 +56,20 @@ _UNIT_WORD = re.compile(r"[a-zA-Zµ]{2,}|[a-zA-Z](?![a-zA-Z\d])")
 
 
 def check_columns(
-    columns: Mapping[str, Any], units: Mapping[str, Any], robot: Robot | None, table: Place
-) -> list[Remark]:
+    columns: Mapping[str, Any], units: Mapping[str, Any], robot: Robot | None
+) -> list[Finding]:
     """Compare what a file says its columns are with what they are called."""
     named = {channel: _names(spec) for channel, spec in columns.items() if channel != "inputs"}
-    remarks = [*_used_twice(named, table)]
+    findings = [*_used_twice(named)]
     joints = robot.on_fixed_base.joint_names if robot else ()  # no log has a base's joints
     for channel, names in named.items():
-        remarks += [*_another_quantity(channel, names, table)]
-        remarks += [*_another_order(channel, names, joints, table)]
-        remarks += [*_another_unit(channel, names, units.get(channel), table)]
-    return remarks
+        findings += [*_another_quantity(channel, names)]
+        findings += [*_another_order(channel, names, joints)]
+        findings += [*_another_unit(channel, names, units.get(channel))]
+    return findings
 
 
-def check_unnamed_torque(
-    columns: Mapping[str, Any], others: Iterable[str], table: Place
-) -> list[Remark]:
+def check_unnamed_torque(columns: Mapping[str, Any], others: Iterable[str]) -> list[Finding]:
     """Columns that read like torques where none is named, so that the control law stands for it.
 
     ``others``: names of the columns that the experiment does not use.
@@ -79,8 +84,14 @@ def check_unnamed_torque(
         "Name them for tau if they are: a measured torque tells the scale of all parameters, one "
         "computed from the control law does not."
     )
-    place = (*table, "columns")
-    return [Remark("warning", "columns", "torque not named", text, "tau", step, place=place)]
+    repairs = [_named("tau", found)] if len(found) == len(_names(columns.get("q"))) else []
+    return [TORQUE_NOT_NAMED.finding("warning", text, "tau", step, repairs=repairs)]
+
+
+def _named(channel: str, names: Sequence[str]) -> Repair:
+    """Names of the columns of a channel."""
+    words = f"Name the columns of {channel} as {', '.join(names)}."
+    return setting("columns", channel, value=list(names), words=words)
 
 
 def _names(spec: Any) -> list[str]:
@@ -91,7 +102,7 @@ def _names(spec: Any) -> list[str]:
     return [n for n in listed if isinstance(n, str)] if isinstance(listed, list | tuple) else []
 
 
-def _used_twice(named: Mapping[str, Sequence[str]], table: Place) -> Iterator[Remark]:
+def _used_twice(named: Mapping[str, Sequence[str]]) -> Iterator[Finding]:
     first: dict[str, str] = {}
     reported: set[tuple[str, str]] = set()
     for channel, names in named.items():
@@ -102,43 +113,35 @@ def _used_twice(named: Mapping[str, Sequence[str]], table: Place) -> Iterator[Re
                 continue
             reported.add((column, channel))
             of = f"for {other} and for {channel}" if other != channel else f"twice for {channel}"
-            yield Remark(
+            yield FindingKind(COLUMNS, f"used {of}", (*TABLE, channel)).finding(
                 "error",
-                "columns",
-                f"used {of}",
                 f"The column {column!r} is used {of}.",
                 column,
                 f"Name the column of {CALLED.get(channel, channel)} that was meant.",
-                place=(*table, "columns", channel),
             )
 
 
-def _another_quantity(channel: str, names: Sequence[str], table: Place) -> Iterator[Remark]:
+def _another_quantity(channel: str, names: Sequence[str]) -> Iterator[Finding]:
     for column in names:
         kind = "ddq" if _ACCELERATION & set(words_of(column.lower())) else plain_channel(column)
         if kind is None or kind == channel or channel not in CALLED:
             continue
         if f"{kind}_ref" == channel and (kind != "q" or REFERENCE & set(words_of(column))):
             continue  # a reference, which the names of speeds need not say: q_d, q_set, dq_des
-        yield Remark(
+        yield FindingKind(COLUMNS, f"reads like {kind}", (*TABLE, channel)).finding(
             "warning",
-            "columns",
-            f"reads like {kind}",
             f"The column {column!r} is taken for {channel} ({CALLED[channel]}), but its name "
             f"reads like {kind} ({CALLED.get(kind, kind)}).",
             column,
             "The columns may be swapped; check which is which.",
-            place=(*table, "columns", channel),
         )
 
 
-def _another_order(
-    channel: str, names: Sequence[str], joints: Sequence[str], table: Place
-) -> Iterator[Remark]:
+def _another_order(channel: str, names: Sequence[str], joints: Sequence[str]) -> Iterator[Finding]:
     """Columns that carry numbers or joints' names in another order than the joints."""
     if len(names) < 2:
         return
-    place = (*table, "columns", channel)
+    place = (*TABLE, channel)
     for j, (column, joint) in enumerate(zip(names, joints, strict=False)):
         others = [o for o in joints if o != joint and _contains(column, o)]
         if others and not _contains(column, joint):
@@ -147,7 +150,10 @@ def _another_order(
                 f"{column!r}, which reads like {others[-1]}."
             )
             step = "List the columns in the order of the robot's joints: " + ", ".join(joints) + "."
-            yield Remark("error", "columns", "joint order", text, joint, step, place=place)
+            owners = [[n for n in names if _contains(n, own)] for own in joints[: len(names)]]
+            right = [columns[0] for columns in owners if len(columns) == 1]
+            repairs = [_named(channel, right)] if sorted(right) == sorted(names) else []
+            yield JOINT_ORDER.finding("error", text, joint, step, place=place, repairs=repairs)
             return
     numbers = [re.findall(r"\d+", column) for column in names]
     if all(len(found) == 1 for found in numbers):
@@ -158,7 +164,9 @@ def _another_order(
                 "order."
             )
             step = "One column for each joint, from the base to the tip; two may be swapped."
-            yield Remark("warning", "columns", "joint order", text, channel, step, place=place)
+            right = [names[k] for k in sorted(range(len(names)), key=values.__getitem__)]
+            repairs = [_named(channel, right)]
+            yield JOINT_ORDER.finding("warning", text, channel, step, place=place, repairs=repairs)
 
 
 def _contains(column: str, joint: str) -> bool:
@@ -167,7 +175,7 @@ def _contains(column: str, joint: str) -> bool:
     return re.search(rf"(?<![a-z0-9]){text}(?![a-z0-9])", column.lower()) is not None
 
 
-def _another_unit(channel: str, names: Sequence[str], given: Any, table: Place) -> Iterator[Remark]:
+def _another_unit(channel: str, names: Sequence[str], given: Any) -> Iterator[Finding]:
     quantity = _QUANTITY.get(channel)
     if quantity is None or isinstance(given, list | tuple) or isinstance(given, int | float):
         return
@@ -181,21 +189,24 @@ def _another_unit(channel: str, names: Sequence[str], given: Any, table: Place) 
             continue
         how = "is given as" if declared else "is not given and taken for"
         advice = f'Set units = {{{channel} = "{found[0]}"}} if the name is right.'
+        said = f'Change the unit: units = {{{channel} = "{found[0]}"}}.'
+        repairs = [setting("units", channel, value=found[0], words=said)]
         if quantity == "torque" and found[0] in ("A", "mA", "V"):
+            repairs = []
             advice = (
                 f"A current or voltage needs N m per unit: units = "
                 f'{{tau = {{unit = "{found[0]}", gain = ...}}}}.'
             )
         if found[0] == "counts":
+            repairs = []
             advice = 'Counts need their scale: {unit = "counts", per_revolution = ...}.'
         severity: Severity = "warning" if declared or quantity == "torque" else "error"
         text = (
             f"The name of the column {column!r} reads like {found[0]}, but the unit of {channel} "
             f"{how} {taken}."
         )
-        yield Remark(
-            severity, "columns", "unit", text, column, advice, place=(*table, "units", channel)
-        )
+        place = ("recording", "units", channel)
+        yield UNIT.finding(severity, text, column, advice, place=place, repairs=repairs)
         return
 
 

@@ -19,7 +19,7 @@ from pivident.check.log_check import check_log
 from pivident.check.plan import Plan
 from pivident.check.problem_check import ProblemCheck
 from pivident.check.recordings_check import check_recordings
-from pivident.check.remark import Place, Remark, gravest_first, of_error, of_finding
+from pivident.check.remark import Remark, gravest_first, of_error, of_finding
 from pivident.check.robot_check import check_robot
 from pivident.check.toml_lines import TomlLines
 from pivident.errors import PividentError
@@ -29,6 +29,7 @@ from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.text.finding import Severity, merged, worst
 from pivident.text.lists import plural
+from pivident.text.repair import Place
 from pivident.threads import linear_algebra_in_one_thread
 
 
@@ -135,7 +136,7 @@ class _Check:
             self.say(f"looking at log {number} of {len(entries)}")
             self._log(place, entry, robot)
         self._together()
-        self.remarks += check_recordings(self.recordings)
+        self.remarks += map(of_finding, check_recordings(self.recordings))
         if len(self.recordings) > 1:
             self.looked_at.append("recordings against one another")
         self.say("looking at controller, methods and parameters")
@@ -152,7 +153,7 @@ class _Check:
         except PividentError as error:
             self.remarks.append(of_error(error, "robot", ("robot",)))
             return None
-        self.remarks += check_robot(robot, self.content.robot.model)
+        self.remarks += map(of_finding, check_robot(robot, self.content.robot.model))
         joints = robot.on_fixed_base.size
         self.looked_at.append(
             f"robot {robot.name}: {plural(joints, 'joint')}, limits, masses, inertias, gravity"
@@ -190,4 +191,4 @@ class _Check:
             return
         self.remarks = [r for r in self.remarks if r.topic != "excitation"]
         together = models[0].excitation.findings
-        self.remarks += [of_finding(f, ()) for f in together if f.severity != "ok"]
+        self.remarks += [of_finding(f) for f in together if f.severity != "ok"]

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from pivident.check.remark import Place, Remark, of_error, split_advice
+from pivident.check.remark import Remark, of_error, of_finding, split_advice
 from pivident.errors import ExperimentError, PividentError
 from pivident.experiment.experiment import Experiment, with_every_run
 from pivident.experiment.explained import every_problem, plain_form, refuse_robot_file
@@ -15,6 +15,14 @@ from pivident.experiment.identify_table import METHOD_ENTRIES, method_of
 from pivident.experiment.schema import ExperimentFile
 from pivident.experiment.toml_file import toml_content
 from pivident.robot.naming import ROBOT_FILES
+from pivident.text.finding import FindingKind, Topic
+from pivident.text.repair import Edit, Place, Renamed, Repair, Respelt
+
+#: What this check looks at.
+FILE = Topic("file")
+
+UNKNOWN_KEY = FindingKind(FILE, "unknown key", stops=True)
+VALUE = FindingKind(FILE, "value", stops=True)
 
 
 def file_problems(
@@ -34,11 +42,15 @@ def file_problems(
     remarks = []
     problems = every_problem(plain)
     for problem in problems:
-        kind = "unknown key" if problem.unknown else "value"
+        kind, change = (UNKNOWN_KEY, Renamed) if problem.unknown else (VALUE, Respelt)
         seen, step = split_advice(problem.sentence)
         place = _place(problem.location, content)
+        repairs = [Repair((Edit(place),))] if place else []
+        if problem.meant is not None:
+            meant = problem.meant[1] if problem.unknown else problem.meant
+            repairs.insert(0, Repair((change(place, meant),)))
         remarks.append(
-            Remark("error", "file", kind, seen, next_step=step, place=place, refused=True)
+            of_finding(kind.finding("error", seen, "", step, place=place, repairs=repairs))
         )
     usable = _without(plain, [p.location for p in problems if p.unknown])
     if problems and every_problem(usable):

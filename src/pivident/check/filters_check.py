@@ -4,26 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from pivident.check.remark import Remark, of_finding
 from pivident.estimation.kinematics import MIN_RUN, settled_recipe
 from pivident.estimation.method import Method
 from pivident.estimation.signal_recipes import Bandpass, RandomWalk
 from pivident.experiment.identify_table import median_finding
 from pivident.recording.recording import Recording
 from pivident.signals.bandpass import EDGE
-from pivident.text.finding import Quantity
+from pivident.text.finding import Finding, FindingKind, Quantity, Topic
+
+#: What this check looks at.
+METHODS = Topic("methods")
+
+CUTOFF = FindingKind(METHODS, "cutoff", ("identify", "bandpass", "cutoff"), stops=True)
+TOO_SHORT = FindingKind(METHODS, "too short", ("recording", "part"), stops=True)
+SLOWED = FindingKind(Topic("timing"), "slowed", ("recording", "rate"))
 
 
-def check_filters(methods: Mapping[str, Method], recordings: Iterable[Recording]) -> list[Remark]:
+def check_filters(methods: Mapping[str, Method], recordings: Iterable[Recording]) -> list[Finding]:
     """Filters that a recording is too slow or too short for."""
     recordings = list(recordings)
-    remarks = [_slowed(r) for r in recordings if r.slowed]
+    findings = [_slowed(r) for r in recordings if r.slowed]
     if (median := median_finding(methods)) is not None:
-        remarks.append(of_finding(median, ("identify",)))
-    remarks += [r for own in recordings for r in _too_short(own, methods)]
+        findings.append(median)
+    findings += [f for recording in recordings for f in _too_short(recording, methods)]
     slowest = min(recordings, key=lambda r: r.rate, default=None)
     if slowest is None:
-        return remarks
+        return findings
     for name, method in methods.items():
         signals = method.signals
         if not isinstance(signals, Bandpass) or signals.cutoff is None:
@@ -37,23 +43,19 @@ def check_filters(methods: Mapping[str, Method], recordings: Iterable[Recording]
         )
         if slowest.slowed:
             step = f"{slowest.slowed[0].upper()}{slowest.slowed[1:]}."
-        remarks.append(
-            Remark(
+        findings.append(
+            CUTOFF.finding(
                 "error",
-                "methods",
-                "cutoff",
                 f"The position filter of {name!r} has a cutoff of {highest:g} Hz, but at "
                 f"{slowest.rate:g} Hz {slowest.name} holds nothing above {slowest.rate / 2:g} Hz.",
                 slowest.name,
                 step,
-                place=("identify", "bandpass", "cutoff"),
-                refused=True,
             )
         )
-    return remarks
+    return findings
 
 
-def _too_short(recording: Recording, methods: Mapping[str, Method]) -> list[Remark]:
+def _too_short(recording: Recording, methods: Mapping[str, Method]) -> list[Finding]:
     """A recording of which the filters leave too little between its ends."""
     needed = {}
     for name, method in methods.items():
@@ -70,24 +72,16 @@ def _too_short(recording: Recording, methods: Mapping[str, Method]) -> list[Rema
         f"{seconds:.3g} s at {recording.rate:g} Hz."
     )
     step = "Take a longer part, or log for longer."
-    place = ("recording", "part")
-    return [
-        Remark(
-            "error", "methods", "too short", text, recording.name, step, place=place, refused=True
-        )
-    ]
+    return [TOO_SHORT.finding("error", text, recording.name, step)]
 
 
-def _slowed(recording: Recording) -> Remark:
+def _slowed(recording: Recording) -> Finding:
     """A recording that has lost samples of its positions to a slower channel."""
-    return Remark(
+    return SLOWED.finding(
         "warning",
-        "timing",
-        "slowed",
         f"{recording.name} is used at {recording.rate:g} Hz, slower than its positions were "
         "logged.",
         recording.name,
         f"{recording.slowed[0].upper()}{recording.slowed[1:]}.",
-        place=("recording", "rate"),
-        evidence={"rate": Quantity(recording.rate, "Hz")},
+        {"rate": Quantity(recording.rate, "Hz")},
     )

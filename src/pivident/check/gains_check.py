@@ -14,10 +14,17 @@ import numpy as np
 
 from pivident.audit.timing import Timing
 from pivident.check.channels import usable_rows
-from pivident.check.remark import Place, Remark
 from pivident.experiment.schema import ControllerEntry
 from pivident.logs.log import Log
-from pivident.text.finding import Quantity
+from pivident.text.finding import Finding, FindingKind, Quantity, Topic
+from pivident.text.repair import Edit, Repair, Scaled
+
+#: What this check looks at.
+CONTROLLER = Topic("controller")
+
+SIGN = FindingKind(CONTROLLER, "sign", ("recording", "columns", "q_ref"))
+LIMIT = FindingKind(CONTROLLER, "limit", ("controller", "limit"))
+GAIN = FindingKind(CONTROLLER, "gain")
 
 #: Share of the torque that error and speed must explain before the gains are judged.
 EXPLAINED = 0.98
@@ -39,15 +46,15 @@ CAUSES = (
 
 
 def check_gains(
-    log: Log, timing: Timing, entry: ControllerEntry, reversed_joints: tuple[int, ...], table: Place
-) -> list[Remark]:
+    log: Log, timing: Timing, entry: ControllerEntry, reversed_joints: tuple[int, ...]
+) -> list[Finding]:
     """The gains of the file beside those that the log shows."""
     if "q_ref" not in log.channels or "tau" not in log.channels or not timing.rate:
         return []
     q, q_ref, tau = (log.channels[c] for c in ("q", "q_ref", "tau"))
     if not q.shape == q_ref.shape == tau.shape or not timing.regular:
         return []
-    remarks: list[Remark] = []
+    findings: list[Finding] = []
     for j, name in enumerate(log.joint_names[: q.shape[1]]):
         rows = usable_rows(q[:, [j]], q_ref[:, [j]], tau[:, [j]])
         if len(rows) < 200 or j in reversed_joints:
@@ -56,50 +63,45 @@ def check_gains(
         if found is None:
             continue
         if found[0] < 0:
-            remarks.append(
-                Remark(
+            findings.append(
+                SIGN.finding(
                     "error",
-                    "controller",
-                    "sign",
                     f"The torque of {name} pushes away from the reference: its gain on "
                     f"q_ref - q is {found[0]:.4g}.",
                     name,
                     "Reference and measurement are swapped, or the sign of the torque is wrong.",
                     {"gain": Quantity(found[0])},
-                    place=(*table, "columns", "q_ref"),
                 )
             )
             continue
-        remarks += [*_compared(name, j, found, entry, timing.rate)]
-    return remarks
+        findings += [*_compared(name, j, found, entry, timing.rate)]
+    return findings
 
 
-def check_limit(log: Log, entry: ControllerEntry) -> list[Remark]:
+def check_limit(log: Log, entry: ControllerEntry) -> list[Finding]:
     """Outputs in the log that the declared limit of the controller does not allow."""
     tau = log.channels.get("tau")
     if entry.limit is None or tau is None or not np.isfinite(tau).any():
         return []
-    remarks = []
+    findings, unlimited = [], Repair((Edit(LIMIT.place),))
     for j, name in enumerate(log.joint_names[: tau.shape[1]]):
         gain = abs(of_joint(entry.gain, j))
         limit, largest = of_joint(entry.limit, j), float(np.nanmax(np.abs(tau[:, j])))
         if largest <= 1.02 * gain * limit:
             continue
-        remarks.append(
-            Remark(
+        findings.append(
+            LIMIT.finding(
                 "error",
-                "controller",
-                "limit",
                 f"The limit of {name} is {gain * limit:.4g} N m (or N), drive gain included, but "
                 f"the log reaches {largest:.4g} N m.",
                 name,
                 "It is the largest output of the controller, in its own unit; correct it, or "
                 "the drive gain.",
-                place=("controller", "limit"),
-                evidence={"limit": Quantity(gain * limit), "log": Quantity(largest)},
+                {"limit": Quantity(gain * limit), "log": Quantity(largest)},
+                repairs=[unlimited],
             )
         )
-    return remarks
+    return findings
 
 
 def _products(
@@ -122,7 +124,7 @@ def _products(
 
 def _compared(
     name: str, j: int, found: tuple[float, float], entry: ControllerEntry, rate: float
-) -> Iterator[Remark]:
+) -> Iterator[Finding]:
     """Declared gains that differ from the log's; a sample of delay may take kp/rate from kd."""
     late = LATE * abs(found[0]) / rate
     gain = of_joint(entry.gain, j)
@@ -145,16 +147,17 @@ def _compared(
             f"check {key}, drive_gain, and the units of tau and q; with "
             'controller = "identify" the law is identified from the log'
         )
-        yield Remark(
+        place = ("controller", key)
+        scaled = Scaled(place, ((name, seen / said),)) if said else None
+        yield GAIN.finding(
             "error" if not 1 / 3 < ratio < 3 else "warning",
-            "controller",
-            "gain",
             f"{product} of {name}, drive gain included, is {said:.5g} in the file; reference, "
             f"position and torque of the log give {seen:.5g}.",
             name,
             cause[:1].upper() + cause[1:] + ".",
-            place=("controller", key),
-            evidence={"file": Quantity(said, digits=5), "log": Quantity(seen, digits=5)},
+            {"file": Quantity(said, digits=5), "log": Quantity(seen, digits=5)},
+            place=place,
+            repairs=[Repair((scaled,))] if scaled is not None and entry.type != "cascade" else [],
         )
         if ratio < 0:
             return

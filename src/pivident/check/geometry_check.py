@@ -12,12 +12,21 @@ from dataclasses import replace
 
 import numpy as np
 
+from pivident.audit.examination import Examination, LogCheck
 from pivident.audit.inverse_model import InverseModel, build_inverse_model
 from pivident.audit.timing import Timing
-from pivident.check.remark import Place, Remark
 from pivident.errors import PividentError
 from pivident.logs.log import Log
 from pivident.robot.description import STANDARD_GRAVITY, Robot
+from pivident.text.finding import Finding, FindingKind, Topic
+from pivident.text.repair import Edit, Repair, Reversed, Shifted
+
+#: What this check looks at.
+GEOMETRY = Topic("geometry")
+
+GRAVITY = FindingKind(GEOMETRY, "gravity", ("robot", "gravity"))
+SENSE = FindingKind(GEOMETRY, "sense", ("recording", "columns", "q"))
+ZERO = FindingKind(GEOMETRY, "zero", ("recording", "position_offset"))
 
 #: Relative error up to which no geometry is doubted.
 SMALL = 0.015
@@ -35,7 +44,17 @@ RATE = 400.0
 DIRECTIONS = {"+x": (0, 1), "-x": (0, -1), "+y": (1, 1), "-y": (1, -1), "+z": (2, 1), "-z": (2, -1)}
 
 
-def check_geometry(log: Log, timing: Timing, model: InverseModel, table: Place) -> list[Remark]:
+class GeometryCheck(LogCheck):
+    """Gravity, zeros and senses of the description."""
+
+    name = "geometry"
+
+    def examine(self, seen: Examination) -> Examination:
+        """See `LogCheck.examine`."""
+        return seen.after(self.name, check_geometry(seen.log, seen.timing, seen.model))
+
+
+def check_geometry(log: Log, timing: Timing, model: InverseModel) -> list[Finding]:
     """Another geometry that explains the torque far better."""
     errors = model.relative_errors[np.isfinite(model.relative_errors)]
     if not errors.size or errors.max() < SMALL or log.robot is None or not timing.rate:
@@ -44,8 +63,8 @@ def check_geometry(log: Log, timing: Timing, model: InverseModel, table: Place) 
     here = _errors(thin, timing)
     if here is None:
         return []
-    explanations: list[tuple[float, Remark]] = []
-    for candidate, found in _candidates(thin, log.robot, table):
+    explanations: list[tuple[float, Finding]] = []
+    for candidate, found in candidates(thin, log.robot):
         there = _errors(candidate, timing)
         if there is None or np.any(there > WORSE * here + 1e-3):
             continue
@@ -58,9 +77,10 @@ def check_geometry(log: Log, timing: Timing, model: InverseModel, table: Place) 
         return []
     explanations.sort(key=lambda pair: -pair[0])
     (most, best), *others = explanations
-    alike = [remark for gain, remark in others if gain > most - ALIKE][:2]
+    alike = [finding for gain, finding in others if gain > most - ALIKE][:2]
     step = " Or also: ".join([best.next_step, *(f"{r.message} {r.next_step}" for r in alike)])
-    return [replace(best, next_step=step)]
+    repairs = [repair for finding in (best, *alike) for repair in finding.repairs]
+    return [replace(best, next_step=step, repairs=tuple(repairs))]
 
 
 def _mean(errors: np.ndarray) -> float:
@@ -87,7 +107,7 @@ def _errors(log: Log, timing: Timing) -> np.ndarray | None:
     return model.relative_errors
 
 
-def _candidates(log: Log, robot: Robot, table: Place) -> Iterator[tuple[Log, Remark]]:
+def candidates(log: Log, robot: Robot) -> Iterator[tuple[Log, Finding]]:
     """The log with another geometry, and what is to be said if it is the right one."""
     for name, (axis, sign) in DIRECTIONS.items():
         gravity = np.zeros(3)
@@ -97,11 +117,11 @@ def _candidates(log: Log, robot: Robot, table: Place) -> Iterator[tuple[Log, Rem
         listed = ", ".join(f"{g:g}" for g in gravity)
         text = f"Gravity seems to point along {name} of the base frame"
         step = f"The arm may be mounted on a wall or a ceiling: gravity = [{listed}] under [robot]."
+        down = Edit(("robot", "gravity"), [float(g) for g in gravity])
+        words = f"Change the direction of gravity: gravity = [{listed}]."
         yield (
             replace(log, robot=robot.with_gravity(gravity)),
-            Remark(
-                "error", "geometry", "gravity", text, next_step=step, place=("robot", "gravity")
-            ),
+            GRAVITY.finding("error", text, "", step, repairs=[Repair((down,), words)]),
         )
     for j, joint in enumerate(robot.joints):
         turned = {kind: np.array(values) for kind, values in log.channels.items()}
@@ -112,28 +132,26 @@ def _candidates(log: Log, robot: Robot, table: Place) -> Iterator[tuple[Log, Rem
             "Reverse its axis in the description, or the signs of both its position and its "
             "torque in the log."
         )
+        other_way = Reversed(channel="", joints=(joint.name,))
         yield (
             replace(log, channels=turned),
-            Remark(
-                "error", "geometry", "sense", text, joint.name, step, place=(*table, "columns", "q")
-            ),
+            SENSE.finding("error", text, joint.name, step, repairs=[Repair((other_way,))]),
         )
         if joint.kind != "revolute":
             continue
         for degrees in (90, -90, 180):
             moved = {kind: np.array(values) for kind, values in log.channels.items()}
             moved["q"][:, j] += np.radians(degrees)
+            shifted = Shifted(offsets=((joint.name, float(f"{np.radians(degrees):.4f}")),))
             yield (
                 replace(log, channels=moved),
-                Remark(
+                ZERO.finding(
                     "error",
-                    "geometry",
-                    "zero",
                     f"The zero of {joint.name} seems to be {abs(degrees)}° away from that in the "
                     "description",
                     joint.name,
                     f"Set position_offset to {np.radians(degrees):.4f} rad for it (radians, as "
                     "added to the logged position), or change the description.",
-                    place=(*table, "position_offset"),
+                    repairs=[Repair((shifted,))],
                 ),
             )

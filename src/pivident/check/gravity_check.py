@@ -12,10 +12,14 @@ import numpy as np
 
 from pivident.audit.timing import Timing
 from pivident.check.channels import usable_rows
-from pivident.check.remark import Remark
+from pivident.check.gains_check import CONTROLLER
 from pivident.control_law.law_gravity import GravityColumns, gravity_columns
 from pivident.experiment.schema import ControllerEntry
 from pivident.logs.log import Log
+from pivident.text.finding import Finding, FindingKind
+from pivident.text.repair import Edit, Repair
+
+GRAVITY = FindingKind(CONTROLLER, "gravity", ("controller",))
 
 #: Share of the torque's variance that a law without gravity stays below, and that one with gravity
 #: explains.
@@ -25,7 +29,7 @@ INCOMPLETE, COMPLETE = 0.98, 0.999
 MIN_ROWS = 500
 
 
-def check_gravity(log: Log, timing: Timing, entry: ControllerEntry) -> list[Remark]:
+def check_gravity(log: Log, timing: Timing, entry: ControllerEntry) -> list[Finding]:
     """Joints whose torque needs gravity in the law that the file states without it."""
     given = [log.channels.get(c) for c in ("q", "q_ref", "tau")]
     if log.robot is None or log.robot.constraints is not None:
@@ -58,7 +62,9 @@ def check_gravity(log: Log, timing: Timing, entry: ControllerEntry) -> list[Rema
         'controller uses the masses of the description; with controller = "identify" law and '
         "gravity model are identified from the log."
     )
-    return [Remark("warning", "controller", "gravity", text, name, step, place=("controller",))]
+    edit = Edit(("controller", "feed_forward"), "gravity_measured")
+    words = 'Declare that the controller compensates gravity: feed_forward = "gravity_measured".'
+    return [GRAVITY.finding("warning", text, name, step, repairs=[Repair((edit,), words)])]
 
 
 def _explained(

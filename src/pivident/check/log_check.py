@@ -7,31 +7,28 @@ the stretches between them.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from pivident.audit.audit import Audit, audit_log
-from pivident.audit.timing import Timing, check_timing
+from pivident.audit.audit import NO_TORQUE, Audit, audit_log
+from pivident.audit.examination import Examination, in_turn
+from pivident.audit.timing import MISSING_SAMPLES, NO_CLOCK, RATE, Timing, check_timing
 from pivident.check.columns_check import check_columns, check_unnamed_torque
 from pivident.check.gains_check import check_gains, check_limit
-from pivident.check.geometry_check import check_geometry
+from pivident.check.geometry_check import GeometryCheck
 from pivident.check.gravity_check import check_gravity
 from pivident.check.motion_check import check_motion
 from pivident.check.reference_check import check_reference
-from pivident.check.remark import Place, Remark, of_error, of_finding
-from pivident.check.torque_side import check_torque_side
+from pivident.check.remark import Remark, of_error, of_finding
+from pivident.check.torque_side import TorqueSideCheck
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.errors import (
     BadCell,
     BrokenMotion,
-    ConstantChannel,
     GapInClock,
-    IrregularSampling,
     MissingSamples,
-    NonFiniteSamples,
     PividentError,
-    PositionsBeyondLimits,
-    SaturatedSignal,
 )
 from pivident.experiment.recording_tables import columns_in_file, log_of, run_of
 from pivident.experiment.schema import ControllerEntry, RecordingEntry
@@ -41,22 +38,11 @@ from pivident.logs.log import Log
 from pivident.recording.recording import Recording
 from pivident.recording.usable_samples import filled
 from pivident.robot.description import Robot
+from pivident.text.finding import Finding, FindingKind, Topic
+from pivident.text.repair import Place, setting
 
-#: Errors of the reader that an audit reports with more numbers.
-REPORTED_BY_AUDIT: dict[type[Exception], tuple[str, ...]] = {
-    NonFiniteSamples: ("missing",),
-    IrregularSampling: ("duplicate", "backward", "gap", "jitter", "no clock"),
-    ConstantChannel: ("constant",),
-    SaturatedSignal: ("clipped",),
-    PositionsBeyondLimits: ("reach",),
-}
-
-#: Findings after which the gains that a log shows say nothing about those of the file.
-CONSEQUENTIAL = ("reach", "speed", "angle unit", "joint angle unit", "side", "order", "late",
-                 "early", "joint late", "constant", "stuck", "frozen", "clipped")  # fmt: skip
-
-#: Findings after which the geometry cannot be judged.
-HIDES_GEOMETRY = (*CONSEQUENTIAL, "sign", "missing", "rate")
+#: What this check finds by itself.
+LONG_DELAY = FindingKind(Topic("timing"), "delay", ("recording", "delay"))
 
 #: A declared delay beyond this is in milliseconds [s].
 MAX_DELAY = 0.5
@@ -87,7 +73,7 @@ def check_log(
     if entry.columns is not None:
         columns = entry.columns.model_dump(exclude_unset=True)
         units = entry.units.model_dump(exclude_unset=True)
-        remarks += check_columns(columns, units, robot, place)
+        remarks += _placed(check_columns(columns, units, robot), place)
     recordings, failure = _recordings(entry, robot, folder)
     try:
         log = log_of(entry, robot, folder)
@@ -99,23 +85,22 @@ def check_log(
         return LogCheck(tuple(remarks))  # the columns are not what they are called
     audit = audit_log(log)
     # that there is no torque concerns the control law, which is looked at later
-    grave = [f for f in audit.findings if f.severity != "ok" and f.kind != "no torque"]
-    own = [of_finding(f, place) for f in grave]
-    if failure is not None and not recordings and not _is_reported(failure, audit):
-        remarks.append(of_error(failure, "recording", place, _kind(failure)))
-    elif failure is not None and not recordings:
-        kinds = _kinds(failure)
-        own = [replace(r, refused=True) if r.kind in kinds else r for r in own]
-    remarks += own
-    errors = {f.kind for f in grave if f.severity == "error"}
-    if audit.model is not None and not errors & set(HIDES_GEOMETRY):
-        remarks += check_geometry(log, audit.timing, audit.model, place)
-        side = entry.torque_side or "motor"
-        remarks += check_torque_side(log, audit.timing, audit.model, side, place)
+    grave = [f for f in audit.findings if f.severity != "ok" and f.declared is not NO_TORQUE]
+    refused = failure if not recordings else None
+    same = said_by(refused, grave)
+    if refused is not None and not any(finding.severity == "error" for finding in same):
+        remarks.append(of_error(refused, "recording", place, _kind(refused)))
+        same = []
+    remarks += [of_finding(finding, place, finding in same) for finding in grave]
+    if audit.model is not None:
+        seen = Examination(log, audit.timing, audit.model, audit.findings)
+        checks = (GeometryCheck(), TorqueSideCheck(entry.torque_side or "motor"))
+        further = in_turn(seen, checks).findings[len(audit.findings) :]
+        remarks += _placed(further, place)
     slow = entry.rate is not None and entry.rate < LOWEST_RATE
     if entry.delay is not None and abs(entry.delay) > MAX_DELAY:
-        remarks.append(_long_delay(entry.delay, place))
-    if not slow and not any(f.kind in ("rate", "no clock") for f in audit.of("timing")):
+        remarks.append(of_finding(_long_delay(entry.delay), place))
+    if not slow and not any(f.declared in (RATE, NO_CLOCK) for f in audit.findings):
         # a motion with holes would jump over them
         whole = {key: filled(values, key != "tau") for key, values in log.channels.items()}
         every = _with_other_columns(replace(log, channels=whole), entry, folder)
@@ -123,8 +108,8 @@ def check_log(
         has_inputs = entry.columns is not None and bool(entry.columns.inputs)
         if entry.columns is not None:
             named = entry.columns.model_dump(exclude_unset=True)
-            remarks += check_unnamed_torque(named, every.columns, place)
-        remarks += _motion(stretch, timing, audit, place, controller, has_inputs)
+            remarks += _placed(check_unnamed_torque(named, every.columns), place)
+        remarks += _placed(_motion(stretch, timing, audit, controller, has_inputs), place)
     looked_at = _looked_at(log, audit, entry) if robot is not None or not remarks else ""
     return LogCheck(tuple(remarks), recordings, audit, looked_at)
 
@@ -169,29 +154,32 @@ def _with_other_columns(log: Log, entry: RecordingEntry, folder: Path) -> Log:
     return replace(log, columns=rest)
 
 
+def _placed(findings: Iterable[Finding], table: Place) -> list[Remark]:
+    """Findings about a log as remarks about the table of its recording."""
+    return [of_finding(finding, table) for finding in findings]
+
+
 def _motion(
     log: Log,
     timing: Timing,
     audit: Audit,
-    place: Place,
     controller: ControllerEntry | None,
     has_inputs: bool,
-) -> list[Remark]:
+) -> list[Finding]:
     """What the channels say about one another, and about the controller."""
     parameters = 0 if log.robot is None else len(base_parameters(log.robot))
-    found = check_motion(log, timing, parameters, place)
-    found += check_reference(log, place)
+    findings = [*check_motion(log, timing, parameters), *check_reference(log)]
     if controller is None:
-        return found
-    wrong = any(r.severity == "error" for r in found)
-    wrong |= any(f.severity == "error" and f.kind in CONSEQUENTIAL for f in audit.findings)
-    found += check_limit(log, controller)
-    if controller.kp is not None and not wrong:
+        return findings
+    is_wrong = any(finding.severity == "error" for finding in findings)
+    is_wrong |= any(finding.spoils("gains") for finding in audit.findings)
+    findings += check_limit(log, controller)
+    if controller.kp is not None and not is_wrong:
         reversed_joints = () if audit.power is None else audit.power.reversed
-        found += check_gains(log, timing, controller, reversed_joints, place)
+        findings += check_gains(log, timing, controller, reversed_joints)
         if not has_inputs:
-            found += check_gravity(log, timing, controller)
-    return found
+            findings += check_gravity(log, timing, controller)
+    return findings
 
 
 def _looked_at(log: Log, audit: Audit, entry: RecordingEntry) -> str:
@@ -202,26 +190,24 @@ def _looked_at(log: Log, audit: Audit, entry: RecordingEntry) -> str:
     return f"{name}: {log.samples} samples{rate}; clock, gaps, units, columns, limits{judged}"
 
 
-def _long_delay(delay: float, place: Place) -> Remark:
+def _long_delay(delay: float) -> Finding:
     """A declared delay that no logger has."""
     text = f"The torque is declared to be {delay:g} s late."
     step = f"delay is in seconds; {delay:g} ms are {1e-3 * delay:g}."
-    return Remark("error", "timing", "delay", text, "tau", step, place=(*place, "delay"))
+    seconds = float(f"{1e-3 * delay:.6g}")
+    repairs = [setting("delay", value=seconds, words="It is in milliseconds.")]
+    return LONG_DELAY.finding("error", text, "tau", step, repairs=repairs)
 
 
 def _kind(failure: PividentError) -> str:
     """The kind of a remark about an error that no finding reports."""
-    return "gap" if isinstance(failure, (MissingSamples, GapInClock)) else "refused"
+    return MISSING_SAMPLES.name if isinstance(failure, (MissingSamples, GapInClock)) else "refused"
 
 
-def _kinds(failure: PividentError) -> tuple[str, ...]:
-    """Kinds of findings that say the same as an error of the reader."""
-    if isinstance(failure, MissingSamples):
-        return ("gap",)
-    return next((k for c, k in REPORTED_BY_AUDIT.items() if isinstance(failure, c)), ())
-
-
-def _is_reported(failure: PividentError, audit: Audit) -> bool:
-    """Whether the audit says what the reader refused."""
-    kinds = _kinds(failure)
-    return any(f.kind in kinds and f.severity == "error" for f in audit.findings)
+def said_by(error: PividentError | None, findings: Sequence[Finding]) -> list[Finding]:
+    """Findings that say the same as an error of the reader, by the nearest class that any names."""
+    for kind in type(error).__mro__:
+        same = [f for f in findings if f.declared is not None and kind in f.declared.reports]
+        if same:
+            return same
+    return []

@@ -9,12 +9,26 @@ import numpy as np
 from pivident.audit.standstill import STILL, still_joints
 from pivident.audit.timing import Timing
 from pivident.check.channels import usable_rows
-from pivident.check.remark import Place, Remark
 from pivident.logs.clocks.timestamps import LOWEST_RATE
 from pivident.logs.log import Log
 from pivident.robot.description import Robot
 from pivident.signals.random_walk import half_power_frequencies
-from pivident.text.finding import Quantity
+from pivident.text.finding import Finding, FindingKind, Quantity, Topic
+from pivident.text.repair import setting
+
+#: What these checks look at.
+MOTION, COLUMNS, CLOCK, LIMITS = map(Topic, ("motion", "columns", "timing", "limits"))
+
+TOO_SHORT = FindingKind(MOTION, "too short")
+LOW_RATE = FindingKind(MOTION, "rate", ("recording", "rate"))
+POSITION_IS_SPEED = FindingKind(COLUMNS, "position is speed", ("recording", "columns", "q"))
+CONTROL_RATE = FindingKind(CLOCK, "control rate", ("recording", "control_rate"))
+HELD_POSITION = FindingKind(CLOCK, "held position", ("recording", "columns", "q"))
+POSITION_LIMIT = FindingKind(LIMITS, "position", ("recording", "position_offset"))
+TORQUE_LIMIT = FindingKind(LIMITS, "torque", ("recording", "units", "tau"))
+
+#: The rate of the control loop is that of the log.
+AT_RATE_OF_LOG = setting("control_rate")
 
 #: Shortest record that has room for a few motions [s], and fewest samples for each parameter.
 SHORTEST, SAMPLES_EACH = 2.0, 10
@@ -32,7 +46,7 @@ REGULAR = 0.98
 BEYOND, ABOVE = 0.02, 1.2
 
 
-def check_motion(log: Log, timing: Timing, parameters: int, table: Place) -> list[Remark]:
+def check_motion(log: Log, timing: Timing, parameters: int) -> list[Finding]:
     """Length, rate, held samples, limits, and channels that are something else."""
     q, tau = log.channels.get("q"), log.channels.get("tau")
     if q is None or not timing.rate or len(q) < 50:
@@ -43,44 +57,41 @@ def check_motion(log: Log, timing: Timing, parameters: int, table: Place) -> lis
     if len(rows) < 50:
         return []
     q = q[rows]
-    remarks = [*_length(log, timing.rate, parameters, table)]
+    findings = [*_length(log, timing.rate, parameters)]
     if tau is not None:
         tau = tau[rows]
-        remarks += [*_something_else(log, q, tau, table)]
+        findings += [*_something_else(log, q, tau)]
     if timing.regular and not still_joints(q):
-        remarks += [*_slow_rate(q, timing.rate, table)]
+        findings += [*_slow_rate(q, timing.rate)]
     if tau is not None:
-        remarks += [*_held_torque(log, tau, timing.rate, table)]
-    remarks += [*_held_positions(log, q, timing.rate, table)]
+        findings += [*_held_torque(log, tau, timing.rate)]
+    findings += [*_held_positions(log, q, timing.rate)]
     if log.robot is not None and log.robot.size == q.shape[1]:
-        remarks += [*_position_limits(log.robot, q, table)]
+        findings += [*_position_limits(log.robot, q)]
         if tau is not None:
-            remarks += [*_torque_limits(log.robot, tau, log.commands, table)]
-    return remarks
+            findings += [*_torque_limits(log.robot, tau, log.commands)]
+    return findings
 
 
-def _length(log: Log, rate: float, parameters: int, table: Place) -> Iterator[Remark]:
+def _length(log: Log, rate: float, parameters: int) -> Iterator[Finding]:
     """A record that is too short for what is asked of it."""
     seconds = log.samples / rate
     needed = SAMPLES_EACH * parameters
     if log.samples < needed:
         text = f"The record is too short: {log.samples} samples for {parameters} parameters."
         step = f"{needed} samples of motion are needed; log for longer, or check part."
-        yield Remark("error", "motion", "too short", text, next_step=step, place=(*table, "files"))
+        yield TOO_SHORT.finding("error", text, "", step)
     elif seconds < SHORTEST:
         text = f"The record is short: {seconds:.3g} s of motion."
         step = (
             "Ten seconds or more, with moves of all joints, are far better: log for longer, "
             "or check part and the rate."
         )
-        yield Remark(
-            "warning", "motion", "too short", text, next_step=step, place=(*table, "files")
-        )
+        yield TOO_SHORT.finding("warning", text, "", step)
 
 
-def _something_else(log: Log, q: np.ndarray, tau: np.ndarray, table: Place) -> Iterator[Remark]:
+def _something_else(log: Log, q: np.ndarray, tau: np.ndarray) -> Iterator[Finding]:
     """A torque that is a position or a speed, and a position that is a speed."""
-    place = (*table, "columns")
     speed = np.gradient(q, axis=0)
     others = {
         name: (_correlations(np.gradient(column), q), np.abs(_correlations(column, q)))
@@ -90,14 +101,12 @@ def _something_else(log: Log, q: np.ndarray, tau: np.ndarray, table: Place) -> I
     for j, joint in enumerate(log.joint_names[: q.shape[1]]):
         for channel, signal in (("position", q[:, j]), ("speed", speed[:, j])):
             if _correlations(tau[:, j], signal[:, None])[0] > SAME:
-                yield Remark(
+                kind = FindingKind(COLUMNS, f"torque is {channel}", ("recording", "columns", "tau"))
+                yield kind.finding(
                     "error",
-                    "columns",
-                    f"torque is {channel}",
                     f"The torque of {joint} is its {channel} times a factor.",
                     joint,
                     "Another column was named for tau; name that of the torque.",
-                    place=(*place, "tau"),
                 )
         for name, (slope_like, alike) in others.items():
             if slope_like[j] > SAME and alike[j] < 0.9:
@@ -106,9 +115,7 @@ def _something_else(log: Log, q: np.ndarray, tau: np.ndarray, table: Place) -> I
                     "a speed."
                 )
                 step = f"Positions and speeds seem swapped; name {name!r} for q."
-                yield Remark(
-                    "error", "columns", "position is speed", text, joint, step, place=(*place, "q")
-                )
+                yield POSITION_IS_SPEED.finding("error", text, joint, step)
                 break
 
 
@@ -124,7 +131,7 @@ def _correlations(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.divide(x @ y, size, out=np.zeros(y.shape[1]), where=size > 0)
 
 
-def _slow_rate(q: np.ndarray, rate: float, table: Place) -> Iterator[Remark]:
+def _slow_rate(q: np.ndarray, rate: float) -> Iterator[Finding]:
     """A motion that is too fast for the rate at which it was logged.
 
     Above twice the half-power frequency of a joint's smoother is noise, such as that of rounding.
@@ -149,26 +156,28 @@ def _slow_rate(q: np.ndarray, rate: float, table: Place) -> Iterator[Remark]:
             f"Accelerations come out too small; log at {SAMPLES_PER_PERIOD * band:.0f} Hz or "
             "more, or move more smoothly."
         )
-        yield Remark("warning", "motion", "rate", text, next_step=step, place=(*table, "rate"))
+        yield LOW_RATE.finding("warning", text, "", step)
 
 
-def _held_torque(log: Log, tau: np.ndarray, rate: float, table: Place) -> Iterator[Remark]:
+def _held_torque(log: Log, tau: np.ndarray, rate: float) -> Iterator[Finding]:
     """Torques that change only at every n-th sample, against the declared control rate."""
     holds = [_hold(tau[:, j]) for j in range(tau.shape[1])]
-    place = (*table, "control_rate")
     n = min(holds)
     declared = log.control_rate or rate
     if declared < LOWEST_RATE:
         text = f"control_rate is {declared:.5g} Hz, which no control loop has."
         step = "It may be a period in seconds, or a rate in kHz; it is given in Hz."
-        yield Remark("error", "timing", "control rate", text, next_step=step, place=place)
+        yield CONTROL_RATE.finding("error", text, "", step)
     elif n > 1 and abs(declared * n / rate - 1) > 0.05:
         text = (
             f"The torque changes only once every {n} samples: the control loop seems to run at "
             f"{rate / n:.5g} Hz, not at {declared:.5g} Hz."
         )
-        step = f"Set control_rate = {rate / n:.5g} under [recording] if that is so."
-        yield Remark("warning", "timing", "control rate", text, "tau", step, place=place)
+        loop_rate = float(f"{rate / n:.5g}")
+        step = f"Set control_rate = {loop_rate:.5g} under [recording] if that is so."
+        words = f"Declare the rate of the control loop: control_rate = {loop_rate:.5g}."
+        repairs = [setting("control_rate", value=loop_rate, words=words)]
+        yield CONTROL_RATE.finding("warning", text, "tau", step, repairs=repairs)
     elif n == 1 and declared < 0.95 * rate:
         text = (
             f"control_rate is {declared:.5g} Hz, but the torque changes at every sample of "
@@ -177,29 +186,26 @@ def _held_torque(log: Log, tau: np.ndarray, rate: float, table: Place) -> Iterat
         step = (
             "Correct control_rate (in Hz), or leave it out where the log runs at the loop's rate."
         )
-        yield Remark("warning", "timing", "control rate", text, "tau", step, place=place)
+        yield CONTROL_RATE.finding("warning", text, "tau", step, repairs=[AT_RATE_OF_LOG])
     elif declared > 50 * rate:
         text = (
             f"control_rate is {declared:.5g} Hz, {declared / rate:.3g} times the rate of the log."
         )
         step = "It is in Hz; correct it."
-        yield Remark("warning", "timing", "control rate", text, next_step=step, place=place)
+        yield CONTROL_RATE.finding("warning", text, "", step)
 
 
-def _held_positions(log: Log, q: np.ndarray, rate: float, table: Place) -> Iterator[Remark]:
+def _held_positions(log: Log, q: np.ndarray, rate: float) -> Iterator[Finding]:
     """Positions that change only at every n-th sample."""
     slow = [j for j in range(q.shape[1]) if _hold(q[:, j]) > 1]
     if slow:
         n = _hold(q[:, slow[0]])
-        yield Remark(
+        yield HELD_POSITION.finding(
             "warning",
-            "timing",
-            "held position",
             f"The position of {log.joint_names[slow[0]]} changes only once every {n} samples: it "
             f"was measured at {rate / n:.5g} Hz and repeated.",
             log.joint_names[slow[0]],
             "Log at the rate of the measurement; repeated positions give wrong accelerations.",
-            place=(*table, "columns", "q"),
         )
 
 
@@ -216,7 +222,7 @@ def _hold(x: np.ndarray) -> int:
     return n if phase.max() > REGULAR * len(changes) else 1
 
 
-def _position_limits(robot: Robot, q: np.ndarray, table: Place) -> Iterator[Remark]:
+def _position_limits(robot: Robot, q: np.ndarray) -> Iterator[Finding]:
     """Positions a little beyond the limits."""
     for j, joint in enumerate(robot.joints):
         turning = joint.kind == "revolute"
@@ -236,36 +242,28 @@ def _position_limits(robot: Robot, q: np.ndarray, table: Place) -> Iterator[Rema
                         "list under units), and tau as well if it counts as they do; or set "
                         "position_offset if its zero lies elsewhere."
                     )
-                yield Remark(
+                yield POSITION_LIMIT.finding(
                     "warning",
-                    "limits",
-                    "position",
                     f"{joint.name} is logged from {lowest:.4g} {unit} to {highest:.4g} {unit}; its "
                     f"limits are {scale * low:.4g} {unit} to {scale * high:.4g} {unit}.",
                     joint.name,
                     step,
-                    place=(*table, "position_offset"),
-                    evidence={"lowest": Quantity(lowest, unit), "highest": Quantity(highest, unit)},
+                    {"lowest": Quantity(lowest, unit), "highest": Quantity(highest, unit)},
                 )
 
 
-def _torque_limits(
-    robot: Robot, tau: np.ndarray, commands: tuple[int, ...], table: Place
-) -> Iterator[Remark]:
+def _torque_limits(robot: Robot, tau: np.ndarray, commands: tuple[int, ...]) -> Iterator[Finding]:
     """Torques that the drives do not have."""
     for j, joint in enumerate(robot.joints):
         limit = joint.torque_limit
         largest = float(np.abs(tau[:, j]).max())
         if limit and j not in commands and largest > ABOVE * limit:
             unit = "N m" if joint.kind == "revolute" else "N"
-            yield Remark(
+            yield TORQUE_LIMIT.finding(
                 "warning",
-                "limits",
-                "torque",
                 f"The torque of {joint.name} reaches {largest:.4g} {unit}; its limit is "
                 f"{limit:.4g} {unit}.",
                 joint.name,
                 "Check unit, side and drive gain of tau, or the limit of the description.",
-                place=(*table, "units", "tau"),
-                evidence={"torque": Quantity(largest, unit), "limit": Quantity(limit, unit)},
+                {"torque": Quantity(largest, unit), "limit": Quantity(limit, unit)},
             )

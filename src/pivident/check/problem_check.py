@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from pivident.check.actuators_check import check_actuators
 from pivident.check.filters_check import check_filters
 from pivident.check.plan import Plan, plan_of
-from pivident.check.remark import Place, Remark, of_error
+from pivident.check.remark import Remark, of_error, of_finding
 from pivident.check.stability_check import check_stability
 from pivident.dynamics.base_parameters import base_parameters, parameter_index
 from pivident.errors import PividentError
@@ -25,7 +26,12 @@ from pivident.logs.clocks.timestamps import LOWEST_RATE
 from pivident.motion.planted_feet import on_planted_feet
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
+from pivident.text.finding import Finding, FindingKind, Topic
+from pivident.text.repair import Edit, Place, Repair
 from pivident.validation.held_out.folds import Division, division_of
+
+#: Another number of held-out blocks than the file asks for.
+FOLDS = FindingKind(Topic("validation"), "folds", ("validation", "folds"))
 
 
 class ProblemCheck:
@@ -42,11 +48,14 @@ class ProblemCheck:
         self._experiment, self._content = experiment, experiment.content
         methods = self._methods()
         self._output()
-        self.remarks += check_filters(methods, [r for _, r in recordings])
+        self._say(check_filters(methods, [r for _, r in recordings]))
         if robot is not None:
             fitted = [r for place, r in recordings if place[0] == "recording"]
             unseen = [r for place, r in recordings if place[0] == "validation"]
             self._of_robot(robot, methods, fitted, unseen)
+
+    def _say(self, findings: Iterable[Finding]) -> None:
+        self.remarks += [of_finding(finding) for finding in findings]
 
     def _methods(self) -> dict[str, Method]:
         try:
@@ -74,9 +83,9 @@ class ProblemCheck:
             kind, source = ("", "") if law is None else (law.type, law.source)
             if not unseen:
                 division = division_of(problem, folds, self._content.validation.gap)
-                self.remarks += _folds(division)
+                self._say(_folds(division))
                 folds = division.count
-            self.remarks += _without_torque(problem, methods)
+            self._say(_without_torque(problem, methods))
             self.plan = plan_of(problem, methods, unseen, folds, kind, source)
 
     def _joints(self, robot: Robot) -> None:
@@ -108,7 +117,7 @@ class ProblemCheck:
                 loop = None
             else:
                 self._stability(robot, fitted)
-                self.remarks += check_actuators(law, robot, fitted)
+                self._say(check_actuators(law, robot, fitted))
         try:
             check_torque(self._content)
         except PividentError as error:
@@ -149,7 +158,7 @@ class ProblemCheck:
         rate = first.control_rate or first.rate
         if rate < LOWEST_RATE:
             return
-        self.remarks += check_stability(robot, law, rate, np.mean(first.q, axis=0))
+        self._say(check_stability(robot, law, rate, np.mean(first.q, axis=0)))
 
     def _output(self) -> None:
         folder = self._experiment.output or Path(f"{self._experiment.path.stem}-results")
@@ -159,26 +168,19 @@ class ProblemCheck:
             self.remarks.append(of_error(error, "file", ("output", "folder")))
 
 
-def _without_torque(problem: Problem, methods: dict[str, Method]) -> Iterator[Remark]:
+def _without_torque(problem: Problem, methods: dict[str, Method]) -> Iterator[Finding]:
     """What positions alone cannot tell, and methods that take a computed torque for a measured."""
     for finding in problem.findings:
         if finding.topic == TOPIC:
-            yield Remark(**vars(finding), place=("controller",))
+            yield replace(finding, place=("controller",))
     for method in methods.values():
         for finding in method.about_torques(problem.recordings):
-            yield Remark(
-                **(vars(finding) | {"subject": method.label}), place=("identify", "methods")
-            )
+            yield replace(finding, subject=method.label, place=("identify", "methods"))
 
 
-def _folds(division: Division) -> Iterator[Remark]:
+def _folds(division: Division) -> Iterator[Finding]:
     """Another number of blocks than the file asks for."""
     if division.reason:
-        yield Remark(
-            "warning",
-            "validation",
-            "folds",
-            division.line,
-            next_step=f"Set folds = {division.count} under [validation].",
-            place=("validation", "folds"),
-        )
+        step = f"Set folds = {division.count} under [validation]."
+        repairs = [Repair((Edit(FOLDS.place, division.count),))]
+        yield FOLDS.finding("warning", division.line, "", step, repairs=repairs)

@@ -6,16 +6,23 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pivident.check.remark import Place, Remark
 from pivident.recording.recording import Recording
+from pivident.text.finding import Finding, FindingKind, Topic
+from pivident.text.repair import Edit, Place, Repair
+
+#: What this check looks at.
+RECORDINGS = Topic("recordings")
+
+SAME_RUN = FindingKind(RECORDINGS, "same run")
+RATES = FindingKind(RECORDINGS, "rates")
 
 #: What tables of recordings are for, by the table's first key.
 PURPOSE = {"validation": "judged on", "payload": "with the load", "gains": "with the payload"}
 
 
-def check_recordings(recordings: Sequence[tuple[Place, Recording]]) -> list[Remark]:
+def check_recordings(recordings: Sequence[tuple[Place, Recording]]) -> list[Finding]:
     """Runs that appear twice, and runs of different rates."""
-    remarks: list[Remark] = []
+    findings: list[Finding] = []
     for k, (place, second) in enumerate(recordings):
         for other, first in recordings[:k]:
             if not _same_motion(first, second):
@@ -30,32 +37,29 @@ def check_recordings(recordings: Sequence[tuple[Place, Recording]]) -> list[Rema
                 )
             elif purpose is not None and place[0] != other[0]:
                 step = f"The record {purpose} must be another run; name its file."
-            remarks.append(
-                Remark(
+            findings.append(
+                SAME_RUN.finding(
                     "error",
-                    "recordings",
-                    "same run",
                     f"{here} is the same motion as {there} ({', '.join(_files(second))}).",
                     second.name,
                     step,
                     place=(*place, "files"),
+                    repairs=[Repair((Edit(place),), "Remove this run.")],
                 )
             )
             break
     rates = {recording.rate for _, recording in recordings}
     if len(rates) > 1 and max(rates) > 1.5 * min(rates):
         listed = ", ".join(f"{r.name} {r.rate:.5g} Hz" for _, r in recordings)
-        remarks.append(
-            Remark(
+        findings.append(
+            RATES.finding(
                 "warning",
-                "recordings",
-                "rates",
                 f"The recordings have different rates: {listed}.",
                 next_step="This is allowed; check that all come from the same loop.",
                 place=(*recordings[-1][0], "rate"),
             )
         )
-    return remarks
+    return findings
 
 
 def _same_motion(first: Recording, second: Recording) -> bool:

@@ -5,50 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 from pivident.errors import PividentError
 from pivident.text.finding import SEVERITIES, Finding
-
-#: Tables and keys of an experiment file, such as ``("recording", 0, "units", "q")``.
-Place = tuple[int | str, ...]
-
-#: Where the findings of an audit are fixed, below the table of their recording.
-KEYS: dict[tuple[str, str], Place] = {
-    ("timing", "no clock"): ("columns", "t"),
-    ("timing", "no stamp"): ("columns", "t"),
-    ("timing", "rate"): ("units", "t"),
-    ("timing", "drift"): ("rate",),
-    ("timing", "gap"): ("part",),
-    ("timing", "backward"): ("part",),
-    ("timing", "jitter"): ("resample",),
-    ("channels", "clipped"): ("saturation",),
-    ("channels", "frozen"): ("part",),
-    ("channels", "wrapped"): ("columns", "q"),
-    ("scale", "reach"): ("units", "q"),
-    ("scale", "speed"): ("units", "q"),
-    ("scale", "angle unit"): ("units", "q"),
-    ("scale", "joint angle unit"): ("units", "q"),
-    ("scale", "side"): ("side",),
-    ("scale", "gain"): ("units", "tau"),
-    ("scale", "assumed"): ("units", "tau"),
-    ("order", "order"): ("columns", "tau"),
-    ("delay", "late"): ("delay",),
-    ("delay", "early"): ("delay",),
-    ("delay", "joint late"): ("columns", "tau"),
-    ("power", "sign"): ("units", "tau"),
-    ("power", "weight"): ("units", "tau"),
-    ("speed", "derivative"): ("columns", "dq_ref"),
-    ("motion", "standstill"): ("columns", "q"),
-    ("timing", "rate change"): ("part",),
-    ("channels", "break"): ("part",),
-    ("methods", "median"): ("bandpass", "median"),
-}
-
-#: Findings of single kinds that are fixed in the robot's table, by its key.
-IN_ROBOT = {("power", "gravity at rest"): "gravity", ("scale", "load"): "model"}
-
-#: Findings that are fixed elsewhere than in the table of their recording.
-ELSEWHERE: dict[str, Place] = {"excitation": ("identify", "parameters"), "model": ("robot",)}
+from pivident.text.repair import Place, Repair, Respelt, placed
 
 
 @dataclass(frozen=True)
@@ -56,12 +17,10 @@ class Remark(Finding):
     """A finding about an experiment, with its place in the file.
 
     Attributes:
-        place: tables and keys of the experiment file where it is changed.
         line: its line in the file, counted from 1, or None.
         refused: whether an identification would stop at it.
     """
 
-    place: Place = ()
     line: int | None = None
     refused: bool = False
 
@@ -76,29 +35,42 @@ class Remark(Finding):
             named += f" {'.'.join(parts[1:])}"
         return ", ".join(filter(None, ("" if self.line is None else f"line {self.line}", named)))
 
+    def as_json(self) -> dict[str, Any]:
+        """As of every finding; the place is always there."""
+        return super().as_json() | {"place": list(self.place)}
+
     @property
     def group(self) -> tuple[object, ...]:
         """As of every finding; what is changed elsewhere is another remark."""
         return *super().group, self.place, self.refused
 
 
-def of_finding(finding: Finding, table: Place) -> Remark:
-    """A finding of an audit as a remark about the experiment file."""
-    kind = (finding.topic, finding.kind)
-    if kind in IN_ROBOT:
-        place: Place = ("robot", IN_ROBOT[kind])
-    elif finding.topic in ELSEWHERE:
-        place = ELSEWHERE[finding.topic]
-    else:
-        place = (*table, *KEYS.get(kind, ("files",)))
-    return Remark(**vars(finding), place=place)
+def of_finding(finding: Finding, table: Place = (), refused: bool = False) -> Remark:
+    """A finding as a remark about the experiment file.
+
+    Args:
+        finding: of a check.
+        table: of the recording that it is about.
+        refused: whether an identification stops at it, besides those of its kind.
+    """
+    return Remark(
+        **vars(finding)
+        | {
+            "place": placed(finding.place, table),
+            "repairs": tuple(repair.below(table) for repair in finding.repairs),
+        },
+        refused=refused or (finding.declared is not None and finding.declared.stops),
+    )
 
 
 def of_error(error: PividentError, check: str, table: Place = (), kind: str = "refused") -> Remark:
     """An error that an identification would end with; it says its place below the table itself."""
     sentence, step = split_advice(" ".join(error.sentence.split()))
     place = (*(error.table or table), *error.place)
-    return Remark("error", check, kind, sentence, next_step=step, place=place, refused=True)
+    repairs = () if error.meant is None else (Repair((Respelt(place, error.meant),)),)
+    return Remark(
+        "error", check, kind, sentence, "", step, place=place, repairs=repairs, refused=True
+    )
 
 
 def split_advice(text: str) -> tuple[str, str]:

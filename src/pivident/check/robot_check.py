@@ -8,10 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from pivident.check.remark import Remark
 from pivident.robot.description import Joint, Link, Robot
 from pivident.robot.inertia import Body
-from pivident.text.finding import Quantity, Severity
+from pivident.text.finding import Finding, FindingKind, Quantity, Severity, Topic
+
+#: What this check looks at.
+ROBOT = Topic("robot")
 
 #: Limits beyond these are degrees or millimetres that nobody converted.
 MAX_ANGLE, MAX_TRAVEL = 30.0, 50.0
@@ -32,14 +34,14 @@ HEAVY, SMALLEST = 20.0, 0.02
 EARTH, TOLERANCE = 9.81, 0.5
 
 
-def check_robot(robot: Robot, model: str) -> list[Remark]:
+def check_robot(robot: Robot, model: str) -> list[Finding]:
     """Everything about a description that no machine has, or that an identification would miss."""
     file = Path(model).name
-    remarks = [*_gravity(robot)]
+    findings = [*_gravity(robot)]
     robot = robot.on_fixed_base  # nobody describes a measured base
     tree = robot.tree
     for joint, link in zip(tree.joints, tree.links, strict=True):
-        remarks += [*_limits(joint, file), *_distance(joint, file), *_body(joint, link, file)]
+        findings += [*_limits(joint, file), *_distance(joint, file), *_body(joint, link, file)]
     massless = [link.name for link in tree.links if link.is_body and not np.any(link.inertia)]
     if massless:
         text = f"No link in {file} has a mass."
@@ -50,7 +52,7 @@ def check_robot(robot: Robot, model: str) -> list[Remark]:
             "of mass, centre of mass and inertia. Gains and signs of the torque cannot be "
             "compared with the description."
         )
-        remarks.append(_robot_remark("warning", "no masses", text, step))
+        findings.append(_finding("warning", "no masses", text, step))
     unrated = [j.name for j in robot.joints if j.rated_speed is None]
     if unrated:
         message = f"The description has no rated speed of {', '.join(unrated)}."
@@ -58,25 +60,25 @@ def check_robot(robot: Robot, model: str) -> list[Remark]:
             "The mask uses the fastest motion of the record instead, the friction law "
             "5 rad/s; give velocity under <limit> of the URDF, or rated_speed."
         )
-        remarks.append(_robot_remark("warning", "rated speed", message, step))
-    return remarks
+        findings.append(_finding("warning", "rated speed", message, step))
+    return findings
 
 
-def _robot_remark(
+def _finding(
     severity: Severity,
-    kind: str,
+    name: str,
     message: str,
     next_step: str,
     joint: str = "",
     numbers: Mapping[str, Quantity] | None = None,
     key: str = "model",
-) -> Remark:
-    """A remark about the table ``[robot]``."""
-    place = ("robot", key)
-    return Remark(severity, "robot", kind, message, joint, next_step, numbers or {}, place=place)
+) -> Finding:
+    """A finding about the table ``[robot]``."""
+    kind = FindingKind(ROBOT, name, ("robot", key))
+    return kind.finding(severity, message, joint, next_step, numbers)
 
 
-def _gravity(robot: Robot) -> Iterator[Remark]:
+def _gravity(robot: Robot) -> Iterator[Finding]:
     size = float(np.linalg.norm(robot.gravity))
     if size == 0.0:
         text = "Gravity is zero in the description."
@@ -84,15 +86,15 @@ def _gravity(robot: Robot) -> Iterator[Remark]:
             "That is right only if no joint carries weight; otherwise set gravity = [0, 0, -9.81] "
             "(m/s², in the base frame)."
         )
-        yield _robot_remark("warning", "no gravity", text, step, key="gravity")
+        yield _finding("warning", "no gravity", text, step, key="gravity")
     elif abs(size - EARTH) > TOLERANCE:
         cause = "in units of g" if abs(size - 1.0) < 0.1 else "in another unit"
         text = f"Gravity is {size:.4g} m/s² in the description, 9.81 m/s² on Earth."
         step = f"It may have been given {cause}; it is a vector in m/s² in the base frame."
-        yield _robot_remark("error", "gravity", text, step, key="gravity")
+        yield _finding("error", "gravity", text, step, key="gravity")
 
 
-def _limits(joint: Joint, file: str) -> Iterator[Remark]:
+def _limits(joint: Joint, file: str) -> Iterator[Finding]:
     turning = joint.kind == "revolute"
     unit, other = ("rad", "degrees") if turning else ("m", "millimetres")
     if joint.position_limits is not None:
@@ -105,7 +107,7 @@ def _limits(joint: Joint, file: str) -> Iterator[Remark]:
                 "cannot be recognised with them."
             )
             evidence = {"lower": Quantity(low, unit), "upper": Quantity(high, unit)}
-            yield _robot_remark("error", "position limits", text, step, joint.name, evidence)
+            yield _finding("error", "position limits", text, step, joint.name, evidence)
     speed = joint.rated_speed
     if speed is not None and speed > (MAX_TURN_SPEED if turning else MAX_SLIDE_SPEED):
         text = f"The rated speed of {joint.name} is {speed:.4g} {unit}/s in {file}."
@@ -114,20 +116,18 @@ def _limits(joint: Joint, file: str) -> Iterator[Remark]:
             "here is most of the record."
         )
         evidence = {"speed": Quantity(speed, f"{unit}/s")}
-        yield _robot_remark("error", "rated speed", text, step, joint.name, evidence)
+        yield _finding("error", "rated speed", text, step, joint.name, evidence)
 
 
-def _distance(joint: Joint, file: str) -> Iterator[Remark]:
+def _distance(joint: Joint, file: str) -> Iterator[Finding]:
     far = float(np.linalg.norm(joint.translation))
     if far > MAX_DISTANCE:
         text = f"The axis of {joint.name} is {far:.4g} m from its parent's in {file}."
         step = "Its origin may be in millimetres; lengths are in metres."
-        yield _robot_remark(
-            "error", "lengths", text, step, joint.name, {"distance": Quantity(far, "m")}
-        )
+        yield _finding("error", "lengths", text, step, joint.name, {"distance": Quantity(far, "m")})
 
 
-def _body(joint: Joint, link: Link, file: str) -> Iterator[Remark]:
+def _body(joint: Joint, link: Link, file: str) -> Iterator[Finding]:
     """What no rigid body has: its moments must be positive, none larger than the two others."""
     if not np.any(link.inertia):
         return
@@ -136,13 +136,13 @@ def _body(joint: Joint, link: Link, file: str) -> Iterator[Remark]:
     if body.mass == 0.0:
         text = f"The mass {place} is 0 kg, but it has an inertia."
         step = "Give the mass in kg, or leave the inertia out too."
-        yield _robot_remark("error", "no mass", text, step, joint.name)
+        yield _finding("error", "no mass", text, step, joint.name)
         return
     away = float(np.linalg.norm(body.center_of_mass))
     if away > MAX_DISTANCE:
         text = f"The centre of mass {place} is {away:.4g} m from its joint."
         step = "It may be in millimetres; lengths are in metres."
-        yield _robot_remark(
+        yield _finding(
             "error", "centre of mass", text, step, joint.name, {"distance": Quantity(away, "m")}
         )
         return
@@ -158,14 +158,14 @@ def _body(joint: Joint, link: Link, file: str) -> Iterator[Remark]:
             "kg m²."
         )
         step = "Check the signs, and that it is taken about the centre of mass, not the joint."
-        yield _robot_remark("error", "inertia", text, step, joint.name, principal)
+        yield _finding("error", "inertia", text, step, joint.name, principal)
     elif moments[2] > (moments[0] + moments[1]) * (1 + ROUNDING) + ROUNDING * scale:
         text = (
             f"No body has the inertia {place}: of its principal moments, {numbers} kg m², one is "
             "larger than the two others together."
         )
         step = "Check the elements; a CAD program may give them about another point."
-        yield _robot_remark("warning", "inertia", text, step, joint.name, principal)
+        yield _finding("warning", "inertia", text, step, joint.name, principal)
     elif body.mass > HEAVY and 0 < scale < body.mass * SMALLEST**2:
         text = (
             f"The mass {place} is {body.mass:.4g} kg within "
@@ -176,7 +176,7 @@ def _body(joint: Joint, link: Link, file: str) -> Iterator[Remark]:
             "mass": Quantity(body.mass, "kg"),
             "radius": Quantity(1e3 * math.sqrt(scale / body.mass), "mm", digits=3),
         }
-        yield _robot_remark("error", "mass", text, step, joint.name, evidence)
+        yield _finding("error", "mass", text, step, joint.name, evidence)
     elif scale > body.mass * 3.0**2:
         radius = math.sqrt(scale / body.mass)
         text = f"The inertia {place} is that of {body.mass:.3g} kg spread over {radius:.3g} m."
@@ -185,4 +185,4 @@ def _body(joint: Joint, link: Link, file: str) -> Iterator[Remark]:
             "mass": Quantity(body.mass, "kg", digits=3),
             "radius": Quantity(radius, "m", digits=3),
         }
-        yield _robot_remark("error", "inertia", text, step, joint.name, evidence)
+        yield _finding("error", "inertia", text, step, joint.name, evidence)

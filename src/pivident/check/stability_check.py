@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from pivident.check.gains_check import of_joint
-from pivident.check.remark import Remark
+from pivident.check.gains_check import CONTROLLER, of_joint
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.forward import mass_matrix
 from pivident.dynamics.parameters import nominal_values
 from pivident.experiment.schema import ControllerEntry
 from pivident.robot.description import Robot
+from pivident.text.finding import Finding, FindingKind
+
+UNSTABLE = FindingKind(CONTROLLER, "unstable")
 
 #: Growth per control period from which a loop is called unstable.
 GROWTH = 1.002
@@ -18,7 +20,7 @@ GROWTH = 1.002
 
 def check_stability(
     robot: Robot, entry: ControllerEntry, rate: float, posture: np.ndarray
-) -> list[Remark]:
+) -> list[Finding]:
     """Whether the sampled loop around the described robot holds a posture.
 
     With M the mass matrix, x = (δq, δdq) and a torque held for a period h,
@@ -58,10 +60,8 @@ def check_stability(
         causes = "The description has no rotor inertias, which count in full behind a gear: give "
         causes += "rotor_inertia under [robot]. Else check the units of kp and kd."
     return [
-        Remark(
+        UNSTABLE.finding(
             "warning" if bare else "error",
-            "controller",
-            "unstable",
             f"The loop of {worst} is unstable with these gains at {rate:.5g} Hz: errors grow by a "
             f"factor of {growth:.3g} in each control period.",
             worst,

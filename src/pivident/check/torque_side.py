@@ -21,16 +21,19 @@ from typing import Literal
 import numpy as np
 
 from pivident.audit.blocked_fit import jackknife
+from pivident.audit.examination import Examination, LogCheck
 from pivident.audit.inverse_model import InverseModel, build_inverse_model
 from pivident.audit.timing import Timing
-from pivident.check.remark import Place, Remark
 from pivident.dynamics.forward import mass_matrix
 from pivident.errors import PividentError
 from pivident.logs.log import Log
 from pivident.robot.description import Robot, TorqueSide
 from pivident.robot.friction import DEFAULT_FRICTION
-from pivident.text.finding import Quantity
+from pivident.text.finding import Finding, FindingKind, Quantity, Topic
 from pivident.text.numbers import plus_minus
+from pivident.text.repair import setting
+
+TORQUE_SIDE = FindingKind(Topic("scale"), "torque side", ("recording", "torque_side"))
 
 #: Share of rotors, over all joints, that says that there are none …
 NO_ROTORS = 0.05
@@ -130,9 +133,26 @@ def torque_side_evidence(log: Log, timing: Timing, model: InverseModel) -> Torqu
     )
 
 
+@dataclass(frozen=True)
+class TorqueSideCheck(LogCheck):
+    """The declared side of the torques.
+
+    Attributes:
+        declared: ``motor`` or ``link``.
+    """
+
+    name = "torque side"
+    declared: TorqueSide
+
+    def examine(self, seen: Examination) -> Examination:
+        """See `LogCheck.examine`."""
+        findings = check_torque_side(seen.log, seen.timing, seen.model, self.declared)
+        return seen.after(self.name, findings)
+
+
 def check_torque_side(
-    log: Log, timing: Timing, model: InverseModel, declared: TorqueSide, table: Place
-) -> list[Remark]:
+    log: Log, timing: Timing, model: InverseModel, declared: TorqueSide
+) -> list[Finding]:
     """A declared side that the log contradicts."""
     try:
         found = torque_side_evidence(log, timing, model)
@@ -143,20 +163,22 @@ def check_torque_side(
     share, error = (100.0 * x for x in found.pooled)
     interval = (share - 2.0 * error, share + 2.0 * error)
     evidence = {"rotors": Quantity(share, "%", interval=interval)}
-    place = (*table, "torque_side")
     if declared == "motor":
         text = f"The torques seem to be those of sensors behind the gears: {found}."
         step = (
             'If they are, set torque_side = "link" under [recording]; rotors and friction of the '
             "drives are then no part of the model."
         )
-        return [Remark("warning", "scale", "torque side", text, "", step, evidence, place=place)]
+        words = 'Declare what the torque measures: torque_side = "link".'
+        repairs = [setting("torque_side", value="link", words=words)]
+        return [TORQUE_SIDE.finding("warning", text, "", step, evidence, repairs=repairs)]
     text = (
         'torque_side = "link" says that the torques are those of sensors behind the gears, but '
         f"these move the rotors of {', '.join(found.with_rotor)}: {found}."
     )
     step = 'They seem to be torques of the motors: remove torque_side = "link".'
-    return [Remark("error", "scale", "torque side", text, "", step, evidence, place=place)]
+    repairs = [setting("torque_side")]
+    return [TORQUE_SIDE.finding("error", text, "", step, evidence, repairs=repairs)]
 
 
 def _has_rotors_and_friction(robot: Robot) -> bool:

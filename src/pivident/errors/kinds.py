@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Self
 
@@ -19,10 +19,12 @@ class PividentError(Exception):
         place: keys below the table of an experiment file that is being read, whose value the error
             is about; empty where nobody has said it.
         table: the table itself, where it is another one than that being read.
+        meant: a name that is not known, and the nearest one that is; None where there is none.
     """
 
     place: tuple[str, ...] = ()
     table: tuple[str, ...] = ()
+    meant: tuple[str, str] | None = None
     _sentence = ""
 
     @property
@@ -33,6 +35,11 @@ class PividentError(Exception):
     def about(self, *keys: str) -> Self:
         """The same error, about the value of these keys if it has no place yet."""
         self.place = self.place or keys
+        return self
+
+    def naming(self, name: str, near: Sequence[str]) -> Self:
+        """The same error, about a name that is not known; ``near``: those that are like it."""
+        self.meant = (name, near[0]) if near else None
         return self
 
     def __str__(self) -> str:
@@ -60,6 +67,7 @@ class ExperimentError(PividentError, ValueError):
         """The error with a file or a table in front of its message; its place stays."""
         made = type(self)(f"{heading} {self}")
         made._sentence, made.table, made.place = self.sentence, self.table, self.place
+        made.meant = self.meant
         return made
 
     def within(self, table: str, *keys: str) -> Self:

@@ -36,6 +36,11 @@ class Stretches:
         """First and last time of the longest stretch [s]."""
         return max(self.parts, key=lambda part: part[1] - part[0])
 
+    @property
+    def listed(self) -> list[tuple[float, float]]:
+        """The longest stretches, in order of time: those that are worth a line [s]."""
+        return sorted(sorted(self.parts, key=lambda part: part[0] - part[1])[:LISTED])
+
     def advice(self) -> str:
         """What the gaps cost, and what to write into the experiment file, as a half sentence."""
         fill = "set resample = true" if self.resample else ""
@@ -45,9 +50,8 @@ class Stretches:
         kept = f"{length:.4g} s of {self.seconds:.4g} s"
         text = f"write {written(self.longest)} to keep the longest stretch between gaps, {kept}"
         if len(self.parts) > 1:
-            first = sorted(self.parts, key=lambda part: part[0] - part[1])[:LISTED]
-            listed = ", ".join(written(part) for part in sorted(first))
-            number = "both" if len(self.parts) == 2 else f"the {len(first)} longest"
+            listed = ", ".join(map(written, self.listed))
+            number = "both" if len(self.parts) == 2 else f"the {len(self.listed)} longest"
             number = "each" if 2 < len(self.parts) <= LISTED else number
             text += f", or one table [[recording]] for {number}: {listed}"
         costs = [f"{self.lost:.3g} s are lost inside the gaps"] if self.lost else []
@@ -91,6 +95,7 @@ class PositionsBeyondLimits(RecordingError):
         position: the farthest one [unit].
         limits: of the joint [unit].
         unit: ``rad`` or ``m``.
+        likely_unit: the unit that they may be in, where nobody has given one; else empty.
         fact: what is wrong, without the next step.
         advice: the next step.
     """
@@ -102,9 +107,11 @@ class PositionsBeyondLimits(RecordingError):
         position: float,
         limits: tuple[float, float],
         unit: str,
+        likely_unit: str,
         advice: str,
     ) -> None:
         self.channel, self.joint, self.position = channel, joint, position
+        self.likely_unit = likely_unit
         self.limits, self.unit, self.advice = limits, unit, advice
         self.about("columns", *channel.split("."))
         low, high = limits
@@ -367,6 +374,7 @@ class UnknownColumn(FileFormatError):
                 "name them in their order with column_names under [recording]"
             )
         super().__init__(f"{file} has no column or array {column!r}; {hint}")
+        self.naming(column, self.near)
 
 
 class BadCell(FileFormatError):

@@ -1,8 +1,8 @@
 """The last word on a motion: every limit on a grid ten times finer than that of the search.
 
-Positions, speeds and accelerations are smooth, and so fine a grid shows them. Torques are not, where
-a joint turns round and its friction changes sides, and neither are distances, where another corner
-becomes the nearest: both are bounded between its samples, too.
+Positions, speeds and accelerations are smooth, and so fine a grid shows them. Torques are not,
+where a joint turns round and friction changes sides, and neither are distances, where another
+corner becomes the nearest: both are bounded between its samples, too.
 
 A distance d changes no faster than the joints allow, |ḋ| ≤ L = Σ_i |dq_i| |∂d/∂q_i|, with bounds of
 the slopes that hold in every posture. Between samples h apart it is therefore at least

@@ -11,7 +11,7 @@ from pivident.errors import ExperimentError
 from pivident.experiment.identify_table import METHOD_ENTRIES
 from pivident.experiment.schema import ExperimentFile
 from pivident.robot.mdh_schema import addition, keys_at, short
-from pivident.robot.naming import nearest
+from pivident.robot.naming import near_names, nearest
 
 #: What is called otherwise here, where such a key exists.
 MEANT = {
@@ -41,6 +41,7 @@ class Problem(NamedTuple):
     location: tuple[int | str, ...]  # tables and keys of the value at fault
     sentence: str  # what is wrong, in words
     unknown: bool  # whether its last key is not known
+    meant: tuple[str, str] | None = None  # a name that is not known, and the nearest one that is
 
 
 def validated(content: dict[str, Any]) -> ExperimentFile:
@@ -78,6 +79,7 @@ def every_problem(plain: dict[str, Any], root: type[BaseModel] = ExperimentFile)
                 (*details["loc"], *getattr(details.get("ctx", {}).get("error"), "place", ())),
                 explained(details, plain, root)[1],
                 details["type"] == "extra_forbidden",
+                _meant(details, root),
             )
             for details in _causes(error.errors())
         ]
@@ -110,8 +112,8 @@ def _sentence(details: Any, table: str, key: str, root: type[BaseModel]) -> str:
     if details["type"] == "extra_forbidden":
         *above, last = details["loc"]
         known = keys_at(root, above)
-        meant = [key for key in MEANT.get(str(last).lower(), ()) if key in known]
-        hint = f"did you mean {meant[0]!r}?" if meant else nearest(str(last), known)
+        synonyms = _synonyms(str(last), known)
+        hint = f"did you mean {synonyms[0]!r}?" if synonyms else nearest(str(last), known)
         if last in GONE.get(str(above[0] if above else ""), {}):
             return f"key {key!r} is gone: {GONE[str(above[0])][last]}"
         if not above:
@@ -138,6 +140,21 @@ def _sentence(details: Any, table: str, key: str, root: type[BaseModel]) -> str:
     if isinstance(details["input"], dict) or value.endswith("…"):
         return f"key {key!r}: {message}"
     return f"key {key!r} = {value}: {message}"
+
+
+def _synonyms(key: str, known: Sequence[str]) -> list[str]:
+    """Known keys that mean what a key is called elsewhere."""
+    return [name for name in MEANT.get(key.lower(), ()) if name in known]
+
+
+def _meant(details: Any, root: type[BaseModel]) -> tuple[str, str] | None:
+    """A name that is not known, with the nearest one that is; None where there is none."""
+    if details["type"] != "extra_forbidden":
+        return getattr(details.get("ctx", {}).get("error"), "meant", None)
+    *above, last = details["loc"]
+    known = keys_at(root, above)
+    near = _synonyms(str(last), known) or near_names(str(last), known)
+    return (str(last), near[0]) if near else None
 
 
 def plain_form(content: dict[str, Any]) -> dict[str, Any]:

@@ -32,7 +32,10 @@ from pivident.experiment.table_values import Mask, Names
 from pivident.options import declarations
 from pivident.robot.mdh_schema import Entry, key
 from pivident.robot.naming import nearest
-from pivident.text.finding import Finding
+from pivident.text.finding import Finding, FindingKind, Topic
+
+#: A median filter that not all methods have.
+MEDIAN = FindingKind(Topic("methods"), "median", ("identify", "bandpass", "median"))
 
 #: Names of methods, those of consistent estimates included.
 METHOD_NAMES = (*METHODS, *CONSISTENT_METHODS)
@@ -271,7 +274,7 @@ def median_finding(methods: Mapping[str, Method]) -> Finding | None:
         "Positions that leave the motion and come back are left out of all methods without it; "
         "repair smaller outliers in the log."
     )
-    return Finding("warning", "methods", "median", text, "", step)
+    return MEDIAN.finding("warning", text, "", step)
 
 
 @contextmanager

@@ -107,8 +107,9 @@ def check_within_reach(channel: str, q: np.ndarray, robot: Robot, unit: object =
             '"motor", with the reduction of the gears'
         )
         if own is not None and own != si:
+            other = ""
             advice = f"check the unit {own!r}, position_offset and the limits of the robot"
-        raise PositionsBeyondLimits(channel, joint.name, farthest, (low, high), si, advice)
+        raise PositionsBeyondLimits(channel, joint.name, farthest, (low, high), si, other, advice)
 
 
 def check_not_saturated(

@@ -1,45 +1,25 @@
 """What a remark of the check asks for as edits of the experiment file, ready to be applied.
 
-Where a remark gives a setting, ``Set delay = 0.0103``, that is the fix. Others follow from what was
-found: a sign is reversed by a factor of -1, columns take the order that fits. A remark that leaves
-open what is right has no fix.
+A remark carries its repairs as data; here they become the buttons beside it. Those that the file
+contradicts are left out, and a remark that leaves open what is right has none.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from pivident.errors import ExperimentError, PividentError
+from pivident.experiment.explained import plain_form
+from pivident.experiment.repairs import FileContent, edits_of
 from pivident.studio.edits import changed, refuse_new_problems
-from pivident.studio.fix_columns import (
-    command_gain,
-    fixed_columns,
-    loop_gain,
-    opposite_sense,
-    order_of_columns,
-    order_of_reference,
-    order_of_torques,
-    reversed_reference,
-    reversed_torque,
-    unit_of_time,
-    unnamed_torque,
-    without_joint,
-    zero_position,
-)
-from pivident.studio.fix_settings import (
-    advised,
-    declared_rate,
-    gap,
-    long_delay,
-    one_setting,
-    renamed,
-    superfluous,
-    wrong_name,
-)
-from pivident.studio.remark_case import Edits, RemarkCase
-from pivident.text.toml_places import Place
+from pivident.text.repair import Place, Repair
+from pivident.text.toml import parse_toml
+from pivident.text.toml_values import value_text
+
+#: Places and their new values as TOML, in their order; None: removed.
+Edits = tuple[tuple[Place, str | None], ...]
 
 
 @dataclass(frozen=True)
@@ -55,75 +35,42 @@ class Fix:
     edits: Edits
 
 
-Maker = Callable[[RemarkCase], Iterator[tuple[str, Edits]]]
-
-#: Makers of fixes by topic and kind of a remark.
-MAKERS: dict[tuple[str, str], tuple[Maker, ...]] = {
-    ("delay", "late"): (advised,),
-    ("delay", "early"): (advised,),
-    ("timing", "delay"): (long_delay,),
-    ("timing", "jitter"): (advised,),
-    ("timing", "gap"): (gap,),
-    ("timing", "rate change"): (advised,),
-    ("timing", "rate"): (unit_of_time,),
-    ("timing", "drift"): (declared_rate,),
-    ("timing", "control rate"): (advised, superfluous("control_rate")),
-    ("channels", "clipped"): (
-        one_setting("saturation", '"allow"', "Accept the torques that are cut off"),
-    ),
-    ("channels", "constant"): (
-        without_joint,
-        one_setting("allow_constant", "true", "Accept joints that do not move"),
-    ),
-    ("motion", "standstill"): (without_joint,),
-    ("order", "order"): (order_of_torques,),
-    ("power", "sign"): (reversed_torque,),
-    ("power", "gives energy"): (reversed_torque,),
-    ("scale", "angle unit"): (advised,),
-    ("scale", "side"): (advised,),
-    ("scale", "gain"): (advised, command_gain),
-    ("scale", "torque side"): (advised, superfluous("torque_side")),
-    ("scale", "reach"): (advised,),
-    ("speed", "derivative"): (fixed_columns,),
-    ("geometry", "gravity"): (advised,),
-    ("geometry", "zero"): (zero_position,),
-    ("geometry", "sense"): (opposite_sense,),
-    ("reference", "unit"): (advised, reversed_reference),
-    ("reference", "order"): (order_of_reference,),
-    ("columns", "unit"): (advised,),
-    ("columns", "joint order"): (order_of_columns,),
-    ("columns", "torque not named"): (unnamed_torque,),
-    ("controller", "gravity"): (advised,),
-    ("controller", "gain"): (loop_gain,),
-    ("controller", "limit"): (superfluous("limit"),),
-    ("recordings", "same run"): (superfluous(""),),
-    ("file", "unknown key"): (renamed, superfluous("")),
-    ("file", "value"): (superfluous(""),),
-}
-
-
 def fixes(remark: Mapping[str, Any], text: str) -> tuple[Fix, ...]:
     """Ways to do what a remark asks for, the most likely first; empty where none is definite.
 
     Each has been tried on the text.
 
     Args:
-        remark: an entry of ``check.json``.
+        remark: an entry of ``check.json``, with ``joints``, the names of the robot's joints.
         text: the experiment file that was checked.
     """
-    try:
-        case = RemarkCase.of(remark, text)
-    except (ExperimentError, ValueError):
-        return ()
-    makers = MAKERS.get((case.topic, case.kind), ())
-    makers = (*makers, wrong_name) if remark.get("refused") else makers
-    found: list[Fix] = []
-    for maker in makers:
-        for words, edits in maker(case):
-            fix = Fix(words, edits)
-            if all(fix.edits != other.edits for other in found) and _works(text, fix):
-                found.append(fix)
-    return tuple(found)
+    ways: list[Fix] = []
+    for content in remark.get("repairs", ()):
+        try:
+            fix = fix_of(Repair.of_json(content), text, tuple(remark.get("joints", ())))
+            works = applied(text, fix) != text
+        except (PividentError, ValueError):
+            continue
+        if works and all(fix.edits != other.edits for other in ways):
+            ways.append(fix)
+    return tuple(ways)
+
+
+def fix_of(repair: Repair, text: str, joints: tuple[str, ...]) -> Fix:
+    """A repair as edits of a text.
+
+    Args:
+        repair: of the recording in its table.
+        text: an experiment file.
+        joints: names of the robot's joints, in order.
+
+    Raises:
+        ExperimentError: it contradicts the file.
+        ValueError: the text is not TOML.
+    """
+    whole = edits_of(repair, FileContent(plain_form(parse_toml(text)), joints))
+    edits = tuple((place, None if x is None else value_text(x)) for place, x in whole.edits)
+    return Fix(whole.words, edits)
 
 
 def applied(text: str, fix: Fix) -> str:
@@ -137,14 +84,6 @@ def applied(text: str, fix: Fix) -> str:
         new = changed(new, place, value)
     refuse_new_problems(text, new)
     return new
-
-
-def _works(text: str, fix: Fix) -> bool:
-    """Whether a fix can be applied and changes something."""
-    try:
-        return applied(text, fix) != text
-    except PividentError:
-        return False
 
 
 def as_json(fix: Fix) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from typing import Any, Literal, TypeVar
 from pivident.text.lists import plural
 from pivident.text.numbers import plus_minus
 from pivident.text.plain_values import plain
+from pivident.text.repair import RECORDING, Place, Repair, joined_repairs
 
 Severity = Literal["ok", "note", "warning", "error"]
 
@@ -56,6 +57,68 @@ class Quantity:
 
 
 @dataclass(frozen=True)
+class Topic:
+    """What a check looks at.
+
+    Attributes:
+        name: one word for programs, such as ``timing``.
+        heading: over its findings on a page; empty where they have no section.
+    """
+
+    name: str
+    heading: str = ""
+
+
+@dataclass(frozen=True)
+class FindingKind:
+    """What a check may find, declared beside it.
+
+    Attributes:
+        topic: what was looked at.
+        name: what was found, one word or two for programs (``gap``, ``late`` …).
+        place: tables and keys of the experiment file where it is changed, from ``recording`` on for
+            the recording that it is about; a single finding may say another one.
+        reservation: whether it is a reservation about every estimate of the record.
+        stops: whether an identification stops at it.
+        spoils: checks that make no sense behind a fault of this kind, by name.
+        reports: errors of the reader that say the same with fewer numbers.
+    """
+
+    topic: Topic
+    name: str
+    place: Place = (*RECORDING, "files")
+    reservation: bool = False
+    stops: bool = False
+    spoils: tuple[str, ...] = ()
+    reports: tuple[type[Exception], ...] = ()
+
+    def finding(
+        self,
+        severity: Severity,
+        message: str,
+        subject: str = "",
+        next_step: str = "",
+        evidence: Mapping[str, Quantity] | None = None,
+        *,
+        repairs: Iterable[Repair] = (),
+        place: Place | None = None,
+    ) -> Finding:
+        """A finding of this kind; see there."""
+        return Finding(
+            severity,
+            self.topic.name,
+            self.name,
+            message,
+            subject,
+            next_step,
+            evidence or {},
+            place=self.place if place is None else place,
+            repairs=tuple(repairs),
+            declared=self,
+        )
+
+
+@dataclass(frozen=True)
 class Finding:
     """One statement about data, a file or a result.
 
@@ -71,6 +134,9 @@ class Finding:
         evidence: numbers by name, the decisive one first; ``sample`` and ``time`` say where in a
             log it begins.
         basis: the test behind it with its numbers, in words.
+        place: tables and keys of the experiment file where it is changed; empty for none.
+        repairs: ways to set it right, the most likely first; empty where none is definite.
+        declared: its kind, where that is declared beside its check.
     """
 
     severity: Severity
@@ -81,6 +147,9 @@ class Finding:
     next_step: str = ""
     evidence: Mapping[str, Quantity] = field(default_factory=dict)
     basis: str = ""
+    place: Place = ()
+    repairs: tuple[Repair, ...] = ()
+    declared: FindingKind | None = field(default=None, compare=False, repr=False)
 
     def __str__(self) -> str:
         basis = f" [{self.basis}]" if self.basis else ""
@@ -100,6 +169,16 @@ class Finding:
     def quantity(self) -> Quantity | None:
         """The decisive number, or None."""
         return next(iter(self.numbers.values()), None)
+
+    @property
+    def is_reservation(self) -> bool:
+        """Whether it is about every estimate of the record."""
+        return self.declared is not None and self.declared.reservation
+
+    def spoils(self, check: str) -> bool:
+        """Whether it is a fault behind which a check makes no sense."""
+        spoilt = () if self.declared is None else self.declared.spoils
+        return self.severity == "error" and check in spoilt
 
     @property
     def sample(self) -> int | None:
@@ -132,8 +211,13 @@ class Finding:
         return self.severity, self.topic, self.kind, self.next_step, *self.numbers
 
     def as_json(self) -> dict[str, Any]:
-        """Plain values; numbers that are not finite become None."""
+        """Plain values; numbers that are not finite become None, repairs are there if any are."""
         fields = {key: getattr(self, key) for key in self.__dataclass_fields__}
+        del fields["declared"], fields["repairs"]
+        if not self.place:
+            del fields["place"]
+        if self.repairs:
+            fields["repairs"] = [repair.as_json() for repair in self.repairs]
         return plain(fields | {"evidence": {n: x.as_json() for n, x in self.evidence.items()}})
 
 
@@ -184,7 +268,8 @@ def _joined(group: Sequence[AnyFinding]) -> AnyFinding:
     if not others:
         return first
     named = [f"{f.subject} ({f.amount})" if f.amount else f.subject for f in others]
-    return replace(first, message=f"{first.message} The same for {', '.join(named)}.")
+    message = f"{first.message} The same for {', '.join(named)}."
+    return replace(first, message=message, repairs=joined_repairs([f.repairs for f in group]))
 
 
 def counted(findings: Iterable[Finding]) -> str:

@@ -12,8 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-#: Tables, keys and numbers of elements, such as ``("recording", 0, "units", "q")``.
-Place = tuple[int | str, ...]
+from pivident.text.repair import Place
 
 _BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
 _SPACE = re.compile(r"[ \t]*")

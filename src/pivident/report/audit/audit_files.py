@@ -34,22 +34,6 @@ def write_audit(audits: Sequence[Audit], folder: str | Path) -> Path:
     return Path(folder) / "audit.html"
 
 
-#: Checks in the order of the page, with their headings.
-CHECKS = {
-    "reading": "What was read",
-    "timing": "Clock",
-    "channels": "Channels",
-    "quantisation": "Quantisation",
-    "speed": "Logged speeds",
-    "scale": "Units and gains",
-    "order": "Order of the joints",
-    "delay": "Delay between torque and position",
-    "power": "Signs: power and gravity",
-    "model": "Inverse model",
-    "excitation": "Excitation",
-}
-
-
 def render_page(audits: Sequence[Audit]) -> str:
     """The page as text."""
     environment = page_environment("pivident.report.audit")
@@ -62,7 +46,8 @@ def render_page(audits: Sequence[Audit]) -> str:
         grave = serious(audit.findings)
         body = summary.render(audit=audit, serious=grave, counted=counted(audit.findings))
         sections.append((f"summary{tag}", f"{name}What was found", Markup(body)))
-        for check, heading in CHECKS.items():
+        for topic in audit.topics:
+            check, heading = topic.name, topic.heading
             drawn = _figures(audit, check)
             found = gravest_first(audit.of(check))
             if found or drawn:
