@@ -68,10 +68,12 @@ def check_output(folder: Path) -> None:
     folder = folder.absolute()
     existing = next(path for path in (folder, *folder.parents) if path.exists())
     if not existing.is_dir():
-        raise PividentError(f"cannot write to {folder}: {existing} is a file; choose another --out")
+        raise PividentError(
+            f"cannot write to {folder}: {existing} is a file", advice="choose another --out"
+        )
     if not os.access(existing, os.W_OK | os.X_OK):
         raise PividentError(
-            f"cannot write to {folder}: no permission in {existing}; choose another --out"
+            f"cannot write to {folder}: no permission in {existing}", advice="choose another --out"
         )
 
 
@@ -98,8 +100,8 @@ def atomic_folder(path: str | PathLike[str]) -> Iterator[Path]:
         if not _is_about(error, build, folder):
             raise
         raise PividentError(
-            f"cannot write to {folder}: {error.strerror or error}; "
-            "free some space, change its permissions or choose another folder"
+            f"cannot write to {folder}: {error.strerror or error}",
+            advice="free some space, change its permissions or choose another folder",
         ) from error
     finally:
         if build is not None:

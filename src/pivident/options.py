@@ -138,15 +138,15 @@ def check_option(name: str, value: Any, declared: Option, choices: tuple[Any, ..
         return
     if choices and not isinstance(value, (int, float)) and value not in choices:
         raise ExperimentError(
-            f"{name} is {value!r}; choose one of {', '.join(map(repr, choices))}"
+            f"{name} is {value!r}", advice=f"choose one of {', '.join(map(repr, choices))}"
         ).about(name)
     if choices == (True, False) and not isinstance(value, bool):
-        raise ExperimentError(f"{name} is {value!r}; true or false").about(name)
+        raise ExperimentError(f"{name} is {value!r}", advice="true or false").about(name)
     listed = value.values() if isinstance(value, Mapping) else value
     numbers = listed if isinstance(listed, (tuple, list)) else (listed,)
     for number in numbers if declared.limits else ():
         if isinstance(number, (int, float)) and not declared.allows(number):
-            raise ExperimentError(f"{name} is {number}; {declared.limits}").about(name)
+            raise ExperimentError(f"{name} is {number}", advice=declared.limits).about(name)
 
 
 def annotations_of(kind: type[Options]) -> dict[str, Any]:

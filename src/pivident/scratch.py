@@ -121,8 +121,8 @@ def _no_room(size: int, error: OSError) -> PividentError:
     """The error where a file of so many bytes cannot be written."""
     return PividentError(
         f"no room for {size / 2**30:.1f} GiB of working data in {_folder()} "
-        f"({error.strerror or error}); name a folder with more in PIVIDENT_SCRATCH, or cut "
-        "the recording"
+        f"({error.strerror or error})",
+        advice="name a folder with more in PIVIDENT_SCRATCH, or cut the recording",
     )
 
 
@@ -133,7 +133,8 @@ def largest_in_memory() -> int:
         return _memory() // SHARE
     if not given.isdigit():
         raise PividentError(
-            f"PIVIDENT_SCRATCH_ABOVE is {given!r}; give a number of bytes, such as 1000000000"
+            f"PIVIDENT_SCRATCH_ABOVE is {given!r}",
+            advice="give a number of bytes, such as 1000000000",
         )
     return int(given)
 

@@ -38,12 +38,12 @@ def test_a_file_that_cannot_be_read_is_about_the_files_and_a_column_about_its_ch
 
 
 def test_an_error_of_a_channel_is_about_its_columns():
-    error = PositionsBeyondLimits("q_ref", "elbow", 100.0, (-1.0, 1.0), "rad", "check it")
+    error = PositionsBeyondLimits("q_ref", "elbow", 100.0, (-1.0, 1.0), "rad", "", "check it")
     assert error.place == ("columns", "q_ref")
 
 
 def test_what_stands_in_front_of_a_message_leaves_sentence_and_place_alone():
-    inner = ExperimentError("[controller] 3: it has no p; its keys are q").about("p")
+    inner = ExperimentError("[controller] 3: it has no p", advice="its keys are q").about("p")
     error = inner.within("identify.piv").headed("arm.toml:")
     assert str(error) == f"arm.toml: [identify.piv] {inner}"
     assert error.sentence == str(inner)

@@ -44,13 +44,13 @@ def audit_file(
     is_experiment = path.suffix.lower() == ".toml"
     if is_experiment and (experiment is not None or robot is not None):
         raise RecordingError(
-            f"{path.name} is an experiment file, which names robot and columns itself; leave "
-            "--robot and --experiment out, or name the log instead"
+            f"{path.name} is an experiment file, which names robot and columns itself",
+            advice="leave --robot and --experiment out, or name the log instead",
         )
     if column_names and (is_experiment or experiment is not None):
         raise RecordingError(
-            "the experiment file describes the columns; write column_names under its [recording] "
-            "and leave --columns out"
+            "the experiment file describes the columns",
+            advice="write column_names under its [recording] and leave --columns out",
         )
     if not is_experiment and experiment is None:
         say(f"reading {path.name}")

@@ -19,6 +19,7 @@ from pivident.dynamics.parameters import Parameter, nominal_values
 from pivident.dynamics.separation import LeftOut, left_out, preferred, sentence
 from pivident.motion.wanted_motion import FullMotion, MotionLimits, motions_for
 from pivident.text.finding import Finding, FindingKind, Quantity, Severity, Topic
+from pivident.text.sentences import capital
 
 #: What this check looks at, and where the parameters are chosen.
 EXCITATION, CHOICE = Topic("excitation", "Excitation"), ("identify", "parameters")
@@ -103,7 +104,7 @@ def check_excitation(models: Sequence[InverseModel]) -> Excitation:
 
     def advice(parameters: Sequence[Parameter]) -> list[str]:
         wanted = [str(motion) for motion in motions_for(parameters, motions, limits)]
-        return [f"{text[0].upper()}{text[1:]}." for text in wanted]
+        return [f"{capital(text)}." for text in wanted]
 
     step = ""
     if out:

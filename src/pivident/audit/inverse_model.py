@@ -171,8 +171,8 @@ class FilteredLog:
         margin = int(np.ceil(1.5 * rate / band))
         if len(q) < 8 * margin:
             raise RecordingError(
-                f"{len(q)} samples are too few to compare torque and motion; {8 * margin} are "
-                "needed"
+                f"{len(q)} samples are too few to compare torque and motion",
+                advice=f"{8 * margin} are needed",
             )
         passed = bandpass(q, rate, min(WIDER * band, 0.4 * rate))
         q, dq, ddq = (butterworth(x, rate, band) for x in (passed.q, passed.dq, passed.ddq))

@@ -30,6 +30,7 @@ from pivident.robot.description import Robot
 from pivident.text.finding import Finding, FindingKind, Quantity, Severity, Topic
 from pivident.text.numbers import plus_minus
 from pivident.text.repair import Gain, Repair, setting
+from pivident.text.sentences import capital
 
 #: What these checks look at, and the units of positions and torques.
 SCALE, POSITIONS, TORQUES = (
@@ -192,7 +193,7 @@ def check_reach(log: Log, timing: Timing) -> list[Finding]:
             check_within_reach("q", finite, _only(robot, j))
         except PositionsBeyondLimits as error:
             bound = error.limits[int(error.position > error.limits[1])]
-            step = error.advice[0].upper() + error.advice[1:]
+            step = capital(error.advice)
             evidence = {"position": Quantity(error.position, error.unit, bound=bound)}
             repairs = [_in_unit("q", error.likely_unit), _MOTOR_SIDE] if error.likely_unit else []
             findings.append(

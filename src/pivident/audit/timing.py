@@ -28,6 +28,7 @@ from pivident.logs.log import Log
 from pivident.logs.units import TIME
 from pivident.text.finding import Finding, FindingKind, Quantity, Severity, at_sample
 from pivident.text.repair import Edit, Repair, setting
+from pivident.text.sentences import capital
 
 #: Tables and keys of the stamps, and of the stretch that is used.
 STAMPS, PART = ("recording", "columns", "t"), ("recording", "part")
@@ -208,7 +209,7 @@ def _one_clock(
             left = stretches(finite)
             left = replace(left, resample=False) if log.resample else left
             advice = left.advice()
-            step = f"{advice[0].upper()}{advice[1:]}."
+            step = f"{capital(advice)}."
             repairs = _without_gaps(left)
         missing = Quantity(float(lost), "samples")
         apart = regular and (log.resample or not left.resample) and bool(left.parts)

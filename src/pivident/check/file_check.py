@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from pivident.check.remark import Remark, of_error, of_finding, split_advice
+from pivident.check.remark import Remark, advised, of_error, of_finding
 from pivident.errors import ExperimentError, PividentError
 from pivident.experiment.experiment import Experiment, with_every_run
 from pivident.experiment.explained import every_problem, plain_form, refuse_robot_file
@@ -33,7 +33,7 @@ def file_problems(
         content = toml_content(path)
         refuse_robot_file(content)
     except PividentError as error:
-        raise ExperimentError(f"{path}: {error}") from error
+        raise ExperimentError.of_part(f"{path}: ", error) from error
     text = path.read_text(encoding="utf-8")
     if robot is not None:
         model = robot if not _is_file(robot) else str(Path(robot).absolute())
@@ -43,12 +43,11 @@ def file_problems(
     problems = every_problem(plain)
     for problem in problems:
         kind, change = (UNKNOWN_KEY, Renamed) if problem.unknown else (VALUE, Respelt)
-        seen, step = split_advice(problem.sentence)
         place = _place(problem.location, content)
         repairs = [Repair((Edit(place),))] if place else []
-        if problem.meant is not None:
-            meant = problem.meant[1] if problem.unknown else problem.meant
-            repairs.insert(0, Repair((change(place, meant),)))
+        if (meant := problem.said.meant) is not None:
+            repairs.insert(0, Repair((change(place, meant[1] if problem.unknown else meant),)))
+        seen, step = advised(problem.said)
         remarks.append(
             of_finding(kind.finding("error", seen, "", step, place=place, repairs=repairs))
         )

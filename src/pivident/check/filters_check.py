@@ -11,6 +11,7 @@ from pivident.experiment.identify_table import median_finding
 from pivident.recording.recording import Recording
 from pivident.signals.bandpass import EDGE
 from pivident.text.finding import Finding, FindingKind, Quantity, Topic
+from pivident.text.sentences import capital
 
 #: What this check looks at.
 METHODS = Topic("methods")
@@ -42,7 +43,7 @@ def check_filters(methods: Mapping[str, Method], recordings: Iterable[Recording]
             "stamps."
         )
         if slowest.slowed:
-            step = f"{slowest.slowed[0].upper()}{slowest.slowed[1:]}."
+            step = f"{capital(slowest.slowed)}."
         findings.append(
             CUTOFF.finding(
                 "error",
@@ -82,6 +83,6 @@ def _slowed(recording: Recording) -> Finding:
         f"{recording.name} is used at {recording.rate:g} Hz, slower than its positions were "
         "logged.",
         recording.name,
-        f"{recording.slowed[0].upper()}{recording.slowed[1:]}.",
+        f"{capital(recording.slowed)}.",
         {"rate": Quantity(recording.rate, "Hz")},
     )

@@ -18,6 +18,7 @@ from pivident.experiment.schema import ControllerEntry
 from pivident.logs.log import Log
 from pivident.text.finding import Finding, FindingKind, Quantity, Topic
 from pivident.text.repair import Edit, Repair, Scaled
+from pivident.text.sentences import capital
 
 #: What this check looks at.
 CONTROLLER = Topic("controller")
@@ -154,7 +155,7 @@ def _compared(
             f"{product} of {name}, drive gain included, is {said:.5g} in the file; reference, "
             f"position and torque of the log give {seen:.5g}.",
             name,
-            cause[:1].upper() + cause[1:] + ".",
+            f"{capital(cause)}.",
             {"file": Quantity(said, digits=5), "log": Quantity(seen, digits=5)},
             place=place,
             repairs=[Repair((scaled,))] if scaled is not None and entry.type != "cascade" else [],

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-from pivident.errors import PividentError
+from pivident.errors import Advised, PividentError
 from pivident.text.finding import SEVERITIES, Finding
 from pivident.text.repair import Place, Repair, Respelt, placed
+from pivident.text.sentences import sentence_of
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,7 @@ def of_finding(finding: Finding, table: Place = (), refused: bool = False) -> Re
 
 def of_error(error: PividentError, check: str, table: Place = (), kind: str = "refused") -> Remark:
     """An error that an identification would end with; it says its place below the table itself."""
-    sentence, step = split_advice(" ".join(error.sentence.split()))
+    sentence, step = advised(error)
     place = (*(error.table or table), *error.place)
     repairs = () if error.meant is None else (Repair((Respelt(place, error.meant),)),)
     return Remark(
@@ -73,24 +74,10 @@ def of_error(error: PividentError, check: str, table: Place = (), kind: str = "r
     )
 
 
-def split_advice(text: str) -> tuple[str, str]:
-    """What was seen and what to do: every message has the form ``what was seen; what to do``."""
-    head, separator, tail = text.partition("; ")
-    if not separator:
-        return sentence_of(text), ""
-    return sentence_of(head), sentence_of(tail)
-
-
-def sentence_of(text: str) -> str:
-    """A half sentence as a sentence: a capital in front unless it is a name, a stop behind."""
-    first = text.split(" ", 1)[0]
-    plain_word = first.isalpha() and first.islower() and first not in _NAMES
-    text = text[:1].upper() + text[1:] if plain_word else text
-    return text if text.endswith((".", "?", "!")) else f"{text}."
-
-
-#: Words of the file that keep their small letter at the start of a sentence.
-_NAMES = {"q", "dq", "tau", "t", "kp", "kd", "ki", "kv", "rate", "mask", "delay", "files", "name"}
+def advised(error: Advised) -> tuple[str, str]:
+    """What was seen and what to do, as sentences on one line."""
+    fact, advice = (" ".join(text.split()) for text in (error.fact, error.advice))
+    return sentence_of(fact), sentence_of(advice) if advice else ""
 
 
 def gravest_first(remarks: Iterable[Remark]) -> list[Remark]:

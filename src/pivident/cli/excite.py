@@ -96,7 +96,8 @@ def excite(
     check_output(folder)
     if (folder / "design.json").exists():
         raise ExperimentError(
-            f"{folder} holds a design, and may hold its record; choose another --out, or remove it"
+            f"{folder} holds a design, and may hold its record",
+            advice="choose another --out, or remove it",
         )
     with Progress() as progress:
         progress.say(f"reading {subject}")
@@ -166,7 +167,8 @@ def _subject(
     if frozen:
         if not _names_robot(path):
             raise ExperimentError(
-                "--frozen is for a URDF; an experiment file has its own, frozen = {…} under [robot]"
+                "--frozen is for a URDF",
+                advice="an experiment file has its own, frozen = {…} under [robot]",
             )
         return read_urdf(path, frozen=frozen), empty, []
     if _names_robot(path):
@@ -219,7 +221,9 @@ def relative_error(text: str) -> float:
     try:
         value = float(number)
     except ValueError:
-        raise ExperimentError(f"--to {text} is no number; write it as 2% or 0.02") from None
+        raise ExperimentError(
+            f"--to {text} is no number", advice="write it as 2% or 0.02"
+        ) from None
     return value / 100.0 if percent else value
 
 
@@ -245,5 +249,6 @@ def _numbers(text: str) -> tuple[float, ...]:
         return tuple(float(part) for part in text.split(","))
     except ValueError:
         raise ExperimentError(
-            f"--start {text} is not a list of numbers; write one for each joint, such as 0,-1.2,0.5"
+            f"--start {text} is not a list of numbers",
+            advice="write one for each joint, such as 0,-1.2,0.5",
         ) from None

@@ -65,14 +65,18 @@ def export(
     from pivident.models.stored_model import stored_model
 
     if robot is not None and to != "urdf":
-        raise ExportError(f"--robot is for --to urdf; {to} holds the whole robot, leave it out")
+        raise ExportError(
+            "--robot is for --to urdf", advice=f"{to} holds the whole robot, leave it out"
+        )
     if log is not None and to != "rrd":
-        raise ExportError(f"--log is for --to rrd; {to} holds no motion, leave it out")
+        raise ExportError("--log is for --to rrd", advice=f"{to} holds no motion, leave it out")
     if to == "rrd":
         from pivident.cli.export_rerun import export_rerun
 
         if free:
-            raise ExportError("--free is for models; leave it out, rrd shows the result named")
+            raise ExportError(
+                "--free is for models", advice="leave it out, rrd shows the result named"
+            )
         export_rerun(result, log, out)
         return 0
     check_output(out.absolute().parent)
@@ -95,9 +99,8 @@ def export(
             found = verify_export(exported, model, to, frozen=frozen)
         if wrong := [v for v in found if not v.skipped and not v.agrees]:
             raise ExportError(
-                f"{out} was not written, since it does not match the model: {wrong[0]}; "
-                "this is a bug in pivident or in that program. --no-check writes it "
-                "anyway"
+                f"{out} was not written, since it does not match the model: {wrong[0]}",
+                advice="this is a bug in pivident or in that program. --no-check writes it anyway",
             )
         written = write_export(exported, out)
     print(export_text(exported, model, written, FORMATS[to].title))
@@ -122,18 +125,18 @@ def check_targets(
     for name in exported.further:
         if name.casefold() == out.name.casefold():
             raise ExportError(
-                f"{out} is the name of the file that is written beside it; give --out another "
-                f"ending, such as {out.with_suffix('.c').name}"
+                f"{out} is the name of the file that is written beside it",
+                advice=f"give --out another ending, such as {out.with_suffix('.c').name}",
             )
     for target in (out, *(out.with_name(name) for name in exported.further)):
         if target.is_dir():
-            raise ExportError(f"{target} is a folder; name a file in it")
+            raise ExportError(f"{target} is a folder", advice="name a file in it")
         is_log = bool(sources) and target.is_file() and sha256(target) in sources
         for source in inputs:
             if target.exists() and (is_log or target.samefile(source)):
                 raise ExportError(
-                    f"{target} is a file that the export is made from, which must not change; "
-                    "choose another name with --out"
+                    f"{target} is a file that the export is made from, which must not change",
+                    advice="choose another name with --out",
                 )
 
 

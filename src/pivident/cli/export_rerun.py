@@ -32,7 +32,9 @@ def export_rerun(result: Path, log: Path | None, out: Path) -> None:
             "with --log"
         )
     if out.suffix != ".rrd":
-        raise ExportError(f"{out.name} is no name of a file of Rerun; give --out one with .rrd")
+        raise ExportError(
+            f"{out.name} is no name of a file of Rerun", advice="give --out one with .rrd"
+        )
     require("rerun", extra="rerun", purpose="a file of Rerun")
     check_output(out.absolute().parent)
     with Progress() as progress:

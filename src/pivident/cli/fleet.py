@@ -59,8 +59,8 @@ def fleet(
 
     if level is not None and not 0.0 < level < 1.0:
         raise ExperimentError(
-            f"--level {level:g} is not a probability of a false alarm; give one between 0 and 1, "
-            "such as 0.05"
+            f"--level {level:g} is not a probability of a false alarm",
+            advice="give one between 0 and 1, such as 0.05",
         )
     template = template_of(folder, experiment)
     if level is not None:

@@ -32,7 +32,9 @@ def flexibility(
     from pivident.flexibility.joint_study import study_flexibility
 
     if bandwidth is not None and not bandwidth > 0:
-        raise ExperimentError(f"--bandwidth {bandwidth:g} is not a frequency; give it in Hz")
+        raise ExperimentError(
+            f"--bandwidth {bandwidth:g} is not a frequency", advice="give it in Hz"
+        )
     folder = out or Path(f"{experiment.stem}-flexibility")
     check_output(folder)
     with Progress() as progress:

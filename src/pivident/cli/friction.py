@@ -63,8 +63,8 @@ def run_friction(
 
     if standstill is not None and not 0.0 < standstill < 1.0:
         raise ExperimentError(
-            f"--standstill {standstill:g} is not a share of the rated speed; give one between 0 "
-            "and 1, such as 0.01"
+            f"--standstill {standstill:g} is not a share of the rated speed",
+            advice="give one between 0 and 1, such as 0.01",
         )
     require("polars", extra="tables", purpose="the table of friction curves")
     with Progress() as progress:

@@ -41,7 +41,7 @@ def gains(
     from pivident.experiment.gains_table import gains_of, lines_for_file
 
     if out is not None and out.exists():
-        raise ExperimentError(f"{out} is there already; name another file for the gains")
+        raise ExperimentError(f"{out} is there already", advice="name another file for the gains")
     if out is not None:
         check_output(out.parent)
     loaded = load_experiment(experiment)

@@ -53,7 +53,9 @@ def identify(
     if method:
         _check_methods(names)
     if folds is not None and (folds < 0 or folds == 1):
-        raise UsageError(f"--folds {folds} leaves nothing to fit; use 2 or more, or 0 for none")
+        raise UsageError(
+            f"--folds {folds} leaves nothing to fit", advice="use 2 or more, or 0 for none"
+        )
     return code_of(run_experiment(experiment, names, out, folds, separated(free)))
 
 
@@ -88,10 +90,10 @@ def _check_methods(names: Sequence[str]) -> None:
     known = (*METHODS, *CONSISTENT_METHODS)
     if not names:
         raise UsageError(
-            f"--method names no method; choose from {', '.join(METHODS)}, each also with the "
-            "prefix pc-"
+            "--method names no method",
+            advice=f"choose from {', '.join(METHODS)}, each also with the prefix pc-",
         )
     for name in names:
         if name not in known:
             bare = name.lower().removeprefix("idim-")
-            raise UsageError(f"there is no method {name!r}; {nearest(bare, known)}")
+            raise UsageError(f"there is no method {name!r}", advice=nearest(bare, known))

@@ -138,15 +138,17 @@ def check_target(out: Path, logs: Sequence[Path], robot: str | None, force: bool
     from pivident.errors import PividentError
 
     if out.suffix != ".toml":
-        raise PividentError(f"--out {out} must end with .toml; choose another name")
+        raise PividentError(f"--out {out} must end with .toml", advice="choose another name")
     inputs = [*logs, *([Path(robot)] if robot else [])]
     if out.is_dir() or any(
         path.exists() and out.exists() and path.samefile(out) for path in inputs
     ):
-        raise PividentError(f"{out} is a folder or one of the inputs; choose another --out")
+        raise PividentError(
+            f"{out} is a folder or one of the inputs", advice="choose another --out"
+        )
     if out.exists() and not force:
         raise PividentError(
-            f"{out} exists already; choose another --out, or replace it with --force"
+            f"{out} exists already", advice="choose another --out, or replace it with --force"
         )
 
 

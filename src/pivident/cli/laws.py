@@ -58,7 +58,7 @@ def laws(
     from pivident.friction_laws.law_choice import choose_laws
 
     if depth < 1:
-        raise ExperimentError(f"--depth {depth} leaves no law to try; give 1 or more")
+        raise ExperimentError(f"--depth {depth} leaves no law to try", advice="give 1 or more")
     given = load_experiment(experiment)
     chosen: Method | None = None if method is None else given.methods([method])[method]
     names = separated(joint)

@@ -41,11 +41,14 @@ def payload(
     file = first if second is None else second
     if second is None and first.suffix == ".json":
         raise ExperimentError(
-            f"{first} is the arm without load; name the experiment file of the record with the "
-            f"load too: pivident payload {first.name} LOADED.toml"
+            f"{first} is the arm without load",
+            advice="name the experiment file of the record with the load too: pivident payload "
+            f"{first.name} LOADED.toml",
         )
     if second is None and robot is not None:
-        raise ExperimentError("--robot belongs to an identification.json; the file names its robot")
+        raise ExperimentError(
+            "--robot belongs to an identification.json", advice="the file names its robot"
+        )
     folder = out or default_folder(file)
     check_output(folder)
     experiment = load_experiment(file)

@@ -50,8 +50,9 @@ def predict(
         logs = list(new_logs(log, stored, experiment))
         if csv is not None and len(logs) > 1:
             raise ExperimentError(
-                f"{log.name} gives {len(logs)} recordings, and --csv takes one; name a log with "
-                "--experiment, or one stretch between gaps with part in an experiment file"
+                f"{log.name} gives {len(logs)} recordings, and --csv takes one",
+                advice="name a log with --experiment, or one stretch between gaps with part in "
+                "an experiment file",
             )
         progress.say("predicting")
         made = [stored.predict(new.recording) for new in logs]

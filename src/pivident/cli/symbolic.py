@@ -67,7 +67,7 @@ def symbolic(
     languages = _chosen("--to", to, LANGUAGES)
     if to and out is None and len(languages) > 1:
         raise PividentError(
-            "--to names several languages; give a folder for their files with --out"
+            "--to names several languages", advice="give a folder for their files with --out"
         )
     if out is not None:
         check_output(out)
@@ -99,9 +99,9 @@ def _chosen(option: str, given: Sequence[str], known: Collection[str]) -> list[s
     names = separated(given)
     for name in names:
         if name not in known:
-            raise PividentError(f"{option}: there is no {name!r}; {nearest(name, known)}")
+            raise PividentError(f"{option}: there is no {name!r}", advice=nearest(name, known))
     if given and not names:
-        raise PividentError(f"{option} names nothing; choose from {', '.join(known)}")
+        raise PividentError(f"{option} names nothing", advice=f"choose from {', '.join(known)}")
     return list(dict.fromkeys(names)) or list(known)
 
 

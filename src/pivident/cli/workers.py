@@ -18,7 +18,8 @@ def chosen_pool(workers: int | None, dask: bool, scheduler: str | None) -> Pool:
     check_count("--workers", workers)
     if scheduler is not None and workers is not None:
         raise ExperimentError(
-            "--scheduler uses the workers of its cluster; leave --workers out, or --scheduler"
+            "--scheduler uses the workers of its cluster",
+            advice="leave --workers out, or --scheduler",
         )
     if dask or scheduler is not None:
         return DaskCluster(scheduler, workers)
@@ -28,4 +29,4 @@ def chosen_pool(workers: int | None, dask: bool, scheduler: str | None) -> Pool:
 def check_count(option: str, value: int | None) -> None:
     """Refuse a number below one."""
     if value is not None and value < 1:
-        raise ExperimentError(f"{option} is {value}; at least 1 is needed")
+        raise ExperimentError(f"{option} is {value}", advice="at least 1 is needed")

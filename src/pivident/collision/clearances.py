@@ -108,8 +108,8 @@ class Clearances:
             tool_box = replace(tool_box, link=robot.size - 1)
         if tool_box is not None and not 0 <= (tool_box.link or 0) < robot.size:
             raise ExperimentError(
-                f"tool: link {tool_box.link} does not exist; the links of {robot.name!r} count "
-                f"from 0 to {robot.size - 1}"
+                f"tool: link {tool_box.link} does not exist",
+                advice=f"the links of {robot.name!r} count from 0 to {robot.size - 1}",
             )
         pairs = candidate_pairs(
             robot,
@@ -273,14 +273,15 @@ class Clearances:
         q = np.ascontiguousarray(q, dtype=float)
         if q.ndim != 2 or q.shape[1] != self.robot.size:
             raise ExperimentError(
-                f"positions have shape {q.shape}; (samples, {self.robot.size}) is needed for robot "
-                f"{self.robot.name!r}"
+                f"positions have shape {q.shape}",
+                advice=f"(samples, {self.robot.size}) is needed for robot {self.robot.name!r}",
             )
         if not np.isfinite(q).all():
             sample, joint = np.argwhere(~np.isfinite(q))[0]
             raise ExperimentError(
                 f"position of joint {self.robot.joints[joint].name!r} is {q[sample, joint]} at "
-                f"sample {sample}; a finite number is needed"
+                f"sample {sample}",
+                advice="a finite number is needed",
             )
         return q
 

@@ -50,8 +50,8 @@ def exact_distances(
     shapes = link_shapes(robot, without)
     if not shapes:
         raise RobotDescriptionError(
-            f"robot {robot.name!r} has no <collision> elements to measure; read it from a URDF "
-            "that has them"
+            f"robot {robot.name!r} has no <collision> elements to measure",
+            advice="read it from a URDF that has them",
         )
     shapes = [shape for shape in shapes if any(shape.link in pair for pair in links)]
     solids = [(shape, _solid(coal, shape)) for shape in shapes]

@@ -57,8 +57,8 @@ class MeshFiles:
         """
         if not self.urdf:
             raise RobotDescriptionError(
-                f"mesh {reference!r}: the robot was not read from a file, so its place is unknown; "
-                "read the URDF from its file"
+                f"mesh {reference!r}: the robot was not read from a file, so its place is unknown",
+                advice="read the URDF from its file",
             )
         scheme, separator, rest = reference.partition("://")
         if not separator:
@@ -67,24 +67,26 @@ class MeshFiles:
             path = self._in_package(reference, rest)
         else:
             raise RobotDescriptionError(
-                f"mesh {reference!r}: {scheme}:// is not read; write package://name/… or a path "
-                "from the folder of the URDF"
+                f"mesh {reference!r}: {scheme}:// is not read",
+                advice="write package://name/… or a path from the folder of the URDF",
             )
         if path.suffix.lower() not in SUFFIXES:
             raise RobotDescriptionError(
-                f"mesh {reference!r}: {path.suffix or 'a file without ending'} is not read; "
-                f"convert it to one of {', '.join(SUFFIXES)}"
+                f"mesh {reference!r}: {path.suffix or 'a file without ending'} is not read",
+                advice=f"convert it to one of {', '.join(SUFFIXES)}",
             )
         try:
             size = regular_file(path).stat().st_size
         except OSError as error:
             raise RobotDescriptionError(
-                f"mesh {reference!r}: {path} cannot be read ({error.strerror}); put it there"
+                f"mesh {reference!r}: {path} cannot be read ({error.strerror})",
+                advice="put it there",
             ) from error
         if size > MAX_MESH_SIZE:
             raise RobotDescriptionError(
-                f"mesh {reference!r}: {path} has {size / 2**20:.0f} MiB, "
-                f"{MAX_MESH_SIZE // 2**20} MiB are read; use a simplified collision mesh"
+                f"mesh {reference!r}: {path} has {size / 2**20:.0f} MiB, {MAX_MESH_SIZE // 2**20} "
+                "MiB are read",
+                advice="use a simplified collision mesh",
             )
         return path
 
@@ -95,7 +97,8 @@ class MeshFiles:
         if not whole.is_relative_to(highest):
             raise RobotDescriptionError(
                 f"mesh {reference!r} is not below {highest}, where the meshes of this URDF are "
-                "looked for; move it beside the URDF and name it by a path from there"
+                "looked for",
+                advice="move it beside the URDF and name it by a path from there",
             )
         return whole
 
@@ -104,8 +107,8 @@ class MeshFiles:
         parts = PurePosixPath(inside).parts
         if not package.strip(".") or not parts or ".." in parts or inside.startswith("/"):
             raise RobotDescriptionError(
-                f"mesh {reference!r} leads out of its package; write package://name/path without "
-                "'..'"
+                f"mesh {reference!r} leads out of its package",
+                advice="write package://name/path without '..'",
             )
         folders = list(Path(self.urdf).parents)[: MAX_LEVELS + 1]
         for folder in folders:
@@ -117,7 +120,8 @@ class MeshFiles:
                 return folder / inside
         raise RobotDescriptionError(
             f"mesh {reference!r} is in no folder {package!r} that holds the URDF or stands beside "
-            f"a folder above it, up to {folders[-1]}; put the package {package!r} there"
+            f"a folder above it, up to {folders[-1]}",
+            advice=f"put the package {package!r} there",
         )
 
 

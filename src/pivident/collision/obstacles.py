@@ -39,7 +39,9 @@ class Obstacle:
     def __post_init__(self) -> None:
         where = f"obstacle {self.name!r}"
         if self.shape not in SHAPES:
-            raise ExperimentError(f"{where}: shape {self.shape!r}; {nearest(self.shape, SHAPES)}")
+            raise ExperimentError(
+                f"{where}: shape {self.shape!r}", advice=nearest(self.shape, SHAPES)
+            )
         rotation = np.asarray(self.rotation)
         # Comparisons are written so that NaN fails them.
         if rotation.shape != (3, 3) or not np.abs(rotation @ rotation.T - np.eye(3)).max() < 1e-6:
@@ -134,7 +136,8 @@ class ToolBox:
             ).about("tool_box")
         if not (np.asarray(self.low) < np.asarray(self.high)).all():
             raise ExperimentError(
-                f"tool_box: low = {self.low} is not below high = {self.high}; the box is empty"
+                f"tool_box: low = {self.low} is not below high = {self.high}",
+                advice="the box is empty",
             ).about("tool_box")
 
 
@@ -150,8 +153,8 @@ def upward(robot: Robot) -> np.ndarray:
     size = float(np.linalg.norm(robot.gravity))
     if not size > 0.0:
         raise ExperimentError(
-            f"floor: robot {robot.name!r} has no gravity, which says where up is; give the floor "
-            "as an obstacle instead, a box below the robot"
+            f"floor: robot {robot.name!r} has no gravity, which says where up is",
+            advice="give the floor as an obstacle instead, a box below the robot",
         ).about("floor")
     return -np.asarray(robot.gravity, dtype=float) / size
 

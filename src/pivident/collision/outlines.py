@@ -65,8 +65,8 @@ def outline_of(robot: Robot, given: Iterable[Body] = ()) -> Outline:
     for body in given:
         if not -1 <= body.link < robot.size:
             raise RobotDescriptionError(
-                f"body {body.name!r}: link {body.link} does not exist; the links of "
-                f"{robot.name!r} count from -1 (base) to {robot.size - 1}"
+                f"body {body.name!r}: link {body.link} does not exist",
+                advice=f"the links of {robot.name!r} count from -1 (base) to {robot.size - 1}",
             )
     known = {body.link for body in given}
     if known >= set(range(robot.size)):
@@ -84,7 +84,7 @@ def outline_of(robot: Robot, given: Iterable[Body] = ()) -> Outline:
     twice = repeated([body.name for body in bodies])
     if twice:
         raise RobotDescriptionError(
-            f"body names used twice: {', '.join(twice)}; name each body once"
+            f"body names used twice: {', '.join(twice)}", advice="name each body once"
         )
     return Outline(bodies, found.source, remarks, tuple(sorted(known)))
 

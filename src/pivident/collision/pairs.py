@@ -178,12 +178,12 @@ def _check_names(robot: Robot, bodies: Sequence[Body], obstacles: Sequence[Obsta
     twice = repeated(names)
     if twice:
         raise ExperimentError(
-            f"the names {', '.join(map(repr, twice))} are used by several bodies or obstacles; "
-            "name each once"
+            f"the names {', '.join(map(repr, twice))} are used by several bodies or obstacles",
+            advice="name each once",
         )
     for body in bodies:
         if not -1 <= body.link < robot.size:
             raise ExperimentError(
-                f"body {body.name!r}: link {body.link} does not exist; the links of "
-                f"{robot.name!r} count from -1 (base) to {robot.size - 1}"
+                f"body {body.name!r}: link {body.link} does not exist",
+                advice=f"the links of {robot.name!r} count from -1 (base) to {robot.size - 1}",
             )

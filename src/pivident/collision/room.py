@@ -45,8 +45,8 @@ def clearances_of_room(robot: Robot, room: RoomEntry) -> Clearances:
     things += [] if room.floor is None else ["the floor"]
     if things and all(body.link < 0 for body in outline.bodies):
         raise ExperimentError(
-            f"no body of {robot.name!r} is known, so that nothing keeps it from {listed(things)}; "
-            f"give its bodies by hand: {BY_HAND}"
+            f"no body of {robot.name!r} is known, so that nothing keeps it from {listed(things)}",
+            advice=f"give its bodies by hand: {BY_HAND}",
         ).about("body")
     apart, remarks = built_apart(robot, outline, room.clearance)
     found = Clearances.of(
@@ -96,8 +96,8 @@ def _link_index(robot: Robot, entry: BodyEntry) -> int:
     except RobotDescriptionError:
         names = dict.fromkeys([BASE, *(link.name for link in robot.links), *robot.joint_names])
         raise RobotDescriptionError(
-            f"body {entry.name!r}: robot {robot.name!r} has no link {entry.link!r}; "
-            f"{nearest(entry.link, names)}"
+            f"body {entry.name!r}: robot {robot.name!r} has no link {entry.link!r}",
+            advice=nearest(entry.link, names),
         ) from None
 
 

@@ -78,7 +78,9 @@ def link_shapes(robot: Robot, without: Collection[int] = ()) -> list[LinkShape]:
     with errors_name(robot.urdf.path):
         content = file_content(path)
         if text_digest(content) != robot.urdf.sha256:
-            raise RobotDescriptionError("has changed since the robot was read; read it again")
+            raise RobotDescriptionError(
+                "has changed since the robot was read", advice="read it again"
+            )
         places = link_places(content, robot)
         files = MeshFiles(robot.urdf.path)
         shapes = []

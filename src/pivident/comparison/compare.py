@@ -89,16 +89,17 @@ def compare(
     entries = _named(_entries(results), labels)
     if len(entries) < 2:
         raise ComparisonError(
-            f"there is {'one result' if entries else 'no result'}; give two or more to compare"
+            f"there is {'one result' if entries else 'no result'}",
+            advice="give two or more to compare",
         )
     if len(entries) > MOST:
         raise ComparisonError(
-            f"there are {len(entries)} results, and no one reads more than {MOST} side by side; "
-            "`pivident fleet` follows parameters over many records"
+            f"there are {len(entries)} results, and no one reads more than {MOST} side by side",
+            advice="`pivident fleet` follows parameters over many records",
         )
     if not 0.0 < level < 1.0:
         raise ComparisonError(
-            f"level is {level:g}; it is a probability between 0 and 1, such as {LEVEL:g}"
+            f"level is {level:g}", advice=f"it is a probability between 0 and 1, such as {LEVEL:g}"
         )
     first = entries[0]
     geometry = [difference_of_geometry(first.robot, e.robot) for e in entries]
@@ -128,8 +129,8 @@ def _entries(results: Any) -> list[Entry]:
     for path in paths:
         if not isinstance(path, (str, PathLike)):
             raise ComparisonError(
-                f"a {type(path).__name__} cannot be compared; give identifications, or files and "
-                "folders of results"
+                f"a {type(path).__name__} cannot be compared",
+                advice="give identifications, or files and folders of results",
             )
     for result in results:
         if isinstance(result, Identification):
@@ -152,11 +153,14 @@ def _named(entries: list[Entry], labels: Sequence[str] | None) -> list[Entry]:
     if len(labels) != len(entries):
         raise ComparisonError(
             f"there are {len(labels)} names for {len(entries)} results "
-            f"({', '.join(e.label for e in entries)}); give one for each"
+            f"({', '.join(e.label for e in entries)})",
+            advice="give one for each",
         )
     twice = [label for label, count in Counter(labels).items() if count > 1 or not label]
     if twice:
-        raise ComparisonError(f"the name {twice[0]!r} is empty or given twice; names must differ")
+        raise ComparisonError(
+            f"the name {twice[0]!r} is empty or given twice", advice="names must differ"
+        )
     return [relabelled(entry, label) for entry, label in zip(entries, labels, strict=True)]
 
 

@@ -84,8 +84,8 @@ def _files(path: Path) -> list[Path]:
     )
     if not found:
         raise ComparisonError(
-            f"{path} holds no {RESULT}, nor does a folder in it; name the folder that "
-            "`pivident identify` wrote"
+            f"{path} holds no {RESULT}, nor does a folder in it",
+            advice="name the folder that `pivident identify` wrote",
         )
     return found
 

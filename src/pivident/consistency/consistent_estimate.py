@@ -25,6 +25,7 @@ from pivident.estimation.torque_sums import torque_sums
 from pivident.recording.recording import Recording
 from pivident.text.numbers import format_significant, with_spread
 from pivident.text.plain_table import plain_table
+from pivident.text.sentences import capital
 from pivident.validation.held_out.cross_validation import CrossValidation, HeldOut
 from pivident.validation.held_out.prediction import Judge, PredictionError, pooled
 
@@ -176,7 +177,7 @@ class ConsistentEstimate:
         lines = [self.model.headline()]
         if self.prediction is not None:
             text = str(self.prediction)
-            lines.append(f"{text[0].upper()}{text[1:]}.")
+            lines.append(f"{capital(text)}.")
             lines += [f"Not consistent: {failure}." for failure in self.prediction.failures]
         lines += [f"{note.rstrip('.')}." for note in self.model.notes]
         if missing := self.not_found():

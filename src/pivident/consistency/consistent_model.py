@@ -344,16 +344,17 @@ def make_consistent(
     without_base(identification.robot, "physical consistency", "use the estimate as it is")
     if prior not in PRIORS:
         raise ExperimentError(
-            f"prior is {prior!r}; {nearest(str(prior), PRIORS)}; choose one of {', '.join(PRIORS)}"
+            f"prior is {prior!r}",
+            advice=f"{nearest(str(prior), PRIORS)}; choose one of {', '.join(PRIORS)}",
         )
     if not (np.isfinite(margin) and 0.0 < margin < 1.0):
         raise ExperimentError(
-            f"margin is {margin!r}; it must be the diameter of the smallest body in a link [m], "
-            "such as 0.01"
+            f"margin is {margin!r}",
+            advice="it must be the diameter of the smallest body in a link [m], such as 0.01",
         )
     if not (np.isfinite(room) and room > 0.0):
         raise ExperimentError(
-            f"room is {room!r}; it must be a positive growth of d² [σ²], such as 1"
+            f"room is {room!r}", advice="it must be a positive growth of d² [σ²], such as 1"
         )
     sums = _sums(identification)
     base = base_parameters(identification.robot)

@@ -82,8 +82,8 @@ def place_of_link(robot: Robot, name: str) -> int:
     index = tree.link_index(name)
     if index not in bodies:
         raise RobotDescriptionError(
-            f"link {tree.links[index].name!r} is a frame without a body; "
-            f"{nearest(name, [tree.links[i].name for i in bodies])}"
+            f"link {tree.links[index].name!r} is a frame without a body",
+            advice=nearest(name, [tree.links[i].name for i in bodies]),
         )
     return bodies.index(index)
 
@@ -202,8 +202,8 @@ def _declared(
         place = places[place_of_link(robot, name)]
         if len(box) != 3:
             raise ExperimentError(
-                f"center_of_mass of link {name!r} needs three intervals, for x, y, z; it has "
-                f"{len(box)}"
+                f"center_of_mass of link {name!r} needs three intervals, for x, y, z",
+                advice=f"it has {len(box)}",
             )
         for axis, interval in enumerate(box):
             made += _box(name, axis, interval, place, len(standard), reference)
@@ -284,8 +284,8 @@ def _check(subject: str, what: str, interval: Interval) -> None:
         good = False
     if not good:
         raise ExperimentError(
-            f"{what} of {subject}: {interval!r} is not an interval; give the lowest and the "
-            "highest value, None for no bound"
+            f"{what} of {subject}: {interval!r} is not an interval",
+            advice="give the lowest and the highest value, None for no bound",
         )
 
 

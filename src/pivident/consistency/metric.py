@@ -110,8 +110,8 @@ def full_covariance(identification: Identification) -> tuple[np.ndarray, bool]:
             if not (np.isfinite(d) and d > 0)
         ]
         raise IdentificationError(
-            f"{identification.method} reports no finite standard error of "
-            f"{', '.join(names[:5])}; distances cannot be computed, identify with another method"
+            f"{identification.method} reports no finite standard error of {', '.join(names[:5])}",
+            advice="distances cannot be computed, identify with another method",
         )
     own = reported / np.outer(std, std)
     other = _formula_correlations(identification)
@@ -140,8 +140,9 @@ def _formula_correlations(identification: Identification) -> np.ndarray:
         reason = "is singular"
     raise IdentificationError(
         f"the covariance of {identification.method} for white errors {reason}, the weakest "
-        f"parameter is {weakest}; distances cannot be computed, identify without {weakest} or with "
-        "a motion that excites it"
+        f"parameter is {weakest}",
+        advice=f"distances cannot be computed, identify without {weakest} or with a motion that "
+        "excites it",
     )
 
 

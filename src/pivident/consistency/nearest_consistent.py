@@ -255,8 +255,9 @@ def _closest(
         if solved.found and violation(requirements, solved.u) < OUTSIDE:
             return solved
     raise IdentificationError(
-        f"the search for consistent parameters ended with {solved.status}; the covariance of "
-        "the estimate may span too many orders of magnitude, identify fewer parameters"
+        f"the search for consistent parameters ended with {solved.status}",
+        advice="the covariance of the estimate may span too many orders of magnitude, identify "
+        "fewer parameters",
     )
 
 

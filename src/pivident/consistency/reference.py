@@ -145,8 +145,8 @@ def _given_values(
         ours, theirs = robot.tree.joint_names, given.tree.joint_names
         if ours != theirs:
             raise ExperimentError(
-                f"the reference has the joints {', '.join(theirs)}, the robot "
-                f"{', '.join(ours)}; give a description of the same arm"
+                f"the reference has the joints {', '.join(theirs)}, the robot {', '.join(ours)}",
+                advice="give a description of the same arm",
             )
         values = nominal_values(given, tuple(standard))
         # a URDF has no rotors: if the reference has none, the robot's own are kept
@@ -156,8 +156,8 @@ def _given_values(
     values = np.array(given, dtype=float)
     if values.shape != (len(standard),) or not np.isfinite(values).all():
         raise ExperimentError(
-            f"the reference has shape {values.shape} or is not finite; robot {robot.name!r} has "
-            f"{len(standard)} standard parameters"
+            f"the reference has shape {values.shape} or is not finite",
+            advice=f"robot {robot.name!r} has {len(standard)} standard parameters",
         )
     return values
 

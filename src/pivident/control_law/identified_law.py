@@ -148,7 +148,8 @@ def identify_controller(
         if recording.q_ref is None:
             raise ExperimentError(
                 f"recording {recording.name!r} has no reference q_ref, from which the control "
-                "error is formed; map its column, or reconstruct it"
+                "error is formed",
+                advice="map its column, or reconstruct it",
             )
     joints = recordings[0].joints
     gain = np.broadcast_to(np.asarray(drive_gain, float), (joints,))
@@ -288,9 +289,10 @@ def _law_of(
             if law.gain(term) < 0.0:
                 raise IdentificationError(
                     f"the law found for joint {law.name!r} has {term} = {law.gain(term):.4g} and "
-                    f"would push away from the reference; {100 * law.relative_error:.3g} % of "
+                    "would push away from the reference",
+                    advice=f"{100 * law.relative_error:.3g} % of "
                     "the output stay unexplained. Check the torque's sign and that q_ref belongs "
-                    'to q; if the law cannot be known, declare type = "virtual_pd"'
+                    'to q; if the law cannot be known, declare type = "virtual_pd"',
                 )
 
     def gains(term: Term) -> np.ndarray:

@@ -119,8 +119,9 @@ def feedback_from_noise(recording: Recording, drive_gain: np.ndarray) -> tuple[F
         ]
         if not trials:
             raise IdentificationError(
-                f"recording {recording.name!r} at {recording.rate:g} Hz is too slow to identify "
-                f'a control law from its noise; log faster, or declare type = "virtual_pd"'
+                f"recording {recording.name!r} at {recording.rate:g} Hz is too slow to identify a "
+                "control law from its noise",
+                advice='log faster, or declare type = "virtual_pd"',
             )
         found.append(max(trials, key=lambda f: f.explained))
     return tuple(found)

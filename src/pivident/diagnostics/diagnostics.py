@@ -133,8 +133,8 @@ def diagnose(
     methods = METHODS.usable() if methods is None else methods
     if unknown := sorted(identifications.keys() - methods.keys()):
         raise ExperimentError(
-            f"there is no method for the results {', '.join(unknown)}; give `methods` by the same "
-            f"names, or use the names {', '.join(METHODS)}"
+            f"there is no method for the results {', '.join(unknown)}",
+            advice=f"give `methods` by the same names, or use the names {', '.join(METHODS)}",
         )
     with linear_algebra_in_one_thread():
         attempts = attempts or Attempts()

@@ -128,5 +128,6 @@ def refuse_load_friction(regressor: Regressor) -> None:
         names = [p.name for p in regressor.parameters if p.friction and p.friction.depends_on_load]
         raise IdentificationError(
             f"load-dependent friction ({', '.join(names)}) needs the torque in N m, whose gain is "
-            "unknown here; identify the gains with a law without load first"
+            "unknown here",
+            advice="identify the gains with a law without load first",
         )

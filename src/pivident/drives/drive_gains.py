@@ -202,8 +202,9 @@ def _check_rows(sums: Sequence[Sequence[JointSums]]) -> None:
             if own.rows <= own.columns.size:
                 raise IdentificationError(
                     f"joint {own.name!r} has {own.rows} usable rows for {own.columns.size} "
-                    "parameters: it hardly moves faster than the low-speed mask, or the record is "
-                    "too short; lower the mask, or take a longer record"
+                    "parameters: it hardly moves faster than the low-speed mask, or the record "
+                    "is too short",
+                    advice="lower the mask, or take a longer record",
                 )
 
 

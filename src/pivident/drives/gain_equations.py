@@ -190,8 +190,9 @@ def instrumental_variables(
         if abs(step @ error) < SETTLED**2:
             return ell, x
     raise IdentificationError(
-        "the gains do not converge with these instruments; check the controller's gains and units, "
-        "or leave [controller] out to estimate without simulated instruments"
+        "the gains do not converge with these instruments",
+        advice="check the controller's gains and units, or leave [controller] out to estimate "
+        "without simulated instruments",
     )
 
 

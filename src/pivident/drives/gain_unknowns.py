@@ -58,7 +58,8 @@ def gain_unknowns(
     """Separate known from unknown quantities; names are of joints and of base parameters."""
     if (payload is None) != (not loaded):
         raise ExperimentError(
-            "a payload and the recordings taken with it belong together; give both or neither"
+            "a payload and the recordings taken with it belong together",
+            advice="give both or neither",
         )
     base = problem.base
     columns = np.zeros((len(base), len(INERTIAL)))
@@ -97,7 +98,8 @@ def gain_unknowns(
     for name, given in trusted_gains.items():
         if name not in problem.robot.joint_names:
             raise ExperimentError(
-                f"a gain is trusted of joint {name!r}; {nearest(name, problem.robot.joint_names)}"
+                f"a gain is trusted of joint {name!r}",
+                advice=nearest(name, problem.robot.joint_names),
             )
         gains[problem.robot.joint_names.index(name)] = _as_trusted(given)
     return GainUnknowns(wide, loads, tuple(maps), tuple(offsets), tuple(directions), gains)
@@ -108,7 +110,7 @@ def _place(name: str, problem: Problem) -> int:
     for i, parameter in enumerate(problem.regressor.parameters):
         if name.lower() in (parameter.name.lower(), problem.names[i].lower()):
             return i
-    raise ExperimentError(f"a parameter {name!r} is trusted; {nearest(name, problem.names)}")
+    raise ExperimentError(f"a parameter {name!r} is trusted", advice=nearest(name, problem.names))
 
 
 def _as_trusted(number: Trusted | float) -> Trusted:
@@ -116,8 +118,8 @@ def _as_trusted(number: Trusted | float) -> Trusted:
     made = number if isinstance(number, Trusted) else Trusted(float(number))
     if not (np.isfinite(made.value) and made.value != 0 and made.std >= 0):
         raise ExperimentError(
-            f"{made.value} ± {made.std} cannot be trusted; give a number other than 0 and a "
-            "standard deviation that is not negative"
+            f"{made.value} ± {made.std} cannot be trusted",
+            advice="give a number other than 0 and a standard deviation that is not negative",
         )
     return made
 

@@ -49,7 +49,8 @@ class Payload:
         check_body("payload", self.mass, self.center_of_mass, self.inertia)
         if not 0 <= self.mass_std < self.mass:
             raise ExperimentError(
-                f"mass_std of the payload is {self.mass_std} kg; it lies between 0 and the mass"
+                f"mass_std of the payload is {self.mass_std} kg",
+                advice="it lies between 0 and the mass",
             )
 
     def known(self) -> np.ndarray:
@@ -92,7 +93,7 @@ def check_body(
 ) -> None:
     """Refuse physically impossible mass, centre of mass (3,) or inertia (6,); None: unknown."""
     if mass is not None and not (np.isfinite(mass) and mass > 0):
-        raise ExperimentError(f"mass of the {what} is {mass} kg; give a positive number")
+        raise ExperimentError(f"mass of the {what} is {mass} kg", advice="give a positive number")
     for key, value, size in (("center_of_mass", center_of_mass, 3), ("inertia", inertia, 6)):
         if value is not None and not (
             np.shape(value) == (size,) and np.isfinite(np.asarray(value, float)).all()
@@ -102,12 +103,12 @@ def check_body(
         return
     if center_of_mass is None:
         raise ExperimentError(
-            f"the {what}'s inertia is given without the center_of_mass that it refers to; give "
-            "that too, or leave both out to have them estimated"
+            f"the {what}'s inertia is given without the center_of_mass that it refers to",
+            advice="give that too, or leave both out to have them estimated",
         )
     smallest = np.linalg.eigvalsh(tensor(np.asarray(inertia, float)))[0]
     if smallest < -1e-12:
         raise ExperimentError(
-            f"the {what}'s inertia has a negative principal moment, {smallest:.3g} kg m²; "
-            "give the tensor about the centre of mass, products with the sign of -∫ x y dm"
+            f"the {what}'s inertia has a negative principal moment, {smallest:.3g} kg m²",
+            advice="give the tensor about the centre of mass, products with the sign of -∫ x y dm",
         )

@@ -92,8 +92,8 @@ def identify_motor_temperature(
     if (span <= 0).any():
         joint = problem.robot.joint_names[int(np.argmin(span))]
         raise IdentificationError(
-            f"the temperature of joint {joint!r} is the same throughout; take a longer record from "
-            "a cold start, or leave temperature out"
+            f"the temperature of joint {joint!r} is the same throughout",
+            advice="take a longer record from a cold start, or leave temperature out",
         )
     centre = np.mean(everything, axis=1)
     zero = centre if reference is None else np.full(len(span), float(reference))
@@ -153,11 +153,13 @@ def _per_motor(temperature: np.ndarray, recording: Recording) -> np.ndarray:
         values = np.repeat(values[:, None], recording.joints, axis=1)
     if values.shape != recording.q.shape:
         raise ExperimentError(
-            f"temperatures of recording {recording.name!r} have shape {values.shape}; "
-            f"{recording.q.shape} or one value for each sample is needed"
+            f"temperatures of recording {recording.name!r} have shape {values.shape}",
+            advice=f"{recording.q.shape} or one value for each sample is needed",
         )
     if not np.isfinite(values).all():
-        raise ExperimentError(f"temperatures of recording {recording.name!r} hold NaN; repair them")
+        raise ExperimentError(
+            f"temperatures of recording {recording.name!r} hold NaN", advice="repair them"
+        )
     return values.T
 
 

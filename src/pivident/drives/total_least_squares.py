@@ -36,8 +36,8 @@ def gains_by(
     n = equations.motors
     if not gram[-1, -1] > 0:
         raise IdentificationError(
-            "weighted and total least squares need a known load on the right-hand side; give a "
-            "payload or a trusted parameter"
+            "weighted and total least squares need a known load on the right-hand side",
+            advice="give a payload or a trusted parameter",
         )
     if estimator == "wls":
         solution = _least_squares(gram)

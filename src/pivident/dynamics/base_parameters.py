@@ -267,4 +267,4 @@ def parameter_index(base: BaseParameters, name: str) -> int:
     except KeyError:
         bare = name.lower().removesuffix("r")
         heads = [p.name for p in base.parameters]
-        raise ExperimentError(f"no base parameter {name!r}; {nearest(bare, heads)}") from None
+        raise ExperimentError(f"no base parameter {name!r}", advice=nearest(bare, heads)) from None

@@ -34,6 +34,7 @@ from pivident.dynamics.friction_kernels import (
     travel_to_reversal,
 )
 from pivident.dynamics.parameters import Parameter
+from pivident.errors import UnusableValue
 from pivident.robot.description import Robot
 from pivident.robot.friction_column import SignFunction
 from pivident.robot.friction_term import MAX_SHAPES, FrictionTerm
@@ -134,9 +135,9 @@ def path_entries(parameters: tuple[Parameter, ...], values: np.ndarray) -> list[
             continue
         code, sign, shape = p.friction.encoded(simulated=True)
         if code == _LOAD and not abs(value) < 1.0:
-            raise ValueError(
-                f"{p.name} = {value:g}: friction must grow slower than the load; give a value "
-                "between 0 and 1"
+            raise UnusableValue(
+                f"{p.name} = {value:g}: friction must grow slower than the load",
+                advice="give a value between 0 and 1",
             )
         # the rate of presliding has the state of its entry
         head, place = (_PRESLIDING, 1) if code == int(PRESLIDING_RATE) else (code, 0)
@@ -147,7 +148,9 @@ def path_entries(parameters: tuple[Parameter, ...], values: np.ndarray) -> list[
     ordered = sorted(found.items(), key=lambda item: item[0][:2])
     loaded = [joint for (of_load, joint, *_), _ in ordered if of_load]
     if len(set(loaded)) < len(loaded):
-        raise ValueError("a joint has two terms of load-dependent friction; give it one")
+        raise UnusableValue(
+            "a joint has two terms of load-dependent friction", advice="give it one"
+        )
     return [
         PathEntry(name, (joint, code, sign), (*both, *_constants(code, shape)))
         for (_, joint, code, sign, shape), (name, both) in ordered

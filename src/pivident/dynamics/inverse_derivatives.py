@@ -22,6 +22,7 @@ from pivident.dynamics.rigid_body_slopes import (
     slope_scratch,
     torque_slopes,
 )
+from pivident.errors import UnusableValue
 from pivident.robot.description import Robot
 from pivident.robot.refusals import without_loops
 
@@ -87,7 +88,9 @@ def inverse_dynamics_derivatives(
         shapes = ", ".join(str(np.shape(x)) for x in (q, dq, ddq))
         raise ValueError(f"arrays have shapes {shapes}, (samples, joints) = {wanted} is needed")
     if np.shape(theta) != (len(parameters),):
-        raise ValueError(f"theta has shape {np.shape(theta)}; {(len(parameters),)} is needed")
+        raise UnusableValue(
+            f"theta has shape {np.shape(theta)}", advice=f"{(len(parameters),)} is needed"
+        )
     q, dq, ddq = (np.ascontiguousarray(x, dtype=float) for x in (q, dq, ddq))
     model = make_model(robot, parameters, theta, clip=True)
     by_position, by_speed = np.zeros((len(q), n, n)), np.zeros((len(q), n, n))

@@ -18,6 +18,7 @@ from pivident.dynamics.entry_plan import EntryPlan, has_inner_signal, make_entry
 from pivident.dynamics.friction import memory_column, smoothed_sign
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor_kernels import DENSE, PACKED, TORQUES, observe, tile_rows
+from pivident.errors import UnusableValue
 from pivident.robot.description import Robot
 from pivident.scratch import working_array
 from pivident.threads import run_in_threads
@@ -70,7 +71,9 @@ class Regressor:
             ValueError: a mechanism with closed loops, see `dynamics.robot_regressor`.
         """
         if robot.constraints is not None:
-            raise ValueError(f"{robot!r} has closed loops; use regressor_of(robot, parameters)")
+            raise UnusableValue(
+                f"{robot!r} has closed loops", advice="use regressor_of(robot, parameters)"
+            )
         candidates = _possible_entries(robot, parameters)
         everything = cls._from_entries(robot, tuple(parameters), candidates)
         rng = np.random.default_rng(20180501)
@@ -312,7 +315,7 @@ class Regressor:
         if inner is None:
             return self.inner(q, dq, ddq, theta)
         if inner.shape != shape:
-            raise ValueError(f"inner has shape {inner.shape}; {shape} is needed")
+            raise UnusableValue(f"inner has shape {inner.shape}", advice=f"{shape} is needed")
         return np.ascontiguousarray(inner, dtype=float)
 
     def _packed_out(
@@ -325,7 +328,9 @@ class Regressor:
         if out is None:
             out = np.empty(shape)
         if len(out) < shape[0] or out.shape[1:] != shape[1:]:
-            raise ValueError(f"out has shape {out.shape}; {shape} or more rows are needed")
+            raise UnusableValue(
+                f"out has shape {out.shape}", advice=f"{shape} or more rows are needed"
+            )
         return out, place
 
     def _dense_out(self, out: np.ndarray | None, samples: int) -> np.ndarray:
@@ -334,16 +339,19 @@ class Regressor:
         if out is None:
             out = np.zeros(shape)
         if out.shape != shape or not out.flags.c_contiguous:
-            raise ValueError(f"out has shape {out.shape}; {shape} in C order is needed")
+            raise UnusableValue(
+                f"out has shape {out.shape}", advice=f"{shape} in C order is needed"
+            )
         return out
 
     def _check_motion(self, *signals: np.ndarray) -> None:
         """Refuse other shapes than (samples, joints): the compiled loops do not check them."""
         shapes = [np.shape(x) for x in signals]
         if any(len(s) != 2 or s[1] != self.robot.size or s != shapes[0] for s in shapes):
-            raise ValueError(
-                f"q, dq, ddq have shapes {', '.join(map(str, shapes))}; all must be (samples, "
-                f"{self.robot.size}), with one row for a single state: q[None]"
+            raise UnusableValue(
+                f"q, dq, ddq have shapes {', '.join(map(str, shapes))}",
+                advice=f"all must be (samples, {self.robot.size}), with one row for a single "
+                "state: q[None]",
             )
 
 

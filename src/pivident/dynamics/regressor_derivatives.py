@@ -27,6 +27,7 @@ from pivident.compiled import inlined as _inline
 from pivident.dynamics.column_slopes import ColumnSlope, column_slopes
 from pivident.dynamics.kernels import Tree, link_poses, tree_of
 from pivident.dynamics.regressor import Regressor
+from pivident.errors import UnusableValue
 from pivident.robot.description import INERTIAL
 from pivident.robot.refusals import without_loops
 from pivident.threads import run_in_threads
@@ -90,9 +91,9 @@ class RegressorDerivatives:
         """
         samples, n = np.shape(q)
         if np.shape(weights) != (samples, n, len(self.regressor.parameters)):
-            raise ValueError(
-                f"weights have shape {np.shape(weights)}; "
-                f"{(samples, n, len(self.regressor.parameters))} is needed"
+            raise UnusableValue(
+                f"weights have shape {np.shape(weights)}",
+                advice=f"{(samples, n, len(self.regressor.parameters))} is needed",
             )
         q, dq, ddq, weights = (np.ascontiguousarray(x, dtype=float) for x in (q, dq, ddq, weights))
         out = np.zeros((samples, n, n, 3))

@@ -52,7 +52,8 @@ def closing_states(robot: Robot, q: np.ndarray, *others: np.ndarray) -> tuple[np
     if not closes.any():
         raise RobotDescriptionError(
             f"the loops of robot {robot.name!r} close at none of {len(q)} postures between the "
-            "limits of its joints; give position_limits within which they do"
+            "limits of its joints",
+            advice="give position_limits within which they do",
         )
     return tuple(x[closes] for x in (q, *others))
 

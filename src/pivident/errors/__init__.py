@@ -22,6 +22,7 @@ from pivident.errors.identifications import (
     UnusableSignal,
 )
 from pivident.errors.kinds import (
+    Advised,
     ExperimentError,
     ExportError,
     FileFormatError,
@@ -30,6 +31,7 @@ from pivident.errors.kinds import (
     PividentError,
     RecordingError,
     RobotDescriptionError,
+    UnusableValue,
     concerning,
 )
 from pivident.errors.recordings import (
@@ -52,6 +54,7 @@ from pivident.errors.recordings import (
 )
 
 __all__ = [
+    "Advised",
     "Attempts",
     "BadCell",
     "BrokenMotion",
@@ -91,6 +94,7 @@ __all__ = [
     "UnknownColumn",
     "UnstableFit",
     "UnusableSignal",
+    "UnusableValue",
     "concerning",
     "in_words",
 ]

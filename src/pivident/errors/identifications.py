@@ -33,8 +33,9 @@ class RankDeficientRegressor(IdentificationError):
         self.groups = tuple(tuple(group) for group in groups)
         listed = "; ".join(", ".join(group) for group in self.groups)
         super().__init__(
-            f"the motion separates {rank} of {expected} parameters; not separable: {listed}. "
-            "Add a recording that moves these joints, or leave parameters out of the set"
+            f"the motion separates {rank} of {expected} parameters",
+            advice=f"not separable: {listed}. Add a recording that moves these joints, or leave "
+            "parameters out of the set",
         )
 
 
@@ -66,7 +67,8 @@ class MassMatrixNotPositiveDefinite(SimulationFailed):
         self.joint, self.time, self.pivot = joint, time, pivot
         super().__init__(
             f"the mass matrix is not positive definite at joint {joint!r}, t = {time:.4f} s "
-            f"(pivot {pivot:.3g}); start from larger rotor inertias or CAD values"
+            f"(pivot {pivot:.3g})",
+            advice="start from larger rotor inertias or CAD values",
         )
 
 
@@ -101,8 +103,9 @@ class LoopNotClosed(IdentificationError):
         )
         IdentificationError.__init__(  # the base of `LoopOpened` comes between
             self,
-            f"{when}{where}: {what}; check units, signs and zero positions of the joints, lengths "
-            "of the links, and the posture from which the description assembles them",
+            f"{when}{where}: {what}",
+            advice="check units, signs and zero positions of the joints, lengths of the links, "
+            "and the posture from which the description assembles them",
         )
 
 
@@ -135,9 +138,9 @@ class SimulationDiverged(SimulationFailed):
             else f"is {deviation:.3g} {unit} away from its reference"
         )
         super().__init__(
-            f"the simulated joint {joint!r} {what} at t = {time:.4f} s "
-            f"(bound {bound:.3g}); check the controller's gains, units and sign, "
-            "the drive gain and the initial parameters"
+            f"the simulated joint {joint!r} {what} at t = {time:.4f} s (bound {bound:.3g})",
+            advice="check the controller's gains, units and sign, the drive gain and the initial "
+            "parameters",
         )
 
 
@@ -172,9 +175,10 @@ class FilterDiverged(IdentificationError):
         found = f"innovation {innovation:.3g} standard deviations"
         what = f"{cause} ({found})" if cause else f"the {found} of its position"
         super().__init__(
-            f"the filter diverged at sample {sample}, joint {joint!r}: {what}; start it nearer to "
+            f"the filter diverged at sample {sample}, joint {joint!r}: {what}",
+            advice="start it nearer to "
             'the truth (start = "least-squares"), with a smaller spread, or assume larger noise '
-            "(torque_noise, encoder_noise)"
+            "(torque_noise, encoder_noise)",
         )
 
 
@@ -188,7 +192,7 @@ class UnusableSignal(IdentificationError, ValueError):
 
     def __init__(self, signal: str, found: str, advice: str) -> None:
         self.signal, self.found = signal, found
-        super().__init__(f"{signal} {found}; {advice}")
+        super().__init__(f"{signal} {found}", advice=advice)
 
 
 class DelayTooLong(IdentificationError, ValueError):
@@ -202,8 +206,8 @@ class DelayTooLong(IdentificationError, ValueError):
     def __init__(self, delay: int, samples: int) -> None:
         self.delay, self.samples = delay, samples
         super().__init__(
-            f"a delay of {delay} samples leaves nothing to fit in a record of {samples}; "
-            "give delays in samples (not seconds), or take a longer record"
+            f"a delay of {delay} samples leaves nothing to fit in a record of {samples}",
+            advice="give delays in samples (not seconds), or take a longer record",
         )
 
 
@@ -218,8 +222,8 @@ class OrdersNotSupported(IdentificationError):
     def __init__(self, parameters: int, reason: str) -> None:
         self.parameters, self.reason = parameters, reason
         super().__init__(
-            f"the record does not support a model of {parameters} parameters: {reason}; "
-            "lower the orders (select_orders compares several), or excite more frequencies"
+            f"the record does not support a model of {parameters} parameters: {reason}",
+            advice="lower the orders (select_orders compares several), or excite more frequencies",
         )
 
 
@@ -234,8 +238,9 @@ class UnstableFit(IdentificationError):
         self.poles = tuple(poles)
         listed = ", ".join(f"{pole:.4g}" for pole in self.poles)
         super().__init__(
-            f"the estimate has unstable poles at {listed} rad/s; check the sign of u, the orders "
-            "and the delay. Of an unstable plant in a loop, identify the closed loop"
+            f"the estimate has unstable poles at {listed} rad/s",
+            advice="check the sign of u, the orders and the delay. Of an unstable plant in a "
+            "loop, identify the closed loop",
         )
 
 
@@ -265,13 +270,13 @@ class ContradictoryBounds(IdentificationError):
 
     def __init__(self, bounds: Sequence[str]) -> None:
         self.bounds = tuple(bounds)
-        super().__init__(
-            f"no consistent parameters satisfy the bounds: {'; '.join(self.bounds)}; "
-            "they contradict each other or physical consistency, widen them"
-            if self.bounds
-            else "no consistent parameters can be found from this estimate, which is too far from "
-            "any machine; check signs, units and gear ratios (pivident audit), or identify again"
-        )
+        fact = f"no consistent parameters satisfy the bounds: {'; '.join(self.bounds)}"
+        advice = "they contradict each other or physical consistency, widen them"
+        if not self.bounds:
+            fact = "no consistent parameters can be found from this estimate, which is too far "
+            fact += "from any machine"
+            advice = "check signs, units and gear ratios (pivident audit), or identify again"
+        super().__init__(fact, advice=advice)
 
 
 class NoConsistentModelNear(IdentificationError):
@@ -302,7 +307,8 @@ class NoConsistentModelNear(IdentificationError):
             f"no consistent parameters lie near the estimate: the nearest are {distance:.3g} σ "
             f"away (p = {p_value:.2g}), with a torque error of {100 * error_consistent:.3g} % on "
             f"the fitted record ({100 * error_free:.3g} % free), by demands on "
-            f"{', '.join(self.at_fault[:4]) or 'the links'}; check geometry, gear ratios, units "
-            "and signs (pivident audit), the friction law and the parameters that were left out; "
-            "--accept-far (accept_far = True) gives the model all the same"
+            f"{', '.join(self.at_fault[:4]) or 'the links'}",
+            advice="check geometry, gear ratios, units and signs (pivident audit), the friction "
+            "law and the parameters that were left out; --accept-far (accept_far = True) gives "
+            "the model all the same",
         )

@@ -2,14 +2,60 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Self
 
+from pivident.text.nearest import NearestNames
 from pivident.text.printable import shortened
 
 
-class PividentError(Exception):
+class Advised(Exception):
+    """An error that says what was seen and what to do.
+
+    Its text is ``what was seen; what to do``.
+
+    Args:
+        fact: what was seen, a half sentence.
+        advice: what to do, a half sentence; empty where that is open.
+
+    Attributes:
+        fact: what was seen, without the file and the table in front.
+        advice: what to do.
+        meant: a name that is not known, and the nearest one that is; None where there is none.
+    """
+
+    meant: tuple[str, str] | None = None
+
+    def __init__(self, fact: str = "", *, advice: str = "") -> None:
+        self.fact, self.advice = fact, advice
+        if isinstance(advice, NearestNames):
+            self.meant = advice.meant
+        super().__init__(_joined(fact, advice))
+
+    @classmethod
+    def of_part(cls, heading: str, error: Exception) -> Self:
+        """An error of a part as one of the whole, with a heading in front of what was seen."""
+        if not isinstance(error, Advised):
+            return cls(f"{heading}{error}")
+        made = cls(f"{heading}{error.fact}", advice=error.advice)
+        made.meant = error.meant
+        return made
+
+
+class UnusableValue(Advised, ValueError):
+    """A value that cannot be used, as its type or a table of a file finds."""
+
+    def followed_by(self, more: str) -> Self:
+        """The same with something behind it."""
+        if not self.advice:
+            return type(self)(f"{self.fact}{more}")
+        whole = type(self)(self.fact, advice=f"{self.advice}{more}")
+        whole.meant = self.meant
+        return whole
+
+
+class PividentError(Advised):
     """Base of every error that pivident raises on purpose.
 
     Its text is shortened for reading; ``args`` holds all of it, for instance the whole of a name
@@ -19,31 +65,28 @@ class PividentError(Exception):
         place: keys below the table of an experiment file that is being read, whose value the error
             is about; empty where nobody has said it.
         table: the table itself, where it is another one than that being read.
-        meant: a name that is not known, and the nearest one that is; None where there is none.
     """
 
     place: tuple[str, ...] = ()
     table: tuple[str, ...] = ()
-    meant: tuple[str, str] | None = None
-    _sentence = ""
 
     @property
     def sentence(self) -> str:
         """The message without the file and the table in front."""
-        return self._sentence or str(self)
+        return shortened(_joined(self.fact, self.advice))
 
     def about(self, *keys: str) -> Self:
         """The same error, about the value of these keys if it has no place yet."""
         self.place = self.place or keys
         return self
 
-    def naming(self, name: str, near: Sequence[str]) -> Self:
-        """The same error, about a name that is not known; ``near``: those that are like it."""
-        self.meant = (name, near[0]) if near else None
-        return self
-
     def __str__(self) -> str:
         return shortened(super().__str__())
+
+
+def _joined(fact: str, advice: str) -> str:
+    """What was seen and what to do, in one line."""
+    return f"{fact}; {advice}" if advice else fact
 
 
 class RobotDescriptionError(PividentError, ValueError):
@@ -61,13 +104,20 @@ class FileFormatError(RecordingError):
 
 
 class ExperimentError(PividentError, ValueError):
-    """An experiment file with unknown keys, bad values or contradictory options."""
+    """An experiment file with unknown keys, bad values or contradictory options.
+
+    Attributes:
+        headings: file and table in front of what was seen.
+    """
+
+    headings = ""
 
     def headed(self, heading: str) -> Self:
         """The error with a file or a table in front of its message; its place stays."""
-        made = type(self)(f"{heading} {self}")
-        made._sentence, made.table, made.place = self.sentence, self.table, self.place
-        made.meant = self.meant
+        headings = f"{heading} {self.headings}"
+        made = type(self).of_part(headings, self)
+        made.fact, made.headings = self.fact, headings
+        made.table, made.place = self.table, self.place
         return made
 
     def within(self, table: str, *keys: str) -> Self:

@@ -81,8 +81,9 @@ class NonFiniteSamples(RecordingError):
         self.channel, self.joint, self.sample, self.count = channel, joint, sample, count
         self.about("columns", *channel.split("."))
         super().__init__(
-            f"{channel} of joint {joint!r} has {count} sample(s) that are NaN or infinite, "
-            f"the first at sample {sample}; cut the recording there or repair the log"
+            f"{channel} of joint {joint!r} has {count} sample(s) that are NaN or infinite, the "
+            f"first at sample {sample}",
+            advice="cut the recording there or repair the log",
         )
 
 
@@ -96,8 +97,6 @@ class PositionsBeyondLimits(RecordingError):
         limits: of the joint [unit].
         unit: ``rad`` or ``m``.
         likely_unit: the unit that they may be in, where nobody has given one; else empty.
-        fact: what is wrong, without the next step.
-        advice: the next step.
     """
 
     def __init__(
@@ -112,14 +111,14 @@ class PositionsBeyondLimits(RecordingError):
     ) -> None:
         self.channel, self.joint, self.position = channel, joint, position
         self.likely_unit = likely_unit
-        self.limits, self.unit, self.advice = limits, unit, advice
+        self.limits, self.unit = limits, unit
         self.about("columns", *channel.split("."))
         low, high = limits
         self.fact = (
             f"{channel} of joint {joint!r} reaches {position:.4g} {unit}, far beyond its limits "
             f"{low:.4g} to {high:.4g} {unit}"
         )
-        super().__init__(f"{self.fact}; {advice}")
+        super().__init__(self.fact, advice=advice)
 
 
 class ShapeMismatch(RecordingError):
@@ -135,8 +134,8 @@ class ShapeMismatch(RecordingError):
         self.channel, self.shape, self.expected = channel, tuple(shape), tuple(expected)
         self.about("columns", *channel.split("."))
         super().__init__(
-            f"{channel} has shape {self.shape}, but {self.expected} is needed (samples, joints); "
-            "select the columns of these joints and cut all channels to the same samples"
+            f"{channel} has shape {self.shape}, but {self.expected} is needed (samples, joints)",
+            advice="select the columns of these joints and cut all channels to the same samples",
         )
 
 
@@ -153,8 +152,8 @@ class RecordingTooShort(RecordingError):
     def __init__(self, samples: int, minimum: int) -> None:
         self.samples, self.minimum = samples, minimum
         super().__init__(
-            f"the recording has {samples} sample(s), at least {minimum} are needed; "
-            "take a longer part, or check which axis of the file is time"
+            f"the recording has {samples} sample(s), at least {minimum} are needed",
+            advice="take a longer part, or check which axis of the file is time",
         )
 
 
@@ -171,8 +170,9 @@ class ConstantChannel(RecordingError):
         self.channel, self.joint, self.value = channel, joint, value
         self.about("columns", *channel.split("."))
         super().__init__(
-            f"{channel} of joint {joint!r} is {value:.6g} at every sample; freeze that joint and "
-            "leave it out of the recording, check its column, or accept it with allow_constant"
+            f"{channel} of joint {joint!r} is {value:.6g} at every sample",
+            advice="freeze that joint and leave it out of the recording, check its column, or "
+            "accept it with allow_constant",
         )
 
 
@@ -196,8 +196,9 @@ class SaturatedSignal(RecordingError):
         self.about("columns", *channel.split("."))
         super().__init__(
             f"{channel} of joint {joint!r} is cut off at {value:.6g} N m (or N) for {count} of "
-            f"{samples} samples, first at sample {sample}; cut these parts, repeat the motion more "
-            'slowly, or accept them with saturation = "allow"'
+            f"{samples} samples, first at sample {sample}",
+            advice="cut these parts, repeat the motion more "
+            'slowly, or accept them with saturation = "allow"',
         )
 
 
@@ -226,7 +227,8 @@ class IrregularSampling(RecordingError):
         self.interval, self.expected = interval, expected
         super().__init__(
             f"time stamp {time:.6f} s of sample {sample} follows its predecessor by "
-            f"{_duration(interval)} instead of {_duration(expected)} ({kind}); {self.ADVICE[kind]}"
+            f"{_duration(interval)} instead of {_duration(expected)} ({kind})",
+            advice=self.ADVICE[kind],
         )
 
 
@@ -240,7 +242,6 @@ class MissingSamples(IrregularSampling):
         time: its stamp [s].
         interval: length of the largest gap, from stamp to stamp [s].
         stretches: the stretches between the gaps.
-        fact: what is wrong, without the next step.
     """
 
     place = ("part",)
@@ -262,7 +263,7 @@ class MissingSamples(IrregularSampling):
             f"{missing} sample(s) are missing {where} of {_duration(interval)} after sample "
             f"{sample} (t = {time:.6f} s)"
         )
-        RecordingError.__init__(self, f"{self.fact}; {stretches.advice()}")
+        RecordingError.__init__(self, self.fact, advice=stretches.advice())
 
 
 class GapInClock(IrregularSampling):
@@ -275,7 +276,6 @@ class GapInClock(IrregularSampling):
         interval: length of that gap [s].
         gaps: number of gaps.
         stretches: the stretches between the gaps.
-        fact: what is wrong, without the next step.
     """
 
     place = ("part",)
@@ -296,7 +296,7 @@ class GapInClock(IrregularSampling):
             f"{channel} has no samples for {_duration(interval)} after {time:.3f} s on the clock "
             f"{clock}{others}, and nothing is interpolated over that"
         )
-        RecordingError.__init__(self, f"{self.fact}; {stretches.advice()}")
+        RecordingError.__init__(self, self.fact, advice=stretches.advice())
 
 
 class BrokenMotion(IrregularSampling):
@@ -307,7 +307,6 @@ class BrokenMotion(IrregularSampling):
         time: its stamp [s].
         breaks: number of breaks.
         stretches: the stretches between the breaks.
-        fact: what is wrong, without the next step.
     """
 
     place = ("part",)
@@ -319,7 +318,7 @@ class BrokenMotion(IrregularSampling):
         self.kind = "break"
         others = "" if breaks == 1 else f", the first of {breaks} such places"
         self.fact = f"{what} at sample {sample} (t = {time:.6f} s){others}"
-        RecordingError.__init__(self, f"{self.fact}; {stretches.advice()}")
+        RecordingError.__init__(self, self.fact, advice=stretches.advice())
 
 
 class ClocksDisagree(RecordingError):
@@ -350,7 +349,8 @@ class ClocksDisagree(RecordingError):
             )
         super().__init__(
             f"{text}. Does one count from 1970 and the other from when its machine was switched "
-            'on? Name stamps of one clock; in a bag t = "receive_time" is one'
+            "on? Name stamps of one clock",
+            advice='in a bag t = "receive_time" is one',
         )
 
 
@@ -373,8 +373,8 @@ class UnknownColumn(FileFormatError):
                 f"it has no header, so its columns are called column_1 to column_{len(known)}; "
                 "name them in their order with column_names under [recording]"
             )
-        super().__init__(f"{file} has no column or array {column!r}; {hint}")
-        self.naming(column, self.near)
+        super().__init__(f"{file} has no column or array {column!r}", advice=hint)
+        self.meant = (column, self.near[0]) if near else None
 
 
 class BadCell(FileFormatError):
@@ -398,7 +398,7 @@ class BadCell(FileFormatError):
     ) -> None:
         self.file, self.line, self.column, self.text = file, line, column, text
         where = f"line {line}" if column is None else f"line {line}, column {column!r}"
-        super().__init__(f"{file}, {where}: {reason}; {advice}")
+        super().__init__(f"{file}, {where}: {reason}", advice=advice)
 
 
 class NoSamples(FileFormatError):
@@ -410,7 +410,7 @@ class NoSamples(FileFormatError):
 
     def __init__(self, file: str) -> None:
         self.file = file
-        super().__init__(f"{file} has a header but no samples; export the log again")
+        super().__init__(f"{file} has a header but no samples", advice="export the log again")
 
 
 class ChecksumMismatch(FileFormatError):
@@ -425,8 +425,8 @@ class ChecksumMismatch(FileFormatError):
     def __init__(self, file: str, found: str, expected: str) -> None:
         self.file, self.found, self.expected = file, found, expected
         super().__init__(
-            f"{file} has SHA-256 {found[:12]}… instead of {expected[:12]}…; "
-            "delete it and fetch it again"
+            f"{file} has SHA-256 {found[:12]}… instead of {expected[:12]}…",
+            advice="delete it and fetch it again",
         )
 
 
@@ -441,8 +441,9 @@ class DatasetUnavailable(PividentError):
     def __init__(self, dataset: str, file: str, reason: str) -> None:
         self.dataset, self.file = dataset, file
         super().__init__(
-            f"{file} of data set {dataset!r} is not available: {reason}; set the environment "
-            f"variable PIVIDENT_DATA to a folder that holds {dataset}/{file}"
+            f"{file} of data set {dataset!r} is not available: {reason}",
+            advice="set the environment variable PIVIDENT_DATA to a folder that holds "
+            f"{dataset}/{file}",
         )
 
 

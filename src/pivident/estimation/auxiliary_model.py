@@ -210,8 +210,9 @@ def loop_signals(
     dq_ref: np.ndarray | None = dq
     if loop.reference == "recorded" and recording.q_ref is None:
         raise ExperimentError(
-            f"recording {recording.name!r} has no reference q_ref; map its column, or set "
-            'reference = "smoothed" to use the smoothed measurement in its place'
+            f"recording {recording.name!r} has no reference q_ref",
+            advice="map its column, or set "
+            'reference = "smoothed" to use the smoothed measurement in its place',
         )
     if loop.reference == "recorded" and recording.q_ref is not None:
         q_ref, dq_ref = recording.q_ref, recording.dq_ref

@@ -76,8 +76,8 @@ class Didim(PrefilteredIV):
         self._refuse_instruments()
         if self.as_printed:
             raise ExperimentError(
-                "as_printed follows the paper to the letter, which takes the measured motion; use "
-                "piv"
+                "as_printed follows the paper to the letter, which takes the measured motion",
+                advice="use piv",
             ).about("as_printed")
 
     @property

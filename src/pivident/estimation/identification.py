@@ -10,6 +10,7 @@ from scipy.special import ndtri
 
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.robot_regressor import regressor_of
+from pivident.errors import UnusableValue
 from pivident.estimation.covariance import rounded_away
 from pivident.estimation.equation_noise import EquationNoise
 from pivident.estimation.equation_record import FittedRecording, MotionRange
@@ -222,7 +223,9 @@ class Identification(Displayed):
             ValueError: ``level`` is not between 0 and 1.
         """
         if not 0.0 < level < 1.0:
-            raise ValueError(f"level must be between 0 and 1, not {level}; 0.95 is usual")
+            raise UnusableValue(
+                f"level must be between 0 and 1, not {level}", advice="0.95 is usual"
+            )
         half = float(ndtri(0.5 * (1.0 + level))) * self.std
         ends = np.column_stack([self.theta - half, self.theta + half])
         for k, side in enumerate(self.bound_sides):

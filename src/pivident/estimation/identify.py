@@ -49,11 +49,12 @@ def identify(
             "use experiment.problem()" if is_experiment else "make one from robot and recordings"
         )
         raise IdentificationError(
-            f"identify takes a Problem, not an object of type {type(problem).__name__}; {advice}"
+            f"identify takes a Problem, not an object of type {type(problem).__name__}",
+            advice=advice,
         )
     method = method_named(method)
     if not isinstance(method, Method):
-        raise IdentificationError(f"{method!r} is not a method; use a name such as 'piv'")
+        raise IdentificationError(f"{method!r} is not a method", advice="use a name such as 'piv'")
     method.refuse(problem)
     method = method.settled(problem.recordings)
     say = progress or (lambda line: None)

@@ -162,7 +162,8 @@ def _bandpassed(recording: Recording, signals: Bandpass) -> tuple[np.ndarray, ..
         raise RecordingError(
             f"recording {recording.name!r}: the position filter has a cut-off of "
             f"{cutoffs.max():g} Hz, but at {recording.rate:g} Hz there is nothing above "
-            f"{recording.rate / 2:g} Hz; {recording.slowed}"
+            f"{recording.rate / 2:g} Hz",
+            advice=recording.slowed,
         )
     passed = bandpass(
         recording.q,

@@ -168,13 +168,15 @@ class Method(Options):
         if inner and not self.handles.inner_friction:
             raise ExperimentError(
                 f"joint {inner[0]!r} has friction with a memory or of the load, which the method "
-                f"{self.label} does not handle; use piv or cloe, or another friction law"
+                f"{self.label} does not handle",
+                advice="use piv or cloe, or another friction law",
             )
         computed = [r.name for r in problem.recordings if r.torque_source == "law"]
         if computed and not self.handles.computed_torque:
             raise IdentificationError(
-                f"{self.label} needs measured torques, but recording {computed[0]!r} has none: one "
-                "computed from the control law holds nothing that the positions do not; use cloe"
+                f"{self.label} needs measured torques, but recording {computed[0]!r} has none: "
+                "one computed from the control law holds nothing that the positions do not",
+                advice="use cloe",
             )
         if problem.loop is None and not self.handles.no_controller:
             raise ExperimentError(
@@ -185,8 +187,8 @@ class Method(Options):
         if smoothed and not self.handles.no_reference:
             raise ExperimentError(
                 f"{self.label} takes the motion that the loop makes of its reference, but with "
-                'reference = "smoothed" the measurement itself takes its place; give the recorded '
-                "reference, or use piv"
+                'reference = "smoothed" the measurement itself takes its place',
+                advice="give the recorded reference, or use piv",
             )
 
     def about_torques(self, recordings: Sequence[Recording]) -> tuple[Finding, ...]:

@@ -56,7 +56,7 @@ def method_named(method: Method | str) -> Method:
     if not isinstance(method, str):
         return method
     if method not in METHODS:
-        raise IdentificationError(f"unknown method {method!r}; {nearest(method, METHODS)}")
+        raise IdentificationError(f"unknown method {method!r}", advice=nearest(method, METHODS))
     return METHODS[method]
 
 

@@ -261,9 +261,10 @@ class Whitening:
             if transient > 0.5 * longest:
                 raise IdentificationError(
                     f"the prefilter of joint {name!r}, the inverse of its control law, takes "
-                    f"{transient / rate:.2g} s to forget its initial state, but the longest record "
-                    f"has {longest / rate:.2g} s; the gains are too soft (kd/kp). Use "
-                    'prefilter = "direct", or check the gains'
+                    f"{transient / rate:.2g} s to forget its initial state, but the longest "
+                    f"record has {longest / rate:.2g} s",
+                    advice="the gains are too soft (kd/kp). Use "
+                    'prefilter = "direct", or check the gains',
                 )
 
     def _model_of_joint(

@@ -248,8 +248,9 @@ def solve(
         if joint.rows <= joint.columns.size:
             raise IdentificationError(
                 f"joint {joint.name!r} has {joint.rows} usable rows for {joint.columns.size} "
-                "parameters: it hardly moves faster than the low-speed mask, or the record is too "
-                "short; lower the mask, take a longer record, or freeze the joint"
+                "parameters: it hardly moves faster than the low-speed mask, or the record is "
+                "too short",
+                advice="lower the mask, take a longer record, or freeze the joint",
             )
     size = len(names)
     zf, ff = np.zeros((size, size)), np.zeros((size, size))

@@ -199,8 +199,8 @@ class PrefilteredIV(InstrumentalMethod):
         fixed += [f"noise.{k}" for k in NOISE_AS_PRINTED if k in keys.get("noise", {})]
         if fixed:
             raise ExperimentError(
-                f"as_printed follows the paper to the letter and fixes {', '.join(fixed)}; "
-                "remove one of the two"
+                f"as_printed follows the paper to the letter and fixes {', '.join(fixed)}",
+                advice="remove one of the two",
             ).about(*fixed[0].split("."))
 
     def estimate(self, problem: Problem, say: Say, *, test_gains: bool = True) -> Identification:

@@ -80,13 +80,14 @@ class Problem(Displayed):
         object.__setattr__(self, "recordings", tuple(self.recordings))
         self._check_kinds()
         if not self.recordings:
-            raise IdentificationError("no recording given; at least one is needed")
+            raise IdentificationError("no recording given", advice="at least one is needed")
         object.__setattr__(self, "robot", _robot_of_torques(self.robot, self.recordings))
         for recording in self.recordings:
             if recording.joints != self.robot.size:
                 raise ExperimentError(
                     f"recording {recording.name!r} has {recording.joints} joints, robot "
-                    f"{self.robot.name!r} has {self.robot.size}; map one column per joint"
+                    f"{self.robot.name!r} has {self.robot.size}",
+                    advice="map one column per joint",
                 )
             check_within_reach("q", recording.q, self.robot)
             if recording.q_ref is not None:
@@ -111,15 +112,19 @@ class Problem(Displayed):
         """Refuse names and laws where robots, recordings and loops are needed."""
         if not isinstance(self.robot, Robot):
             raise ExperimentError(
-                f"robot is {self.robot!r}; give a Robot, such as load_robot({str(self.robot)!r})"
+                f"robot is {self.robot!r}",
+                advice=f"give a Robot, such as load_robot({str(self.robot)!r})",
             )
         if self.loop is not None and not isinstance(self.loop, Loop):
             law = type(self.loop).__name__
-            raise ExperimentError(f"loop is of type {law}; wrap a control law, Loop({law}(…))")
+            raise ExperimentError(
+                f"loop is of type {law}", advice=f"wrap a control law, Loop({law}(…))"
+            )
         for recording in self.recordings:
             if not isinstance(recording, Recording):
                 raise ExperimentError(
-                    f"{recording!r} is not a recording; load_recording reads one from a log"
+                    f"{recording!r} is not a recording",
+                    advice="load_recording reads one from a log",
                 )
 
     def _complete_torques(self) -> None:
@@ -196,8 +201,8 @@ def _robot_of_torques(robot: Robot, recordings: Sequence[Recording]) -> Robot:
         return robot.with_link_torques()
     others = "other recordings are" if robot.torque_side == "motor" else f"{robot.name!r} is"
     raise ExperimentError(
-        f"recording {motor!r} has torques of the motors, but {others} of sensors behind the gears; "
-        'set torque_side = "link" in every recording, or in none'
+        f"recording {motor!r} has torques of the motors, but {others} of sensors behind the gears",
+        advice='set torque_side = "link" in every recording, or in none',
     )
 
 
@@ -222,5 +227,7 @@ def _selection(base: BaseParameters, names: Sequence[str] | None) -> tuple[int, 
         twice = next(name for name in names if chosen.count(parameter_index(base, name)) > 1)
         raise ExperimentError(f"parameter {twice!r} is asked for twice")
     if not chosen:
-        raise ExperimentError("the list of parameters is empty; leave it out to estimate all")
+        raise ExperimentError(
+            "the list of parameters is empty", advice="leave it out to estimate all"
+        )
     return tuple(sorted(chosen))

@@ -113,8 +113,8 @@ class Bandpass(Decimated):
         given = np.atleast_1d(np.array(np.nan if self.cutoff is None else self.cutoff, float))
         if len(given) not in (1, joints):
             raise ExperimentError(
-                f"cutoff has {len(given)} numbers for {joints} joints; give one for all or one for "
-                "each"
+                f"cutoff has {len(given)} numbers for {joints} joints",
+                advice="give one for all or one for each",
             )
         return np.broadcast_to(given, joints)
 
@@ -222,8 +222,8 @@ class Algebraic(Decimated):
         given = np.atleast_1d(np.array(np.nan if self.window is None else self.window, float))
         if len(given) not in (1, joints):
             raise ExperimentError(
-                f"window has {len(given)} numbers for {joints} joints; give one for all or one for "
-                "each"
+                f"window has {len(given)} numbers for {joints} joints",
+                advice="give one for all or one for each",
             ).about("window")
         return np.broadcast_to(given, joints)
 

@@ -48,8 +48,8 @@ def settled_starts(
         if start > 0.5 * (kin.start + kin.stop):
             raise IdentificationError(
                 f"in recording {kin.recording.name!r} the simulated loop still shows where it "
-                f"started after {start / kin.recording.rate:.2g} s, more than half the record; "
-                "the gains are soft or the record is short. Use piv, or a longer record"
+                f"started after {start / kin.recording.rate:.2g} s, more than half the record",
+                advice="the gains are soft or the record is short. Use piv, or a longer record",
             )
         starts.append(start)
     return starts

@@ -19,6 +19,7 @@ import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters
 from pivident.dynamics.regressor import Regressor
+from pivident.errors import UnusableValue
 from pivident.estimation.equation_record import EquationRecord, JointColumns
 from pivident.motion.motion import Motion
 from pivident.signals.prefilter import Prefilter
@@ -159,9 +160,9 @@ class TorqueSums:
             except (KeyError, TypeError, ValueError) as error:
                 raise ValueError(f"torque_sums: {key!r} is missing or not a number") from error
             if numbers[key].shape != wanted or not np.isfinite(numbers[key]).all():
-                raise ValueError(
-                    f"torque_sums: {key!r} has shape {numbers[key].shape} or is not finite; "
-                    f"{size} base parameters need {wanted}"
+                raise UnusableValue(
+                    f"torque_sums: {key!r} has shape {numbers[key].shape} or is not finite",
+                    advice=f"{size} base parameters need {wanted}",
                 )
         if min(numbers["square"], numbers["rows"]) < 0.0:
             raise ValueError("torque_sums: square and rows cannot be negative")

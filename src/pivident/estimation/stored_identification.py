@@ -19,7 +19,7 @@ from pydantic import Field, ValidationError
 
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters, regrouped_name
 from pivident.dynamics.grouping.closed_form import quick_base_parameters
-from pivident.errors import IdentificationFileError, PividentError
+from pivident.errors import IdentificationFileError, PividentError, UnusableValue
 from pivident.estimation.equation_noise import EquationNoise
 from pivident.estimation.equation_record import MotionRange
 from pivident.estimation.identification import Identification, Iteration, JointFit
@@ -257,12 +257,15 @@ def _identification(content: FileContent, robot: Robot | None) -> Identification
         robot = made_robot(content.robot_description)
     assert robot is not None
     if [fit.name for fit in content.joints] != list(robot.joint_names):
-        raise ValueError(
+        raise UnusableValue(
             f"joints are {', '.join(fit.name for fit in content.joints)}, but those of the robot "
-            f"are {', '.join(robot.joint_names)}; identify again"
+            f"are {', '.join(robot.joint_names)}",
+            advice="identify again",
         )
     if not isinstance(content.options.get("signals", {}), dict):
-        raise ValueError("options.signals must be a dictionary of options; identify again")
+        raise UnusableValue(
+            "options.signals must be a dictionary of options", advice="identify again"
+        )
     n = len(content.parameters)
     covariance = _covariance("covariance", content.covariance, n)
     robust = _covariance("robust_covariance", content.robust_covariance, n)
@@ -314,15 +317,15 @@ def _selection(robot: Robot, names: list[str]) -> tuple[BaseParameters, list[int
     known = {name: k for k, name in enumerate(base.names)}
     for name in names:
         if name not in known:
-            raise ValueError(
-                f"{name!r} is not a base parameter of the robot {robot.name!r}; "
-                f"{nearest(name, known)}"
+            raise UnusableValue(
+                f"{name!r} is not a base parameter of the robot {robot.name!r}",
+                advice=nearest(name, known),
             )
     chosen = [known[name] for name in names]
     if sorted(set(chosen)) != chosen:
-        raise ValueError(
-            f"the parameters {', '.join(names)} are not in the robot's order, each once; "
-            "identify again"
+        raise UnusableValue(
+            f"the parameters {', '.join(names)} are not in the robot's order, each once",
+            advice="identify again",
         )
     return base, chosen
 
@@ -330,9 +333,9 @@ def _selection(robot: Robot, names: list[str]) -> tuple[BaseParameters, list[int
 def _covariance(key: str, rows: Matrix, size: int) -> np.ndarray:
     """A covariance matrix; one that was not finite when it was written is NaN throughout."""
     if len(rows) != size or any(len(row) != size for row in rows):
-        raise ValueError(
-            f"{key} has {len(rows)} rows of {sorted({len(row) for row in rows})} numbers; the "
-            f"{size} parameters need shape {(size, size)}; identify again"
+        raise UnusableValue(
+            f"{key} has {len(rows)} rows of {sorted({len(row) for row in rows})} numbers",
+            advice=f"the {size} parameters need shape {(size, size)}; identify again",
         )
     matrix = np.array([[_number(x) for x in row] for row in rows])
     if not np.isfinite(matrix).all():
@@ -340,27 +343,28 @@ def _covariance(key: str, rows: Matrix, size: int) -> np.ndarray:
     variance = np.diag(matrix)
     if (variance < 0.0).any():
         worst = int(np.argmin(variance))
-        raise ValueError(
-            f"{key} has the variance {variance[worst]:.3g} in row {worst + 1}; a variance cannot "
-            "be negative, identify again"
+        raise UnusableValue(
+            f"{key} has the variance {variance[worst]:.3g} in row {worst + 1}",
+            advice="a variance cannot be negative, identify again",
         )
     std = np.sqrt(variance)
     if (np.abs(matrix - matrix.T) > ASYMMETRY * np.outer(std, std)).any():
-        raise ValueError(f"{key} is not symmetric; identify again")
+        raise UnusableValue(f"{key} is not symmetric", advice="identify again")
     correlation = matrix / np.where(std > 0.0, std, 1.0) / np.where(std > 0.0, std, 1.0)[:, None]
     if (lowest := float(np.linalg.eigvalsh(correlation)[0])) < -INDEFINITE:
-        raise ValueError(
+        raise UnusableValue(
             f"{key} is not a covariance: its correlations have the eigenvalue {lowest:.3g}, and "
-            "none may be negative; identify again"
+            "none may be negative",
+            advice="identify again",
         )
     return matrix
 
 
 def _iteration(values: IterationValues, size: int) -> Iteration:
     if len(values.theta) != size:
-        raise ValueError(
-            f"an iteration of the history has {len(values.theta)} parameters instead of {size}; "
-            "identify again"
+        raise UnusableValue(
+            f"an iteration of the history has {len(values.theta)} parameters instead of {size}",
+            advice="identify again",
         )
     return Iteration(
         theta=np.array([_number(x) for x in values.theta]),

@@ -6,6 +6,7 @@ import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
 from pivident.dynamics.robot_regressor import regressor_of
+from pivident.errors import UnusableValue
 from pivident.estimation.equation_record import FittedRecording
 from pivident.estimation.identification import Identification
 from pivident.estimation.solved_equations import TorqueSums
@@ -21,9 +22,9 @@ def torque_sums(identification: Identification) -> TorqueSums:
     residual of the fit, so that the estimate has the error that it was reported with.
     """
     if not identification.recordings:
-        raise ValueError(
-            "the identification holds no signals; its sums were made when it was saved "
-            "(torque_sums), or identify again"
+        raise UnusableValue(
+            "the identification holds no signals",
+            advice="its sums were made when it was saved (torque_sums), or identify again",
         )
     base = base_parameters(identification.robot)
     everything = regressor_of(identification.robot, base.parameters)
@@ -62,9 +63,9 @@ def estimated_indices(identification: Identification, base: BaseParameters) -> n
     try:
         return np.array([place[p.name] for p in identification.parameters], dtype=np.int64)
     except KeyError as error:
-        raise ValueError(
-            f"{error.args[0]!r} is not a base parameter of robot {identification.robot.name!r}; "
-            "identify again with this robot"
+        raise UnusableValue(
+            f"{error.args[0]!r} is not a base parameter of robot {identification.robot.name!r}",
+            advice="identify again with this robot",
         ) from None
 
 

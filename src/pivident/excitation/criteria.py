@@ -20,6 +20,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from pivident.dynamics.regressor_derivatives import RegressorDerivatives
+from pivident.errors import UnusableValue
 from pivident.excitation.constraints import Constraints
 from pivident.excitation.information import Information
 
@@ -48,7 +49,9 @@ class Criterion:
 
     def __post_init__(self) -> None:
         if self.name not in get_args(CriterionName):
-            raise ValueError(f"criterion is {self.name!r}; choose {get_args(CriterionName)}")
+            raise UnusableValue(
+                f"criterion is {self.name!r}", advice=f"choose {get_args(CriterionName)}"
+            )
 
     @property
     def weighted(self) -> bool:

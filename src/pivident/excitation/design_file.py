@@ -24,7 +24,7 @@ from pydantic import ValidationError
 
 from pivident.collision.bodies import Body
 from pivident.collision.obstacles import Obstacle
-from pivident.errors import IdentificationFileError, PividentError
+from pivident.errors import IdentificationFileError, PividentError, UnusableValue
 from pivident.excitation.design import (
     PAGE_RATE,
     ClearanceUse,
@@ -239,9 +239,9 @@ def _matrix(name: str, rows: list[Any], shape: tuple[int, int]) -> np.ndarray:
     """Rows as an array, None as NaN."""
     if len(rows) != shape[0] or any(len(row) != shape[1] for row in rows):
         lengths = sorted({len(row) for row in rows})
-        raise ValueError(
-            f"{name}: {len(rows)} rows of {' or '.join(map(str, lengths)) or 'no'} numbers; "
-            f"{shape[0]} rows of {shape[1]} are needed"
+        raise UnusableValue(
+            f"{name}: {len(rows)} rows of {' or '.join(map(str, lengths)) or 'no'} numbers",
+            advice=f"{shape[0]} rows of {shape[1]} are needed",
         )
     return np.array(rows, dtype=float).reshape(shape)
 

@@ -67,12 +67,12 @@ def write_design(
     check_rate(rate)
     if design.motion.duration * rate > MAX_SAMPLES:
         raise PividentError(
-            f"{design.motion.duration:g} s at {rate:g} Hz are more than {MAX_SAMPLES} samples; "
-            "give a lower rate"
+            f"{design.motion.duration:g} s at {rate:g} Hz are more than {MAX_SAMPLES} samples",
+            advice="give a lower rate",
         )
     folder = Path(folder)
     if folder.exists() and not folder.is_dir():
-        raise PividentError(f"{folder} is a file; name a folder for the design")
+        raise PividentError(f"{folder} is a file", advice="name a folder for the design")
     texts = _texts(design, rate)
     with atomic_folder(folder) as build:
         for name, _, text in texts:
@@ -99,7 +99,9 @@ def check_rate(rate: float) -> None:
         PividentError: it is not positive and finite.
     """
     if not (np.isfinite(rate) and rate > 0.0):
-        raise PividentError(f"the rate is {rate:g} Hz; give a positive number, such as {RATE:g}")
+        raise PividentError(
+            f"the rate is {rate:g} Hz", advice=f"give a positive number, such as {RATE:g}"
+        )
 
 
 def _texts(design: Design, rate: float) -> list[tuple[str, str, str]]:

@@ -82,7 +82,8 @@ def design_motion(
     if question is not None and request.parameters:
         raise ExperimentError(
             f"{listed(list(request.parameters))} cannot be chosen where the question is about a "
-            "load or drive gains: all of its unknowns count; leave the parameters out"
+            "load or drive gains: all of its unknowns count",
+            advice="leave the parameters out",
         ).about("parameters")
     if request.goal is not None and question is None and not request.parameters:
         raise ExperimentError(
@@ -198,8 +199,8 @@ def _designed(
     coefficients = _kept(search.objective, fine, best)
     if coefficients is None:
         raise ExperimentError(
-            "every motion that was found breaks a limit between the samples of the search; give "
-            "the search more time, or a larger clearance"
+            "every motion that was found breaks a limit between the samples of the search",
+            advice="give the search more time, or a larger clearance",
         )
     return account(task, fine, ExcitingMotion(family, coefficients), best), best.interrupted
 

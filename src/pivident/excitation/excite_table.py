@@ -76,8 +76,8 @@ def _for_each(robot: Robot, key: str, value: float | Sequence[float]) -> Sequenc
         return [float(value)] * robot.size
     if len(value) != robot.size:
         raise ExperimentError(
-            f"{key} has {len(value)} numbers for {robot.size} joints; give one for all or one for "
-            "each"
+            f"{key} has {len(value)} numbers for {robot.size} joints",
+            advice="give one for all or one for each",
         ).about(key)
     return value
 

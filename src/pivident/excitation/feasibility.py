@@ -30,8 +30,8 @@ def check_ranges(task: DesignTask) -> None:
             made = "without limits" if own is None else f"from {own[0]:g} to {own[1]:g}"
             raise ExperimentError(
                 f"the clearances are those of {joint.name} {made}, the motion may go from "
-                f"{task.limits.low[j]:g} to {task.limits.high[j]:g} {joint.position_unit}; make "
-                "the clearances of limits.of_robot(robot)"
+                f"{task.limits.low[j]:g} to {task.limits.high[j]:g} {joint.position_unit}",
+                advice="make the clearances of limits.of_robot(robot)",
             ).about("clearances")
 
 
@@ -49,15 +49,15 @@ def check_start(task: DesignTask) -> None:
     posture, limits = np.array(start, dtype=float), task.limits.within(PLANNED_SHARE)
     if posture.shape != (task.robot.size,) or not np.isfinite(posture).all():
         raise ExperimentError(
-            f"start has {posture.size} positions; one finite number for each of the "
-            f"{task.robot.size} joints is needed"
+            f"start has {posture.size} positions",
+            advice=f"one finite number for each of the {task.robot.size} joints is needed",
         ).about("start")
     for j, joint in enumerate(task.robot.joints):
         if not limits.low[j] < posture[j] < limits.high[j]:
             raise ExperimentError(
-                f"the start has {joint.name} at {posture[j]:g} {joint.position_unit}; choose a "
-                f"posture between {limits.low[j]:g} and {limits.high[j]:g}, which leaves "
-                f"{50 * (1 - PLANNED_SHARE):.3g} % of its range at either end"
+                f"the start has {joint.name} at {posture[j]:g} {joint.position_unit}",
+                advice=f"choose a posture between {limits.low[j]:g} and {limits.high[j]:g}, which "
+                f"leaves {50 * (1 - PLANNED_SHARE):.3g} % of its range at either end",
             ).about("start")
     if task.clearances is not None and task.clearances.needed.size:
         distances = task.clearances.distances(posture[None])[:, 0]
@@ -66,9 +66,9 @@ def check_start(task: DesignTask) -> None:
         if distances[nearest] < needed[nearest]:
             raise ExperimentError(
                 f"at the start, {task.clearances.names[nearest]}: the clearance is "
-                f"{1e3 * distances[nearest]:.3g} mm; {1e3 * needed[nearest]:.3g} mm are needed, up "
-                f"to {1e3 * ROOM:g} mm of them for the motion; choose another start, or a smaller "
-                "clearance"
+                f"{1e3 * distances[nearest]:.3g} mm",
+                advice=f"{1e3 * needed[nearest]:.3g} mm are needed, up to {1e3 * ROOM:g} mm of "
+                "them for the motion; choose another start, or a smaller clearance",
             ).about("start")
     for model in task.torques:
         still = np.zeros((1, task.robot.size))
@@ -78,7 +78,8 @@ def check_start(task: DesignTask) -> None:
             joint = task.robot.joints[int(np.argmax(over))]
             raise ExperimentError(
                 f"at the start, gravity takes {percent(100 * PLANNED_SHARE * over.max())} of the "
-                f"torque limit of {joint.name}, margin of the model included; choose another start"
+                f"torque limit of {joint.name}, margin of the model included",
+                advice="choose another start",
             ).about("start")
 
 
@@ -91,8 +92,8 @@ def check_travel(task: DesignTask) -> None:
         raise ExperimentError(
             f"in {task.request.duration:g} s {joint.name} moves over less than "
             f"{100 * LEAST_TRAVEL:g} % of its range at its largest speed, "
-            f"{task.limits.speed[slowest]:g} {joint.position_unit}/s; give it more time, or a "
-            "higher limit of the speed"
+            f"{task.limits.speed[slowest]:g} {joint.position_unit}/s",
+            advice="give it more time, or a higher limit of the speed",
         ).about("duration")
 
 

@@ -139,15 +139,17 @@ def _places(base: BaseParameters, result: Identification) -> list[int]:
     """Places of a result's parameters among the base parameters."""
     if result.robot.joint_names != base.robot.joint_names:
         raise ExperimentError(
-            f"the earlier result is of another robot, with the joints "
-            f"{listed(result.robot.joint_names)}; this one has {listed(base.robot.joint_names)}"
+            "the earlier result is of another robot, with the joints "
+            f"{listed(result.robot.joint_names)}",
+            advice=f"this one has {listed(base.robot.joint_names)}",
         ).about("after")
     known = {name: k for k, name in enumerate(base.names)}
     foreign = [name for name in result.names if name not in known]
     if foreign:
         raise ExperimentError(
-            f"the earlier result has parameters that this robot has not: {listed(foreign)}; "
-            "design for the robot and friction law of the result, by naming the result itself"
+            f"the earlier result has parameters that this robot has not: {listed(foreign)}",
+            advice="design for the robot and friction law of the result, by naming the result "
+            "itself",
         ).about("after")
     return [known[name] for name in result.names]
 

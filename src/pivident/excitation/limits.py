@@ -186,9 +186,9 @@ def _check_known(robot: Robot, ranges: list[tuple[float, float] | None], speed: 
             unit = robot.joints[robot.joint_names.index(names[0])].position_unit
             unit = unit if quantity == "position" else f"{unit}/s"
             raise ExperimentError(
-                f"no {quantity} limits are known of {listed(names)}; give them, for instance "
-                f"excite.joint.{json.dumps(names[0])}.{quantity} = {example} ({unit}, on the joint "
-                "side)"
+                f"no {quantity} limits are known of {listed(names)}",
+                advice=f"give them, for instance excite.joint.{json.dumps(names[0])}.{quantity} = "
+                f"{example} ({unit}, on the joint side)",
             ).about("joint", names[0])
 
 
@@ -204,6 +204,6 @@ def _check_possible(robot: Robot, limits: JointLimits) -> None:
             value = getattr(limits, quantity)[j]
             if not value > 0.0:
                 raise ExperimentError(
-                    f"the {quantity.replace('_', ' ')} limit of {joint.name} is {value:g}; a "
-                    "positive number is needed, or leave it out"
+                    f"the {quantity.replace('_', ' ')} limit of {joint.name} is {value:g}",
+                    advice="a positive number is needed, or leave it out",
                 ).about("joint", joint.name)

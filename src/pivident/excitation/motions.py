@@ -20,6 +20,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
+from pivident.errors import UnusableValue
 from pivident.simulation.reference import trapezoidal_move
 
 MotionKind = Literal["fourier", "splines", "postures"]
@@ -49,7 +50,9 @@ class MotionFamily:
 
     def __post_init__(self) -> None:
         if self.kind not in get_args(MotionKind):
-            raise ValueError(f"kind is {self.kind!r}; choose {', '.join(get_args(MotionKind))}")
+            raise UnusableValue(
+                f"kind is {self.kind!r}", advice=f"choose {', '.join(get_args(MotionKind))}"
+            )
         if self.kind == "fourier" and (self.size < 3 or self.size % 2 == 0):
             raise ValueError(f"a Fourier motion has 1 + 2 harmonics functions, not {self.size}")
 
@@ -198,7 +201,9 @@ class ExcitingMotion:
             raise ValueError(f"duration is {duration}, not a positive number of seconds")
         rounds = int(plain.get("rounds", 1))
         if rounds < 1:
-            raise ValueError(f"rounds is {rounds}; a motion is run once or several times")
+            raise UnusableValue(
+                f"rounds is {rounds}", advice="a motion is run once or several times"
+            )
         family = MotionFamily(plain["kind"], duration, len(coefficients), rounds)
         return cls(family, coefficients)
 

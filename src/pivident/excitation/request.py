@@ -61,8 +61,8 @@ class DesignRequest:
     def __post_init__(self) -> None:
         if not MIN_DURATION <= self.duration <= MAX_DURATION:
             raise ExperimentError(
-                f"the duration is {self.duration:g} s; motions of {MIN_DURATION:g} to "
-                f"{MAX_DURATION:g} s are designed"
+                f"the duration is {self.duration:g} s",
+                advice=f"motions of {MIN_DURATION:g} to {MAX_DURATION:g} s are designed",
             ).about("duration")
         for key, value, known in (
             ("motion", self.motion, get_args(MotionKind)),
@@ -70,19 +70,21 @@ class DesignRequest:
         ):
             if value not in known:
                 raise ExperimentError(
-                    f"there is no {key} {value!r}; {nearest(str(value), known)}"
+                    f"there is no {key} {value!r}", advice=nearest(str(value), known)
                 ).about(key)
         if self.goal is not None and not (0.0 < self.goal < 1.0):
             raise ExperimentError(
-                f"the goal is a standard error of {100 * self.goal:g} %; give more than 0 % and "
-                "less than 100 %, such as 2%"
+                f"the goal is a standard error of {100 * self.goal:g} %",
+                advice="give more than 0 % and less than 100 %, such as 2%",
             ).about("to")
         if self.seed < 0:
-            raise ExperimentError(f"the seed is {self.seed}; give zero or more").about("seed")
+            raise ExperimentError(f"the seed is {self.seed}", advice="give zero or more").about(
+                "seed"
+            )
         if self.criterion == "cond" and self.parameters:
             raise ExperimentError(
-                "the criterion cond is that of the whole observation matrix; with chosen "
-                "parameters take 'worst', 'a' or 'd'"
+                "the criterion cond is that of the whole observation matrix",
+                advice="with chosen parameters take 'worst', 'a' or 'd'",
             ).about("criterion")
         if not (math.isfinite(self.seconds) and self.seconds > 0.0):
             raise ExperimentError(f"the search cannot take {self.seconds:g} s").about("seconds")

@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from pivident.errors import UnusableValue
 from pivident.experiment.table_values import Ellipsoid, Masses, Range
 from pivident.robot.mdh_schema import Entry, key
 
@@ -34,8 +35,9 @@ class LinkBoundsEntry(Entry):
     @model_validator(mode="after")
     def _bounds_something(self) -> LinkBoundsEntry:
         if not self.model_fields_set:
-            raise ValueError(
-                "bounds nothing; give mass, center_of_mass or ellipsoid, or remove the table"
+            raise UnusableValue(
+                "bounds nothing",
+                advice="give mass, center_of_mass or ellipsoid, or remove the table",
             )
         return self
 

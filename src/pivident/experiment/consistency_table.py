@@ -51,10 +51,10 @@ def bounds_of(entry: ConsistencyEntry, robot: Robot) -> Bounds | None:
         try:
             link = links[tree.link_index(name)]
         except RobotDescriptionError as error:
-            raise ExperimentError(f"bounds: {error}").about("bounds", name) from error
+            raise ExperimentError.of_part("bounds: ", error).about("bounds", name) from error
         if link in named:
             raise ExperimentError(
-                f"bounds: {named[link]!r} and {name!r} are the same link; keep one of them"
+                f"bounds: {named[link]!r} and {name!r} are the same link", advice="keep one of them"
             ).about("bounds", name)
         named[link] = name
     own = {link: entry.bounds[name] for link, name in named.items()}
@@ -89,8 +89,8 @@ def reference_of(name: str, robot: Robot, folder: Path) -> Robot:
     ours, theirs = robot.tree.joint_names, reference.tree.joint_names
     if ours != theirs:
         raise ExperimentError(
-            f"reference {name!r} has the joints {', '.join(theirs)}, the robot "
-            f"{', '.join(ours)}; give a description of the same arm"
+            f"reference {name!r} has the joints {', '.join(theirs)}, the robot {', '.join(ours)}",
+            advice="give a description of the same arm",
         )
     for own, other in zip(robot.tree.joints, reference.tree.joints, strict=True):
         same = own.kind == other.kind and own.parent == other.parent
@@ -102,7 +102,8 @@ def reference_of(name: str, robot: Robot, folder: Path) -> Robot:
             raise ExperimentError(
                 f"reference {name!r}: the frame of joint {own.name!r} is another one than that of "
                 f"the robot (by {apart:.3g} in its pose), so its inertias do not belong to the "
-                "same axes; give inertias in the robot's own frames"
+                "same axes",
+                advice="give inertias in the robot's own frames",
             )
     return reference
 
@@ -112,7 +113,9 @@ def read_consistency(path: Path, robot: Robot) -> ConsistencyOptions:
     with errors_name(path, ""):
         content = toml_content(path)
         if "consistency" not in content:
-            raise ExperimentError("has no table [consistency]; put the bounds below that heading")
+            raise ExperimentError(
+                "has no table [consistency]", advice="put the bounds below that heading"
+            )
         entry = _table(content)
     with errors_name(path, "[consistency]"):
         return consistency_of(entry, robot, path.parent)
@@ -137,12 +140,14 @@ def _check_total(bounds: Bounds, links: list[str]) -> None:
     if highest is not None and low > highest:
         raise ExperimentError(
             f"the lowest masses of {', '.join(bounds.mass)} add up to {low:g} kg, more than the "
-            f"highest total mass of {highest:g} kg; one of these bounds is wrong"
+            f"highest total mass of {highest:g} kg",
+            advice="one of these bounds is wrong",
         )
     if lowest is not None and set(bounds.mass) == set(links) and high < lowest:
         raise ExperimentError(
             f"the highest masses of all links add up to {high:g} kg, less than the lowest total "
-            f"mass of {lowest:g} kg; one of these bounds is wrong"
+            f"mass of {lowest:g} kg",
+            advice="one of these bounds is wrong",
         )
 
 

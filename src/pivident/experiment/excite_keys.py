@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field, NonNegativeFloat, PositiveFloat, model_validator
 from pydantic import PositiveFloat as Positive
 
+from pivident.errors import UnusableValue
 from pivident.experiment.room_shapes import SHAPES, ObstacleShape
 from pivident.robot.mdh_schema import Entry, JointReference, Vector3, Vector6, key
 from pivident.robot.naming import nearest
@@ -42,7 +43,7 @@ _MEANING = {
 
 def _known_shape(value: object) -> object:
     if isinstance(value, str) and value not in SHAPES:
-        raise ValueError(f"there is no such shape; {nearest(value, SHAPES)}")
+        raise UnusableValue("there is no such shape", advice=nearest(value, SHAPES))
     return value
 
 
@@ -110,7 +111,9 @@ class ObstacleEntry(Entry):
         foreign = sorted(given - needed - possible)
         if foreign:
             own = ", ".join(sorted(needed | possible))
-            raise ValueError(f"a {self.shape} has no {', '.join(foreign)}; it has {own}")
+            raise UnusableValue(
+                f"a {self.shape} has no {', '.join(foreign)}", advice=f"it has {own}"
+            )
         missing = sorted(needed - given)
         if missing:
             wanted = " and ".join(_MEANING[key] for key in missing)
@@ -127,7 +130,7 @@ class ToolBoxEntry(Entry):
     @model_validator(mode="after")
     def _holds_something(self) -> ToolBoxEntry:
         if not all(low < high for low, high in zip(self.low, self.high, strict=True)):
-            raise ValueError("is empty; each number of low must be below that of high")
+            raise UnusableValue("is empty", advice="each number of low must be below that of high")
         return self
 
 

@@ -213,7 +213,9 @@ class Experiment:
         with errors_name(self.path, ""):
             for name in names or free_methods(self._method_names()):
                 if name not in METHODS:
-                    raise ExperimentError(f"there is no method {name!r}; {nearest(name, METHODS)}")
+                    raise ExperimentError(
+                        f"there is no method {name!r}", advice=nearest(name, METHODS)
+                    )
                 chosen[name] = method_of(name, self.content.identify)
                 self._check_loop(name, chosen[name])
         return chosen
@@ -264,8 +266,8 @@ class Experiment:
             if not method.handles.computed_torque:
                 raise ExperimentError(
                     f"the method {name!r} needs measured torques, but the log has none, and one "
-                    "computed from the control law holds nothing that the positions do not; use "
-                    f"{WITHOUT_TORQUE[0]}"
+                    "computed from the control law holds nothing that the positions do not",
+                    advice=f"use {WITHOUT_TORQUE[0]}",
                 ).within("identify", "methods")
             return
         if not method.simulates_loop:
@@ -274,15 +276,16 @@ class Experiment:
             if not method.needs_controller:
                 return
             raise ExperimentError(
-                f"the method {name!r} simulates the control loop, but there is no "
-                "table [controller]; add it, or use piv or iv-full-rate, which then make their "
-                "instruments from the record"
+                f"the method {name!r} simulates the control loop, but there is no table "
+                "[controller]",
+                advice="add it, or use piv or iv-full-rate, which then make their instruments "
+                "from the record",
             ).within("identify", "methods")
         without = [r for r in self.content.recording if r.columns and r.columns.q_ref is None]
         if controller.source == "recorded" and without:
             raise ExperimentError(
-                'the reference is "recorded", but no column is named for q_ref; '
-                'name it under columns, or set reference = "reconstruct" or "smoothed"'
+                'the reference is "recorded", but no column is named for q_ref',
+                advice='name it under columns, or set reference = "reconstruct" or "smoothed"',
             ).within("controller", "reference")
 
 

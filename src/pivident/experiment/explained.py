@@ -7,11 +7,12 @@ from typing import Any, NamedTuple, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from pivident.errors import ExperimentError
+from pivident.errors import ExperimentError, UnusableValue
 from pivident.experiment.identify_table import METHOD_ENTRIES
 from pivident.experiment.schema import ExperimentFile
-from pivident.robot.mdh_schema import addition, keys_at, short
-from pivident.robot.naming import near_names, nearest
+from pivident.robot.mdh_schema import addition, keys_at, reason, short
+from pivident.robot.naming import nearest
+from pivident.text.nearest import NearestNames
 
 #: What is called otherwise here, where such a key exists.
 MEANT = {
@@ -30,7 +31,7 @@ MEANT = {
 }
 
 #: Keys that there were, by table, and what to do about them.
-GONE = {"recording": {"simulated": "the data decide what it chose; delete the line"}}
+GONE = {"recording": {"simulated": "the data decide what it chose"}}
 
 Root = TypeVar("Root", bound=BaseModel)
 
@@ -39,9 +40,8 @@ class Problem(NamedTuple):
     """One thing that the schema finds wrong with a file's content."""
 
     location: tuple[int | str, ...]  # tables and keys of the value at fault
-    sentence: str  # what is wrong, in words
+    said: UnusableValue  # what is wrong, and what to do
     unknown: bool  # whether its last key is not known
-    meant: tuple[str, str] | None = None  # a name that is not known, and the nearest one that is
 
 
 def validated(content: dict[str, Any]) -> ExperimentFile:
@@ -54,7 +54,8 @@ def refuse_robot_file(content: dict[str, Any]) -> None:
     """Distinguish a robot's description, which is TOML too, from an experiment."""
     if "joints" in content and "recording" not in content:
         raise ExperimentError(
-            "this is a robot description, not an experiment file; name it as robot = in one"
+            "this is a robot description, not an experiment file",
+            advice="name it as robot = in one",
         )
 
 
@@ -64,9 +65,10 @@ def checked(plain: dict[str, Any], root: type[Root]) -> Root:
         return root.model_validate(plain)
     except ValidationError as error:
         problems = _causes(error.errors())
-        more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-        heading, sentence = explained(problems[0], plain, root)
-        raise ExperimentError(f"{heading}{sentence}{more}") from None
+        heading, said = explained(problems[0], plain, root)
+        if len(problems) > 1:
+            said = said.followed_by(f" (and {len(problems) - 1} more)")
+        raise ExperimentError.of_part(heading, said) from None
 
 
 def every_problem(plain: dict[str, Any], root: type[BaseModel] = ExperimentFile) -> list[Problem]:
@@ -79,7 +81,6 @@ def every_problem(plain: dict[str, Any], root: type[BaseModel] = ExperimentFile)
                 (*details["loc"], *getattr(details.get("ctx", {}).get("error"), "place", ())),
                 explained(details, plain, root)[1],
                 details["type"] == "extra_forbidden",
-                _meant(details, root),
             )
             for details in _causes(error.errors())
         ]
@@ -100,61 +101,42 @@ def _causes(problems: Sequence[Any]) -> list[Any]:
 
 def explained(
     details: Any, content: dict[str, Any], root: type[BaseModel] = ExperimentFile
-) -> tuple[str, str]:
+) -> tuple[str, UnusableValue]:
     """One problem that pydantic has found, in words, after the heading of its table."""
     table, key = _place(details["loc"], content)
     unknown_table = details["type"] == "extra_forbidden" and len(details["loc"]) == 1
-    return "" if unknown_table else table, _sentence(details, table, key, root)
+    return "" if unknown_table else table, _said(details, table, key, root)
 
 
-def _sentence(details: Any, table: str, key: str, root: type[BaseModel]) -> str:
-    """What is wrong with the value of a key."""
+def _said(details: Any, table: str, key: str, root: type[BaseModel]) -> UnusableValue:
+    """What is wrong with the value of a key, and what to do."""
     if details["type"] == "extra_forbidden":
         *above, last = details["loc"]
         known = keys_at(root, above)
-        synonyms = _synonyms(str(last), known)
-        hint = f"did you mean {synonyms[0]!r}?" if synonyms else nearest(str(last), known)
+        synonyms = [name for name in MEANT.get(str(last).lower(), ()) if name in known]
+        hint = nearest(str(last), known)
+        if synonyms:
+            hint = NearestNames.of(f"did you mean {synonyms[0]!r}?", str(last), synonyms)
         if last in GONE.get(str(above[0] if above else ""), {}):
-            return f"key {key!r} is gone: {GONE[str(above[0])][last]}"
+            gone = f"key {key!r} is gone: {GONE[str(above[0])][last]}"
+            return UnusableValue(gone, advice="delete the line")
         if not above:
-            return f"unknown table {last!r}; {hint}"
+            return UnusableValue(f"unknown table {last!r}", advice=hint)
         in_another = any(last in entry.model_fields for entry in METHOD_ENTRIES.values())
         if len(above) == 2 and above[0] == "identify" and in_another:
-            return f"the method {above[1]!r} has no {last}; its keys are {', '.join(sorted(known))}"
-        return f"unknown key {key!r}; {hint}"
+            keys = f"its keys are {', '.join(sorted(known))}"
+            return UnusableValue(f"the method {above[1]!r} has no {last}", advice=keys)
+        return UnusableValue(f"unknown key {key!r}", advice=hint)
     if details["type"] == "missing":
         if not table:
-            return f"there is no {key}; add the table [{key}]"
-        return f"key {key!r} is missing; {addition(root, details['loc'])}"
+            return UnusableValue(f"there is no {key}", advice=f"add the table [{key}]")
+        return UnusableValue(f"key {key!r} is missing", advice=addition(root, details["loc"]))
     if details["type"] == "model_type":
-        return f"{key or 'this entry'} must be a table of keys, not {short(details['input'])}"
-    message = details["msg"].removeprefix("Value error, ")
-    message = (
-        message.replace("Input should be", "must be")
-        .replace("List should", "must")
-        .replace("Dictionary should", "must")
-    )
-    if not key:
-        return str(message)
+        text = f"{key or 'this entry'} must be a table of keys, not {short(details['input'])}"
+        return UnusableValue(text)
     value = short(details["input"])
-    if isinstance(details["input"], dict) or value.endswith("…"):
-        return f"key {key!r}: {message}"
-    return f"key {key!r} = {value}: {message}"
-
-
-def _synonyms(key: str, known: Sequence[str]) -> list[str]:
-    """Known keys that mean what a key is called elsewhere."""
-    return [name for name in MEANT.get(key.lower(), ()) if name in known]
-
-
-def _meant(details: Any, root: type[BaseModel]) -> tuple[str, str] | None:
-    """A name that is not known, with the nearest one that is; None where there is none."""
-    if details["type"] != "extra_forbidden":
-        return getattr(details.get("ctx", {}).get("error"), "meant", None)
-    *above, last = details["loc"]
-    known = keys_at(root, above)
-    near = _synonyms(str(last), known) or near_names(str(last), known)
-    return (str(last), near[0]) if near else None
+    named = "" if isinstance(details["input"], dict) or value.endswith("…") else f" = {value}"
+    return UnusableValue.of_part(f"key {key!r}{named}: " if key else "", reason(details))
 
 
 def plain_form(content: dict[str, Any]) -> dict[str, Any]:

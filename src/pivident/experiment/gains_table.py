@@ -72,9 +72,9 @@ def gains_of(
         if entry.is_without_torque:
             with errors_name(experiment.path, "[gains]"):
                 raise ExperimentError(
-                    "drive gains follow from logged commands, but a recording has no column of "
-                    "tau; map it, or identify ratios to the gain: drive_gain = "
-                    f'"{UNKNOWN_GAIN}" under [controller], and one known mass gives it'
+                    "drive gains follow from logged commands, but a recording has no column of tau",
+                    advice="map it, or identify ratios to the gain: drive_gain = "
+                    f'"{UNKNOWN_GAIN}" under [controller], and one known mass gives it',
                 )
     complete = with_unit_gains(experiment)
     runs = complete.runs()

@@ -15,7 +15,7 @@ from pydantic import create_model, model_validator
 from pydantic.functional_validators import PlainValidator
 
 from pivident.consistency.method_names import CONSISTENT_METHODS  # consistency
-from pivident.errors import ExperimentError
+from pivident.errors import ExperimentError, UnusableValue
 from pivident.estimation.method import InstrumentalMethod, Method
 from pivident.estimation.methods import METHODS
 from pivident.estimation.noise_options import Arma, AutoRegressive, Repetition
@@ -53,16 +53,18 @@ def _methods(value: Any) -> Any:
     for name in names:
         if name not in METHOD_NAMES:
             bare = name.lower().replace("_", "-").removeprefix("idim-")
-            raise ValueError(f"there is no method {name!r}; {nearest(bare, METHOD_NAMES)}")
+            raise UnusableValue(f"there is no method {name!r}", advice=nearest(bare, METHOD_NAMES))
     if len(set(names)) < len(names):
-        raise ValueError("names a method twice; name each one once")
+        raise UnusableValue("names a method twice", advice="name each one once")
     return names
 
 
 def _switch(value: Any) -> Any:
     if isinstance(value, bool):
         return value
-    raise ValueError("must be true or false, a boolean; names of parameters go under parameters")
+    raise UnusableValue(
+        "must be true or false, a boolean", advice="names of parameters go under parameters"
+    )
 
 
 class DecimatedEntry(Entry):
@@ -73,7 +75,7 @@ class DecimatedEntry(Entry):
         values = self.model_dump(exclude_none=True)
         if "decimation" in values and "bandwidth" in values:
             raise ExperimentError(
-                "decimation and bandwidth are both given; the factor follows from one"
+                "decimation and bandwidth are both given", advice="the factor follows from one"
             ).about("decimation")
         return self
 
@@ -104,12 +106,13 @@ class NoiseKeys(Entry):
         others &= self.model_fields_set
         if arma and others:
             raise ExperimentError(
-                f"{', '.join(sorted(arma))} make an ARMA model, {', '.join(sorted(others))} belong "
-                "to an AR model; keep one of the two"
+                f"{', '.join(sorted(arma))} make an ARMA model, {', '.join(sorted(others))} "
+                "belong to an AR model",
+                advice="keep one of the two",
             ).about(min(arma))
         if "period" in self.model_fields_set and not self.repetition:
             raise ExperimentError(
-                "period belongs to noise from repetition; set repetition = true"
+                "period belongs to noise from repetition", advice="set repetition = true"
             ).about("period")
         return self
 
@@ -301,13 +304,14 @@ def _check_signals(ready: Method, keys: Mapping[str, Any]) -> None:
             if type(method) is type(ready) and used in method.recipes
         ]
         raise ExperimentError(
-            f"signals are {used!r}; it takes {' or '.join(map(repr, ready.recipes))}, and "
-            f"{', '.join(alike)} is the same with {used!r}"
+            f"signals are {used!r}",
+            advice=f"it takes {' or '.join(map(repr, ready.recipes))}, and {', '.join(alike)} is "
+            f"the same with {used!r}",
         ).about("signals")
     for unused in sorted(set(keys) & (set(RECIPES) - {used})):
         raise ExperimentError(
-            f"{unused} is given, but the signals are {used!r}; set "
-            f'signals = "{unused}" or remove the table'
+            f"{unused} is given, but the signals are {used!r}",
+            advice=f'set signals = "{unused}" or remove the table',
         ).about(unused)
 
 

@@ -42,49 +42,37 @@ def check_torque(content: ExperimentFile) -> None:
     several = len(content.recording) > 1
     for number, entry in enumerate(content.recording, start=1):
         if entry.is_without_torque:
-            reason, keys = _missing(law, entry)
+            reason, advice, keys = _missing(law, entry)
             where = f" of [[recording]] {number}" if several else ""
             if reason:
                 text = f"the columns{where} have no tau, and {reason}"
-                raise ExperimentError(text).within(*keys)
+                raise ExperimentError(text, advice=advice).within(*keys)
 
 
-def _missing(law: ControllerEntry | None, entry: RecordingEntry) -> tuple[str, Sequence[str]]:
+def _missing(law: ControllerEntry | None, entry: RecordingEntry) -> tuple[str, str, Sequence[str]]:
     """What one run's torque cannot be computed without, what to write, and where."""
-    columns = ("recording", "columns")
+    columns, column_or_law = ("recording", "columns"), f"map the column of tau, or {_LAW}"
     if entry.torque_side == "link":
-        reason = 'a control law commands the motors, not the sensors of torque_side = "link"; '
-        return f"{reason}name the column of tau, or remove torque_side", (
-            "recording",
-            "torque_side",
-        )
+        reason = 'a control law commands the motors, not the sensors of torque_side = "link"'
+        advice = "name the column of tau, or remove torque_side"
+        return reason, advice, ("recording", "torque_side")
     if law is None:
-        return (
-            "there is no control law that it would follow from; map the column of tau, or, where "
-            f"no torque was logged, {_LAW}",
-            columns,
-        )
+        reason = "there is no control law that it would follow from"
+        return reason, f"map the column of tau, or, where no torque was logged, {_LAW}", columns
     if law.type == "identify" or law.source == "reconstruct":
         found = "its law" if law.type == "identify" else "its reference"
-        return (
-            f"{found} cannot be found without a torque; map the column of tau, or {_LAW}",
-            ("controller", "type" if law.type == "identify" else "reference"),
-        )
+        key = "type" if law.type == "identify" else "reference"
+        return f"{found} cannot be found without a torque", column_or_law, ("controller", key)
     if law.type == "virtual_pd" or law.source == "smoothed":
-        return f"a virtual law commands nothing; map the column of tau, or {_LAW}", (
-            "controller",
-            "type",
-        )
+        return "a virtual law commands nothing", column_or_law, ("controller", "type")
     if entry.columns is not None and entry.columns.q_ref is None:
-        return (
-            "no q_ref that the control law would follow; map the column of q_ref, or that of tau",
-            columns,
-        )
+        reason = "no q_ref that the control law would follow"
+        return reason, "map the column of q_ref, or that of tau", columns
     for key in ("torque_timing", "delay"):
         if getattr(entry, key) is not None:
-            reason = f"{key} would be that of its channel; remove {key}, or map the column of tau"
-            return reason, ("recording", key)
-    return "", columns
+            reason = f"{key} would be that of its channel"
+            return reason, f"remove {key}, or map the column of tau", ("recording", key)
+    return "", "", columns
 
 
 def _check_ratios(content: ExperimentFile) -> None:
@@ -94,11 +82,13 @@ def _check_ratios(content: ExperimentFile) -> None:
     if law is not None and law.feed_forward != "none":
         raise ExperimentError(
             f'feed_forward = "{law.feed_forward}" is a torque in N m, beside an output whose '
-            "drive_gain is not known; give drive_gain"
+            "drive_gain is not known",
+            advice="give drive_gain",
         ).within("controller", "feed_forward")
     if all(entry.is_without_torque for entry in everything):
         return
     raise ExperimentError(
-        f'drive_gain = "{UNKNOWN_GAIN}" is for logs without torque, but a recording has one; give '
-        'the joint torque per unit of the law\'s output, or identify the law: type = "identify"'
+        f'drive_gain = "{UNKNOWN_GAIN}" is for logs without torque, but a recording has one',
+        advice="give "
+        'the joint torque per unit of the law\'s output, or identify the law: type = "identify"',
     ).within("controller", "drive_gain")

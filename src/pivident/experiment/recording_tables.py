@@ -34,6 +34,7 @@ from pivident.robot.naming import near_names, nearest
 from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import PID, UNKNOWN_GAIN, Cascade, Controller
 from pivident.simulation.virtual_pd import virtual_pd
+from pivident.text.sentences import capital
 
 #: What `pivident excite` calls a design, and the log of its motion may lie beside.
 DESIGN_FILE = "design.json"
@@ -74,13 +75,13 @@ def one_by_one(entries: Sequence[RecordingEntry], folder: Path) -> list[Recordin
         files = sorted(path for path in anchor.glob(pattern) if path.is_file() or is_bag(path))
         if not files:
             raise ExperimentError(
-                f"files = {entry.files!r}: no file fits this pattern in {folder}; check the "
-                "folder and the ending"
+                f"files = {entry.files!r}: no file fits this pattern in {folder}",
+                advice="check the folder and the ending",
             ).about("files")
         if entry.name is not None and len(files) > 1:
             raise ExperimentError(
-                f"name = {entry.name!r} is given to the {len(files)} runs of {entry.files!r}; "
-                "leave it out, they are named by their files"
+                f"name = {entry.name!r} is given to the {len(files)} runs of {entry.files!r}",
+                advice="leave it out, they are named by their files",
             ).about("name")
         found += [entry.model_copy(update={"files": str(path)}) for path in files]
     return found
@@ -107,8 +108,9 @@ def recording_of(entry: RecordingEntry, robot: Robot, folder: Path) -> Recording
         named = design_file(entry, folder)
         if entry.design is not None and named is not None and not named.is_file():
             raise ExperimentError(
-                f"the design {named} does not exist; name its design.json or folder, or leave the "
-                "key out: one beside the log is found"
+                f"the design {named} does not exist",
+                advice="name its design.json or folder, or leave the key out: one beside the log "
+                "is found",
             )
     with concerning("part"):
         return recording if entry.part is None else recording.slice(*entry.part)
@@ -165,7 +167,7 @@ def between_gaps(
             name=f"{recording.name}, {recording.start_time:.4g} s on",
             notes=(
                 *recording.notes,
-                f"{cause.fact[0].upper()}{cause.fact[1:]}: {used:.4g} s of {left.seconds:.4g} s "
+                f"{capital(cause.fact)}: {used:.4g} s of {left.seconds:.4g} s "
                 f"are used, in {len(kept)} stretch(es).",
             ),
         )
@@ -272,8 +274,9 @@ def size_of_count(key: str, counts: Any, robot: Robot) -> np.ndarray:
     given = _gains(key, 0.0 if counts is None else counts, robot.size)
     if (given < 0).any():
         raise ExperimentError(
-            f"{key} = {counts} cannot be negative; give counts per revolution of the joint, or per "
-            "metre, and 0 for a joint whose encoder is fine"
+            f"{key} = {counts} cannot be negative",
+            advice="give counts per revolution of the joint, or per metre, and 0 for a joint "
+            "whose encoder is fine",
         ).about(key)
     whole = np.array([2.0 * np.pi if j.kind == "revolute" else 1.0 for j in robot.joints])
     return np.divide(whole, given, out=np.zeros(robot.size), where=given > 0)
@@ -297,8 +300,8 @@ def _gains(key: str, value: float | list[float], joints: int) -> np.ndarray:
     values = np.asarray(value, dtype=float)
     if values.ndim and values.shape != (joints,):
         raise ExperimentError(
-            f"key {key!r} has {values.size} number(s) for {joints} joint(s); give one for all "
-            "or one for each"
+            f"key {key!r} has {values.size} number(s) for {joints} joint(s)",
+            advice="give one for all or one for each",
         ).about(key)
     return np.broadcast_to(values, (joints,)).copy()
 
@@ -307,14 +310,14 @@ def _public_run(dataset: str, run: str | None) -> str:
     """The run of a public record, the first where none is named."""
     if dataset not in RUNS:
         raise ExperimentError(
-            f"no data set {dataset!r} can be named here; {nearest(dataset, RUNS)}; others need "
-            "files and columns"
+            f"no data set {dataset!r} can be named here",
+            advice=f"{nearest(dataset, RUNS)}; others need files and columns",
         ).about("dataset")
     runs = RUNS[dataset]
     chosen = next(iter(runs)) if run is None else run
     if chosen not in runs:
         raise ExperimentError(
-            f"the data set {dataset!r} has no run {chosen!r}; {nearest(chosen, runs)}"
+            f"the data set {dataset!r} has no run {chosen!r}", advice=nearest(chosen, runs)
         ).about("run")
     return chosen
 
@@ -380,6 +383,7 @@ def _instead(files: Any, other: Path | None) -> Any:
     if isinstance(files, Mapping):
         raise RecordingError(
             f"the experiment file has {len(files)} files ({', '.join(files)}), so that "
-            f"{other.name} cannot take their place; audit the experiment file itself"
+            f"{other.name} cannot take their place",
+            advice="audit the experiment file itself",
         )
     return other

@@ -315,4 +315,4 @@ def _called(place: Place) -> str:
 
 def _contradiction(fact: str, step: str = "check the experiment again") -> ExperimentError:
     """That a repair does not fit the file."""
-    return ExperimentError(f"{fact}; {step}")
+    return ExperimentError(f"{fact}", advice=step)

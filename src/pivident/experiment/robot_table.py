@@ -51,8 +51,8 @@ def robot_of(
             robot.link_index(contact.link)
     if contacts and not robot.base_joints:
         raise ExperimentError(
-            "[[contact]] describes feet of a robot whose base floats; write floating_base = true "
-            "under [robot]"
+            "[[contact]] describes feet of a robot whose base floats",
+            advice="write floating_base = true under [robot]",
         ).about("contact")
     standing = tuple(Contact(own.link, np.array(own.at)) for own in contacts)
     robot = replace(robot, contacts=standing) if standing else robot
@@ -110,8 +110,8 @@ def _with_joint_friction(robot: Robot, entry: RobotEntry) -> Robot:
         try:
             laws[name] = friction_law(terms)
         except RobotDescriptionError as error:
-            message = f"joint_friction of joint {name!r}: {error}"
-            raise ExperimentError(message).about("joint_friction", name) from error
+            whole = ExperimentError.of_part(f"joint_friction of joint {name!r}: ", error)
+            raise whole.about("joint_friction", name) from error
     return robot.with_friction(laws)
 
 
@@ -124,8 +124,8 @@ def _with_extra_friction(robot: Robot, entry: RobotEntry) -> Robot:
         try:
             law = FrictionLaw(joints[index].friction.terms + friction_law(terms).terms)
         except ValueError as error:
-            message = f"extra_friction of joint {name!r}: {error}"
-            raise ExperimentError(message).about("extra_friction", name) from error
+            whole = ExperimentError.of_part(f"extra_friction of joint {name!r}: ", error)
+            raise whole.about("extra_friction", name) from error
         joints[index] = joints[index].with_friction(law)
     return replace(robot, joints=tuple(joints))
 
@@ -137,7 +137,7 @@ def _coupling(robot: Robot, entry: CouplingEntry) -> Coupling:
     )
     if implied.motor == implied.joint:
         raise RobotDescriptionError(
-            f"coupling of motor {entry.motor!r} with its own joint; name the second joint"
+            f"coupling of motor {entry.motor!r} with its own joint", advice="name the second joint"
         )
     return replace(
         implied,

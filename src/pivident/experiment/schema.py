@@ -163,19 +163,20 @@ class RobotEntry(Entry):
     def _consistent(self) -> RobotEntry:
         if self.reduction is not None and self.reduction_matrix is not None:
             raise ExperimentError(
-                "reduction and reduction_matrix are both given; keep one of them"
+                "reduction and reduction_matrix are both given", advice="keep one of them"
             ).about("reduction")
         if not self.model.endswith((*URDF_FILES, *MJCF_FILES)):
             for key in ("joints", "frozen"):
                 if key in self.model_fields_set:
                     raise ExperimentError(
-                        f"{key} is for URDF and MJCF robots, not for {self.model!r}; remove it"
+                        f"{key} is for URDF and MJCF robots, not for {self.model!r}",
+                        advice="remove it",
                     ).about(key)
         if self.passive is not None and not self.model.endswith(MJCF_FILES):
             raise ExperimentError(
-                f"passive is for MJCF robots, not for {self.model!r}; a robot file says "
-                "passive = true at the joint, and in a URDF joints that mimic others are passive; "
-                "remove it"
+                f"passive is for MJCF robots, not for {self.model!r}",
+                advice="a robot file says passive = true at the joint, and in a URDF joints that "
+                "mimic others are passive; remove it",
             ).about("passive")
         return self
 
@@ -425,25 +426,26 @@ class RecordingEntry(Entry):
                 *self.model_fields_set & {"files"}
             )
         if self.files is not None and self.columns is None:
-            raise ExperimentError("files need columns; name at least those of q and tau").about(
-                "files"
-            )
+            raise ExperimentError(
+                "files need columns", advice="name at least those of q and tau"
+            ).about("files")
         if self.column_names is not None and isinstance(self.files, dict):
             raise ExperimentError(
-                "column_names are those of one file; with several, use column_1, column_2 … of each"
+                "column_names are those of one file",
+                advice="with several, use column_1, column_2 … of each",
             ).about("column_names")
         if self.run is not None and self.dataset is None:
-            raise ExperimentError("run belongs to a dataset; remove it").about("run")
+            raise ExperimentError("run belongs to a dataset", advice="remove it").about("run")
         foreign = sorted(self.model_fields_set.intersection(SET_BY_DATASET))
         if self.dataset is not None and foreign:
             raise ExperimentError(
-                f"the dataset {self.dataset!r} brings its own {', '.join(foreign)}; remove that, "
-                "or name files instead of the dataset"
+                f"the dataset {self.dataset!r} brings its own {', '.join(foreign)}",
+                advice="remove that, or name files instead of the dataset",
             ).about("dataset")
         if self.part is not None and not self.part[0] < self.part[1]:
-            raise ExperimentError(f"part = {self.part} is empty; the first time comes first").about(
-                "part"
-            )
+            raise ExperimentError(
+                f"part = {self.part} is empty", advice="the first time comes first"
+            ).about("part")
         return self
 
 
@@ -528,19 +530,20 @@ class ControllerEntry(Entry):
         missing = sorted(needed - self.model_fields_set)
         if missing:
             raise ExperimentError(
-                f"a {self.type} controller needs {', '.join(missing)}; add it"
+                f"a {self.type} controller needs {', '.join(missing)}", advice="add it"
             ).about(missing[0])
         known = needed | possible | {"type", "reference"}
         foreign = sorted(self.model_fields_set - known)
         if foreign:
             raise ExperimentError(
-                f"a {self.type} controller has no {', '.join(foreign)}; its keys are "
-                f"{', '.join(sorted(known - {'type'}))}"
+                f"a {self.type} controller has no {', '.join(foreign)}",
+                advice=f"its keys are {', '.join(sorted(known - {'type'}))}",
             ).about(foreign[0])
         if self.type == "identify" and self.reference == "smoothed":
             raise ExperimentError(
                 'a law cannot be identified from reference = "smoothed", which knows nothing of '
-                'the control error; use "recorded" or "reconstruct"'
+                "the control error",
+                advice='use "recorded" or "reconstruct"',
             ).about("reference")
         return self
 
@@ -588,7 +591,7 @@ class ValidationEntry(Entry):
     def _one_block_is_none(self) -> ValidationEntry:
         if self.folds == 1:
             raise ExperimentError(
-                "folds = 1 leaves nothing to fit; use 2 or more, or 0 for none"
+                "folds = 1 leaves nothing to fit", advice="use 2 or more, or 0 for none"
             ).about("folds")
         return self
 
@@ -664,8 +667,8 @@ class GainsEntry(Entry):
     def _payload_has_recordings(self) -> GainsEntry:
         if (self.payload is None) == bool(self.recording):
             raise ExperimentError(
-                "payload and [[gains.recording]], the runs taken with it, belong together; give "
-                "both or neither"
+                "payload and [[gains.recording]], the runs taken with it, belong together",
+                advice="give both or neither",
             ).about("payload")
         return self
 
@@ -771,8 +774,9 @@ class ExperimentFile(Entry):
     def _one_stance(self) -> ExperimentFile:
         if self.contact and self.validation.recording:
             raise ExperimentError(
-                "a robot on feet that stand is judged on held-out blocks of its own stance, not on "
-                "[[validation.recording]]; remove one of both"
+                "a robot on feet that stand is judged on held-out blocks of its own stance, not "
+                "on [[validation.recording]]",
+                advice="remove one of both",
             ).about("contact")
         return self
 
@@ -791,14 +795,15 @@ class ExperimentFile(Entry):
                     raise ExperimentError(
                         f"torque_side of the first recording is {self.torque_side!r}, that of a "
                         f"table {table} {entry.torque_side or 'motor'!r}: motors and sensors "
-                        "behind the gears measure different torques; set the same in all"
+                        "behind the gears measure different torques",
+                        advice="set the same in all",
                     ).about(*table.strip("[]").split("."))
         law = self.controller
         if self.torque_side == "link" and law is not None and law.type != "virtual_pd":
             raise ExperimentError(
                 f'a {law.type} law drives the motors, but torque_side = "link" says that the '
                 "torques are those behind the gears: their model has no rotors and no drives that "
-                "such a law could drive; remove [controller], and instruments come from the "
-                "record itself"
+                "such a law could drive",
+                advice="remove [controller], and instruments come from the record itself",
             ).about("controller", "type")
         return self

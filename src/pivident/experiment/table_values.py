@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field
 from pydantic.functional_validators import PlainValidator
 
+from pivident.errors import UnusableValue
 from pivident.simulation.controllers import UNKNOWN_GAIN
 from pivident.text.printable import is_printable
 
@@ -86,14 +87,16 @@ def _range(value: Any) -> Any:
     if isinstance(value, list) and len(value) == 2 and all(map(_is_number, value)):
         if value[0] < value[1]:
             return [float(end) for end in value]
-        raise ValueError("is empty; the lower end comes first, and must be below the upper one")
+        raise UnusableValue(
+            "is empty", advice="the lower end comes first, and must be below the upper one"
+        )
     raise ValueError("must be two numbers, [lowest, highest]")
 
 
 def _masses(value: Any) -> Any:
     if _range(value)[0] >= 0:
         return _range(value)
-    raise ValueError("begins below zero, and no body has such a mass; begin at 0")
+    raise UnusableValue("begins below zero, and no body has such a mass", advice="begin at 0")
 
 
 def _ellipsoid(value: Any) -> Any:
@@ -105,7 +108,9 @@ def _ellipsoid(value: Any) -> Any:
     ):
         raise ValueError("must be [[x, y, z], [a, b, c]], centre and half axes")
     if min(value[1]) <= 0:
-        raise ValueError("has a half axis that is not positive; use center_of_mass for a flat one")
+        raise UnusableValue(
+            "has a half axis that is not positive", advice="use center_of_mass for a flat one"
+        )
     return [[float(x) for x in part] for part in value]
 
 
@@ -113,9 +118,9 @@ def _below(folder: str) -> str:
     """A folder beside or below the file: one from elsewhere must not write where it likes."""
     path = PurePath(folder)
     if path.is_absolute() or path.drive or ".." in path.parts or not is_printable(folder):
-        raise ValueError(
-            "must lie beside or below this file, without '..'; --out on the command line can name "
-            "any other folder"
+        raise UnusableValue(
+            "must lie beside or below this file, without '..'",
+            advice="--out on the command line can name any other folder",
         )
     return folder
 

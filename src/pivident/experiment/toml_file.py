@@ -32,7 +32,9 @@ def toml_content(path: Path) -> dict[str, Any]:
     except ExperimentError:
         raise
     except ValueError as error:
-        raise ExperimentError(f"is not TOML: {error}; {_advice(path, str(error))}") from error
+        raise ExperimentError(
+            f"is not TOML: {error}", advice=f"{_advice(path, str(error))}"
+        ) from error
 
 
 def _advice(path: Path, error: str) -> str:
@@ -61,12 +63,15 @@ def _file_text(path: Path) -> str:
     try:
         if regular_file(path).stat().st_size > MAX_FILE:
             raise ExperimentError(
-                f"has {path.stat().st_size} bytes, too many for an experiment file; is it the log?"
+                f"has {path.stat().st_size} bytes, too many for an experiment file",
+                advice="is it the log?",
             )
         return path.read_text(encoding="utf-8")
     except OSError as error:
         raise ExperimentError(
-            f"cannot be read ({error.strerror}); check the path and its permissions"
+            f"cannot be read ({error.strerror})", advice="check the path and its permissions"
         ) from error
     except UnicodeDecodeError as error:
-        raise ExperimentError(f"is not UTF-8 text (byte {error.start}); save it as UTF-8") from None
+        raise ExperimentError(
+            f"is not UTF-8 text (byte {error.start})", advice="save it as UTF-8"
+        ) from None

@@ -58,7 +58,7 @@ def export_model(
     from pivident.robot.refusals import without_base
 
     if to not in FORMATS:
-        raise ExportError(f"there is no format {to!r}; {nearest(str(to), FORMATS)}")
+        raise ExportError(f"there is no format {to!r}", advice=nearest(str(to), FORMATS))
     entry = FORMATS[to]
     if not entry.holds_base:
         without_base(model.robot, f"a file of {entry.title}", "export it as JSON")

@@ -163,7 +163,8 @@ def to_mjcf(model: RunnableModel) -> RobotFile:
         if link.is_body and not is_possible(model.inertial(i)):
             raise ExportError(
                 f"no body can have the inertial parameters of link {link.name!r}, and MuJoCo "
-                "refuses it; export the physically consistent parameters"
+                "refuses it",
+                advice="export the physically consistent parameters",
             )
     side, loops, bodies = joint_side(model, SUPPORTED), loop_elements(robot), drawn_bodies(robot)
     names = distinct([link.name for link in tree.links], tree.joint_names, ("world",))

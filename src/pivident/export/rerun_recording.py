@@ -57,7 +57,8 @@ def write_rerun(predictions: Sequence[Prediction], path: Path) -> None:
     names = [one.recording for one in predictions]
     if len(set(names)) < len(names):
         raise ExportError(
-            f"two recordings have the same name ({', '.join(names)}); name one log with --log"
+            f"two recordings have the same name ({', '.join(names)})",
+            advice="name one log with --log",
         )
     for one in predictions:
         without_base(one.robot, "a file of Rerun", "export it as JSON")

@@ -42,11 +42,11 @@ def plain_content(content: bytes) -> bytes:
                 content = file.read(MAXIMUM_SIZE + 1)
         except (EOFError, gzip.BadGzipFile, zlib.error) as error:
             raise ExportError(
-                f"the original file is damaged gzip ({error}); fetch or compress it again"
+                f"the original file is damaged gzip ({error})", advice="fetch or compress it again"
             ) from error
     if len(content) > MAXIMUM_SIZE:
         raise ExportError(
-            f"the original file is larger than {MAXIMUM_SIZE // 2**20} MiB; "
-            "this is not a robot description"
+            f"the original file is larger than {MAXIMUM_SIZE // 2**20} MiB",
+            advice="this is not a robot description",
         )
     return content

@@ -66,7 +66,8 @@ def original_urdf(robot: Robot, given: Path | None, folder: Path) -> OriginalUrd
     if not present:
         raise ExportError(
             f"the URDF of the robot {robot.name!r} no longer exists, neither {places[0]} nor "
-            f"{places[1]}; give it with --robot FILE.urdf"
+            f"{places[1]}",
+            advice="give it with --robot FILE.urdf",
         )
     for place in present:
         content = _content(place)
@@ -74,8 +75,8 @@ def original_urdf(robot: Robot, given: Path | None, folder: Path) -> OriginalUrd
             return OriginalUrdf(place, content)
     raise ExportError(
         f"{present[0]} has changed since the robot was identified with it (SHA-256 "
-        f"{text_digest(_content(present[0]))[:12]}… instead of {known.sha256[:12]}…); give the old "
-        "file, or the new one by name, with --robot FILE.urdf"
+        f"{text_digest(_content(present[0]))[:12]}… instead of {known.sha256[:12]}…)",
+        advice="give the old file, or the new one by name, with --robot FILE.urdf",
     )
 
 
@@ -175,8 +176,8 @@ def _check_same_robot(ours: Robot, theirs: Robot) -> None:
     """Refuse a file whose identified joints differ in kind, parent, frame or leader."""
     if not _same_followers(ours, theirs):
         raise ExportError(
-            "the original URDF is another robot: its joints mimic others than in the model; take "
-            "the file that was identified"
+            "the original URDF is another robot: its joints mimic others than in the model",
+            advice="take the file that was identified",
         )
     for own, other in zip(ours.tree.joints, theirs.tree.joints, strict=True):
         if own.kind != other.kind or own.parent != other.parent:
@@ -189,8 +190,8 @@ def _check_same_robot(ours: Robot, theirs: Robot) -> None:
         if not max(shift, turn) <= SAME_FRAME:
             raise ExportError(
                 f"the original URDF is another robot: the frame of joint {own.name!r} is "
-                f"{shift:.3g} m away and turned by some {turn:.3g} rad from the model's; take the "
-                "file that was identified, or give the positions of frozen joints"
+                f"{shift:.3g} m away and turned by some {turn:.3g} rad from the model's",
+                advice="take the file that was identified, or give the positions of frozen joints",
             )
 
 

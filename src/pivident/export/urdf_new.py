@@ -186,8 +186,8 @@ def mimics(robot: Robot) -> Mapping[int, Mimic]:
         if len(leaders) > 1:
             names = " and ".join(repr(robot.joints[a].name) for a in leaders)
             raise ExportError(
-                f"joint {joint.name!r} follows {names}, and <mimic> of a URDF names one joint; "
-                "export it as MJCF, or as JSON, which read_model reads back"
+                f"joint {joint.name!r} follows {names}, and <mimic> of a URDF names one joint",
+                advice="export it as MJCF, or as JSON, which read_model reads back",
             )
         # one that stands still follows any joint by nothing
         a = int(leaders[0]) if leaders.size else 0

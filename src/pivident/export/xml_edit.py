@@ -57,8 +57,8 @@ class XmlText:
         self._bytes = body.decode(self._encoding).encode()
         if self._bytes.decode().encode(self._encoding) != body:
             raise ExportError(
-                f"the original file's encoding {self._encoding} does not reproduce the same bytes; "
-                "save it as UTF-8"
+                f"the original file's encoding {self._encoding} does not reproduce the same bytes",
+                advice="save it as UTF-8",
             )
         self._newline = b"\r\n" if b"\r\n" in self._bytes else b"\n"
         self._changes: list[tuple[int, int, bytes]] = []

@@ -20,7 +20,8 @@ def quoted(name: str) -> str:
     if bad:
         raise ExportError(
             f"the name {name!r} holds the character {bad[0]!r}, which XML cannot write even "
-            "escaped; rename it"
+            "escaped",
+            advice="rename it",
         )
     return quoteattr(name)
 
@@ -28,7 +29,9 @@ def quoted(name: str) -> str:
 def number(value: float) -> str:
     """The shortest text that reads back as the same number; no negative zero."""
     if not np.isfinite(value):
-        raise ExportError(f"a value is {value}, which robot files cannot hold; identify again")
+        raise ExportError(
+            f"a value is {value}, which robot files cannot hold", advice="identify again"
+        )
     return repr(float(value) + 0.0).removesuffix(".0")
 
 

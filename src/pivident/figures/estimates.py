@@ -61,7 +61,7 @@ def figure_of_intervals(
     table = aligned_rows(many, truth)
     for name in parameters or ():
         if name not in table:
-            raise FigureError(f"there is no parameter {name!r}; {nearest(name, table)}")
+            raise FigureError(f"there is no parameter {name!r}", advice=nearest(name, table))
     names = list(parameters or table)
     height = min(len(names) * (_ROW + _FURTHER * (len(many) - 1)) + 0.3, MAX_HEIGHT - 0.35)
     with paper_style():
@@ -124,7 +124,9 @@ def figure_of_correlations(result: Identification, *, columns: int = 1) -> Figur
     """
     std = result.std
     if not (np.isfinite(std).all() and (std > 0.0).all()):
-        raise FigureError("the covariance is not finite or has zeros; there are no correlations")
+        raise FigureError(
+            "the covariance is not finite or has zeros", advice="there are no correlations"
+        )
     correlation = result.covariance / np.outer(std, std)
     n = len(result.names)
     with paper_style():
@@ -164,7 +166,8 @@ def figure_of_convergence(result: Identification, *, columns: int = 1) -> Figure
     history = result.history
     if len(history) < 2:
         raise FigureError(
-            f"{result.method} solved its equations in one step; there is no iteration to draw"
+            f"{result.method} solved its equations in one step",
+            advice="there is no iteration to draw",
         )
     fitted = result.simulation is not None
     steps = np.arange(1, len(history) + 1)

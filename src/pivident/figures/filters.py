@@ -76,7 +76,8 @@ def figure_of_prefilters(
     chosen, equations = chosen_joints(result, joints), result.equations
     if equations is None:
         raise FigureError(
-            "the identification holds no equations, as after reading it from a file; identify again"
+            "the identification holds no equations, as after reading it from a file",
+            advice="identify again",
         )
     if not equations.full_rate:
         raise FigureError(f"{result.method} filters by a band-pass and has no prefilters")

@@ -42,7 +42,8 @@ def joints_named(known: Sequence[str], joints: Sequence[str | int] | None) -> li
             found.append(names.index(str(joint)))
         else:
             raise FigureError(
-                f"there is no joint {joint!r}; {nearest(str(joint), names)}; numbers count from 1"
+                f"there is no joint {joint!r}",
+                advice=f"{nearest(str(joint), names)}; numbers count from 1",
             )
     return found
 
@@ -51,14 +52,17 @@ def chosen_recording(result: Identification, recording: str | int) -> FittedReco
     """One recording by its name or its index from 0."""
     if not result.recordings:
         raise FigureError(
-            "the identification holds no signals, as after reading it from a file; identify again"
+            "the identification holds no signals, as after reading it from a file",
+            advice="identify again",
         )
     names = [r.name for r in result.recordings]
     if isinstance(recording, int) and 0 <= recording < len(names):
         return result.recordings[recording]
     if recording in names:
         return result.recordings[names.index(str(recording))]
-    raise FigureError(f"there is no recording {recording!r}; there are {', '.join(names)}")
+    raise FigureError(
+        f"there is no recording {recording!r}", advice=f"there are {', '.join(names)}"
+    )
 
 
 def chosen_signals(

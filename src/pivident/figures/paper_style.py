@@ -86,7 +86,9 @@ def new_figure(
 ) -> tuple[Figure, list[Axes]]:
     """A figure with a grid of axes, in order of reading."""
     if columns not in WIDTHS:
-        raise FigureError(f"columns is {columns!r}; figures have the width of 1 or 2 columns")
+        raise FigureError(
+            f"columns is {columns!r}", advice="figures have the width of 1 or 2 columns"
+        )
     size = (WIDTHS[columns], min(rows * row_height + 0.35, MAX_HEIGHT))
     drawing = require("matplotlib.figure", extra="figures", purpose="a figure for papers")
     figure = drawing.Figure(figsize=size, layout="constrained")
@@ -129,7 +131,7 @@ def save_figure(figure: Figure, *paths: str | PathLike[str]) -> tuple[Path, ...]
     for target in targets:
         if target.suffix.lower() not in KINDS:
             raise FigureError(
-                f"{target.name}: figures are saved as {', '.join(KINDS)}; end the name so"
+                f"{target.name}: figures are saved as {', '.join(KINDS)}", advice="end the name so"
             )
     undated = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}
     with paper_style():

@@ -50,7 +50,7 @@ def figure_of_autocorrelations(
     """
     made = [results] if isinstance(results, Identification) else list(results)
     if not made:
-        raise FigureError("there is no result to draw; give at least one")
+        raise FigureError("there is no result to draw", advice="give at least one")
     chosen = chosen_joints(made[0], joints)
     with paper_style():
         figure, axes = new_figure(len(chosen), len(made), columns=columns, row_height=1.3)
@@ -103,8 +103,8 @@ def figure_of_residual_spectra(
             name, found = result.robot.joint_names[j], spectra[j]
             if found is None:
                 raise FigureError(
-                    f"the residual of {name} has too few samples without a gap for a spectrum; "
-                    "leave this joint out, or take a longer record"
+                    f"the residual of {name} has too few samples without a gap for a spectrum",
+                    advice="leave this joint out, or take a longer record",
                 )
             frequency, power = found.white.frequency, found.white.density / found.white_level
             low, high = found.white.band(1.0)

@@ -101,7 +101,7 @@ def figure_of_predictions(
     """
     made = [predictions] if isinstance(predictions, Prediction) else list(predictions)
     if not made:
-        raise FigureError("there is no prediction to draw; give at least one")
+        raise FigureError("there is no prediction to draw", advice="give at least one")
     chosen = joints_named(made[0].robot.joint_names, joints)
     with paper_style():
         figure, axes = new_figure(

@@ -48,7 +48,8 @@ def figure_of_tracking(
     chosen, record, t = chosen_signals(result, joints, recording)
     if record.q_ref is None:
         raise FigureError(
-            f"the recording {record.name!r} has no reference; log q_ref, or have it reconstructed"
+            f"the recording {record.name!r} has no reference",
+            advice="log q_ref, or have it reconstructed",
         )
     with paper_style():
         figure, axes = new_figure(len(chosen), 2, columns=columns, row_height=1.35, share_x=True)
@@ -88,7 +89,7 @@ def figure_of_reference(
         FigureError: there is no reference, or no such joint.
     """
     if recording.q_ref is None:
-        raise FigureError(f"the recording {recording.name!r} has no reference; log q_ref")
+        raise FigureError(f"the recording {recording.name!r} has no reference", advice="log q_ref")
     (j,) = joints_named(recording.joint_names, [joint])
     q = recording.q_ref[:, j]
     dq = _given(recording.dq_ref, j, q, recording.rate)

@@ -81,8 +81,9 @@ def deflection_motion(
     """
     if recording.q_link is None:
         raise IdentificationError(
-            f"recording {recording.name!r} has no link encoder; name its columns as q_link, or use "
-            "the resonance in the loop (pivident.flexibility.resonance)"
+            f"recording {recording.name!r} has no link encoder",
+            advice="name its columns as q_link, or use the resonance in the loop "
+            "(pivident.flexibility.resonance)",
         )
     rate = recording.rate
     cutoff = min(cutoff, 0.4 * rate)
@@ -100,7 +101,8 @@ def deflection_motion(
     if kept.sum() < MIN_SAMPLES:
         raise IdentificationError(
             f"joint {recording.joint_names[joint]!r} of recording {recording.name!r} moves for "
-            f"{kept.sum()} samples; {MIN_SAMPLES} are needed: record a longer motion"
+            f"{kept.sum()} samples",
+            advice=f"{MIN_SAMPLES} are needed: record a longer motion",
         )
     if gamma is None:
         sign = np.tanh(speed / (0.5 * STANDSTILL * fastest))

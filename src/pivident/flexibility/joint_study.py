@@ -51,8 +51,8 @@ def study_flexibility(
         recording.require_torque("stiffness is identified")
     if all(r.q_link is None and r.q_ref is None for r in recordings):
         raise IdentificationError(
-            "no recording has a link encoder (q_link) or a reference (q_ref); name the columns of "
-            "one of them"
+            "no recording has a link encoder (q_link) or a reference (q_ref)",
+            advice="name the columns of one of them",
         )
     return tuple(
         joint for recording in recordings for joint in _of_recording(robot, recording, bandwidth)

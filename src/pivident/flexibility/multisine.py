@@ -147,7 +147,8 @@ def identify_multisine(
     labels = list(range(len(recordings))) if postures is None else list(postures)
     if len(labels) != len(recordings) or not recordings:
         raise IdentificationError(
-            f"{len(labels)} postures for {len(recordings)} recordings; give each of them a label"
+            f"{len(labels)} postures for {len(recordings)} recordings",
+            advice="give each of them a label",
         )
     runs = []
     for recording in recordings:
@@ -167,8 +168,8 @@ def identify_multisine(
     if gain < CLEARLY_BETTER:
         raise IdentificationError(
             f"joint {recordings[0].joint_names[joint]!r} is rigid up to "
-            f"{max(s.frequency[-1] for s in spectra):.3g} Hz, the highest line that is excited; "
-            "give the multisine more lines above that"
+            f"{max(s.frequency[-1] for s in spectra):.3g} Hz, the highest line that is excited",
+            advice="give the multisine more lines above that",
         )
     for _ in range(MAX_STEPS):
         pairs = zip(runs, own.tolist(), strict=True)
@@ -198,8 +199,9 @@ def _check_excited(run: _Run, spectra: LocalSpectra) -> None:
     if len(spectra.frequency) < MIN_BINS:
         raise IdentificationError(
             f"recording {run.recording.name!r} has {len(spectra.frequency)} lines above its noise "
-            f"from {run.band[0]:g} to {run.band[1]:g} Hz; at least {MIN_BINS} are needed: let the "
-            "multisine have more lines, or make it larger or longer"
+            f"from {run.band[0]:g} to {run.band[1]:g} Hz",
+            advice=f"at least {MIN_BINS} are needed: let the multisine have more lines, or make "
+            "it larger or longer",
         )
 
 

@@ -95,7 +95,8 @@ def find_resonance(
     if recording.q_ref is None:
         raise IdentificationError(
             f"recording {recording.name!r} has no reference for joint {name!r}: in a closed loop, "
-            "noise cannot be distinguished from excitation without it; record q_ref"
+            "noise cannot be distinguished from excitation without it",
+            advice="record q_ref",
         )
     high = 0.2 * recording.rate if highest is None else highest
     spectra = _loop_spectra(recording, joint, lowest, high, gamma, None)

@@ -92,7 +92,7 @@ def rigid_validity(
     for label, value in (("stiffness", stiffness), ("load inertia", load_inertia)):
         if not (np.isfinite(value) and value > 0):
             raise IdentificationError(
-                f"{label} of joint {name!r} is {value!r}; it must be positive"
+                f"{label} of joint {name!r} is {value!r}", advice="it must be positive"
             )
     positions = recording.q if encoder == "motor" else recording.q_link
     if positions is None:

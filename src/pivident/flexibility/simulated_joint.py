@@ -216,7 +216,8 @@ def loop_motion(
     if not np.isfinite(out).all() or np.abs(out[:2]).max() > 1e3 * (1 + np.abs(q_ref).max()):
         raise IdentificationError(
             f"the simulated loop with kp = {loop.kp:.4g} N m/rad and kd = {loop.kd:.4g} N m s/rad "
-            "is unstable; lower the gains or raise the rate"
+            "is unstable",
+            advice="lower the gains or raise the rate",
         )
     return out
 

@@ -122,8 +122,9 @@ def identify_two_mass(
     recording.require_torque("two masses are identified")
     if recording.q_link is None:
         raise IdentificationError(
-            f"recording {recording.name!r} has no link encoder; name its columns as q_link, or use "
-            "find_resonance, which needs the motor's encoder only"
+            f"recording {recording.name!r} has no link encoder",
+            advice="name its columns as q_link, or use find_resonance, which needs the motor's "
+            "encoder only",
         )
     rate, name = recording.rate, recording.joint_names[joint]
     high = 0.1 * rate if highest is None else highest
@@ -246,7 +247,8 @@ def _solved(
     if not np.isfinite(theta).all():
         raise IdentificationError(
             f"the parameters of the flexible joint {joint!r} are not identifiable from recording "
-            f"{recording!r}; the joint has to move in both directions and deflect"
+            f"{recording!r}",
+            advice="the joint has to move in both directions and deflect",
         )
     return theta, covariance
 

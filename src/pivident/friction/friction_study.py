@@ -105,7 +105,9 @@ def study_friction(
             left_out[torque.name] = str(error)
     if not joints:
         name, reason = next(iter(left_out.items()))
-        raise IdentificationError(f"no joint's friction can be estimated; {name}: {reason}")
+        raise IdentificationError(
+            "no joint's friction can be estimated", advice=f"{name}: {reason}"
+        )
     return FrictionStudy(
         robot=problem.robot.name,
         method=identification.method,

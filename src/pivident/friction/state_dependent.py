@@ -144,8 +144,8 @@ def fit_state_dependent(
     for term in terms:
         if not varies(term, used):
             raise IdentificationError(
-                f"the state of {term.name!r} does not vary over the samples in use; leave the term "
-                "out or use a record that varies it"
+                f"the state of {term.name!r} does not vary over the samples in use",
+                advice="leave the term out or use a record that varies it",
             )
     if correlation is not None:
         return _with_bands(
@@ -209,8 +209,8 @@ def _fit(
     if count / correlation < MIN_SAMPLES:
         raise IdentificationError(
             f"{count} samples correspond to {count / correlation:.0f} independent ones, since the "
-            f"residual is correlated over {correlation:.0f} samples; {MIN_SAMPLES} are needed: use "
-            "a longer record"
+            f"residual is correlated over {correlation:.0f} samples",
+            advice=f"{MIN_SAMPLES} are needed: use a longer record",
         )
     merged, averages = averages_of(y, terms, used, record, correlation)
     found = back_fitted(averages, merged, rounds, tolerance)

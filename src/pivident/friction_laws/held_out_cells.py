@@ -64,7 +64,7 @@ class Cells:
         """
         if folds < MIN_FOLDS:
             raise IdentificationError(
-                f"folds is {folds}; laws are compared on at least {MIN_FOLDS} blocks"
+                f"folds is {folds}", advice=f"laws are compared on at least {MIN_FOLDS} blocks"
             )
         records = last.equations.records
         moving = [moving_part(problem, r.kinematics) for r in records]
@@ -78,8 +78,8 @@ class Cells:
             first += count
         if not np.isin(2 * np.arange(first), np.concatenate(labels)).all():
             raise IdentificationError(
-                f"{folds} blocks with gaps of {gap:.2g} s leave no samples in some blocks; use "
-                "fewer"
+                f"{folds} blocks with gaps of {gap:.2g} s leave no samples in some blocks",
+                advice="use fewer",
             )
         names = tuple(f"recording {k + 1}, {r.name}" for k, r in enumerate(recordings))
         owner = np.repeat(np.arange(len(records)), counts)

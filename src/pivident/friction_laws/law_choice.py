@@ -170,7 +170,8 @@ def _method(method: Method | str | None) -> Method:
     if not method.handles.law_choice:
         raise IdentificationError(
             "laws are compared by least squares or instruments on the measured motion, not by "
-            f"{method.label}; choose the laws with 'ls', 'iv' or 'piv'"
+            f"{method.label}",
+            advice="choose the laws with 'ls', 'iv' or 'piv'",
         )
     return method
 

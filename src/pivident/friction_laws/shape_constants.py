@@ -98,8 +98,9 @@ def chosen_names(
             for name in wanted:
                 if name not in known:
                     raise ExperimentError(
-                        f"friction of joint {named!r}, {robot.joints[j].friction}, has no constant "
-                        f"{name!r}; {nearest(name, known) if known else 'it has none at all'}"
+                        f"friction of joint {named!r}, {robot.joints[j].friction}, has no "
+                        f"constant {name!r}",
+                        advice=nearest(name, known) if known else "it has none at all",
                     )
             chosen[j] = tuple(dict.fromkeys(wanted))
     else:
@@ -113,8 +114,8 @@ def chosen_names(
     chosen = {j: own for j, own in sorted(chosen.items()) if own}
     if not chosen:
         raise ExperimentError(
-            "no friction law has a free shape constant; give a joint such a law (Stribeck, "
-            "power, presliding), or name the constants"
+            "no friction law has a free shape constant",
+            advice="give a joint such a law (Stribeck, power, presliding), or name the constants",
         )
     return chosen
 

@@ -44,7 +44,8 @@ class ShapedRows:
         if not self.shaped:
             raise ExperimentError(
                 f"the terms of joint {robot.joint_names[j]!r} with {', '.join(sorted(names))} are "
-                "not among the parameters to estimate; add them, or do not identify the constant"
+                "not among the parameters to estimate",
+                advice="add them, or do not identify the constant",
             )
         self.columns = np.r_[own[~shaped], own[shaped]]
         keep = np.flatnonzero(~shaped)

@@ -191,8 +191,8 @@ def identify_shapes(
         )
     if not method.handles.shape_constants:
         raise IdentificationError(
-            f"{method.label} has no equations for shape constants, which need the measured motion; "
-            "identify them with 'ls' or 'piv', and use their values with it"
+            f"{method.label} has no equations for shape constants, which need the measured motion",
+            advice="identify them with 'ls' or 'piv', and use their values with it",
         )
     names_of = chosen_names(problem.robot, names)
     constants: dict[int, list[ShapeConstant]] = {}
@@ -291,7 +291,8 @@ def _answer(
         values = ", ".join(f"{c.label} = {c.value:.3g}" for c in listed)
         raise IdentificationError(
             f"with {values} one of these constants has no effect, so its interval cannot be "
-            "computed; fix its value, or leave its term out of the law"
+            "computed",
+            advice="fix its value, or leave its term out of the law",
         ) from error
     formula = _formula(joint_sums, eq.variance, unknowns.size)
     slopes = np.r_[np.ones(theta.size), [c.slope(c.value) for c in listed]]

@@ -80,11 +80,13 @@ def draft_experiment(
     say, out = progress or (lambda line: None), Path(out)
     paths = [Path(log) for log in logs]
     if not paths:
-        raise DraftError("no log is given; name at least one file")
+        raise DraftError("no log is given", advice="name at least one file")
     machine = robot_file(robot, paths)
     for name in joints:
         if name not in machine.joint_names:
-            raise DraftError(f"there is no joint {name!r}; {nearest(name, machine.joint_names)}")
+            raise DraftError(
+                f"there is no joint {name!r}", advice=nearest(name, machine.joint_names)
+            )
     say("reading the log")
     runs = read_runs(paths, machine.joint_names, column_names)
     say("comparing log and robot")
@@ -123,7 +125,7 @@ def relative_path(path: Path, out: Path) -> str:
     try:
         relative.encode("utf-8")
     except UnicodeEncodeError:
-        raise DraftError(f"the name of {path!r} is no text; rename the file") from None
+        raise DraftError(f"the name of {path!r} is no text", advice="rename the file") from None
     return relative.replace(os.sep, "/")
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 
 from pivident.init.assumption import Assumption
 from pivident.text.printable import escaped
+from pivident.text.sentences import capital
 from pivident.text.toml_values import WIDTH, key_text, value_text
 
 #: What stands in front of the first table.
@@ -69,7 +70,7 @@ def _table(
     text = ["", head]
     for line in lines:
         if commented:
-            seen = line.seen[:1].upper() + line.seen[1:]
+            seen = capital(line.seen)
             said = f"{SURE[line.sure]}: {line.seen}" if line.value is not None else seen
             text.append(comment(f"{said.rstrip('.')}. {line.correct}".rstrip()))
         if line.value is not None:

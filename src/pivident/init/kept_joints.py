@@ -55,27 +55,28 @@ def kept_joints(
     missing = [name for name in wanted if name not in names]
     if missing:
         why = left_out.get(missing[0], "the log has no position of it")
-        raise DraftError(f"joint {missing[0]!r} cannot be identified: {why}; leave it out")
+        raise DraftError(f"joint {missing[0]!r} cannot be identified: {why}", advice="leave it out")
     if not machine.is_tree:
         names = [n for n in machine.joint_names if n in q.columns]
         names = [n for n in names if tau is None or n in tau.columns]
         if len(names) < len(machine.joint_names):
             lacking = next(n for n in machine.joint_names if n not in names)
             raise DraftError(
-                f"the log has no position or no torque of joint {lacking!r}; only a URDF can be "
-                f"cut down to some joints, {machine.name} cannot"
+                f"the log has no position or no torque of joint {lacking!r}",
+                advice=f"only a URDF can be cut down to some joints, {machine.name} cannot",
             )
         left_out = {}
     if not names:
         reasons = "; ".join(f"{name}: {reason}" for name, reason in left_out.items())
         if tau is None:
             raise DraftError(
-                f"no joint moves ({reasons or 'no joint is in the log'}); log a motion of them"
+                f"no joint moves ({reasons or 'no joint is in the log'})",
+                advice="log a motion of them",
             )
         raise DraftError(
-            f"no joint both moves and has a torque signal ({reasons or 'no joint is in the log'});"
-            " log a motion of the joints, check the files, or name the columns in an experiment "
-            "file by hand"
+            f"no joint both moves and has a torque signal ({reasons or 'no joint is in the log'})",
+            advice="log a motion of the joints, check the files, or name the columns in an "
+            "experiment file by hand",
         )
     return KeptJoints(tuple(names), left_out, tuple(q.columns))
 

@@ -63,8 +63,9 @@ def _names_by_file(paths: Sequence[Path], given: Sequence[str]) -> list[tuple[st
     if sum(widths) != len(names):
         counts = ", ".join(f"{p.name} {width}" for p, width in zip(paths, widths, strict=True))
         raise DraftError(
-            f"{len(names)} columns are named, but the files have others without a name ({counts}); "
-            "name all of them in their order, file after file, - for those that are not needed"
+            f"{len(names)} columns are named, but the files have others without a name ({counts})",
+            advice="name all of them in their order, file after file, - for those that are not "
+            "needed",
         )
     ends = np.cumsum(widths)
     return [names[end - width : end] for end, width in zip(ends, widths, strict=True)]
@@ -84,7 +85,8 @@ def _side_by_side(files: Sequence[LogFile]) -> tuple[LogFile, ...]:
             listed = ", ".join(f"{file.shown} has {file.samples}" for file in files)
             raise DraftError(
                 f"the files of one run differ in their rows ({listed}) and have no stamps of the "
-                "same time; join them by their time stamps first, or give runs of the same columns"
+                "same time",
+                advice="join them by their time stamps first, or give runs of the same columns",
             )
     others = [_beside(base, grid, f, clocks[f.path]) for f in files if f is not base]
     return (base, *(file for file in others if file.columns))

@@ -100,8 +100,8 @@ def recording_lines(
     if rows.sum() < MIN_ROWS:
         raise DraftError(
             f"{int(rows.sum())} of {len(rows)} rows of {run.files[q.file].shown} have a position "
-            f"of every joint ({', '.join(kept.names)}); export the joints on one clock without "
-            "empty cells, or a longer log"
+            f"of every joint ({', '.join(kept.names)})",
+            advice="export the joints on one clock without empty cells, or a longer log",
         )
     unit = position_unit(logged, raw[rows], q.units, answers.get("unit of q"))
     si = raw * unit.factors(POSITION)
@@ -265,8 +265,8 @@ def _clock(run: Run, joints: JointMap, kept: KeptJoints, answers: Answers) -> tu
         if not worst <= 0.5 * float(np.median(np.diff(here))):
             raise DraftError(
                 f"the time stamps of {run.files[k].shown} differ from those of "
-                f"{run.files[number].shown} by up to {worst:.4g} {clock.unit}; join the files by "
-                "their stamps first"
+                f"{run.files[number].shown} by up to {worst:.4g} {clock.unit}",
+                advice="join the files by their stamps first",
             )
     return clock, number
 

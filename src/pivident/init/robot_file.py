@@ -55,7 +55,7 @@ def robot_file(name: str | None, logs: Sequence[Path]) -> RobotFile:
         movable = [joint for joint in model.joints if joint.type != "fixed"]
         usable = [joint for joint in movable if _can_be_kept(joint)]
         if not usable:
-            raise RobotDescriptionError("no joint of it can move; is it the right file?")
+            raise RobotDescriptionError("no joint of it can move", advice="is it the right file?")
     carrier = {joint.child: joint for joint in model.joints}
     order = sorted(usable, key=lambda joint: _depth(joint, carrier))
     names = tuple(joint.name for joint in order)
@@ -87,6 +87,6 @@ def _beside(logs: Sequence[Path]) -> str:
     several = ", ".join(p.name for p in found)
     what = f"several URDF files lie beside it ({several})" if found else "no URDF lies beside it"
     raise DraftError(
-        f"the robot of {logs[0].name} is not named, and {what}; name one "
-        f"with --robot FILE, or one of the gallery: {', '.join(gallery_names())}"
+        f"the robot of {logs[0].name} is not named, and {what}",
+        advice=f"name one with --robot FILE, or one of the gallery: {', '.join(gallery_names())}",
     )

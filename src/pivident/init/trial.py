@@ -31,6 +31,7 @@ from pivident.instruments.kinds import KINDS
 from pivident.recording.channels import TIMING_WORDS
 from pivident.recording.recording import Recording
 from pivident.robot.friction_toml import law_toml
+from pivident.text.sentences import half_sentence
 from pivident.text.toml import parse_toml
 from pivident.validation.held_out.folds import division_of
 
@@ -160,7 +161,7 @@ def _timing(experiment: Experiment, known: Findings) -> Assumption | None:
     if audit.delay is None or audit.model is None:
         return None
     said, common, rate = audit.delay.findings[0], audit.delay.common, audit.model.rate
-    seen = said.message[:1].lower() + said.message[1:].rstrip(".")
+    seen = half_sentence(said.message)
     if said.kind == "loop rate":
         faster = faster_loop(log, rate, common)
         return Assumption("recording", "control_rate", faster, "likely", seen)

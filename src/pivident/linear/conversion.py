@@ -35,7 +35,8 @@ def from_scipy(system: Any, dt: float | None = None, *, hold: Hold = "zoh") -> L
     numerator = np.asarray(transfer.num, dtype=float)
     if numerator.ndim != 1:
         raise IdentificationError(
-            f"the system has {numerator.shape[0]} outputs; convert one input and output at a time"
+            f"the system has {numerator.shape[0]} outputs",
+            advice="convert one input and output at a time",
         )
     period = _period(transfer.dt, dt)
     return known_model([numerator], [transfer.den], period, transfer.dt is None, hold)
@@ -62,7 +63,7 @@ def from_control(system: Any, dt: float | None = None, *, hold: Hold = "zoh") ->
     transfer = control.tf(system)
     if transfer.noutputs != 1:
         raise IdentificationError(
-            f"the system has {transfer.noutputs} outputs; convert one output at a time"
+            f"the system has {transfer.noutputs} outputs", advice="convert one output at a time"
         )
     continuous = transfer.isctime()
     own = None if continuous else transfer.dt
@@ -85,8 +86,8 @@ def known_model(
         b = b if b.size else np.zeros(1)
         if a.size == 0 or b.size > a.size:
             raise IdentificationError(
-                f"the numerator has degree {b.size - 1}, the denominator {a.size - 1}; only "
-                "proper systems can be simulated from samples"
+                f"the numerator has degree {b.size - 1}, the denominator {a.size - 1}",
+                advice="only proper systems can be simulated from samples",
             )
         b, a = b / a[0], a / a[0]
         above.append(b if continuous else np.r_[np.zeros(a.size - b.size), b])
@@ -123,11 +124,12 @@ def _period(own: float | None, given: float | None) -> float:
     """The sampling period of a system, from itself or as given."""
     if own is None and given is None:
         raise IdentificationError(
-            "a continuous-time system has no sampling period; give dt, that of the signals [s]"
+            "a continuous-time system has no sampling period",
+            advice="give dt, that of the signals [s]",
         )
     if own is not None and given is not None and not math.isclose(own, given, rel_tol=1e-9):
         raise IdentificationError(
-            f"the system has a sampling period of {own:.6g} s, but dt is {given:.6g} s; resample "
-            "the system, or leave dt out"
+            f"the system has a sampling period of {own:.6g} s, but dt is {given:.6g} s",
+            advice="resample the system, or leave dt out",
         )
     return float(given if own is None else own)  # type: ignore[arg-type]

@@ -69,14 +69,15 @@ def discrete_record(
     fixed = np.poly(np.asarray(fixed_poles)) if len(fixed_poles) else np.ones(1)
     if np.abs(np.imag(fixed)).max() > 1e-12:
         raise IdentificationError(
-            f"fixed_poles {tuple(fixed_poles)} do not give a real polynomial; "
-            "give complex poles in conjugate pairs"
+            f"fixed_poles {tuple(fixed_poles)} do not give a real polynomial",
+            advice="give complex poles in conjugate pairs",
         )
     free = denominator_order - len(fixed_poles)
     if free < 0:
         raise IdentificationError(
             f"denominator_order is {denominator_order}, below the number of fixed poles, "
-            f"{len(fixed_poles)}; it counts all poles, the fixed ones included"
+            f"{len(fixed_poles)}",
+            advice="it counts all poles, the fixed ones included",
         )
     inputs = columns_of("u", u)
     highest = max(1, denominator_order, int(np.max(numerator_order)))

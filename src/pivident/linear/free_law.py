@@ -95,13 +95,14 @@ def identify_free_law(
     if recording.q_ref is None:
         raise ExperimentError(
             f"recording {recording.name!r} has no reference q_ref, from which the control error "
-            "is formed; map its column"
+            "is formed",
+            advice="map its column",
         )
     if not (0 <= orders[0] < TAPS and 0 <= orders[1] < TAPS):
         raise ExperimentError(f"orders of a control law go up to {TAPS - 1}, not {orders}")
     if reference_inputs and method != "srivc":
         raise ExperimentError(
-            f"{method} takes the error as its only input; use srivc with reference_inputs"
+            f"{method} takes the error as its only input", advice="use srivc with reference_inputs"
         )
     joints = recording.joints
     gain = np.broadcast_to(np.asarray(drive_gain, float), (joints,))
@@ -233,14 +234,15 @@ def _estimate(
         return arx(e, u, dt, orders[0], degree, mask=mask, fixed_poles=poles)
     if left_out.any():
         raise IdentificationError(
-            f"joint {name!r} is saturated at {np.count_nonzero(left_out)} sample(s); {method} "
-            'simulates through them; use method = "arx", which leaves them out'
+            f"joint {name!r} is saturated at {np.count_nonzero(left_out)} sample(s)",
+            advice=f'{method} simulates through them; use method = "arx", which leaves them out',
         )
     if method == "riv":
         return riv(e, u, dt, orders[0], degree, fixed_poles=poles)
     if integrator:
         raise ExperimentError(
-            "srivc searches continuous-time orders and does not fix an integrator; use arx or riv"
+            "srivc searches continuous-time orders and does not fix an integrator",
+            advice="use arx or riv",
         )
     return select_orders(e, u, dt, *SEARCHED, criterion="bic").best
 
@@ -284,8 +286,8 @@ class TransferLaw:
 
         if abs(rate - self.rate) > 1e-9 * rate:
             raise ExperimentError(
-                f"the control law was identified at {self.rate:g} Hz and cannot run at {rate:g} "
-                "Hz; identify a structured law, whose gains hold at any rate"
+                f"the control law was identified at {self.rate:g} Hz and cannot run at {rate:g} Hz",
+                advice="identify a structured law, whose gains hold at any rate",
             )
         reference = np.empty_like(q_ref)
         for j in range(q_ref.shape[1]):

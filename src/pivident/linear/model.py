@@ -83,7 +83,7 @@ class LinearModel:
     def _only(self, polynomials: tuple[np.ndarray, ...]) -> np.ndarray:
         if len(polynomials) != 1:
             raise IdentificationError(
-                f"the model has {len(polynomials)} inputs; use numerators and denominators"
+                f"the model has {len(polynomials)} inputs", advice="use numerators and denominators"
             )
         return polynomials[0]
 

@@ -76,7 +76,8 @@ class OrderTable:
         if first.rejected or first.estimate is None:
             raise IdentificationError(
                 f"all {len(self.rows)} candidates were rejected, the first because "
-                f"{first.rejected}; offer lower orders or other delays"
+                f"{first.rejected}",
+                advice="offer lower orders or other delays",
             )
         return first.estimate
 
@@ -133,10 +134,10 @@ def select_orders(
     """
     if criterion not in ("yic", "aic", "bic", "r2"):
         raise IdentificationError(
-            f"criterion {criterion!r} for orders; expected yic, aic, bic or r2"
+            f"criterion {criterion!r} for orders", advice="expected yic, aic, bic or r2"
         )
     if method not in _ESTIMATORS:
-        raise IdentificationError(f"method {method!r}; expected srivc, rivc, sriv or riv")
+        raise IdentificationError(f"method {method!r}", advice="expected srivc, rivc, sriv or riv")
     estimator = _ESTIMATORS[method]
     combinations = [
         (m, n, delay)
@@ -146,7 +147,8 @@ def select_orders(
     if not combinations:
         raise IdentificationError(
             "no combination of orders is left: every numerator has a higher degree than every "
-            "denominator; raise denominator_orders"
+            "denominator",
+            advice="raise denominator_orders",
         )
     rows = [_candidate(estimator, u, y, dt, m, n, delay, options) for m, n, delay in combinations]
     return OrderTable(tuple(_ranked(rows, criterion)), criterion)

@@ -302,7 +302,8 @@ def riv(
     """
     if noise_order is not None and (len(noise_order) != 2 or min(noise_order) < 0):
         raise IdentificationError(
-            f"noise_order is {noise_order!r}; expected (p, q), the degrees of D and C, or None"
+            f"noise_order is {noise_order!r}",
+            advice="expected (p, q), the degrees of D and C, or None",
         )
     record = discrete_record(
         u, y, dt, numerator_order, denominator_order, delay, mask, fixed_poles, external

@@ -110,7 +110,7 @@ def structure_of(
 ) -> Structure:
     """Structure from the arguments of the estimators."""
     if hold not in ("zoh", "foh"):
-        raise IdentificationError(f"hold is {hold!r}; expected 'zoh' or 'foh'")
+        raise IdentificationError(f"hold is {hold!r}", advice="expected 'zoh' or 'foh'")
     common = common or inputs == 1
     numerators = _each("numerator_order", numerator_order, inputs, 0)
     denominators = _each("denominator_order", denominator_order, 1 if common else inputs, 1)
@@ -119,9 +119,9 @@ def structure_of(
         n = denominators[0 if common else i]
         if m > n:
             raise IdentificationError(
-                f"the numerator of input {i + 1} has degree {m}, above its denominator's {n}: "
-                "the derivatives of sampled signals are not defined; raise denominator_order, or "
-                "lower numerator_order"
+                f"the numerator of input {i + 1} has degree {m}, above its denominator's {n}: the "
+                "derivatives of sampled signals are not defined",
+                advice="raise denominator_order, or lower numerator_order",
             )
     return structure
 
@@ -132,9 +132,10 @@ def _each(name: str, value: int | Sequence[int], count: int, least: int) -> tupl
     values = np.repeat(given, count) if given.size == 1 else given
     if values.shape != (count,) or not np.issubdtype(values.dtype, np.integer):
         raise IdentificationError(
-            f"{name} is {value!r}; expected one integer, or {count} (one for each input"
-            f"{')' if name != 'denominator_order' else ', with common=False)'}"
+            f"{name} is {value!r}",
+            advice=f"expected one integer, or {count} (one for each "
+            f"input{')' if name != 'denominator_order' else ', with common=False)'}",
         )
     if values.min() < least:
-        raise IdentificationError(f"{name} is {value!r}; expected at least {least}")
+        raise IdentificationError(f"{name} is {value!r}", advice=f"expected at least {least}")
     return tuple(int(v) for v in values)

@@ -120,8 +120,8 @@ def _bag_log(run: Run, found: JointMap, robot: Robot | None) -> Log:
         wanted = f" for {', '.join(robot.joint_names[:6])}" if robot else ""
         topics = escaped(", ".join(open_bag(file.path).names()[:6]))
         raise FileFormatError(
-            f"{file.shown} has no topic with positions and torques{wanted}; it has {topics} …; "
-            "name them in an experiment file"
+            f"{file.shown} has no topic with positions and torques{wanted}",
+            advice=f"it has {topics} …; name them in an experiment file",
         )
     log = described_log(file.path, columns, robot=robot, joint_names=joints)
     taken = "; ".join(f"{kind} = {own[0]} …" for kind, own in columns.items())

@@ -49,7 +49,7 @@ def body_channels(tables: Mapping[str, Any]) -> dict[str, Any]:
         for name, said in own.items():
             if table == "base" and name not in BASE_COLUMNS:
                 raise RecordingError(
-                    f"a base has no channel {name!r}; {nearest(name, BASE_COLUMNS)}"
+                    f"a base has no channel {name!r}", advice=nearest(name, BASE_COLUMNS)
                 ).about("columns", table, name)
             found[f"{table}.{name}"] = said
     return found

@@ -62,7 +62,7 @@ def locate(name: str, spec: ColumnSpec, files: Collection[str]) -> ChannelPlace:
     entries = list(columns) if isinstance(columns, (list, tuple)) else [columns]
     if not entries or not all(isinstance(entry, str) and entry for entry in entries):
         raise RecordingError(
-            f"columns of {name} are {columns!r}; a name or a list of names is needed"
+            f"columns of {name} are {columns!r}", advice="a name or a list of names is needed"
         )
     if file is None and name in files:
         file = name
@@ -71,8 +71,8 @@ def locate(name: str, spec: ColumnSpec, files: Collection[str]) -> ChannelPlace:
     if not isinstance(file, str) or file not in files:
         given = "is not decided" if file is None else f"is named {file!r}"
         raise RecordingError(
-            f"the file of {name} {given}; write {{file = …, columns = …}} with one of "
-            f"{', '.join(files)}"
+            f"the file of {name} {given}",
+            advice=f"write {{file = …, columns = …}} with one of {', '.join(files)}",
         )
     return ChannelPlace(name, str(file), tuple(str(entry) for entry in entries), per_joint)
 
@@ -105,8 +105,9 @@ def assemble(
         raise RecordingError(f"columns of {channel.name} differ in length: {lengths}")
     if joints is not None and len(columns) != joints:
         raise RecordingError(
-            f"{channel.name} lists {len(columns)} column(s) for {joints} joint(s)"
-            f"{_listed(joint_names)}; {_one_for_each(joint_names, len(columns))}"
+            f"{channel.name} lists {len(columns)} column(s) for {joints} "
+            f"joint(s){_listed(joint_names)}",
+            advice=f"{_one_for_each(joint_names, len(columns))}",
         )
     together = working_array((lengths[0], len(columns)))
     for j, column in enumerate(columns):
@@ -147,7 +148,8 @@ def _vector(channel: ChannelPlace, column: str, table: Mapping[str, np.ndarray])
     if array.size != max(array.shape, default=0):
         raise RecordingError(
             f"{channel.name}: {column!r} has shape {array.shape}, but one joint's samples are "
-            f"needed; select a part, such as {column + '[:, 0]'!r}"
+            "needed",
+            advice=f"select a part, such as {column + '[:, 0]'!r}",
         )
     return array.ravel()
 
@@ -165,8 +167,8 @@ def _oriented(
         samples_axis = 0
     if array.ndim != 2:
         raise RecordingError(
-            f"{channel.name}: {channel.columns[0]!r} has shape {array.shape}; an array of samples "
-            "and joints is needed"
+            f"{channel.name}: {channel.columns[0]!r} has shape {array.shape}",
+            advice="an array of samples and joints is needed",
         )
     if samples_axis is None:
         samples_axis = _samples_axis(channel, array.shape, joints)
@@ -174,7 +176,8 @@ def _oriented(
     if joints is not None and array.shape[1] != joints:
         raise RecordingError(
             f"{channel.name}: {channel.columns[0]!r} has {array.shape[1]} column(s) for {joints} "
-            f"joint(s){_listed(joint_names)}; {_one_for_each(joint_names, array.shape[1])}"
+            f"joint(s){_listed(joint_names)}",
+            advice=f"{_one_for_each(joint_names, array.shape[1])}",
         )
     return array
 
@@ -204,5 +207,6 @@ def _samples_axis(channel: ChannelPlace, shape: tuple[int, ...], joints: int | N
     reason = "both axes" if fits else "no axis"
     raise RecordingError(
         f"{channel.name}: {channel.columns[0]!r} has shape {shape}, {reason} as long as there are "
-        f"joints ({joints}); select the joints' columns, or say samples_axis = 0 or 1"
+        f"joints ({joints})",
+        advice="select the joints' columns, or say samples_axis = 0 or 1",
     )

@@ -42,8 +42,8 @@ def stamp_channels(
     unknown = [key for key in spec if key not in channels]
     if unknown:
         raise RecordingError(
-            f"t is given for {unknown[0]!r}, which has no columns; channels are "
-            f"{', '.join(channels)}"
+            f"t is given for {unknown[0]!r}, which has no columns",
+            advice=f"channels are {', '.join(channels)}",
         )
     found = {}
     for key, own in spec.items():
@@ -97,16 +97,16 @@ def read_channels(
         stamps = values.pop(name)
         if len(stamps) != len(values[own]):
             raise RecordingError(
-                f"t of {own} has {len(stamps)} samples, {own} has {len(values[own])}; name the "
-                "column of stamps that was logged with it"
+                f"t of {own} has {len(stamps)} samples, {own} has {len(values[own])}",
+                advice="name the column of stamps that was logged with it",
             ).about("columns", "t")
         clocked[own] = ClockedChannel(own, clock, stamps, values[own])
     for name, channel_of in clocked.items():
         size = len(columns_of(name)) or joints
         if size is not None and channel_of.values.shape[1] != size:
             raise RecordingError(
-                f"{name} has {channel_of.values.shape[1]} column(s) for {size} joint(s); name "
-                "one for each joint of the robot"
+                f"{name} has {channel_of.values.shape[1]} column(s) for {size} joint(s)",
+                advice="name one for each joint of the robot",
             ).about(*channels[name].keys)
         values[name] = channel_of.values
     return values, clocked, faults

@@ -36,7 +36,8 @@ def file_columns(path: Path) -> FileColumns:
     beside |= dict.fromkeys((n for n in names_in(path) if n not in table), "no numbers")
     if not columns:
         raise FileFormatError(
-            f"{path.name} holds no columns of numbers{beside_text(beside)}; export the log again"
+            f"{path.name} holds no columns of numbers{beside_text(beside)}",
+            advice="export the log again",
         )
     samples, beside = len(next(iter(columns.values()))), beside | beside_columns(table)
     short = {n: v for n, v in table.items() if 0 < v.size and max(v.shape, default=1) < MIN_ARRAY}

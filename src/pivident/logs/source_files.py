@@ -50,14 +50,14 @@ def existing_file(path: str | PathLike[str]) -> Path:
             empty = not stream.read(1)
     except IsADirectoryError:
         raise FileFormatError(
-            f"{path.name} is a folder; name the file with the record in it"
+            f"{path.name} is a folder", advice="name the file with the record in it"
         ) from None
     except OSError as error:
         raise FileFormatError(
-            f"{path} cannot be opened ({error.strerror}); check its name and permissions"
+            f"{path} cannot be opened ({error.strerror})", advice="check its name and permissions"
         ) from error
     if empty:
-        raise FileFormatError(f"{path.name} is empty; export the log again")
+        raise FileFormatError(f"{path.name} is empty", advice="export the log again")
     return path
 
 
@@ -69,8 +69,8 @@ def bag_files(folder: Path) -> list[Path]:
         raise FileFormatError(f"{folder} cannot be opened ({error.strerror})") from error
     if not files:
         raise FileFormatError(
-            f"{folder.name} is a folder without the .db3 or .mcap files of a ROS 2 bag; name the "
-            "file with the record in it"
+            f"{folder.name} is a folder without the .db3 or .mcap files of a ROS 2 bag",
+            advice="name the file with the record in it",
         )
     return sorted(files, key=lambda file: [int(n) for n in re.findall(r"\d{1,9}", file.name)])
 
@@ -90,5 +90,6 @@ def refuse_bomb(path: Path, expanded: int) -> None:
     if expanded > HARMLESS_SIZE and expanded > MAX_EXPANSION * stored:
         raise FileFormatError(
             f"{path.name} expands from {stored} to at least {expanded} bytes, more than "
-            f"{MAX_EXPANSION} times its size; store it uncompressed if this is no mistake"
+            f"{MAX_EXPANSION} times its size",
+            advice="store it uncompressed if this is no mistake",
         )

@@ -68,7 +68,7 @@ def _named(channel: str, unit: object) -> float:
     if name not in units:
         scale = "; counts need per_revolution or per_metre" if name == "counts" else ""
         raise RecordingError(
-            f"unit {unit!r} of {channel} is not known here; {nearest(name, units)}{scale}"
+            f"unit {unit!r} of {channel} is not known here", advice=f"{nearest(name, units)}{scale}"
         )
     return units[name]
 
@@ -91,9 +91,9 @@ def _scaled(channel: str, spec: dict[str, str | float]) -> tuple[float, bool]:
         with concerning("units", channel, "gain"):
             return factor * _number(channel, "gain", spec["gain"]), False
     raise RecordingError(
-        f"unit of {channel} is given as unit = {unit!r} with {', '.join(spec) or 'nothing else'}; "
-        "use {unit = 'counts', per_revolution or per_metre = …} for positions, "
-        "{unit = 'A' or 'V', gain = …} for torques"
+        f"unit of {channel} is given as unit = {unit!r} with {', '.join(spec) or 'nothing else'}",
+        advice="use {unit = 'counts', per_revolution or per_metre = …} for positions, {unit = "
+        "'A' or 'V', gain = …} for torques",
     )
 
 
@@ -101,8 +101,9 @@ def _check_scale(basis: object) -> None:
     """Refuse what a scale cannot rest on."""
     if basis not in (*BASES, *EARLIER):
         raise RecordingError(
-            f"scale of tau is {basis!r}; it is {' or '.join(map(repr, BASES))} where a gain is "
-            "assumed, and left out where somebody knows it"
+            f"scale of tau is {basis!r}",
+            advice=f"it is {' or '.join(map(repr, BASES))} where a gain is assumed, and left out "
+            "where somebody knows it",
         )
 
 
@@ -113,7 +114,9 @@ def _number(channel: str, name: str, value: object) -> float:
     except OverflowError:  # a whole number of hundreds of digits
         number = math.inf
     if not math.isfinite(number) or number == 0.0:
-        raise RecordingError(f"{name} of {channel} is {value!r}; a number other than 0 is needed")
+        raise RecordingError(
+            f"{name} of {channel} is {value!r}", advice="a number other than 0 is needed"
+        )
     return number
 
 
@@ -122,6 +125,6 @@ def check_kind(channel: str, spec: UnitSpec, joint: str, kind: str) -> None:
     wrong = ("rad", "deg", "rev") if kind == "prismatic" else ("m", "mm", "um")
     if isinstance(spec, str) and spec in wrong:
         raise RecordingError(
-            f"unit {spec!r} of {channel} does not suit the {kind} joint {joint!r}; "
-            "give a list with one unit per joint if they differ"
+            f"unit {spec!r} of {channel} does not suit the {kind} joint {joint!r}",
+            advice="give a list with one unit per joint if they differ",
         )

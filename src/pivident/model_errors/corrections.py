@@ -173,7 +173,8 @@ def corrections(
             return Corrections(last, tuple(chosen), size, covariance, alike)
     raise IdentificationError(
         f"the corrections of {', '.join(str(c) for c in chosen)} do not settle in {MAX_ROUNDS} "
-        "rounds; free fewer kinds at a time"
+        "rounds",
+        advice="free fewer kinds at a time",
     )
 
 
@@ -232,8 +233,8 @@ def _step(tests: ScoreTests, numbers: Sequence[int]) -> tuple[np.ndarray, np.nda
     except np.linalg.LinAlgError:
         raise IdentificationError(
             f"{', '.join(str(tests.causes[k]) for k in numbers)}: all that tells some of these "
-            "corrections apart lies within one short stretch of the record; free fewer kinds at a "
-            "time"
+            "corrections apart lies within one short stretch of the record",
+            advice="free fewer kinds at a time",
         ) from None
     return step, covariance, shown
 
@@ -274,9 +275,9 @@ def _check_kinds(kinds: Sequence[str]) -> None:
     for kind in kinds:
         if kind in INSTEAD:
             raise IdentificationError(
-                f"free: {kind} cannot be corrected with the estimate; {INSTEAD[kind]}. These can: "
-                f"{', '.join(CORRECTED)}"
+                f"free: {kind} cannot be corrected with the estimate",
+                advice=f"{INSTEAD[kind]}. These can: {', '.join(CORRECTED)}",
             )
         if kind not in CORRECTED:
             known = (*CORRECTED, *INSTEAD)
-            raise IdentificationError(f"free: unknown kind {kind!r}; {nearest(kind, known)}")
+            raise IdentificationError(f"free: unknown kind {kind!r}", advice=nearest(kind, known))

@@ -154,7 +154,8 @@ def score_tests(
     if found.equations is None:
         raise IdentificationError(
             f"{found.method}: causes of model error are looked for in the signals of an estimate, "
-            "and a file has none; identify again"
+            "and a file has none",
+            advice="identify again",
         )
     kinematics = smoothed(problem, found)
     motions = instrument_motions(problem, found, kinematics)

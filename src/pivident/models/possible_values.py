@@ -26,8 +26,9 @@ def written_body(name: str, inertia: np.ndarray) -> Body:
     if mass <= 0.0:
         raise ExportError(
             f"link {name!r} has a mass of {mass:.4g} kg, and the file stores a centre of mass, "
-            "which is first moments over mass; export the physically consistent parameters, or "
-            "shift the estimate along the directions without torque until every mass is positive"
+            "which is first moments over mass",
+            advice="export the physically consistent parameters, or shift the estimate along the "
+            "directions without torque until every mass is positive",
         )
     return Body.of_parameters(inertia)
 

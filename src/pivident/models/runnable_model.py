@@ -70,11 +70,12 @@ class RunnableModel:
         if np.shape(self.values) != (len(self.parameters),):
             raise ExportError(
                 f"the model has {len(self.parameters)} standard parameters and values of shape "
-                f"{np.shape(self.values)}; give one value for each"
+                f"{np.shape(self.values)}",
+                advice="give one value for each",
             )
         if not np.isfinite(self.values).all():
             worst = self.parameters[int(np.argmin(np.isfinite(self.values)))].name
-            raise ExportError(f"the value of {worst} is not finite; identify again")
+            raise ExportError(f"the value of {worst} is not finite", advice="identify again")
 
     @cached_property
     def regressor(self) -> Regressor:
@@ -147,8 +148,8 @@ def runnable_model(
 
     if not isinstance(source, ConsistentModel):
         raise ExportError(
-            f"a model cannot be made of an object of type {type(source).__name__}; give an "
-            "Identification, or what make_consistent returns"
+            f"a model cannot be made of an object of type {type(source).__name__}",
+            advice="give an Identification, or what make_consistent returns",
         )
     found = None
     if intervals:

@@ -66,8 +66,8 @@ def with_law_torque(robot: Robot, loop: Loop | None, recording: Recording) -> Re
         raise ExperimentError(
             f"recording {recording.name!r} has no torque, and the control law commands "
             f"{tau[0, j]:.4g} to {recording.joint_names[j]} at every sample: its reference is the "
-            "measured position, or its gains are zero; map the reference that the controller was "
-            "given to q_ref, and check the gains"
+            "measured position, or its gains are zero",
+            advice="map the reference that the controller was given to q_ref, and check the gains",
         )
     output = tuple(TorqueScale(name, OUTPUT_UNIT, OUTPUT) for name in recording.joint_names)
     return replace(

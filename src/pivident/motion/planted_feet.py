@@ -90,8 +90,9 @@ def _check_stands(
             raise RecordingError(
                 f"recording {recording.name!r}: the foot of {name!r} does not stand: it is "
                 f"{1e3 * away[k, foot]:.3g} mm from its place at sample {k}, {1e3 * mean:.3g} mm "
-                "on average; cut the record to one stance (part), measure the contact forces "
-                "([[wrench]]), or check pose, encoders and the length of the leg"
+                "on average",
+                advice="cut the record to one stance (part), measure the contact forces "
+                "([[wrench]]), or check pose, encoders and the length of the leg",
             )
 
 

@@ -208,8 +208,8 @@ def _information(arm: Identification) -> np.ndarray:
     exact = [name for name, one in zip(arm.names, scale, strict=True) if not 0.0 < one < np.inf]
     if exact:
         raise IdentificationError(
-            f"the arm without load has no standard error of {', '.join(exact[:4])}; "
-            "identify it again, or give its record together with the one with the load"
+            f"the arm without load has no standard error of {', '.join(exact[:4])}",
+            advice="identify it again, or give its record together with the one with the load",
         )
     correlation = arm.formula_covariance / np.outer(scale, scale)
     variances, directions = np.linalg.eigh(0.5 * (correlation + correlation.T))

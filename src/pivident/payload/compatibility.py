@@ -26,7 +26,7 @@ def link_index(robot: Robot, name: str | None) -> int:
     except RobotDescriptionError:
         known = [*(link.name for link in robot.links), *robot.joint_names]
         raise ExperimentError(
-            f"there is no moving link {name!r} to carry a load; {nearest(name, known)}"
+            f"there is no moving link {name!r} to carry a load", advice=nearest(name, known)
         ) from None
 
 
@@ -34,11 +34,14 @@ def check_recordings(empty: Problem, loaded: Problem | Sequence[Recording]) -> N
     """Refuse a recording that is given for both states, and an empty list."""
     runs = loaded.recordings if isinstance(loaded, Problem) else tuple(loaded)
     if not runs:
-        raise ExperimentError("no recording with the load is given; at least one is needed")
+        raise ExperimentError(
+            "no recording with the load is given", advice="at least one is needed"
+        )
     for run in runs:
         if any(run is other for other in empty.recordings):
             raise ExperimentError(
-                f"recording {run.name!r} is given both without and with the load; give two runs"
+                f"recording {run.name!r} is given both without and with the load",
+                advice="give two runs",
             )
 
 
@@ -51,7 +54,8 @@ def check_same_arm(arm: Identification, loaded: Problem) -> None:
     if there != (loaded.robot.size, loaded.robot.joint_names):
         raise ExperimentError(
             f"the empty arm has the joints {', '.join(arm.robot.joint_names)}, the loaded one "
-            f"{', '.join(loaded.robot.joint_names)}; give records of the same robot"
+            f"{', '.join(loaded.robot.joint_names)}",
+            advice="give records of the same robot",
         )
     if not np.allclose(arm.robot.gravity, loaded.robot.gravity, atol=0.05):
         raise ExperimentError(

@@ -192,7 +192,7 @@ def _full_rate(
     """The method with signals at the full sampling rate."""
     made = method_named(method)
     refused = ExperimentError(
-        f"{made.label} has no payload variant; use piv, iv-full-rate or ls for the load"
+        f"{made.label} has no payload variant", advice="use piv, iv-full-rate or ls for the load"
     )
     if not made.handles.payload:
         raise refused

@@ -57,9 +57,13 @@ class KnownParts:
         for key in ("mass", "center_of_mass", "inertia"):
             std = getattr(self, f"{key}_std")
             if not (np.isfinite(std) and std >= 0):
-                raise ExperimentError(f"{key}_std of the load is {std}; it cannot be negative")
+                raise ExperimentError(
+                    f"{key}_std of the load is {std}", advice="it cannot be negative"
+                )
             if std > 0 and getattr(self, key) is None:
-                raise ExperimentError(f"{key}_std of the load is given without {key}; add it")
+                raise ExperimentError(
+                    f"{key}_std of the load is given without {key}", advice="add it"
+                )
 
     @property
     def needs_mass(self) -> bool:

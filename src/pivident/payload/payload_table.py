@@ -51,13 +51,14 @@ def load_of(
     with errors_name(experiment.path, "[payload]"):
         if arm is None and not given.recording:
             raise ExperimentError(
-                "there is no record with the load; add [[payload.recording]], or give the arm "
-                "identified without it: pivident payload EMPTY.json LOADED.toml"
+                "there is no record with the load",
+                advice="add [[payload.recording]], or give the arm identified without it: "
+                "pivident payload EMPTY.json LOADED.toml",
             )
         if arm is not None and given.recording:
             raise ExperimentError(
-                "[[payload.recording]] is given together with an arm identified earlier; put the "
-                "record with the load under [recording]"
+                "[[payload.recording]] is given together with an arm identified earlier",
+                advice="put the record with the load under [recording]",
             )
     every = _with_loaded_recordings(experiment, given)
     chosen = _method(every, method or given.method)

@@ -60,7 +60,8 @@ def new_logs(
     is_experiment = path.suffix.lower() == ".toml"
     if is_experiment and experiment is not None:
         raise RecordingError(
-            f"{path.name} is an experiment file itself; leave --experiment out, or name the log"
+            f"{path.name} is an experiment file itself",
+            advice="leave --experiment out, or name the log",
         )
     if is_experiment or experiment is not None:
         given = load_experiment(path if is_experiment else Path(str(experiment)))
@@ -161,8 +162,8 @@ def _bare(path: Path, robot: Robot) -> Iterator[NewLog]:
     if "q" not in log.logged:
         raise RecordingError(
             f"{path.name}: no positions of {', '.join(robot.joint_names)} were recognised by the "
-            "names of its columns, and the result does not hold how its own logs were read; "
-            "describe the log by an experiment file: --experiment FILE.toml"
+            "names of its columns, and the result does not hold how its own logs were read",
+            advice="describe the log by an experiment file: --experiment FILE.toml",
         )
     log = replace(log, logged={k: x for k, x in log.logged.items() if k in CHANNELS})
     if log.clocks:

@@ -68,8 +68,8 @@ def predict(
     torque = getattr(result, "torque" if isinstance(result, RunnableModel) else "predict", None)
     if torque is None:
         raise ExperimentError(
-            f"an object of type {type(result).__name__} predicts no torques; give an "
-            "Identification, or what make_consistent or stored_model returns"
+            f"an object of type {type(result).__name__} predicts no torques",
+            advice="give an Identification, or what make_consistent or stored_model returns",
         )
     robot = result.robot
     recording = _of_robot(robot.joint_names, recording)
@@ -122,8 +122,9 @@ def _of_robot(names: tuple[str, ...], recording: Recording) -> Recording:
         return replace(recording, joint_names=names)
     raise ExperimentError(
         f"recording {recording.name!r} has the joints {', '.join(recording.joint_names)}, the "
-        f"result those of another robot: {', '.join(names)}; give a log of the robot that was "
-        "identified, with one column for each of its joints"
+        f"result those of another robot: {', '.join(names)}",
+        advice="give a log of the robot that was identified, with one column for each of its "
+        "joints",
     )
 
 

@@ -103,5 +103,6 @@ def check_same_joints(result: StoredResult, names: tuple[str, ...], where: str) 
     if names != own:
         raise ExperimentError(
             f"{where} has the joints {', '.join(names)}, the result those of another robot: "
-            f"{', '.join(own)}; describe a log of the robot that was identified"
+            f"{', '.join(own)}",
+            advice="describe a log of the robot that was identified",
         )

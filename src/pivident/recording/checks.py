@@ -135,14 +135,16 @@ def check_times(**given: float) -> None:
             timestamps.check_positive(name, given[name])
     for name in ("delay", "drive_delay", "start_time"):
         if not np.isfinite(given[name]):
-            raise RecordingError(f"{name} is {given[name]!r} s; a number is needed").about(name)
+            raise RecordingError(f"{name} is {given[name]!r} s", advice="a number is needed").about(
+                name
+            )
     wait = given["drive_delay"]
     if wait < 0:
         raise RecordingError(
-            f"drive_delay is {wait:g} s; a torque that is logged late is declared by delay"
+            f"drive_delay is {wait:g} s", advice="a torque that is logged late is declared by delay"
         ).about("drive_delay")
     if wait > MAX_DRIVE_DELAY:
         raise RecordingError(
-            f"drive_delay is {wait:g} s, longer than any drive takes; it is given in seconds, "
-            "0.3e-3 for 0.3 ms"
+            f"drive_delay is {wait:g} s, longer than any drive takes",
+            advice="it is given in seconds, 0.3e-3 for 0.3 ms",
         ).about("drive_delay")

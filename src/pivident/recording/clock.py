@@ -59,7 +59,9 @@ def on_one_clock(
     if t is None and not clocked:
         if clock.rate is None or clock.resample:
             alternative = "resampling needs it" if clock.resample else "or give the rate"
-            raise RecordingError(f"no column is named for the time t; name it, {alternative}")
+            raise RecordingError(
+                "no column is named for the time t", advice=f"name it, {alternative}"
+            )
         return UniformClock(float(clock.rate), 0.0)
     if clocked:
         _check_clocks(logged, clocked)
@@ -68,7 +70,8 @@ def on_one_clock(
         assert t is not None, "without it there are clocks"
         if len(t) != len(logged["q"]):
             raise RecordingError(
-                f"t has {len(t)} samples, q has {len(logged['q'])}; cut them to the same samples"
+                f"t has {len(t)} samples, q has {len(logged['q'])}",
+                advice="cut them to the same samples",
             )
         channels = [ClockedChannel(name, "t", t, values) for name, values in logged.items()]
     one = have_one_clock(channels)
@@ -78,8 +81,8 @@ def on_one_clock(
     if not one and not clock.resample:
         listed = ", ".join(f"{c.channel} by {c.clock} ({len(c.t)} samples)" for c in channels)
         raise RecordingError(
-            f"the channels have clocks of their own: {listed}; set resample = true to bring them "
-            "onto one"
+            f"the channels have clocks of their own: {listed}",
+            advice="set resample = true to bring them onto one",
         ).about("resample")
     if one and not clock.resample:
         return _as_it_is(logged, channels, clock)
@@ -91,8 +94,8 @@ def _check_clocks(logged: Mapping[str, np.ndarray], clocked: Mapping[str, Clocke
     without = [name for name in logged if name not in clocked]
     if without:
         raise RecordingError(
-            f"{without[0]} has no time stamps, the other channels have; name its column of t: "
-            f't = {{{without[0]} = "time"}}'
+            f"{without[0]} has no time stamps, the other channels have",
+            advice=f'name its column of t: t = {{{without[0]} = "time"}}',
         )
 
 

@@ -180,7 +180,7 @@ def fetch(name: str, *keys: str) -> dict[str, Path]:
 def _dataset(name: str) -> Dataset:
     """The data set of that name."""
     if name not in DATASETS:
-        raise RecordingError(f"no data set {name!r}; there are {', '.join(DATASETS)}")
+        raise RecordingError(f"no data set {name!r}", advice=f"there are {', '.join(DATASETS)}")
     return DATASETS[name]
 
 
@@ -190,7 +190,7 @@ def _wanted(name: str, keys: tuple[str, ...]) -> dict[str, PublicFile]:
     for key in keys:
         if key not in files:
             raise RecordingError(
-                f"data set {name!r} has no file {key!r}; it has {', '.join(files)}"
+                f"data set {name!r} has no file {key!r}", advice=f"it has {', '.join(files)}"
             )
     return {key: files[key] for key in keys or files}
 

@@ -142,8 +142,8 @@ def load_recording(
     recording = _recording(log, logged, part, options)
     if robot is None and body:
         raise RecordingError(
-            f"{next(iter(body))} belongs to a body, and no robot is given; give robot, with its "
-            "sensors (`pivident.robot.with_wrench_sensors`)"
+            f"{next(iter(body))} belongs to a body, and no robot is given",
+            advice="give robot, with its sensors (`pivident.robot.with_wrench_sensors`)",
         ).about("columns")
     if robot is None or not (body or robot.sensors or robot.base_joints):
         return recording
@@ -160,8 +160,9 @@ def _with_body(recording: Recording, robot: Robot, body: Mapping[str, np.ndarray
     if position is not None or turned:
         if position is None or len(turned) != 1:
             raise RecordingError(
-                "the pose of the base is position and either quaternion or rpy; map "
-                'base = {position = ["x", "y", "z"], quaternion = ["qx", "qy", "qz", "qw"]}'
+                "the pose of the base is position and either quaternion or rpy",
+                advice="map "
+                'base = {position = ["x", "y", "z"], quaternion = ["qx", "qy", "qz", "qw"]}',
             ).about("columns", "base")
         made = rotations_from_quaternions if turned == ["base.quaternion"] else rotations_from_rpy
         pose = position, made(body[turned[0]])
@@ -275,25 +276,29 @@ def _check_arguments(columns: Any, units: Any, robot: Any, options: Mapping[str,
     for name, given in (("columns", columns), ("units", units)):
         if not isinstance(given, Mapping) and not (name == "units" and given is None):
             raise RecordingError(
-                f"{name} is {given!r}; give a table by channel, such as {tables[name]}"
+                f"{name} is {given!r}", advice=f"give a table by channel, such as {tables[name]}"
             )
     known_tables = (*CHANNELS, "t", "inputs", *TABLES)
     unknown = [key for key in columns if key not in known_tables]
     if unknown:
         raise RecordingError(
-            f"columns are given for {unknown[0]!r}; channels are {', '.join(known_tables)}"
+            f"columns are given for {unknown[0]!r}",
+            advice=f"channels are {', '.join(known_tables)}",
         )
     if "q" not in columns:
-        raise RecordingError("no columns are given for q; name those that hold it")
+        raise RecordingError("no columns are given for q", advice="name those that hold it")
     if robot is not None and not isinstance(robot, Robot):
-        raise RecordingError(f"robot is {robot!r}; give a Robot, such as load_robot({robot!r})")
+        raise RecordingError(
+            f"robot is {robot!r}", advice=f"give a Robot, such as load_robot({robot!r})"
+        )
     made_here = {*CHANNELS, "inputs", "sources", "slowed", "reading", "torque_source"}
     made_here |= {"wrenches", "wrench_torque", "valid"}
     known = {field.name for field in fields(Recording)} - made_here
     for name in options:
         if name not in known:
             raise RecordingError(
-                f"load_recording has no option {name!r}; {nearest(name, sorted(known | _OPTIONS))}"
+                f"load_recording has no option {name!r}",
+                advice=nearest(name, sorted(known | _OPTIONS)),
             )
 
 
@@ -304,7 +309,8 @@ def _check_sizes(joints: int, robot: Robot | None, transmission: Transmission | 
     for owner, size in sizes.items():
         if size != joints:
             raise RecordingError(
-                f"{owner} has {size} joint(s), the recording {joints}; select the same joints"
+                f"{owner} has {size} joint(s), the recording {joints}",
+                advice="select the same joints",
             )
 
 
@@ -315,10 +321,12 @@ def _checked_sides(said: Description, logged: Mapping[str, np.ndarray]) -> dict[
         if channel == "q_link" and value != "joint":  # flexible joints
             raise RecordingError("q_link is the encoder behind the gear: its side is joint")
         if channel not in CHANNELS or value not in get_args(Side):
-            raise RecordingError(f"side of {channel} is {value!r}; choose joint or motor")
+            raise RecordingError(f"side of {channel} is {value!r}", advice="choose joint or motor")
     sides = sides_of(said.side)
     if said.transmission is None and "motor" in {sides[c] for c in logged if c in sides}:
-        raise RecordingError("channels are on the motor side; give a robot or a transmission")
+        raise RecordingError(
+            "channels are on the motor side", advice="give a robot or a transmission"
+        )
     return sides
 
 
@@ -339,8 +347,8 @@ def _to_si(
         per_joint: list[UnitSpec] = list(spec) if listed else [spec] * joints
         if len(per_joint) != joints:
             raise RecordingError(
-                f"{channel} has {len(per_joint)} units for {joints} joint(s); "
-                "give one for all or one for each"
+                f"{channel} has {len(per_joint)} units for {joints} joint(s)",
+                advice="give one for all or one for each",
             )
         if robot is not None and channel in ("q", "q_ref", "q_link") and sides[channel] == "joint":
             for joint, unit in zip(robot.joints, per_joint, strict=True):
@@ -354,12 +362,13 @@ def _to_si(
                 unit = str(per_joint[without[0]])
                 whose = "" if robot is None else f" of joint {robot.joints[without[0]].name!r}"
                 raise RecordingError(
-                    f"{channel}{whose} is a drive command in {unit!r} without a gain; write "
+                    f"{channel}{whose} is a drive command in {unit!r} without a gain",
+                    advice="write "
                     f'{channel} = {{unit = "{unit}", gain = N m (or N) per {unit}}} under units, '
                     "or drive_gain under [robot]; a torque constant of the motor also needs "
                     'reduction there and side = {tau = "motor"}. Where no gain is known, '
                     "`pivident gains` finds them from a known payload, and their ratios without "
-                    f"one; with --in-log-units it identifies every motor in {unit}"
+                    f"one; with --in-log-units it identifies every motor in {unit}",
                 )
             logged[channel] = _scaled(logged[channel], gains)
 

@@ -64,7 +64,8 @@ def with_wrenches(
         if not np.ptp(own, axis=0).any():
             raise RecordingError(
                 f"recording {recording.name!r}: the wrench of sensor {sensor.name!r} is the same "
-                "at every sample; map its columns under columns.wrench"
+                "at every sample",
+                advice="map its columns under columns.wrench",
             )
         measured.append(MeasuredWrench(sensor, own))
         torque += wrench_torques(robot, sensor, recording.q, own)
@@ -83,19 +84,20 @@ def _check_names(
     for name in names:
         if name not in values:
             raise RecordingError(
-                f"{where} has no columns for the wrench sensor {name!r}; map six, "
-                f'wrench = {{{name} = ["fx", "fy", "fz", "mx", "my", "mz"]}}'
+                f"{where} has no columns for the wrench sensor {name!r}",
+                advice=f'map six, wrench = {{{name} = ["fx", "fy", "fz", "mx", "my", "mz"]}}',
             ).about("columns")
     for name in values:
         if name not in names:
             raise RecordingError(
                 f"{where} has columns for a wrench {name!r}, and no sensor of that name is "
-                "described; add [[wrench]] with its name, link and frame"
+                "described",
+                advice="add [[wrench]] with its name, link and frame",
             ).about("columns", "wrench", name)
     if robot.base_motion == "measured" and pose is None:
         raise RecordingError(
-            f"robot {robot.name!r} has a floating base, and {where} does not hold its pose; map "
-            'base = {position = ["x", "y", "z"], quaternion = ["qx", "qy", "qz", "qw"]}'
+            f"robot {robot.name!r} has a floating base, and {where} does not hold its pose",
+            advice='map base = {position = ["x", "y", "z"], quaternion = ["qx", "qy", "qz", "qw"]}',
         ).about("columns")
     if robot.base_motion == "measured" and not names and not robot.contacts:
         raise RecordingError(
@@ -105,13 +107,13 @@ def _check_names(
         )
     if robot.base_motion == "held" and not any(s.link == BASE for s in robot.sensors):
         raise RecordingError(
-            f"the base of robot {robot.name!r} is held by a force sensor that is not described; "
-            'add it by [[wrench]] with link = "base", and map its columns'
+            f"the base of robot {robot.name!r} is held by a force sensor that is not described",
+            advice='add it by [[wrench]] with link = "base", and map its columns',
         )
     if robot.base_motion != "measured" and pose is not None:
         raise RecordingError(
-            f"{where} holds the pose of a base, but that of robot {robot.name!r} does not move; "
-            "write floating_base = true under [robot], or remove the columns"
+            f"{where} holds the pose of a base, but that of robot {robot.name!r} does not move",
+            advice="write floating_base = true under [robot], or remove the columns",
         ).about("columns", "base")
 
 
@@ -128,7 +130,8 @@ def _with_base(
     if recording.q_link is not None:
         raise RecordingError(
             f"recording {recording.name!r} has encoders behind the gears (q_link), which a "
-            "measured base does not allow; leave out their columns"
+            "measured base does not allow",
+            advice="leave out their columns",
         ).about("columns", "q_link")
     still = np.zeros((recording.samples, count))
     base = still
@@ -170,13 +173,15 @@ def _base_positions(recording: Recording, pose: tuple[np.ndarray, np.ndarray]) -
         shape = (recording.samples, *own)
         if np.shape(part) != shape:
             raise RecordingError(
-                f"{where}: the {name} of the base has shape {np.shape(part)}; {shape} is needed"
+                f"{where}: the {name} of the base has shape {np.shape(part)}",
+                advice=f"{shape} is needed",
             ).about("columns", "base")
         bad = np.flatnonzero(~np.isfinite(part).reshape(len(part), -1).all(axis=1))
         if bad.size:
             raise RecordingError(
                 f"{where}: the {name} of the base is not finite at sample {bad[0]}, one of "
-                f"{bad.size}; cut the record to where it was measured (part)"
+                f"{bad.size}",
+                advice="cut the record to where it was measured (part)",
             ).about("columns", "base")
     with errors_name(where):
         return base_positions(*pose)

@@ -154,7 +154,9 @@ class Recording(Displayed):
         self._check_options()
         for name in (self.name, *self.joint_names, *self.inputs):
             if not is_printable(name):
-                raise RecordingError(f"the name {name!r} holds control characters; rename it")
+                raise RecordingError(
+                    f"the name {name!r} holds control characters", advice="rename it"
+                )
         if not self.joint_names or len(set(self.joint_names)) != self.joints:
             raise RecordingError(
                 f"recording {self.name!r}: joint names {self.joint_names} are missing or repeated"
@@ -188,7 +190,9 @@ class Recording(Displayed):
         )
         taken = [name for name in self.inputs if name in CHANNELS]
         if taken:
-            raise RecordingError(f"an input is called {taken[0]!r} like a channel; rename it")
+            raise RecordingError(
+                f"an input is called {taken[0]!r} like a channel", advice="rename it"
+            )
         for name, choices in (
             ("torque_timing", TorqueTiming),
             ("saturation", Saturation),
@@ -197,8 +201,8 @@ class Recording(Displayed):
         ):
             if getattr(self, name) not in get_args(choices):
                 raise RecordingError(
-                    f"{name} is {getattr(self, name)!r}; choose one of "
-                    f"{', '.join(get_args(choices))}"
+                    f"{name} is {getattr(self, name)!r}",
+                    advice=f"choose one of {', '.join(get_args(choices))}",
                 ).about(name)
 
     def __repr__(self) -> str:
@@ -233,8 +237,8 @@ class Recording(Displayed):
         """
         if not self.has_torque:
             raise RecordingError(
-                f"recording {self.name!r} has no measured torque, and {purpose} from one; map the "
-                "column of tau"
+                f"recording {self.name!r} has no measured torque, and {purpose} from one",
+                advice="map the column of tau",
             ).about("columns", "tau")
 
     def behind(self, joints: int) -> Recording:
@@ -371,8 +375,8 @@ class Recording(Displayed):
         first, last = (int(np.clip(index, 0, self.samples)) for index in (first, last))
         if first >= last:
             raise RecordingError(
-                f"no sample of recording {self.name!r} lies between {start_s:g} and {stop_s:g} s; "
-                f"it runs from {self.start_time:g} to {self.start_time + self.duration:g} s"
+                f"no sample of recording {self.name!r} lies between {start_s:g} and {stop_s:g} s",
+                advice=f"it runs from {self.start_time:g} to {self.start_time + self.duration:g} s",
             )
         return self.part(first, last)
 
@@ -416,7 +420,7 @@ class Recording(Displayed):
         for option in options:
             if option not in known:
                 raise RecordingError(
-                    f"a recording has no option {option!r}; {nearest(option, known)}"
+                    f"a recording has no option {option!r}", advice=nearest(option, known)
                 )
         if tau is None:
             tau = np.zeros(np.shape(q))

@@ -26,6 +26,7 @@ from pivident.logs.misplaced_positions import cuts
 from pivident.recording import checks
 from pivident.recording.channels import CHANNELS
 from pivident.signals.bandpass import EDGE
+from pivident.text.sentences import capital
 
 #: Longest time over which positions are filled [s].
 MAX_FILLED = 0.25
@@ -139,7 +140,7 @@ def left_out_sentences(
 def left_out(fault: BadSamples, joint_names: Sequence[str], samples: int) -> str:
     """What is wrong where, a clause; ``samples``: number of samples of the log."""
     name = fault.name(joint_names)
-    name = f"{name[0].upper()}{name[1:]}" if fault.joint < 0 else name
+    name = capital(name) if fault.joint < 0 else name
     return f"{name} {WORDS[fault.kind]} at {_listed(fault.rows, samples)}"
 
 

@@ -76,7 +76,7 @@ def write_report(
     """
     path = Path(path)
     if path.is_dir():
-        raise PividentError(f"{path} is a folder; name a file in it, such as report.html")
+        raise PividentError(f"{path} is a folder", advice="name a file in it, such as report.html")
     if isinstance(identifications, Identification):
         identifications = [identifications]
     page = render_report(
@@ -105,7 +105,7 @@ def render_report(
 ) -> str:
     """The page as text; arguments as of `write_report`."""
     if not identifications:
-        raise PividentError("there is no identification to report on; give at least one")
+        raise PividentError("there is no identification to report on", advice="give at least one")
     if title is None:
         robots = dict.fromkeys(i.robot.name for i in identifications)
         title = f"{', '.join(robots)}: identification of the dynamics"

@@ -70,7 +70,7 @@ def closed_robot(
     places = tuple(find_joint(tree.joint_names, name) for name in independent)
     if len(set(places)) != len(places) or not places:
         raise RobotDescriptionError(
-            f"independent joints are {', '.join(independent) or 'missing'}; name each once"
+            f"independent joints are {', '.join(independent) or 'missing'}", advice="name each once"
         )
     start = np.zeros(tree.size) if posture is None else np.asarray(posture, dtype=float)
     motors = tuple(find_joint(tree.joint_names, name) for name in driven)
@@ -138,7 +138,8 @@ def assembled(tree: Robot, constraints: Constraints, q: np.ndarray) -> np.ndarra
     q = np.array(q, dtype=float)
     if q.shape != (tree.size,):
         raise RobotDescriptionError(
-            f"a posture has {tree.size} positions, one for each joint; shape {q.shape} was given"
+            f"a posture has {tree.size} positions, one for each joint",
+            advice=f"shape {q.shape} was given",
         )
     others = [i for i in range(tree.size) if i not in constraints.places]
     value, slope = equations(tree, constraints, q)
@@ -160,8 +161,9 @@ def assembled(tree: Robot, constraints: Constraints, q: np.ndarray) -> np.ndarra
         what = "its frames, the lengths of the links" if is_loop else "its ratios, its offset"
         moved = ", ".join(tree.joints[i].name for i in others) or "none"
         raise RobotDescriptionError(
-            f"{gap}; check {what} and the posture to start from, in which only passive joints may "
-            f"move ({moved})"
+            f"{gap}",
+            advice=f"check {what} and the posture to start from, in which only passive joints may "
+            f"move ({moved})",
         )
     return q
 
@@ -176,8 +178,8 @@ def check_closed(tree: Robot, constraints: Constraints) -> None:
     if not np.abs(value).max(initial=0.0) < STORED:
         gap, _ = _largest_gap(tree, constraints, value)
         raise RobotDescriptionError(
-            f"robot {tree.name!r}: {gap}, in the posture that it was stored with; write the file "
-            "again"
+            f"robot {tree.name!r}: {gap}, in the posture that it was stored with",
+            advice="write the file again",
         )
 
 
@@ -223,8 +225,8 @@ def _independent_equations(
     if len(slopes) == 1:
         raise RobotDescriptionError(
             f"robot {tree.name!r} cannot move: its loops hold "
-            f"{', '.join(tree.joints[i].name for i in constraints.places)}; name fewer "
-            "independent joints, or free a joint of the loop"
+            f"{', '.join(tree.joints[i].name for i in constraints.places)}",
+            advice="name fewer independent joints, or free a joint of the loop",
         )
     side = np.hstack([slope[:, others] for slope in slopes])
     import scipy.linalg
@@ -235,7 +237,8 @@ def _independent_equations(
     if left.size and left.max() > RANK * abs(size[0, 0]):
         raise RobotDescriptionError(
             f"robot {tree.name!r} has loops with more than {count} independent equations for "
-            f"{count} passive joints; name fewer independent joints, or free a joint of a loop"
+            f"{count} passive joints",
+            advice="name fewer independent joints, or free a joint of a loop",
         )
     return tuple(sorted(int(k) for k in pivots[:count]))
 
@@ -252,5 +255,6 @@ def _check_rank(tree: Robot, slope: np.ndarray, others: list[int]) -> None:
     names = ", ".join(tree.joints[others[k]].name for k in np.flatnonzero(free > 1e-3))
     raise RobotDescriptionError(
         f"robot {tree.name!r}: nothing determines {names} at the posture where its loops are "
-        "closed; add a loop or an independent joint, or start from a posture that is not singular"
+        "closed",
+        advice="add a loop or an independent joint, or start from a posture that is not singular",
     )

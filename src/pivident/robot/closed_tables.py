@@ -44,17 +44,19 @@ def closed_from_tables(
     if not loops and not gears:
         passive = next(row.name for row in rows if row.passive)
         raise RobotDescriptionError(
-            f"joint {passive!r} is passive, but nothing moves it; add the [[loops]] or [[gears]] "
-            "that do"
+            f"joint {passive!r} is passive, but nothing moves it",
+            advice="add the [[loops]] or [[gears]] that do",
         )
     if len(independent) == len(rows):
         raise RobotDescriptionError(
-            "there are [[loops]] or [[gears]], but no joint is passive; write passive = true at "
-            "those without a motor"
+            "there are [[loops]] or [[gears]], but no joint is passive",
+            advice="write passive = true at those without a motor",
         )
     names = [loop.name for loop in loops] + [gear.name for gear in gears]
     if len(set(names)) != len(names):
-        raise RobotDescriptionError(f"names of loops and gears: {', '.join(names)}; each once")
+        raise RobotDescriptionError(
+            f"names of loops and gears: {', '.join(names)}", advice="each once"
+        )
     units = [radians if joint.kind == "revolute" else 1.0 for joint in tree.joints]
     return closed_robot(
         tree,
@@ -74,7 +76,7 @@ def _closure(tree: Robot, entry: LoopEntry, radians: float) -> Closure:
     (first, one), (second, other) = ends
     if first == second:
         raise RobotDescriptionError(
-            f"loop {entry.name!r}: both ends are in {entry.first.link!r}; name two links"
+            f"loop {entry.name!r}: both ends are in {entry.first.link!r}", advice="name two links"
         )
     return Closure(entry.name, (first, second), (one, other), entry.closes)
 
@@ -88,7 +90,7 @@ def _link(tree: Robot, where: str, name: str) -> int:
     except RobotDescriptionError:
         known = [BASE, *(link.name for link in tree.links), *tree.joint_names]
         raise RobotDescriptionError(
-            f"{where}: there is no moving link {name!r}; {nearest(name, dict.fromkeys(known))}"
+            f"{where}: there is no moving link {name!r}", advice=nearest(name, dict.fromkeys(known))
         ) from None
 
 
@@ -104,6 +106,6 @@ def _gear(tree: Robot, entry: GearEntry, units: Sequence[float]) -> LinearConstr
         try:
             i = find_joint(tree.joint_names, name)
         except RobotDescriptionError as error:
-            raise RobotDescriptionError(f"gear {entry.name!r}: {error}") from None
+            raise RobotDescriptionError.of_part(f"gear {entry.name!r}: ", error) from None
         ratios[i] = ratio / units[i]  # of a position in the units of the file
     return LinearConstraint(entry.name, ratios, entry.offset)

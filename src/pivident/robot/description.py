@@ -319,7 +319,7 @@ class Robot(Displayed):
         except RobotDescriptionError:
             known = dict.fromkeys([*links[max(first - 1, 0) :], *own])
             raise RobotDescriptionError(
-                f"robot {self.name!r} has no link {name!r}; {nearest(name, known)}"
+                f"robot {self.name!r} has no link {name!r}", advice=nearest(name, known)
             ) from None
 
     def friction_text(self) -> str:
@@ -414,7 +414,8 @@ def check_robot(robot: Robot) -> None:
     if len(robot.links) != len(robot.joints) or np.shape(robot.rotor_inertia) != (robot.size,):
         raise RobotDescriptionError(
             f"robot {robot.name!r} has {robot.size} joints, {len(robot.links)} links and rotor "
-            f"inertias of shape {np.shape(robot.rotor_inertia)}; one of each per joint is needed"
+            f"inertias of shape {np.shape(robot.rotor_inertia)}",
+            advice="one of each per joint is needed",
         )
     if np.shape(robot.gravity) != (3,) or not np.isfinite(robot.gravity).all():
         raise RobotDescriptionError(
@@ -428,7 +429,7 @@ def check_robot(robot: Robot) -> None:
     ):
         if not is_printable(name):
             raise RobotDescriptionError(
-                f"{what} {name!r}: its name holds control characters; rename it"
+                f"{what} {name!r}: its name holds control characters", advice="rename it"
             )
     repeated = {name for name in names if names.count(name) > 1}
     if repeated:

@@ -57,7 +57,8 @@ def with_drives(
     if (rotor < 0.0).any():
         worst = int(np.argmin(rotor))
         raise RobotDescriptionError(
-            f"rotor_inertia of joint {names[worst]!r} is {rotor[worst]:g}; it cannot be negative"
+            f"rotor_inertia of joint {names[worst]!r} is {rotor[worst]:g}",
+            advice="it cannot be negative",
         )
     matrix = _reduction_matrix(reduction, names, before.reduction)
     transmission = Transmission(
@@ -102,13 +103,14 @@ def _reduction_matrix(
         matrix = np.diag(values) if values.ndim == 1 else values
     if matrix.shape != before.shape:
         raise RobotDescriptionError(
-            f"the reduction matrix has shape {matrix.shape}; with {len(names)} moving joints "
-            f"{before.shape} is needed"
+            f"the reduction matrix has shape {matrix.shape}",
+            advice=f"with {len(names)} moving joints {before.shape} is needed",
         )
     if (np.diag(matrix) == 0.0).any():
         joint = names[int(np.argmax(np.diag(matrix) == 0.0))]
         raise RobotDescriptionError(
-            f"reduction of joint {joint!r} is 0; give the motor's position per joint position"
+            f"reduction of joint {joint!r} is 0",
+            advice="give the motor's position per joint position",
         )
     return matrix
 
@@ -124,19 +126,21 @@ def _per_joint(
         for name, value in given.items():
             if name not in names:
                 raise RobotDescriptionError(
-                    f"{key}: there is no joint {name!r}; {nearest(name, names)}"
+                    f"{key}: there is no joint {name!r}", advice=nearest(name, names)
                 )
             values[list(names).index(name)] = _numbers(key, value)
     else:
         values = _numbers(key, given)
     if values.shape != (len(names),):
         raise RobotDescriptionError(
-            f"{key} has shape {values.shape} for {len(names)} moving joints; give one number "
-            "for each"
+            f"{key} has shape {values.shape} for {len(names)} moving joints",
+            advice="give one number for each",
         )
     if not np.isfinite(values).all():
         joint = names[int(np.argmin(np.isfinite(values)))]
-        raise RobotDescriptionError(f"{key} of joint {joint!r} is not finite; give a number")
+        raise RobotDescriptionError(
+            f"{key} of joint {joint!r} is not finite", advice="give a number"
+        )
     return values
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+from pivident.errors import UnusableValue
 from pivident.robot.friction_column import Shape
 from pivident.robot.friction_term import FrictionTerm
 from pivident.robot.friction_terms.coulomb import asymmetric_coulomb as asymmetric_coulomb
@@ -61,9 +62,10 @@ class FrictionLaw:
         values: dict[str, float] = {}
         for shape in (s for term in self.terms for s in term.shapes):
             if values.setdefault(shape.name, shape.value) != shape.value:
-                raise ValueError(
+                raise UnusableValue(
                     f"{shape.name} is {values[shape.name]:g} in one term and {shape.value:g} in "
-                    "another; terms of a law share it, give them the same value"
+                    "another",
+                    advice="terms of a law share it, give them the same value",
                 )
 
     def __str__(self) -> str:
@@ -93,7 +95,9 @@ class FrictionLaw:
         known = [s.name for s in self.shapes] + ["gamma"] * any(t.has_sign for t in self.terms)
         for name in values:
             if name not in known:
-                raise ValueError(f"the law {self} has no constant {name!r}; {nearest(name, known)}")
+                raise UnusableValue(
+                    f"the law {self} has no constant {name!r}", advice=nearest(name, known)
+                )
         return FrictionLaw(tuple(t.with_shapes(dict(values)) for t in self.terms))
 
     def with_default_gamma(self, gamma: float) -> FrictionLaw:

@@ -139,8 +139,8 @@ class Contact:
     def __post_init__(self) -> None:
         if np.shape(self.point) != (3,) or not np.isfinite(self.point).all():
             raise RobotDescriptionError(
-                f"contact of {self.link!r}: its point is {self.point}; three finite numbers in m "
-                "are needed"
+                f"contact of {self.link!r}: its point is {self.point}",
+                advice="three finite numbers in m are needed",
             )
 
 
@@ -165,5 +165,5 @@ def check_joint(joint: Joint, index: int) -> None:
     limits = joint.position_limits
     if limits is not None and not limits[0] < limits[1]:
         raise RobotDescriptionError(
-            f"{where}: empty position range {limits}; the lower limit comes first"
+            f"{where}: empty position range {limits}", advice="the lower limit comes first"
         )

@@ -21,7 +21,7 @@ from pydantic import (
 )
 from pydantic.fields import FieldInfo
 
-from pivident.errors import RobotDescriptionError
+from pivident.errors import RobotDescriptionError, UnusableValue
 from pivident.options import DECLARED, Option
 from pivident.robot.description import MAX_JOINTS, STANDARD_GRAVITY
 from pivident.robot.friction_column import Key, KeyValues, Smoothing
@@ -104,7 +104,7 @@ def declared_of(field: FieldInfo) -> Option | None:
 def _known_term(value: Any) -> Any:
     """Refuse an unknown term with the nearest known one, not with a list of all."""
     if isinstance(value, str) and value not in TERM_KEYS:
-        raise ValueError(f"there is no such friction term; {nearest(value, TERM_KEYS)}")
+        raise UnusableValue("there is no such friction term", advice=nearest(value, TERM_KEYS))
     return value
 
 
@@ -116,7 +116,7 @@ def _keys_belong_to_term(entry: Any) -> Any:
     if foreign:
         own = sorted(needed | possible)
         advice = f"it has {', '.join(own)}" if own else "remove the key"
-        raise ValueError(f"the term {entry.term!r} has no {', '.join(foreign)}; {advice}")
+        raise UnusableValue(f"the term {entry.term!r} has no {', '.join(foreign)}", advice=advice)
     missing = sorted(needed - given)
     if missing:
         wanted = " and ".join(_KEYS[name].meaning for name in missing)
@@ -172,9 +172,10 @@ def _terms(value: Any) -> Any:
     if isinstance(value, list) and all(isinstance(term, (dict, str)) for term in value):
         return [{"term": term} if isinstance(term, str) else term for term in value]
     named = value if isinstance(value, str) and value in ("sign", "atan", "tanh") else "tanh"
-    raise ValueError(
+    raise UnusableValue(
         'must be a list of terms, such as ["viscous", {term = "coulomb", smoothing = '
-        f'"{named}"}}, "offset"]; terms are {", ".join(TERM_KEYS)}'
+        f'"{named}"}}, "offset"]',
+        advice=f"terms are {', '.join(TERM_KEYS)}",
     )
 
 
@@ -230,11 +231,12 @@ class JointEntry(Entry):
     def _passive_joints_have_no_motor(self) -> JointEntry:
         given = {"rotor_inertia", "torque_limit"} & self.model_fields_set
         if self.passive and given:
-            raise ValueError(
-                f"a passive joint has no {', '.join(sorted(given))}; remove the key, or passive"
+            raise UnusableValue(
+                f"a passive joint has no {', '.join(sorted(given))}",
+                advice="remove the key, or passive",
             )
         if not self.body and self.link is not None:
-            raise ValueError("body = false and a link contradict; remove one of them")
+            raise UnusableValue("body = false and a link contradict", advice="remove one of them")
         return self
 
     @model_validator(mode="after")
@@ -252,7 +254,7 @@ class JointEntry(Entry):
         }
         if self.kind == "fixed" and motion & self.model_fields_set:
             listed = ", ".join(sorted(motion & self.model_fields_set))
-            raise ValueError(f"a fixed joint has no {listed}; remove the key")
+            raise UnusableValue(f"a fixed joint has no {listed}", advice="remove the key")
         return self
 
 
@@ -276,9 +278,10 @@ class CouplingEntry(Entry):
     def _nominal_values_belong_to_parameters(self) -> CouplingEntry:
         foreign = set(self.nominal) - set(self.parameters)
         if foreign:
-            raise ValueError(
+            raise UnusableValue(
                 f"nominal {', '.join(sorted(foreign))}: not among the coupling's parameters "
-                f"({', '.join(self.parameters) or 'none'}); add it there or remove the value"
+                f"({', '.join(self.parameters) or 'none'})",
+                advice="add it there or remove the value",
             )
         return self
 
@@ -319,7 +322,9 @@ class TransmissionEntry(Entry):
     @model_validator(mode="after")
     def _one_reduction(self) -> TransmissionEntry:
         if self.reduction is not None and self.reduction_matrix is not None:
-            raise ValueError("reduction and reduction_matrix are both given; keep one of them")
+            raise UnusableValue(
+                "reduction and reduction_matrix are both given", advice="keep one of them"
+            )
         return self
 
 
@@ -343,8 +348,9 @@ def validated(content: dict[str, Any]) -> TableFile:
     """The content of a file as a checked object."""
     if "recording" in content and "joints" not in content:
         raise RobotDescriptionError(
-            "this is an experiment file, not a robot; name the file or the gallery name that it "
-            "gives for robot ([[joints]] describes a robot)"
+            "this is an experiment file, not a robot",
+            advice="name the file or the gallery name that it gives for robot ([[joints]] "
+            "describes a robot)",
         )
     try:
         return TableFile.model_validate(content)
@@ -352,32 +358,44 @@ def validated(content: dict[str, Any]) -> TableFile:
         found = error.errors()
         problems = [_explained(details, content) for details in found[:MAX_PROBLEMS]]
         if len(found) > MAX_PROBLEMS:
-            problems.append(f"and {len(found) - MAX_PROBLEMS} more")
-        raise RobotDescriptionError("\n  ".join(problems)) from None
+            problems.append(UnusableValue(f"and {len(found) - MAX_PROBLEMS} more"))
+        more = "".join(f"\n  {problem}" for problem in problems[1:])
+        raise RobotDescriptionError.of_part("", problems[0].followed_by(more)) from None
 
 
-def _explained(details: Any, content: dict[str, Any]) -> str:
+def _explained(details: Any, content: dict[str, Any]) -> UnusableValue:
+    """What is wrong with a value, with its row in front."""
     where, key = _place(details["loc"], content)
     if details["type"] == "extra_forbidden":
         *table, last = details["loc"]
-        return f"{where}unknown key {key!r}; {nearest(str(last), keys_at(TableFile, table))}"
+        near = nearest(str(last), keys_at(TableFile, table))
+        return UnusableValue(f"{where}unknown key {key!r}", advice=near)
     if details["type"] == "missing":
-        return f"{where}key {key!r} is missing; {addition(TableFile, details['loc'])}"
+        added = addition(TableFile, details["loc"])
+        return UnusableValue(f"{where}key {key!r} is missing", advice=added)
     if details["type"] == "model_type":
-        return (
+        return UnusableValue(
             f"{where}{key or 'this entry'} must be a table of keys, not {short(details['input'])}"
         )
-    message = details["msg"].removeprefix("Value error, ").replace(" after validation", "")
-    message = (
-        message.replace("Input should be", "must be")
-        .replace("List should", "must")
-        .replace("Dictionary should", "must")
-    )
-    if not key:
-        return f"{where}{message}"
-    if isinstance(details["input"], dict):
-        return f"{where}key {key!r}: {message}"
-    return f"{where}key {key!r} = {short(details['input'])}: {message}"
+    if key:
+        named = "" if isinstance(details["input"], dict) else f" = {short(details['input'])}"
+        where = f"{where}key {key!r}{named}: "
+    return UnusableValue.of_part(where, reason(details))
+
+
+def reason(details: Any) -> Exception:
+    """Why pydantic refuses a value: the error that was raised, or its own words in ours."""
+    error = details.get("ctx", {}).get("error")
+    if isinstance(error, Exception):
+        return error
+    message = details["msg"].replace(" after validation", "")
+    for theirs, ours in (
+        ("Input should be", "must be"),
+        ("List should", "must"),
+        ("Dictionary should", "must"),
+    ):
+        message = message.replace(theirs, ours)
+    return UnusableValue(message)
 
 
 def short(value: Any) -> str:

@@ -80,11 +80,14 @@ def with_wrench_sensors(robot: Robot, sensors: Sequence[WrenchSensor]) -> Robot:
     """
     names = [sensor.name for sensor in sensors]
     if len(set(names)) != len(names):
-        raise RobotDescriptionError(f"names of wrench sensors: {', '.join(names)}; each once")
+        raise RobotDescriptionError(
+            f"names of wrench sensors: {', '.join(names)}", advice="each once"
+        )
     if robot.constraints is not None and sensors:
         raise RobotDescriptionError(
             f"robot {robot.name!r} has closed loops, and measured wrenches on such mechanisms are "
-            "not handled yet; leave them out, where they are small"
+            "not handled yet",
+            advice="leave them out, where they are small",
         )
     under_base = any(sensor.link == BASE for sensor in sensors)
     if under_base and not robot.base_joints and BASE not in [link.name for link in robot.links]:
@@ -99,14 +102,16 @@ def _with_base(robot: Robot, motion: JointMotion, link: Link) -> Robot:
     if robot.constraints is not None or robot.base_joints:
         what = "a measured base already" if robot.base_joints else "closed loops"
         raise RobotDescriptionError(
-            f"robot {robot.name!r} has {what}; give a tree on a fixed base to measure the base of"
+            f"robot {robot.name!r} has {what}",
+            advice="give a tree on a fixed base to measure the base of",
         )
     names = {*robot.joint_names, *(own.name for own in robot.links)}
     taken = names.intersection({link.name, *BASE_JOINTS})
     if taken:
         raise RobotDescriptionError(
             f"robot {robot.name!r}: {sorted(taken)[0]!r} is the name of a joint or link, and of a "
-            "part of its measured base; rename it"
+            "part of its measured base",
+            advice="rename it",
         )
     axes = [rotation_from_z_to(axis) for axis in np.eye(3)] * 2
     before = np.eye(3)
@@ -176,8 +181,8 @@ def base_positions(position: np.ndarray, rotation: np.ndarray) -> np.ndarray:
         k = int(near[0])
         raise RobotDescriptionError(
             f"sample {k}: the base is pitched by {np.degrees(pitch[k]):.0f}°, and beyond "
-            f"{np.degrees(np.pi / 2.0 - PITCH_MARGIN):.0f}° its roll and yaw cannot be told "
-            "apart; describe the robot with its base frame turned by a right angle"
+            f"{np.degrees(np.pi / 2.0 - PITCH_MARGIN):.0f}° its roll and yaw cannot be told apart",
+            advice="describe the robot with its base frame turned by a right angle",
         )
     roll = np.arctan2(-rotation[:, 1, 2], rotation[:, 2, 2])
     yaw = np.arctan2(-rotation[:, 0, 1], rotation[:, 0, 0])
@@ -220,8 +225,8 @@ def rotations_from_quaternions(quaternion: np.ndarray) -> np.ndarray:
     if off.size:
         k = int(off[0])
         raise RobotDescriptionError(
-            f"sample {k}: the quaternion of the base has the length {length[k]:.4g} instead of 1; "
-            "its columns are x, y, z, w in this order"
+            f"sample {k}: the quaternion of the base has the length {length[k]:.4g} instead of 1",
+            advice="its columns are x, y, z, w in this order",
         )
     x, y, z, w = (quaternion / length[:, None]).T
     rows = [

@@ -142,7 +142,8 @@ def _refuse_passive(passive: Sequence[str] | None) -> None:
     if passive:
         raise RobotDescriptionError(
             f"passive: {', '.join(passive)} move by themselves, since no equality of the file "
-            "couples moving joints; remove the key"
+            "couples moving joints",
+            advice="remove the key",
         ).about("passive")
 
 
@@ -164,7 +165,7 @@ def movable_joints(path: str | Path) -> tuple[tuple[str, ...], tuple[str, ...]]:
         usable = [_kind(model, k) in ("hinge", "slide") for k in range(len(names))]
         if not any(usable):
             raise RobotDescriptionError(
-                "no hinge or slide joint of it can move; is it the right file?"
+                "no hinge or slide joint of it can move", advice="is it the right file?"
             )
         equalities = read_equalities(model)
     kept = tuple(name for name, yes in zip(names, usable, strict=True) if yes)
@@ -194,13 +195,14 @@ def _frozen_positions(
         for name in given:
             if name not in names:
                 raise RobotDescriptionError(
-                    f"{key}: there is no joint {name!r}; {nearest(name, names)}"
+                    f"{key}: there is no joint {name!r}", advice=nearest(name, names)
                 ).about(key, *((name,) if key == "frozen" else ()))
     both = sorted(set(kept or ()) & set(frozen))
     if both or repeated(list(kept or ())):
         raise RobotDescriptionError(
             f"joints: {', '.join(both or repeated(list(kept or ())))} cannot be kept "
-            f"{'and frozen' if both else 'twice'}; name each joint once"
+            f"{'and frozen' if both else 'twice'}",
+            advice="name each joint once",
         ).about("joints")
     along: set[str] = set()
     if kept is not None:
@@ -216,12 +218,12 @@ def _frozen_positions(
         kind, freeze = _kind(model, k), f"freeze it, {frozen_example(name)}"
         if name not in positions and kind == "ball":
             raise RobotDescriptionError(
-                f"joint {name!r}: a ball joint has three degrees of freedom, one is supported; "
-                f"{freeze}"
+                f"joint {name!r}: a ball joint has three degrees of freedom, one is supported",
+                advice=freeze,
             )
         if name in positions and not np.isfinite(positions[name]):
             raise RobotDescriptionError(
-                f"frozen: position of {name!r} is {positions[name]}; not finite"
+                f"frozen: position of {name!r} is {positions[name]}", advice="not finite"
             ).about("frozen", name)
         if positions.get(name) and kind not in ("hinge", "slide"):
             with concerning("frozen", name):
@@ -238,15 +240,15 @@ def _floating(model: Any, names: Sequence[str], held: Mapping[str, float]) -> in
     if len(free) > 1:
         listed = ", ".join(repr(names[k]) for k in free)
         raise RobotDescriptionError(
-            f"{len(free)} bodies float ({listed}), and one can be the base of the robot; freeze "
-            f"the others, {frozen_example(names[free[-1]])}"
+            f"{len(free)} bodies float ({listed}), and one can be the base of the robot",
+            advice=f"freeze the others, {frozen_example(names[free[-1]])}",
         )
     for k, name in enumerate(names) if free else ():
         root = int(model.body_rootid[int(model.jnt_bodyid[k])])
         if name not in held and root != int(model.jnt_bodyid[free[0]]):
             raise RobotDescriptionError(
-                f"joint {name!r} does not hang on the floating base {names[free[0]]!r}; freeze one "
-                f"of them, {frozen_example(names[free[0]])}"
+                f"joint {name!r} does not hang on the floating base {names[free[0]]!r}",
+                advice=f"freeze one of them, {frozen_example(names[free[0]])}",
             )
     return free[0] if free else None
 
@@ -335,8 +337,8 @@ def _joint(model: Any, k: int, name: str, parent: int, pose: Pose, friction: Fri
     limits = model.jnt_range[k] if model.jnt_limited[k] else None
     if limits is not None and not limits[0] < limits[1]:
         raise RobotDescriptionError(
-            f"joint {name!r}: range = {limits[0]:g} {limits[1]:g} leaves no room to move; correct "
-            f"it, or freeze the joint, {frozen_example(name)}"
+            f"joint {name!r}: range = {limits[0]:g} {limits[1]:g} leaves no room to move",
+            advice=f"correct it, or freeze the joint, {frozen_example(name)}",
         )
     most = float(np.abs(model.jnt_actfrcrange[k]).max()) if model.jnt_actfrclimited[k] else None
     joint = Joint(
@@ -370,8 +372,8 @@ def _check_parents_first(tree: Sequence[Joint], order: Sequence[str]) -> None:
         carrier = tree[joint.parent].name if joint.parent >= 0 else None
         if carrier is not None and order.index(carrier) > order.index(joint.name):
             raise RobotDescriptionError(
-                f"joints: {joint.name!r} is listed before {carrier!r}, which carries it; list "
-                "joints from the base outwards"
+                f"joints: {joint.name!r} is listed before {carrier!r}, which carries it",
+                advice="list joints from the base outwards",
             )
 
 

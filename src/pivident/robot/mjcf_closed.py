@@ -71,8 +71,9 @@ def closed_mjcf(
         return _with_rotors(_with_own_friction(robot), tree.rotor_inertia)
     assert failure is not None
     raise RobotDescriptionError(
-        f"{failure}. Joints without motors are {', '.join(passive) or 'missing'}; passive = […] "
-        "under [robot] names others, a <key> of the file another posture to start from"
+        f"{failure}. Joints without motors are {', '.join(passive) or 'missing'}",
+        advice="passive = […] under [robot] names others, a <key> of the file another posture to "
+        "start from",
     ) from failure
 
 
@@ -132,8 +133,9 @@ def _undriven(
 
     raise RobotDescriptionError(
         f"its equality constraints couple the joints {listed(touched)}, of which {dependent} "
-        f"follow the others; actuators, on {listed(touched & driven)}, do not tell which: name "
-        f"those without a motor, passive = […] under [robot]"
+        "follow the others",
+        advice=f"actuators, on {listed(touched & driven)}, do not tell which: name those without "
+        "a motor, passive = […] under [robot]",
     )
 
 
@@ -166,8 +168,9 @@ def _with_rotors(robot: Robot, rotor: np.ndarray) -> Robot:
         if found is None or len(moved_by) > 1:
             raise RobotDescriptionError(
                 f"joint {robot.tree.joints[i].name!r} has armature = {rotor[i]:g} but no motor, "
-                "and a loop moves it; rotor inertias are in the model of joints with motors only: "
-                "remove its armature, or add it to the inertia of its body"
+                "and a loop moves it",
+                advice="rotor inertias are in the model of joints with motors only: remove its "
+                "armature, or add it to the inertia of its body",
             )
         for a in moved_by:
             own[a] += found[0][i, a] ** 2 * rotor[i]

@@ -90,7 +90,8 @@ def read_equalities(model: Any) -> Equalities:
         else:
             raise RobotDescriptionError(
                 f"equality {name!r}: a constraint of the kind {kind} does not close a loop of "
-                'rigid links; remove it, or switch it off, active="false"'
+                "rigid links",
+                advice='remove it, or switch it off, active="false"',
             )
     return Equalities(tuple(meetings), tuple(proportions))
 
@@ -139,9 +140,9 @@ def _proportion(model: Any, k: int, name: str, kind: str) -> Proportion:
     if two >= 0 and any(higher):
         raise RobotDescriptionError(
             f"equality {name!r}: a polynomial of a degree above one (polycoef = {constant:g} "
-            f"{slope:g} {' '.join(f'{x:g}' for x in higher)}) couples positions; only "
-            "proportions, polycoef = a0 a1 0 0 0, are in the model. Close the loop that it stands "
-            "for by connect, or freeze its joints"
+            f"{slope:g} {' '.join(f'{x:g}' for x in higher)}) couples positions",
+            advice="only proportions, polycoef = a0 a1 0 0 0, are in the model. Close the loop "
+            "that it stands for by connect, or freeze its joints",
         )
     member = _joint_terms if kind == "joint" else _tendon_terms
     ratios, drawn = member(model, one)
@@ -164,8 +165,8 @@ def _tendon_terms(model: Any, tendon: int) -> tuple[dict[int, float], float]:
     if tendon_joints(model, tendon) is None:
         name = model.tendon(tendon).name or f"number {tendon + 1}"
         raise RobotDescriptionError(
-            f"tendon {name!r} is no sum of joint positions, and its length is not in the model; "
-            "remove its equality"
+            f"tendon {name!r} is no sum of joint positions, and its length is not in the model",
+            advice="remove its equality",
         )
     first, count = int(model.tendon_adr[tendon]), int(model.tendon_num[tendon])
     ratios: dict[int, float] = {}
@@ -233,9 +234,9 @@ def linear_constraints(
         if len(moving) == 1 and len(one.ratios) > 1:
             name, others = names[moving[0]], [names[k] for k in one.ratios if k in held]
             raise RobotDescriptionError(
-                f"equality {one.name!r}: joint {name!r} follows "
-                f"{', '.join(map(repr, others))}, which does not move; freeze it, "
-                f"{frozen_example(name)}"
+                f"equality {one.name!r}: joint {name!r} follows {', '.join(map(repr, others))}, "
+                "which does not move",
+                advice=f"freeze it, {frozen_example(name)}",
             )
         ratios = np.zeros(len(order))
         for k in moving:

@@ -38,11 +38,12 @@ def read_spec(path: str | Path) -> Any:
     try:
         if regular_file(file).stat().st_size > MAXIMUM_SIZE:
             raise RobotDescriptionError(
-                f"is larger than {MAXIMUM_SIZE // 2**20} MiB; this is not a robot description"
+                f"is larger than {MAXIMUM_SIZE // 2**20} MiB",
+                advice="this is not a robot description",
             )
     except OSError as error:
         raise RobotDescriptionError(
-            f"cannot be read ({error.strerror}); check the path and its permissions"
+            f"cannot be read ({error.strerror})", advice="check the path and its permissions"
         ) from error
     try:
         return mujoco.MjSpec.from_file(str(file))
@@ -149,7 +150,7 @@ def joint_names(model: Any) -> tuple[str, ...]:
         names.append(model.joint(k).name or (body.name if alone else ""))
         if not names[-1]:
             raise RobotDescriptionError(
-                f"a joint of body {body.name!r} has no name; give it one, <joint name=…>"
+                f"a joint of body {body.name!r} has no name", advice="give it one, <joint name=…>"
             )
     return tuple(names)
 
@@ -227,20 +228,22 @@ def refuse_unknown_physics(model: Any, moving: Collection[int]) -> None:
     ]
     if names:
         raise RobotDescriptionError(
-            f"has tendons ({', '.join(names)}), whose forces are not in the model; remove <tendon> "
-            "with its actuators, and declare coupled motors by couplings under [robot]"
+            f"has tendons ({', '.join(names)}), whose forces are not in the model",
+            advice="remove <tendon> with its actuators, and declare coupled motors by couplings "
+            "under [robot]",
         )
     if model.opt.density or model.opt.viscosity:
         raise RobotDescriptionError(
             f"has a fluid around it (density = {model.opt.density:g}, viscosity = "
-            f"{model.opt.viscosity:g}), whose forces are not in the model; remove both from "
-            "<option>"
+            f"{model.opt.viscosity:g}), whose forces are not in the model",
+            advice="remove both from <option>",
         )
     for body in range(1, model.nbody):
         if model.body_gravcomp[body]:
             raise RobotDescriptionError(
                 f"body {model.body(body).name!r} has gravcomp = {model.body_gravcomp[body]:g}: "
-                "gravity that is compensated is no property of the body; remove it"
+                "gravity that is compensated is no property of the body",
+                advice="remove it",
             )
     names_of_joints = joint_names(model)
     for k in moving:
@@ -251,6 +254,6 @@ def refuse_unknown_physics(model: Any, moving: Collection[int]) -> None:
         ):
             if np.any(values):
                 raise RobotDescriptionError(
-                    f"joint {names_of_joints[k]!r}: {what} grows with powers of speed or position; "
-                    f"give one number, {what}=…"
+                    f"joint {names_of_joints[k]!r}: {what} grows with powers of speed or position",
+                    advice=f"give one number, {what}=…",
                 )

@@ -104,11 +104,11 @@ def read_modified_dh(path: str | Path) -> Robot:
             text = path.read_text(encoding="utf-8")
         except OSError as error:
             raise RobotDescriptionError(
-                f"cannot be read ({error.strerror}); check the path and its permissions"
+                f"cannot be read ({error.strerror})", advice="check the path and its permissions"
             ) from error
         except UnicodeDecodeError as error:
             raise RobotDescriptionError(
-                f"is not UTF-8 text (byte {error.start}); save it as UTF-8"
+                f"is not UTF-8 text (byte {error.start})", advice="save it as UTF-8"
             ) from error
     return parse_modified_dh(text, source=str(path))
 
@@ -132,7 +132,9 @@ def parse_modified_dh(text: str, source: str = "modified DH table") -> Robot:
         try:
             content = parse_toml(text)
         except ValueError as error:
-            raise RobotDescriptionError(f"is not TOML: {error}; correct this line") from error
+            raise RobotDescriptionError(
+                f"is not TOML: {error}", advice="correct this line"
+            ) from error
         return _robot(validated(content))
 
 
@@ -208,7 +210,8 @@ def _parents(rows: Sequence[JointEntry]) -> list[int]:
     names = [row.name for row in rows]
     if repeated(names):
         raise RobotDescriptionError(
-            f"joint names used twice: {', '.join(repeated(names))}; give each joint its own name"
+            f"joint names used twice: {', '.join(repeated(names))}",
+            advice="give each joint its own name",
         )
     parents = []
     for i, row in enumerate(rows):
@@ -220,13 +223,13 @@ def _parents(rows: Sequence[JointEntry]) -> list[int]:
             parents.append(-1)
         elif row.parent in names:
             raise RobotDescriptionError(
-                f"joint {row.name!r}: its parent {row.parent!r} does not precede it; "
-                "move the parent's row up"
+                f"joint {row.name!r}: its parent {row.parent!r} does not precede it",
+                advice="move the parent's row up",
             )
         else:
             raise RobotDescriptionError(
-                f"joint {row.name!r}: key 'parent' = {row.parent!r}: there is no such joint; "
-                f"{nearest(row.parent, [BASE, *names[:i]])}"
+                f"joint {row.name!r}: key 'parent' = {row.parent!r}: there is no such joint",
+                advice=nearest(row.parent, [BASE, *names[:i]]),
             )
     return parents
 
@@ -261,7 +264,7 @@ def _joint(row: JointEntry, parent: int, angle: _AngleUnit, default_law: Frictio
     try:
         law = default_law if row.friction is None else friction_law(row.friction)
     except RobotDescriptionError as error:
-        raise RobotDescriptionError(f"joint {row.name!r}: {error}") from error
+        raise RobotDescriptionError.of_part(f"joint {row.name!r}: ", error) from error
     return joint.with_friction(law)
 
 
@@ -291,11 +294,12 @@ def friction_law(entries: Sequence[Any] | None) -> FrictionLaw:
         try:
             terms += _terms(entry)
         except ValueError as error:
-            raise RobotDescriptionError(f"key 'friction': term {entry.term!r}: {error}") from error
+            heading = f"key 'friction': term {entry.term!r}: "
+            raise RobotDescriptionError.of_part(heading, error) from error
     try:
         return FrictionLaw(tuple(terms))
     except ValueError as error:
-        raise RobotDescriptionError(f"key 'friction': {error}") from error
+        raise RobotDescriptionError.of_part("key 'friction': ", error) from error
 
 
 def _terms(entry: Any) -> tuple[FrictionTerm, ...]:
@@ -315,7 +319,8 @@ def _nominal_friction(robot: Robot, rows: Sequence[JointEntry]) -> dict[str, flo
             if stem not in stems:
                 raise RobotDescriptionError(
                     f"joint {row.name!r}: key 'nominal_friction': its friction law has no "
-                    f"parameter {stem!r}; {nearest(stem, stems)}"
+                    f"parameter {stem!r}",
+                    advice=nearest(stem, stems),
                 )
             values[f"{stem}{robot.label(i)}"] = value
     return values
@@ -341,7 +346,8 @@ def _coupled_reduction(robot: Robot, entries: Sequence[CouplingEntry]) -> np.nda
         if matrix[motor, joint] != 0.0:
             raise RobotDescriptionError(
                 f"coupling of motor {entry.motor} with joint {entry.joint}: this element of the "
-                "reduction matrix is already given; state it once"
+                "reduction matrix is already given",
+                advice="state it once",
             )
         matrix[motor, joint] = entry.reduction
     return matrix

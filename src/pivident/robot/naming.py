@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 
 from pivident.errors import RobotDescriptionError
-from pivident.text.printable import shortened
+from pivident.text.nearest import NearestNames
 
 #: Endings of robot files: a name with one of them is a path.
 URDF_FILES = (".urdf", ".urdf.gz")
@@ -20,13 +20,14 @@ ROBOT_FILES = (".toml", *URDF_FILES, *MJCF_FILES)
 MAX_DIGITS = 9
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
+def nearest(name: str, known: Iterable[str]) -> NearestNames:
     """A half sentence that names the nearest known names, or lists all of them."""
     choices = list(known)
     close = near_names(name, choices)
+    text = f"known are {', '.join(map(repr, choices)) or 'none'}"
     if close:
-        return f"did you mean {' or '.join(map(repr, close))}?"
-    return f"known are {', '.join(map(repr, choices)) or 'none'}"
+        text = f"did you mean {' or '.join(map(repr, close))}?"
+    return NearestNames.of(text, name, close)
 
 
 def near_names(name: str, known: Iterable[str], likeness: float = 0.6) -> list[str]:
@@ -64,9 +65,12 @@ def find_joint(names: Sequence[str], reference: str) -> int:
         return int(reference) - 1
     if reference.lstrip("-").isdecimal():
         raise RobotDescriptionError(
-            f"there is no joint number {reference}; the moving joints count from 1 to {len(names)}"
+            f"there is no joint number {reference}",
+            advice=f"the moving joints count from 1 to {len(names)}",
         )
-    raise RobotDescriptionError(f"there is no joint {reference!r}; {nearest(reference, names)}")
+    raise RobotDescriptionError(
+        f"there is no joint {reference!r}", advice=nearest(reference, names)
+    )
 
 
 @contextmanager
@@ -75,5 +79,5 @@ def errors_name(source: str) -> Iterator[None]:
     try:
         yield
     except RobotDescriptionError as error:
-        named = RobotDescriptionError(f"{source}: {shortened(str(error))}")
+        named = RobotDescriptionError.of_part(f"{source}: ", error)
         raise named.about(*error.place) from error

@@ -74,8 +74,9 @@ def model_joints(model: Any) -> tuple[ModelJoint, ...]:
         joints, bodies = list(model.joints), list(model.inertias)
     except (AttributeError, TypeError) as error:
         raise RobotDescriptionError(
-            f"a {type(model).__name__} is no pinocchio.Model; give what "
-            "pinocchio.buildModelFromUrdf returns, or read the file with pivident.robot.read_urdf"
+            f"a {type(model).__name__} is no pinocchio.Model",
+            advice="give what pinocchio.buildModelFromUrdf returns, or read the file with "
+            "pivident.robot.read_urdf",
         ) from error
     links = _link_names(model)
     found: list[ModelJoint] = []
@@ -121,8 +122,8 @@ def _kind(name: str, type_: str) -> Literal["revolute", "prismatic"]:
         else f"lock it with pinocchio.buildReducedModel(model, [model.getJointId({name!r})], q)"
     )
     raise RobotDescriptionError(
-        f"joint {name!r} is a {type_.removeprefix('JointModel')} joint; joints need one degree of "
-        f"freedom about or along a fixed axis. Next step: {step}"
+        f"joint {name!r} is a {type_.removeprefix('JointModel')} joint",
+        advice=f"joints need one degree of freedom about or along a fixed axis. Next step: {step}",
     )
 
 

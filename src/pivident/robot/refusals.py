@@ -29,7 +29,7 @@ def without_loops(robot: Robot, what: str, instead: str = "") -> None:
             f"let them stand still (frozen), or {step}",
         )
     raise RobotDescriptionError(
-        f"robot {robot.name!r} has {has}, which {what} does not handle yet; {step}"
+        f"robot {robot.name!r} has {has}, which {what} does not handle yet", advice=step
     )
 
 
@@ -47,7 +47,8 @@ def without_base(robot: Robot, what: str, instead: str = "") -> None:
     if robot.base_joints:
         step = instead or "identify with ls, iv or piv, which do, and look at their results"
         raise RobotDescriptionError(
-            f"robot {robot.name!r} has a measured base, which {what} does not handle yet; {step}"
+            f"robot {robot.name!r} has a measured base, which {what} does not handle yet",
+            advice=step,
         )
 
 
@@ -65,5 +66,6 @@ def without_wrenches(robot: Robot, what: str) -> None:
         names = ", ".join(repr(sensor.name) for sensor in robot.sensors) or "its base"
         raise RobotDescriptionError(
             f"robot {robot.name!r} has measured wrenches ({names}), which {what} does not handle "
-            "yet; identify with ls, iv or piv, which do"
+            "yet",
+            advice="identify with ls, iv or piv, which do",
         )

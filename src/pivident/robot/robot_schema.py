@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, ValidationError
 from pydantic.functional_validators import AfterValidator, BeforeValidator
 
-from pivident.errors import RobotDescriptionError
+from pivident.errors import RobotDescriptionError, UnusableValue
 from pivident.robot.constraints import ClosureKind
 from pivident.robot.description import MAX_JOINTS, JointMotion, TorqueSide
 from pivident.robot.friction_column import ShapeUnit, Smoothing
@@ -45,7 +45,7 @@ def _not_nan(value: float) -> float:
 def _known_function(value: str) -> str:
     known = list(friction_columns())
     if value not in known:
-        raise ValueError(f"there is no such friction; {nearest(value, known)}")
+        raise UnusableValue("there is no such friction", advice=nearest(value, known))
     return value
 
 

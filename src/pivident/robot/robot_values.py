@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from pivident.errors import RobotDescriptionError
+from pivident.errors import RobotDescriptionError, UnusableValue
 from pivident.robot.closed_chains import check_closed
 from pivident.robot.constraints import Closure, Constraints, LinearConstraint
 from pivident.robot.description import Coupling, Joint, Link, Robot, UrdfFile
@@ -90,7 +90,8 @@ def made_robot(values: RobotValues) -> Robot:
     if {len(drives.reduction), *map(len, drives.reduction), len(drives.gain_given)} != {n}:
         raise RobotDescriptionError(
             f"transmission: the reduction matrix must have shape {(n, n)} and gain_given {n} "
-            "entries, one for each joint; write the file again"
+            "entries, one for each joint",
+            advice="write the file again",
         )
     robot = Robot(
         name=values.name,
@@ -185,8 +186,8 @@ def _constraints(values: ConstraintValues, joints: int) -> Constraints:
     for key, fits in fit.items():
         if not fits:
             raise RobotDescriptionError(
-                f"constraints.{key} does not fit {joints} joints and {count - joints} passive "
-                "ones; write the file again"
+                f"constraints.{key} does not fit {joints} joints and {count - joints} passive ones",
+                advice="write the file again",
             )
     return made
 
@@ -195,7 +196,7 @@ def _frame(values: PoseValues) -> Pose:
     rotation = np.array(values.rotation)
     if not np.abs(rotation @ rotation.T - np.eye(3)).max() <= 1e-9:
         raise RobotDescriptionError(
-            "the rotation of a frame is not orthonormal; write the file again"
+            "the rotation of a frame is not orthonormal", advice="write the file again"
         )
     return Pose(rotation, np.array(values.translation))
 
@@ -249,7 +250,9 @@ def _joint(values: JointValues) -> Joint:
     try:
         law = FrictionLaw(tuple(_term(term) for term in values.friction))
     except ValueError as error:
-        raise RobotDescriptionError(f"friction of joint {values.name!r}: {error}") from error
+        raise RobotDescriptionError.of_part(
+            f"friction of joint {values.name!r}: ", error
+        ) from error
     limits = values.position_limits
     return Joint(
         name=values.name,
@@ -270,9 +273,10 @@ def _term(values: TermValues) -> FrictionTerm:
     allowed = column.shape_counts
     if len(values.shapes) not in allowed:
         needed = " or ".join(map(str, allowed))
-        raise ValueError(
+        raise UnusableValue(
             f"the term {values.stem!r} ({values.function}) has {len(values.shapes)} constants of "
-            f"shape; it needs {needed}"
+            "shape",
+            advice=f"it needs {needed}",
         )
     shapes = tuple(Shape(**vars(shape)) for shape in values.shapes)
     return FrictionTerm(values.stem, column, values.smoothing, values.gamma, shapes)

@@ -168,8 +168,8 @@ def link_places(content: bytes | str, robot: Robot) -> dict[str, tuple[int, Pose
     missing = set(robot.joint_names) - {joint.name for joint in model.joints}
     if missing:
         raise RobotDescriptionError(
-            f"has no joint {', '.join(map(repr, sorted(missing)))} of robot {robot.name!r}; give "
-            "the file that the robot was read from"
+            f"has no joint {', '.join(map(repr, sorted(missing)))} of robot {robot.name!r}",
+            advice="give the file that the robot was read from",
         )
     frozen = {} if robot.urdf is None else robot.urdf.frozen
     children = {joint.child for joint in model.joints}
@@ -200,14 +200,15 @@ def _frozen_positions(
         for name in names:
             if name not in movable:
                 raise RobotDescriptionError(
-                    f"{key}: there is no moving joint {name!r}; {nearest(name, movable)}"
+                    f"{key}: there is no moving joint {name!r}", advice=nearest(name, movable)
                 ).about(key, *((name,) if key == "frozen" else ()))
     if kept is not None:
         both = sorted(set(kept) & set(frozen))
         if both or repeated(list(kept)):
             raise RobotDescriptionError(
                 f"joints: {', '.join(both or repeated(list(kept)))} cannot be kept "
-                f"{'and frozen' if both else 'twice'}; name each joint once"
+                f"{'and frozen' if both else 'twice'}",
+                advice="name each joint once",
             ).about("joints")
     moving = None if kept is None else {*kept, *_moved_along(model, kept, frozen)}
     positions = {
@@ -241,22 +242,25 @@ def _check_kept(joint: UrdfJoint, kept: Sequence[str]) -> None:
     where = f"joint {joint.name!r}"
     freeze = f"freeze it, {frozen_example(joint.name)}, or leave it out of `joints`"
     if joint.type not in MOVING:
-        raise RobotDescriptionError(f"{where}: type {joint.type!r} is not supported; {freeze}")
+        raise RobotDescriptionError(f"{where}: type {joint.type!r} is not supported", advice=freeze)
     if joint.mimics is not None and joint.mimics not in kept:
         raise RobotDescriptionError(
-            f"{where}: it mimics {joint.mimics!r}, which does not move or is not in the file; "
-            f"{freeze}"
+            f"{where}: it mimics {joint.mimics!r}, which does not move or is not in the file",
+            advice=freeze,
         )
     if joint.limits is not None and not joint.limits[0] < joint.limits[1]:
         raise RobotDescriptionError(
             f"{where}: limit lower = {joint.limits[0]:g}, upper = {joint.limits[1]:g} leaves no "
-            f"room to move; correct it, or {freeze}"
+            "room to move",
+            advice=f"correct it, or {freeze}",
         )
 
 
 def _check_frozen(joint: UrdfJoint, position: float) -> None:
     if not np.isfinite(position):
-        raise RobotDescriptionError(f"frozen: position of {joint.name!r} is {position}; not finite")
+        raise RobotDescriptionError(
+            f"frozen: position of {joint.name!r} is {position}", advice="not finite"
+        )
     if joint.type not in MOVING and position != 0.0:
         raise RobotDescriptionError(
             f"frozen: joint {joint.name!r} of type {joint.type!r} can only be frozen at 0, "
@@ -321,22 +325,23 @@ def _tree(model: UrdfModel) -> tuple[list[int], list[int]]:
             other = model.joints[carried_by[joint.child]].name
             raise RobotDescriptionError(
                 f"link {joint.child!r} is the child of joints {other!r} and {joint.name!r}: a "
-                "closed loop cannot be identified as a tree; remove one of the two joints"
+                "closed loop cannot be identified as a tree",
+                advice="remove one of the two joints",
             )
         carried_by[joint.child] = i
     roots = [name for name in model.links if name not in carried_by]
     if len(roots) > 1:
         raise RobotDescriptionError(
-            f"the links {', '.join(map(repr, roots))} have no parent joint, one root is needed; "
-            "connect them with fixed joints or remove them"
+            f"the links {', '.join(map(repr, roots))} have no parent joint, one root is needed",
+            advice="connect them with fixed joints or remove them",
         )
     parents = [carried_by.get(joint.parent, -1) for joint in model.joints]
     order = tree_order(parents)
     if len(order) < len(model.joints):
         ring = [j.name for i, j in enumerate(model.joints) if i not in set(order)]
         raise RobotDescriptionError(
-            f"the joints {', '.join(map(repr, ring))} form a ring without a root link; remove "
-            "the joint that closes it"
+            f"the joints {', '.join(map(repr, ring))} form a ring without a root link",
+            advice="remove the joint that closes it",
         )
     return order, parents
 
@@ -346,7 +351,8 @@ def _check_parents_first(joints: Sequence[Joint]) -> None:
         if joint.parent > i:
             raise RobotDescriptionError(
                 f"joints: {joint.name!r} is listed before {joints[joint.parent].name!r}, which "
-                "carries it; list joints from the base outwards"
+                "carries it",
+                advice="list joints from the base outwards",
             )
 
 

@@ -84,14 +84,15 @@ class _BoundedTree(ElementTree.TreeBuilder):
         self.elements += 1
         if self.elements > MAX_ELEMENTS:
             raise RobotDescriptionError(
-                f"has more than {MAX_ELEMENTS} elements; this is not a robot description"
+                f"has more than {MAX_ELEMENTS} elements", advice="this is not a robot description"
             )
         return super().start(tag, attributes)
 
     def doctype(self, name: str, pubid: str | None, system: str | None) -> None:
         raise RobotDescriptionError(
             f"has a document type declaration (<!DOCTYPE {name}>), through which a file can "
-            "expand without bound or read other files; a URDF needs none, remove it"
+            "expand without bound or read other files",
+            advice="a URDF needs none, remove it",
         )
 
 
@@ -104,15 +105,15 @@ def file_content(path: Path) -> bytes:
             content = file.read(MAXIMUM_SIZE + 1)
     except (EOFError, gzip.BadGzipFile, zlib.error) as error:
         raise RobotDescriptionError(
-            f"is a damaged gzip file ({error}); fetch or compress it again"
+            f"is a damaged gzip file ({error})", advice="fetch or compress it again"
         ) from error
     except OSError as error:
         raise RobotDescriptionError(
-            f"cannot be read ({error.strerror}); check the path and its permissions"
+            f"cannot be read ({error.strerror})", advice="check the path and its permissions"
         ) from error
     if len(content) > MAXIMUM_SIZE:
         raise RobotDescriptionError(
-            f"is larger than {MAXIMUM_SIZE // 2**20} MiB; this is not a robot description"
+            f"is larger than {MAXIMUM_SIZE // 2**20} MiB", advice="this is not a robot description"
         )
     return content
 
@@ -123,8 +124,8 @@ def _refuse_xacro(root: ElementTree.Element) -> None:
     if macros:
         name = macros[0].rpartition("}")[2]
         raise RobotDescriptionError(
-            f"still has xacro commands (<xacro:{name.removeprefix('xacro:')}>); expand it first: "
-            "xacro arm.urdf.xacro > arm.urdf"
+            f"still has xacro commands (<xacro:{name.removeprefix('xacro:')}>)",
+            advice="expand it first: xacro arm.urdf.xacro > arm.urdf",
         )
 
 
@@ -137,14 +138,16 @@ def parse_model(content: bytes | str) -> UrdfModel:
     if max(len(link_elements), len(joint_elements)) > MAX_LINKS:
         raise RobotDescriptionError(
             f"has {len(link_elements)} links and {len(joint_elements)} joints, {MAX_LINKS} can be "
-            "read; leave out what does not belong to the robot"
+            "read",
+            advice="leave out what does not belong to the robot",
         )
     link_names = [_attribute(element, "name", "link") for element in link_elements]
     joint_names = [_attribute(element, "name", "joint") for element in joint_elements]
     for kind, names in (("link", link_names), ("joint", joint_names)):
         if repeated(names):
             raise RobotDescriptionError(
-                f"{kind} names used twice: {', '.join(repeated(names))}; rename one of each"
+                f"{kind} names used twice: {', '.join(repeated(names))}",
+                advice="rename one of each",
             )
     links = {
         name: _inertia(element, f"link {name!r}")
@@ -194,10 +197,11 @@ def _root(content: bytes | str) -> ElementTree.Element:
     except (ElementTree.ParseError, LookupError, ValueError) as error:
         if isinstance(error, RobotDescriptionError):
             raise
-        raise RobotDescriptionError(f"is not XML: {error}; correct this place") from error
+        raise RobotDescriptionError(f"is not XML: {error}", advice="correct this place") from error
     if root.tag != "robot":
         raise RobotDescriptionError(
-            f"is not a URDF: its root element is <{root.tag}>, expected <robot>; convert it first"
+            f"is not a URDF: its root element is <{root.tag}>, expected <robot>",
+            advice="convert it first",
         )
     return root
 
@@ -207,7 +211,7 @@ def _joint(element: ElementTree.Element, name: str, link_names: list[str]) -> Ur
     joint_type = _attribute(element, "type", where)
     if joint_type not in JOINT_TYPES:
         raise RobotDescriptionError(
-            f"{where}: type {joint_type!r} does not exist; {nearest(joint_type, JOINT_TYPES)}"
+            f"{where}: type {joint_type!r} does not exist", advice=nearest(joint_type, JOINT_TYPES)
         )
     limit = element.find("limit")
     dynamics = element.find("dynamics")
@@ -234,11 +238,11 @@ def _end(element: ElementTree.Element, tag: str, where: str, link_names: list[st
     """Name of the link in ``<parent>`` or ``<child>``."""
     end = element.find(tag)
     if end is None:
-        raise RobotDescriptionError(f"{where}: element <{tag}> is missing; add it")
+        raise RobotDescriptionError(f"{where}: element <{tag}> is missing", advice="add it")
     link = _attribute(end, "link", f"{where}: {tag}")
     if link not in link_names:
         raise RobotDescriptionError(
-            f"{where}: {tag} link {link!r} is not in the file; {nearest(link, link_names)}"
+            f"{where}: {tag} link {link!r} is not in the file", advice=nearest(link, link_names)
         )
     return link
 
@@ -262,7 +266,8 @@ def _axis(element: ElementTree.Element, joint_type: str, where: str) -> np.ndarr
     largest = np.abs(vector).max()
     if not largest > 1e-9:
         raise RobotDescriptionError(
-            f"{where}: axis xyz = {axis.get('xyz')!r} has no direction; give the joint's axis"
+            f"{where}: axis xyz = {axis.get('xyz')!r} has no direction",
+            advice="give the joint's axis",
         )
     direction = vector / largest  # the square of a very long one would be infinite
     direction[residues(direction, 1.0)] = 0.0
@@ -293,11 +298,12 @@ def _inertia(element: ElementTree.Element, where: str) -> np.ndarray:
     mass_element, inertia_element = inertial.find("mass"), inertial.find("inertia")
     if mass_element is None or inertia_element is None:
         missing = "mass" if mass_element is None else "inertia"
-        raise RobotDescriptionError(f"{where}: element <{missing}> is missing; add it")
+        raise RobotDescriptionError(f"{where}: element <{missing}> is missing", advice="add it")
     mass = _number(_attribute(mass_element, "value", f"{where} mass"), f"{where} mass value")
     if mass < 0.0:
         raise RobotDescriptionError(
-            f"{where} mass value = {mass:g} is negative; give the mass in kg, 0 where unknown"
+            f"{where} mass value = {mass:g} is negative",
+            advice="give the mass in kg, 0 where unknown",
         )
     keys = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
     at_center = [
@@ -312,7 +318,9 @@ def _inertia(element: ElementTree.Element, where: str) -> np.ndarray:
 def _attribute(element: ElementTree.Element, key: str, where: str) -> str:
     value = element.get(key)
     if not value:
-        raise RobotDescriptionError(f"{where}: attribute {key!r} is missing or empty; add it")
+        raise RobotDescriptionError(
+            f"{where}: attribute {key!r} is missing or empty", advice="add it"
+        )
     return value
 
 
@@ -323,7 +331,7 @@ def _non_negative(element: ElementTree.Element | None, key: str, where: str) -> 
     value = _number(element.get(key, "0"), f"{where} {key}")
     if value < 0.0:
         raise RobotDescriptionError(
-            f"{where} {key} = {value:g} is negative; give its magnitude or remove it"
+            f"{where} {key} = {value:g} is negative", advice="give its magnitude or remove it"
         )
     return value
 
@@ -357,9 +365,10 @@ def _number(text: str, where: str) -> float:
             advice = "this looks like xacro, expand it to a URDF first"
         else:
             advice = "write a decimal number"
-        raise RobotDescriptionError(f"{where} = {text!r} is not a number; {advice}") from None
+        raise RobotDescriptionError(f"{where} = {text!r} is not a number", advice=advice) from None
     if not math.isfinite(value):
         raise RobotDescriptionError(
-            f"{where} = {text!r} is not finite; give a number, or leave an unknown limit out"
+            f"{where} = {text!r} is not finite",
+            advice="give a number, or leave an unknown limit out",
         )
     return value

@@ -42,8 +42,8 @@ class WrenchSensor:
     def __post_init__(self) -> None:
         if self.acts not in get_args(Acts):
             raise RobotDescriptionError(
-                f"wrench sensor {self.name!r}: acts is {self.acts!r}; choose "
-                f"{' or '.join(map(repr, get_args(Acts)))}"
+                f"wrench sensor {self.name!r}: acts is {self.acts!r}",
+                advice=f"choose {' or '.join(map(repr, get_args(Acts)))}",
             )
         rotation, origin = self.frame.rotation, self.frame.translation
         if not np.abs(rotation @ rotation.T - np.eye(3)).max() <= 1e-9:
@@ -52,8 +52,8 @@ class WrenchSensor:
             )
         if np.shape(origin) != (3,) or not np.isfinite(origin).all():
             raise RobotDescriptionError(
-                f"wrench sensor {self.name!r}: its origin is {origin}; three finite numbers in m "
-                "are needed"
+                f"wrench sensor {self.name!r}: its origin is {origin}",
+                advice="three finite numbers in m are needed",
             )
 
     @property

@@ -34,7 +34,7 @@ def sensor_link(robot: Robot, sensor: WrenchSensor) -> int:
     try:
         return robot.link_index(sensor.link)
     except RobotDescriptionError as error:
-        raise RobotDescriptionError(f"wrench sensor {sensor.name!r}: {error}") from None
+        raise RobotDescriptionError.of_part(f"wrench sensor {sensor.name!r}: ", error) from None
 
 
 def wrench_torques(

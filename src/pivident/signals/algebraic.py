@@ -54,8 +54,9 @@ def algebraic_weights(
     fitted = degree + derivative
     if 2 * half < fitted:
         raise RecordingError(
-            f"a window of {2 * half + 1} samples at {rate:g} Hz does not determine a polynomial of "
-            f"degree {fitted}; it needs {fitted + 1}: lengthen the window or lower the degree"
+            f"a window of {2 * half + 1} samples at {rate:g} Hz does not determine a polynomial "
+            f"of degree {fitted}",
+            advice=f"it needs {fitted + 1}: lengthen the window or lower the degree",
         )
     s = np.arange(-half, half + 1) / (half + 0.5)
     root = (1.0 - s**2) ** (0.5 * (exponent - derivative))
@@ -88,7 +89,8 @@ def algebraic_derivative(
 
     if len(x) <= 2 * half:
         raise RecordingError(
-            f"a window of {2 * half + 1} samples is longer than the record of {len(x)}; shorten it"
+            f"a window of {2 * half + 1} samples is longer than the record of {len(x)}",
+            advice="shorten it",
         )
     weights = algebraic_weights(half, rate, derivative, degree, exponent)
     # A constant has no derivative; without it the transforms round less.

@@ -66,8 +66,8 @@ def align_torque(
     lost_start, lost_end = max(0, whole + (part > 0)), max(0, -whole)
     if lost_start + lost_end >= len(tau):
         raise RecordingError(
-            f"the torque would be moved by {shift:.1f} samples in a record of {len(tau)}; check "
-            f"the delay ({delay:g} s) and its unit"
+            f"the torque would be moved by {shift:.1f} samples in a record of {len(tau)}",
+            advice=f"check the delay ({delay:g} s) and its unit",
         )
     aligned = (1 - part) * _moved(tau, whole)
     if part > 0:
@@ -101,11 +101,14 @@ def torque_shift(
     if not (rate > 0 and control_rate > 0 and math.isfinite(delay)):
         raise RecordingError(
             f"torque timing with rate {rate:g} Hz, control rate {control_rate:g} Hz and delay "
-            f"{delay:g} s; rates must be positive and the delay finite"
+            f"{delay:g} s",
+            advice="rates must be positive and the delay finite",
         )
     halves = {"held": min(rate / control_rate, 1.0) / 2, "averaged": -0.5, "sampled": 0.0}
     if timing not in halves:
-        raise RecordingError(f"torque timing {timing!r}; expected held, averaged or sampled")
+        raise RecordingError(
+            f"torque timing {timing!r}", advice="expected held, averaged or sampled"
+        )
     shift = halves[timing] - delay * rate
     return float(round(shift)) if abs(shift - round(shift)) < _WHOLE else shift
 

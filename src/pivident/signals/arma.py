@@ -122,7 +122,7 @@ def arma(
     v = _vector(v)
     if ar_order < 0 or ma_order < 0:
         raise IdentificationError(
-            f"ARMA orders ({ar_order}, {ma_order}) are negative; use zero or more"
+            f"ARMA orders ({ar_order}, {ma_order}) are negative", advice="use zero or more"
         )
     if ma_order == 0:
         return ar(v, ar_order, segments=segments)
@@ -167,7 +167,7 @@ def select_arma(
         IdentificationError: no pair of orders gave a model.
     """
     if criterion not in ("aic", "aicc", "bic"):
-        raise IdentificationError(f"criterion {criterion!r}; expected aic, aicc or bic")
+        raise IdentificationError(f"criterion {criterion!r}", advice="expected aic, aicc or bic")
     v, tried = _vector(v), [(p, q) for q in sorted(set(ma_orders)) for p in sorted(set(ar_orders))]
     n = v.size if segments is None else int(np.diff(np.reshape(segments, (-1, 2))).sum())
     best: tuple[float, Noise] | None = None
@@ -181,7 +181,8 @@ def select_arma(
             best = (value, noise)
     if best is None:
         raise IdentificationError(
-            f"none of the ARMA orders {tried} gave a model that converges; try lower orders"
+            f"none of the ARMA orders {tried} gave a model that converges",
+            advice="try lower orders",
         )
     return best[1]
 
@@ -207,7 +208,8 @@ def _vector(v: np.ndarray) -> np.ndarray:
     v = np.ascontiguousarray(v, dtype=float)
     if v.ndim != 1:
         raise IdentificationError(
-            f"the residual has shape {v.shape}; (samples,) is needed, one noise model at a time"
+            f"the residual has shape {v.shape}",
+            advice="(samples,) is needed, one noise model at a time",
         )
     return v
 
@@ -236,9 +238,9 @@ def _bounds(v: np.ndarray, p: int, q: int, segments: np.ndarray | None) -> np.nd
     if not carries(used, p, q):
         samples, needed = int(np.diff(used).sum()), _SAMPLES * (p + q + 1)
         raise IdentificationError(
-            f"there are {samples} sample(s) of residual in stretches long enough for an "
-            f"ARMA({p}, {q}) model, at least {needed} are needed; lower the orders or use a "
-            "longer record"
+            f"there are {samples} sample(s) of residual in stretches long enough for an ARMA({p}, "
+            f"{q}) model, at least {needed} are needed",
+            advice="lower the orders or use a longer record",
         )
     return used
 

@@ -101,9 +101,10 @@ def butterworth(
     padlen = 3 * order if padlen is None else padlen
     if not 0 < cutoff < rate / 2:
         raise RecordingError(
-            f"cut-off frequency {cutoff:g} Hz at a rate of {rate:g} Hz; it must lie between zero "
+            f"cut-off frequency {cutoff:g} Hz at a rate of {rate:g} Hz",
+            advice="it must lie between zero "
             f"and half the rate, {rate / 2:g} Hz: lower it, or check the unit of the time stamps "
-            '(units = {t = "ms"} if they are milliseconds)'
+            '(units = {t = "ms"} if they are milliseconds)',
         )
     if len(x) <= padlen:
         raise RecordingTooShort(len(x), padlen + 1)
@@ -148,7 +149,7 @@ def median_filter(x: np.ndarray, length: int = 3) -> np.ndarray:
     from scipy.ndimage import median_filter as moving_median
 
     if length < 1 or length % 2 == 0:
-        raise RecordingError(f"median filter of length {length}; expected an odd number")
+        raise RecordingError(f"median filter of length {length}", advice="expected an odd number")
     if length == 1:
         return np.asarray(x)
     size = (length,) + (1,) * (np.ndim(x) - 1)

@@ -88,7 +88,7 @@ def decimation_stages(factor: int | Sequence[int]) -> tuple[int, ...]:
     if not isinstance(factor, int | np.integer):
         return tuple(int(stage) for stage in factor)
     if factor < 1:
-        raise RecordingError(f"decimation by {factor}; expected a factor of one or more")
+        raise RecordingError(f"decimation by {factor}", advice="expected a factor of one or more")
     return min(_factorisations(int(factor)), key=lambda stages: (len(stages), stages))
 
 

@@ -139,7 +139,8 @@ def fit_ar(
     if not carried or not len(segments) or (order or 0) > highest:
         raise IdentificationError(
             f"the longest stretch of residual has {longest} sample(s), too few for a noise model "
-            f"of order {p_max if order is None else order}; lower the order or mask fewer samples"
+            f"of order {p_max if order is None else order}",
+            advice="lower the order or mask fewer samples",
         )
     used = np.concatenate([v[start:stop] for start, stop in segments])
     mean = float(used.mean())
@@ -147,12 +148,14 @@ def fit_ar(
     if not math.isfinite(variance):
         raise IdentificationError(
             f"the residual has {np.count_nonzero(~np.isfinite(used))} sample(s) that are NaN or "
-            "infinite; there is no noise model of it"
+            "infinite",
+            advice="there is no noise model of it",
         )
     if variance <= (np.finfo(float).eps * np.abs(used).max()) ** 2:
         raise IdentificationError(
-            f"the residual is constant ({mean:.6g}) over {used.size} samples; there is no noise "
-            "to model. Check that the torque channel is not a computed one"
+            f"the residual is constant ({mean:.6g}) over {used.size} samples",
+            advice="there is no noise to model. Check that the torque channel is not a computed "
+            "one",
         )
     stops = np.cumsum(segments[:, 1] - segments[:, 0])
     reflections = reflection_coefficients(used - mean, stops, highest)
@@ -251,7 +254,7 @@ def _information(variances: np.ndarray, samples: int, criterion: Criterion) -> n
     if criterion == "aicc":
         return fit + 2 * count + 2 * count * (count + 1) / np.maximum(samples - count - 1, 1)
     raise IdentificationError(
-        f"criterion {criterion!r} for a noise model; expected aic, aicc or bic"
+        f"criterion {criterion!r} for a noise model", advice="expected aic, aicc or bic"
     )
 
 

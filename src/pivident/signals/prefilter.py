@@ -187,7 +187,8 @@ def lower_predictors(fir: np.ndarray) -> np.ndarray:
         if left <= 0.0:
             raise IdentificationError(
                 f"the noise model of order {order} is not stable: reflection {k:.4g} at order "
-                f"{d + 1}; use a smaller p_max"
+                f"{d + 1}",
+                advice="use a smaller p_max",
             )
         a = (a[:-1] - k * a[:0:-1]) / left
         weight *= left
@@ -227,8 +228,9 @@ def transient_length(
     slowest = float(poles.max(initial=0.0))
     if slowest >= 1:
         raise IdentificationError(
-            f"the prefilter has a pole of modulus {slowest:.6g}; it must be below one. Leave the "
-            "integrator out of the controller's inverse and reflect zeros outside the unit circle"
+            f"the prefilter has a pole of modulus {slowest:.6g}",
+            advice="it must be below one. Leave the integrator out of the controller's inverse "
+            "and reflect zeros outside the unit circle",
         )
     decay = math.ceil(math.log(tolerance) / math.log(slowest)) if slowest > 0 else 0
     return order + len(numerator) - 1 + decay

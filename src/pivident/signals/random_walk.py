@@ -195,9 +195,10 @@ def _smooth_channel(
         log_std = math.nan if on_bound else log_nvr_std(nvr, order, y.size)
     elif not MIN_NVR[order] <= nvr < math.inf:
         raise RecordingError(
-            f"NVR {nvr:.3g} at {rate:g} Hz; order {order} is smoothed accurately from "
-            f"{MIN_NVR[order]:g} (f50 {f50_from_nvr(MIN_NVR[order], order, rate):.3g} Hz)"
-            " upwards: decimate the record first, or lower the order"
+            f"NVR {nvr:.3g} at {rate:g} Hz",
+            advice=f"order {order} is smoothed accurately from {MIN_NVR[order]:g} (f50 "
+            f"{f50_from_nvr(MIN_NVR[order], order, rate):.3g} Hz) upwards: decimate the record "
+            "first, or lower the order",
         )
     fit = diffuse_fit(y, nvr, order)
     figures = (nvr, math.sqrt(fit.noise_variance), on_bound, log_std, fit.log_likelihood)
@@ -255,13 +256,13 @@ def check_positions(y: np.ndarray, rate: float, order: int, passes: int) -> None
     """Refuse what cannot be smoothed."""
     if y.ndim != 2 or y.shape[0] < MIN_RECORD or y.shape[1] == 0:
         raise RecordingError(
-            f"positions of shape {y.shape} cannot be smoothed; expected at least "
-            f"{MIN_RECORD} samples of one or more channels"
+            f"positions of shape {y.shape} cannot be smoothed",
+            advice=f"expected at least {MIN_RECORD} samples of one or more channels",
         )
     if order not in ORDERS or passes not in (1, 2) or not rate > 0:
         raise RecordingError(
-            f"smoother of order {order} with {passes} pass(es) at rate {rate:g} Hz; "
-            f"orders are {ORDERS}, passes 1 or 2, the rate is positive"
+            f"smoother of order {order} with {passes} pass(es) at rate {rate:g} Hz",
+            advice=f"orders are {ORDERS}, passes 1 or 2, the rate is positive",
         )
     wrong = ~np.isfinite(y)
     if wrong.any():

@@ -119,8 +119,8 @@ def _checked(answer: object, k: int, joints: int) -> np.ndarray:
     u = np.asarray(answer, dtype=float)
     if u.shape != (joints,) or not np.isfinite(u).all():
         raise ExperimentError(
-            f"the Python control law answered {answer!r} at sample {k}; it must return "
-            f"{joints} finite numbers, one for each joint"
+            f"the Python control law answered {answer!r} at sample {k}",
+            advice=f"it must return {joints} finite numbers, one for each joint",
         )
     return u
 
@@ -226,7 +226,8 @@ def simulate_blocks(
     delay = float(signals.drive_delay)
     if not 0.0 <= delay < samples / rate:
         raise ExperimentError(
-            f"drive_delay is {delay:g} s; it lies between 0 and the {samples / rate:g} s of the run"
+            f"drive_delay is {delay:g} s",
+            advice=f"it lies between 0 and the {samples / rate:g} s of the run",
         )
     q_ref = _signal("q_ref", signals.q_ref, samples, n)
     dq_ref = None if signals.dq_ref is None else _signal("dq_ref", signals.dq_ref, samples, n)

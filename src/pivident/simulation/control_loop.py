@@ -124,14 +124,15 @@ class Loop:
     def __post_init__(self) -> None:
         if not hasattr(self.controller, "law"):
             raise ExperimentError(
-                f"controller of the loop is {self.controller!r}; give a control law, such as "
-                "PD(kp=…, kd=…)"
+                f"controller of the loop is {self.controller!r}",
+                advice="give a control law, such as PD(kp=…, kd=…)",
             )
         count = np.asarray(self.count, dtype=float)
         if not (np.isfinite(count) & (count >= 0.0)).all():
             raise ExperimentError(
-                f"count of the loop is {self.count}; give what the encoder counts in that the law "
-                "reads, in rad or m, not negative, as one number or as one for each joint"
+                f"count of the loop is {self.count}",
+                advice="give what the encoder counts in that the law reads, in rad or m, not "
+                "negative, as one number or as one for each joint",
             )
         for name, choices in (
             ("reference", ("recorded", "smoothed")),
@@ -139,8 +140,8 @@ class Loop:
         ):
             if getattr(self, name) not in choices:
                 raise ExperimentError(
-                    f"{name} of the loop is {getattr(self, name)!r}; choose one of "
-                    f"{', '.join(choices)}"
+                    f"{name} of the loop is {getattr(self, name)!r}",
+                    advice=f"choose one of {', '.join(choices)}",
                 )
 
     def counts(self, joints: int) -> np.ndarray:

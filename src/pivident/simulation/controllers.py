@@ -256,8 +256,8 @@ def inverse_controller(
     for j in range(joints):
         if law.feedback[j, 0] == 0.0:
             raise ExperimentError(
-                f"the controller of joint {j + 1} has no gain, so its inverse does not exist; "
-                'use prefilter = "direct" or give its gains'
+                f"the controller of joint {j + 1} has no gain, so its inverse does not exist",
+                advice='use prefilter = "direct" or give its gains',
             )
         stable = _reflected(law.feedback[j])
         denominator[j] = stable / stable[0]
@@ -300,14 +300,16 @@ def _check_lengths(**gains: Gains | None) -> None:
             shape = (0, 0)
         if len(shape) > 1:
             raise ExperimentError(
-                f"controller: {name} = {gain!r} is no gain; give a number, or one for each joint"
+                f"controller: {name} = {gain!r} is no gain",
+                advice="give a number, or one for each joint",
             )
         if shape:
             shapes[name] = shape[0]
     if len(set(shapes.values())) > 1:
         listed = ", ".join(f"{name} has {count}" for name, count in shapes.items())
         raise ExperimentError(
-            f"controller: {listed} gain(s); give each one number for all joints or one for each"
+            f"controller: {listed} gain(s)",
+            advice="give each one number for all joints or one for each",
         )
 
 
@@ -322,12 +324,13 @@ def _check_gain(joints: int, name: str, given: Gains) -> None:
         gain = np.full(joints, given, dtype=float) if np.ndim(given) == 0 else np.asarray(given)
         if np.shape(gain) != (joints,):
             raise ExperimentError(
-                f"controller: {name} has shape {np.shape(gain)}, but the robot has {joints} "
-                "joints; give one gain per joint"
+                f"controller: {name} has shape {np.shape(gain)}, but the robot has {joints} joints",
+                advice="give one gain per joint",
             )
         bad = np.flatnonzero(~(np.isfinite(gain) & (gain >= 0)))
         if bad.size:
             raise ExperimentError(
-                f"controller: {name} of joint {bad[0] + 1} is {gain[bad[0]]}; gains "
-                "must be finite and not negative (a reversed axis belongs in the drive gain)"
+                f"controller: {name} of joint {bad[0] + 1} is {gain[bad[0]]}",
+                advice="gains must be finite and not negative (a reversed axis belongs in the "
+                "drive gain)",
             )

@@ -98,8 +98,8 @@ class ParametrisedLoop:
         kind, name, joint, n = direction.kind, direction.name, direction.joint, self.robot.size
         if kind not in get_args(Kind):
             raise ExperimentError(
-                f"a simulation has no direction of kind {kind!r}; choose one of "
-                f"{', '.join(get_args(Kind))}"
+                f"a simulation has no direction of kind {kind!r}",
+                advice=f"choose one of {', '.join(get_args(Kind))}",
             )
         lowest = 0 if kind in _OF_ONE_JOINT else -1
         if not lowest <= joint < n:
@@ -115,7 +115,8 @@ class ParametrisedLoop:
             )  # fmt: skip
         if kind == "parameter" and name not in self._names:
             raise ExperimentError(
-                f"the simulated model has no parameter {name!r}; it has {', '.join(self._names)}"
+                f"the simulated model has no parameter {name!r}",
+                advice=f"it has {', '.join(self._names)}",
             )
         if kind == "shape":
             known = sorted(self._shapes(joint))
@@ -128,8 +129,8 @@ class ParametrisedLoop:
             self.law_value(name, joint)
         if kind == "inputs" and self.signals.inputs is None:
             raise ExperimentError(
-                "the loop has no known inputs, so there is no share of them; leave the direction "
-                "out, or give LoopSignals(inputs=…)"
+                "the loop has no known inputs, so there is no share of them",
+                advice="leave the direction out, or give LoopSignals(inputs=…)",
             )
 
     def value(self, direction: Direction) -> float:
@@ -267,16 +268,16 @@ class ParametrisedLoop:
         if value is None or number.dtype.kind not in "fi" or number.ndim > 1:
             fields = getattr(law, "__dataclass_fields__", ())
             raise ExperimentError(
-                f"the control law {type(law).__name__} has no gain {name!r} to differentiate by; "
-                f"it has {', '.join(fields)}"
+                f"the control law {type(law).__name__} has no gain {name!r} to differentiate by",
+                advice=f"it has {', '.join(fields)}",
             )
         number = number.astype(float)
         if joint < 0:
             return number
         if number.ndim == 0 and name in _SCALARS:
             raise ExperimentError(
-                f"{name} of the control law is one number for all joints; give the direction "
-                "joint = -1"
+                f"{name} of the control law is one number for all joints",
+                advice="give the direction joint = -1",
             )
         return np.broadcast_to(number, self.robot.size)
 

@@ -66,7 +66,8 @@ class LinearLaw:
             if bad.size:
                 raise ExperimentError(
                     f"{name} of joint {bad[0] + 1} is {getattr(self, name)[bad[0]]:.6g}: this law "
-                    "pushes away from its reference; check the sign of the torque"
+                    "pushes away from its reference",
+                    advice="check the sign of the torque",
                 )
 
     def law(self, rate: float, q_ref: np.ndarray, dq_ref: np.ndarray | None) -> SampledLaw:

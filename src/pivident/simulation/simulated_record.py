@@ -112,10 +112,10 @@ def simulate(
     """
     if not isinstance(loop, Loop):
         raise ExperimentError(
-            f"loop is {loop!r}; give the control loop, such as Loop(PD(kp=…, kd=…))"
+            f"loop is {loop!r}", advice="give the control loop, such as Loop(PD(kp=…, kd=…))"
         )
     if not (np.isfinite(rate) and rate > 0):
-        raise ExperimentError(f"rate is {rate:g} Hz; give the control rate, such as 1000")
+        raise ExperimentError(f"rate is {rate:g} Hz", advice="give the control rate, such as 1000")
     base = base_parameters(robot)
     theta = _true_values(base, values or {})
     if reference is None:
@@ -191,13 +191,15 @@ def _true_values(base: BaseParameters, values: Mapping[str, float]) -> np.ndarra
     inertial = [k for k, p in enumerate(base.parameters) if p.is_inertial or p.stem == "ia"]
     for name, value in values.items():
         if not np.isfinite(value):
-            raise ExperimentError(f"the value of parameter {name!r} is {value}; give a number")
+            raise ExperimentError(
+                f"the value of parameter {name!r} is {value}", advice="give a number"
+            )
         theta[parameter_index(base, name)] = value
     if not theta[inertial].any():
         raise ExperimentError(
-            f"robot {base.robot.name!r} has neither masses nor inertias to be simulated with; add "
-            "them to its description, or give values of its base parameters (values = {…}): "
-            f"{', '.join(base.names[k] for k in inertial)}"
+            f"robot {base.robot.name!r} has neither masses nor inertias to be simulated with",
+            advice="add them to its description, or give values of its base parameters (values = "
+            f"{{…}}): {', '.join(base.names[k] for k in inertial)}",
         )
     return theta
 
@@ -206,7 +208,9 @@ def _random_motion(robot: Robot, rate: float, duration: float, seed: int) -> Ref
     """Rest-to-rest moves between random postures."""
     samples = round(duration * rate) if np.isfinite(duration) else 0
     if samples < 2:
-        raise ExperimentError(f"duration is {duration:g} s; give that of the motion, such as 10")
+        raise ExperimentError(
+            f"duration is {duration:g} s", advice="give that of the motion, such as 10"
+        )
     limits = [joint.position_limits or (-MAX_REACH, MAX_REACH) for joint in robot.joints]
     low, high = np.array(limits, dtype=float).T
     reach = np.minimum(REACH_SHARE * (high - low) / 2.0, MAX_REACH)
@@ -237,7 +241,8 @@ def _closing_postures(robot: Robot, postures: np.ndarray) -> np.ndarray:
             return nearer
     raise ExperimentError(
         f"the loops of robot {robot.name!r} close hardly anywhere near the posture of its "
-        "description; give a reference along which they do"
+        "description",
+        advice="give a reference along which they do",
     )
 
 
@@ -256,7 +261,8 @@ def _spreads(key: str, value: float | Sequence[float], joints: int) -> tuple[flo
     fits = spreads.ndim == 0 or spreads.shape == (joints,)
     if not fits or not (np.isfinite(spreads) & (spreads >= 0)).all():
         raise ExperimentError(
-            f"{key} is {value!r}; give the standard deviation of the noise, not negative, as one "
-            f"number or as one for each of the {joints} joint(s)"
+            f"{key} is {value!r}",
+            advice="give the standard deviation of the noise, not negative, as one number or as "
+            f"one for each of the {joints} joint(s)",
         )
     return tuple(np.broadcast_to(spreads, joints).tolist())

@@ -137,7 +137,8 @@ def _drive(robot: Robot, loop: Loop, recording: Recording, sought: bool) -> _Dri
     if loop.reference != "recorded" or recording.q_ref is None:
         raise ExperimentError(
             f"recording {recording.name!r} has no reference: a simulator is driven by what the "
-            "robot was commanded; map the column of q_ref under [recording]"
+            "robot was commanded",
+            advice="map the column of q_ref under [recording]",
         )
     recording, step = in_whole_periods(recording)
     speed = np.gradient(recording.q, axis=0) * recording.rate
@@ -159,8 +160,8 @@ def in_whole_periods(recording: Recording) -> tuple[Recording, int]:
     if step < 1 or abs(ratio - step) > MAX_OFF * step:
         raise ExperimentError(
             f"recording {recording.name!r}: the control rate {recording.control_rate:g} Hz is no "
-            f"whole multiple of the recorded {recording.rate:g} Hz; give control_rate under "
-            "[recording], or resample the log"
+            f"whole multiple of the recorded {recording.rate:g} Hz",
+            advice="give control_rate under [recording], or resample the log",
         )
     return replace(recording, control_rate=step * recording.rate), step
 
@@ -186,8 +187,9 @@ def _stretch(
     first = round(warm_up * drive.signals.rate / drive.step)
     if not 0 <= first < len(q) // 2:
         raise ExperimentError(
-            f"recording {drive.name!r} lasts {len(q) * drive.step / drive.signals.rate:g} s, which "
-            f"is too short for a warm-up of {warm_up:g} s; record a longer motion"
+            f"recording {drive.name!r} lasts {len(q) * drive.step / drive.signals.rate:g} s, "
+            f"which is too short for a warm-up of {warm_up:g} s",
+            advice="record a longer motion",
         )
     moving = np.ones(q.shape, dtype=bool)
     return Stretch(drive.name, loop, q, None, drive.step, 0, moving, drive.start_time, None, first)
@@ -206,8 +208,8 @@ def _start(
         weak = robot.joint_names[int(np.argmin(np.nan_to_num(kp)))]
         raise ExperimentError(
             f"the position gain of joint {weak!r} is zero or not known, and the scale of all "
-            "torques comes from the gains; give kp under [controller] in joint torque per rad (m), "
-            "or with drive_gain"
+            "torques comes from the gains",
+            advice="give kp under [controller] in joint torque per rad (m), or with drive_gain",
         )
     error = np.concatenate([r.q_ref - r.q for r in runs if r.q_ref is not None])
     speed = np.concatenate([np.gradient(r.q, axis=0) * r.rate for r in runs])

@@ -63,10 +63,13 @@ def check_quantities(free: Sequence[str]) -> None:
     for name in free:
         if name not in QUANTITIES:
             raise ExperimentError(
-                f"free names {name!r}, which simulators do not have; {nearest(name, QUANTITIES)}"
+                f"free names {name!r}, which simulators do not have",
+                advice=nearest(name, QUANTITIES),
             )
     if not free:
-        raise ExperimentError(f"nothing is to be fitted; name some of {', '.join(QUANTITIES)}")
+        raise ExperimentError(
+            "nothing is to be fitted", advice=f"name some of {', '.join(QUANTITIES)}"
+        )
 
 
 @dataclass(frozen=True)

@@ -181,16 +181,18 @@ def check_format(to: str, name: str) -> None:
         ExportError: says what can be written.
     """
     if to not in ENDINGS:
-        raise ExportError(f"there is no format {to!r}; choose one of {', '.join(ENDINGS)}")
+        raise ExportError(
+            f"there is no format {to!r}", advice=f"choose one of {', '.join(ENDINGS)}"
+        )
     if to != "isaac" and not name.endswith((*URDF_FILES, *MJCF_FILES)):
         raise ExportError(
-            f"the robot is {name}, and only a URDF or MJCF can be written back; name one "
-            "under [robot], or write --to isaac"
+            f"the robot is {name}, and only a URDF or MJCF can be written back",
+            advice="name one under [robot], or write --to isaac",
         )
     if to == "urdf" and not name.endswith(URDF_FILES):
         raise ExportError(
-            f"{name} is no URDF, and only a URDF can be edited into one; write --to mjcf, or name "
-            "a URDF as robot"
+            f"{name} is no URDF, and only a URDF can be edited into one",
+            advice="write --to mjcf, or name a URDF as robot",
         )
 
 
@@ -200,8 +202,8 @@ def _joints_of(spec: Any, fit: SimulatorFit) -> list[Any]:
     missing = set(fit.robot.joint_names) - {_name(joint) for joint in found}
     if missing:
         raise ExportError(
-            f"the file has no joint {', '.join(map(repr, sorted(missing)))}; give the file that "
-            "the robot was read from"
+            f"the file has no joint {', '.join(map(repr, sorted(missing)))}",
+            advice="give the file that the robot was read from",
         )
     return found
 

@@ -82,7 +82,7 @@ def open_archive(projects: Projects, path: Path, name: str) -> Project:
             places = {entry.filename: _place(project, entry) for entry in entries}
             _check_size(entries, path)
             if EXPERIMENT not in places:
-                raise ProjectError(f"{path.name} holds no {EXPERIMENT}; it is no project")
+                raise ProjectError(f"{path.name} holds no {EXPERIMENT}", advice="it is no project")
             with atomic_folder(project.folder) as build:
                 for entry in entries:
                     _unpack(archive, entry, build / places[entry.filename])

@@ -27,7 +27,7 @@ def content_with(content: dict[str, Any], place: Place, value: Any) -> dict[str,
             table[part] = {} if isinstance(after, str) else []
         table = _inside(table, part, place)
     if isinstance(table, list) and not (isinstance(place[-1], int) and place[-1] < len(table)):
-        raise ExperimentError(f"{called(place)} is not in the file; reload the page")
+        raise ExperimentError(f"{called(place)} is not in the file", advice="reload the page")
     table[place[-1]] = value
     return plain_form(new)
 
@@ -61,7 +61,9 @@ def _inside(table: Any, part: int | str, place: Place) -> Any:
     except (KeyError, IndexError, TypeError):
         inner = None
     if not isinstance(inner, (dict, list)):
-        raise ExperimentError(f"{called(place)} has no table to stand in; add the table as text")
+        raise ExperimentError(
+            f"{called(place)} has no table to stand in", advice="add the table as text"
+        )
     return inner
 
 

@@ -102,7 +102,9 @@ def confirmed(text: str, place: Sequence[int | str]) -> str:
     item = find_item(text, items, place)
     above = None if item is None else _comment_above(text, _line_of(items, item))
     if above is None or sureness(above.text)[0] != "assumed":
-        raise ExperimentError(f"{called(place)} is no assumption any more; reload the page")
+        raise ExperimentError(
+            f"{called(place)} is no assumption any more", advice="reload the page"
+        )
     words = comment_lines(f"{CONFIRMED} ({above.text.rstrip('.')}).", text)
     new = text[: above.start] + words + text[above.stop :]
     new = _verified([new], plain_form(parse_toml(text)), place)
@@ -136,11 +138,11 @@ def refuse_new_problems(old: str, new: str) -> None:
         ExperimentError: names table, key and the next step.
     """
     before, after = (every_problem(plain_form(parse_toml(text))) for text in (old, new))
-    known = {(p.location, p.sentence) for p in before}
+    known = {(p.location, str(p.said)) for p in before}
     for problem in after:
-        if (problem.location, problem.sentence) not in known:
+        if (problem.location, str(problem.said)) not in known:
             heading = table_name(problem.location)
-            raise ExperimentError(f"[{heading}] {problem.sentence}".removeprefix("[] "))
+            raise ExperimentError.of_part(f"[{heading}] " if heading else "", problem.said)
 
 
 def _assumed_scale(text: str, place: Place) -> Place | None:
@@ -159,7 +161,7 @@ def _removed(text: str, place: Place) -> str:
     if item is None:
         heads = [x for x in items if is_head(x) and is_below(x.place, place)]
         if not heads:
-            raise ExperimentError(f"{called(place)} is not in the file; reload the page")
+            raise ExperimentError(f"{called(place)} is not in the file", advice="reload the page")
         made = _without_tables(text, items, place)
     elif item.inline:
         made = _without_inline(text, items, item)
@@ -182,8 +184,9 @@ def _checked_value(value: str, place: Place) -> str:
     except ValueError as error:
         reason = str(error)
     raise ExperimentError(
-        f"{called(place)}: {_short(value)} is not a value of TOML ({reason}); texts stand in "
-        'quotation marks, lists in brackets, numbers have a point: "rad", [1.5, 2.0]'
+        f"{called(place)}: {_short(value)} is not a value of TOML ({reason})",
+        advice="texts stand in "
+        'quotation marks, lists in brackets, numbers have a point: "rad", [1.5, 2.0]',
     )
 
 
@@ -197,7 +200,8 @@ def _verified(made: Sequence[str], wanted: Any, place: Place) -> str:
         if content == wanted:
             return new
     raise ExperimentError(
-        f"{called(place)} cannot be changed here; open the file as text and change it there"
+        f"{called(place)} cannot be changed here",
+        advice="open the file as text and change it there",
     )
 
 

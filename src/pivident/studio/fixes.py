@@ -101,7 +101,7 @@ def of_json(content: Mapping[str, Any]) -> Fix:
         edits = tuple((_place(place), _value(value)) for place, value in content["edits"])
         return Fix(str(content["words"]), edits)
     except (KeyError, TypeError, ValueError):
-        raise ExperimentError("this is no fix of the check; reload the page") from None
+        raise ExperimentError("this is no fix of the check", advice="reload the page") from None
 
 
 def _place(place: Any) -> Place:

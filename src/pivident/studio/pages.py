@@ -303,7 +303,7 @@ def one_piece(studio: Studio, project: Project, name: str) -> str:
         ProjectError: there is no such piece.
     """
     if name not in PIECES:
-        raise ProjectError(f"there is no part {name!r}; reload the page")
+        raise ProjectError(f"there is no part {name!r}", advice="reload the page")
     return (
         templates()
         .get_template("piece.html")

@@ -73,8 +73,8 @@ class Project:
             return ""
         except (OSError, UnicodeDecodeError) as error:
             raise ProjectError(
-                f"{self.experiment} cannot be read ({error}); save it as UTF-8 text that you may "
-                "read"
+                f"{self.experiment} cannot be read ({error})",
+                advice="save it as UTF-8 text that you may read",
             ) from error
 
     @property
@@ -96,8 +96,8 @@ class Project:
         text = self.text
         if version_of(text) != version:
             raise Changed(
-                f"{EXPERIMENT} was changed meanwhile, in another tab or by an editor; it is shown "
-                "as it is now, make the change again"
+                f"{EXPERIMENT} was changed meanwhile, in another tab or by an editor",
+                advice="it is shown as it is now, make the change again",
             )
         return text
 
@@ -197,11 +197,11 @@ class Projects:
         name = checked_name(name.strip())
         if self.is_single:
             raise ProjectError(
-                f"{self.root} is a project itself; start pivident studio in the folder above it "
-                "to have several"
+                f"{self.root} is a project itself",
+                advice="start pivident studio in the folder above it to have several",
             )
         if (self.root / name).exists():
-            raise ProjectError(f"{name} exists already; choose another name")
+            raise ProjectError(f"{name} exists already", advice="choose another name")
         return Project(self.root / name, name)
 
     def write(self, project: Project, text: str, version: str) -> None:
@@ -263,8 +263,9 @@ def checked_name(name: str) -> str:
     """
     if not _NAME.fullmatch(name) or name.endswith((".", " ")):
         raise ProjectError(
-            f"{name!r} cannot be used as a name; begin with a letter or digit and use letters, "
-            "digits, spaces and . , ( ) + - _ only, at most 80"
+            f"{name!r} cannot be used as a name",
+            advice="begin with a letter or digit and use letters, digits, spaces and . , ( ) + - "
+            "_ only, at most 80",
         )
     return name
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from pivident.studio.rows import Row
+from pivident.text.sentences import capital
 from pivident.text.toml_places import Place
 
 #: Keys that most files have, in words; all others go by their names.
@@ -173,7 +174,7 @@ def _figure(channel: dict[str, Any], recordings: list[dict[str, Any]]) -> dict[s
         {"number": number, **{k: recordings[number][k] for k in ("name", "start", "duration")}}
         for number in channel["recordings"]
     ]
-    title = channel["title"][:1].upper() + channel["title"][1:]
+    title = capital(channel["title"])
     return {
         "name": channel["name"],
         "title": title,

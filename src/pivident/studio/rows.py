@@ -136,7 +136,7 @@ def checked_items(text: str) -> list[TomlItem]:
     try:
         parse_toml(text)
     except ValueError as error:
-        raise ExperimentError(f"is not TOML: {error}; correct this line") from error
+        raise ExperimentError(f"is not TOML: {error}", advice="correct this line") from error
     return toml_items(text)
 
 

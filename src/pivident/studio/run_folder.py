@@ -75,7 +75,7 @@ class RunFolder:
             RunError: this is no number of a run, or there is no such run.
         """
         if not _RUN.fullmatch(run) or run not in run_numbers(project):
-            raise RunError(f"{project.name} has no run {run!r}; reload the list of runs")
+            raise RunError(f"{project.name} has no run {run!r}", advice="reload the list of runs")
         return cls(project, run)
 
     @classmethod
@@ -174,7 +174,7 @@ def new_run(project: Path, record: Mapping[str, Any], experiment: bytes | None) 
     run: RunFolder | None = None
     for folder in (project / HIDDEN, project / RESULTS):
         if folder.is_symlink():
-            raise RunError(f"{folder} is a link; put a folder in its place")
+            raise RunError(f"{folder} is a link", advice="put a folder in its place")
     try:
         runs.mkdir(parents=True, exist_ok=True)
         while run is None:
@@ -193,8 +193,8 @@ def new_run(project: Path, record: Mapping[str, Any], experiment: bytes | None) 
         if run is not None:
             shutil.rmtree(run.state, ignore_errors=True)
         raise RunError(
-            f"the run cannot be written to {runs}: {error.strerror or error}; free some space or "
-            "change the permissions of the folder"
+            f"the run cannot be written to {runs}: {error.strerror or error}",
+            advice="free some space or change the permissions of the folder",
         ) from error
     return run
 

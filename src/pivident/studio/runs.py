@@ -129,7 +129,9 @@ class Runs:
         with self._changed:
             folder = RunFolder.of(project.resolve(), run)
             if folder.record() and not folder.outcome():
-                raise RunError(f"run {run} of {project.name} has not ended; cancel it first")
+                raise RunError(
+                    f"run {run} of {project.name} has not ended", advice="cancel it first"
+                )
             _written(folder, folder.remove)
             self._listing.forget(folder)
 

@@ -39,9 +39,9 @@ def serve(root: Path, port: int = 0, *, at_once: int = 1, browser: bool = True) 
     from pivident.studio.studio import Studio
 
     if not root.is_dir():
-        raise PividentError(f"{root} is no folder; create it, or name another one")
+        raise PividentError(f"{root} is no folder", advice="create it, or name another one")
     if at_once < 1:
-        raise PividentError(f"--at-once is {at_once}; at least 1 is needed")
+        raise PividentError(f"--at-once is {at_once}", advice="at least 1 is needed")
     listening = _socket(port)
     port = listening.getsockname()[1]
     token = new_token()
@@ -72,6 +72,6 @@ def _socket(port: int) -> socket.socket:
     except (OSError, OverflowError) as error:
         listening.close()
         raise PividentError(
-            f"port {port} cannot be used ({error}); choose another --port, or 0 for any"
+            f"port {port} cannot be used ({error})", advice="choose another --port, or 0 for any"
         ) from error
     return listening

@@ -71,7 +71,7 @@ class Argument:
         """
         if value is None or value in ("", [], ()):
             if self.is_needed:
-                raise StepError(f"{self.label} is missing; choose it")
+                raise StepError(f"{self.label} is missing", advice="choose it")
             return []
         if self.kind == "flag":
             return [self.option] if _flag(self, value) else []
@@ -80,7 +80,9 @@ class Argument:
         several = self.kind in ("choices", "results", "names")
         values = _listed(value) if several else [value]
         if len(values) > MAX_ENTRIES:
-            raise StepError(f"{self.label}: {len(values)} values; give at most {MAX_ENTRIES}")
+            raise StepError(
+                f"{self.label}: {len(values)} values", advice=f"give at most {MAX_ENTRIES}"
+            )
         words = dict.fromkeys(self._word(one) for one in values)
         checked = [self._text(project, word) for word in words]
         return [self.option, ",".join(checked)] if self.option else checked
@@ -102,7 +104,9 @@ class Argument:
     def _word(self, value: Any) -> str:
         """A name or a whole number as text."""
         if isinstance(value, bool) or not isinstance(value, str | int):
-            raise StepError(f"{self.label}: {_quoted(value)} is no name; choose one of the list")
+            raise StepError(
+                f"{self.label}: {_quoted(value)} is no name", advice="choose one of the list"
+            )
         return str(value)
 
     def _text(self, project: Path, value: str) -> str:
@@ -115,7 +119,8 @@ class Argument:
             return value
         if value not in self.choices:
             raise StepError(
-                f"{self.label}: there is no {_quoted(value)}; choose from {', '.join(self.choices)}"
+                f"{self.label}: there is no {_quoted(value)}",
+                advice=f"choose from {', '.join(self.choices)}",
             )
         return value
 
@@ -137,7 +142,9 @@ def result_folder(project: Path, name: str) -> str:
             there = [file for file in RESULT_FILES if (path / file).is_file()]
             alone = CONSISTENT_FILE if there == [CONSISTENT_FILE] else ""
             return "/".join(filter(None, (RESULTS, named[1], method, alone)))
-    raise StepError(f"{_quoted(name)} is no result of this project; choose one of the list")
+    raise StepError(
+        f"{_quoted(name)} is no result of this project", advice="choose one of the list"
+    )
 
 
 def _has_result(path: Path) -> bool:

@@ -61,7 +61,8 @@ class Step:
         for name in arguments:
             if name not in known:
                 raise StepError(
-                    f"{self.title} takes no {name!r}; it takes {', '.join(known) or 'nothing'}"
+                    f"{self.title} takes no {name!r}",
+                    advice=f"it takes {', '.join(known) or 'nothing'}",
                 )
         tokens = {
             name: argument.tokens(project, arguments.get(name)) for name, argument in known.items()
@@ -72,7 +73,9 @@ class Step:
         subject = [*unnamed, *self.subject(given)]
         argv = [self.name, *subject, *options, *self.output(out, given)]
         if EXPERIMENT in argv and not (project / EXPERIMENT).is_file():
-            raise StepError(f"{project.name} has no {EXPERIMENT} yet; describe the log first")
+            raise StepError(
+                f"{project.name} has no {EXPERIMENT} yet", advice="describe the log first"
+            )
         return argv
 
 
@@ -252,5 +255,7 @@ def step_named(name: str) -> Step:
         StepError: there is none of this name.
     """
     if name not in STEPS:
-        raise StepError(f"there is no step {str(name)[:60]!r}; choose from {', '.join(STEPS)}")
+        raise StepError(
+            f"there is no step {str(name)[:60]!r}", advice=f"choose from {', '.join(STEPS)}"
+        )
     return STEPS[name]

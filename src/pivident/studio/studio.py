@@ -103,7 +103,7 @@ class Studio:
         """
         known = [*gallery_names(), *(p.name for p in project.inputs() if is_robot(p))]
         if model not in known:
-            raise ProjectError(f"there is no robot {model!r}; {nearest(model, known)}")
+            raise ProjectError(f"there is no robot {model!r}", advice=nearest(model, known))
         text = project.text
         view = Content(text)
         if not view.robot:
@@ -145,7 +145,9 @@ class Studio:
         robot, logs = Content(text).robot, self.logs(project)
         if not robot or not logs:
             missing = "a robot" if not robot else "a log"
-            raise ProjectError(f"{project.name} has no {missing[2:]} yet; bring {missing} first")
+            raise ProjectError(
+                f"{project.name} has no {missing[2:]} yet", advice=f"bring {missing} first"
+            )
         names = [name.strip() for name in column_names.split(",") if name.strip()]
         self._drafted_from[project.folder] = version_of(text)
         self.tasks.start(
@@ -233,7 +235,9 @@ class Studio:
         try:
             fix = of_json(found["remarks"][remark]["fixes"][number])
         except (KeyError, IndexError):
-            raise Changed("the check has another result by now; it is shown as it is") from None
+            raise Changed(
+                "the check has another result by now", advice="it is shown as it is"
+            ) from None
         self.projects.write(project, applied(text, fix), version)
 
     def can_undo(self, project: Project) -> bool:
@@ -275,7 +279,7 @@ class Studio:
             if reason := hindrance(Content(project.text), look, check):
                 raise ProjectError(reason)
             if arguments.get("method") == []:
-                raise ProjectError("no method is chosen; tick at least one")
+                raise ProjectError("no method is chosen", advice="tick at least one")
         return self.runs.add(project.folder, step, arguments)
 
     @staticmethod

@@ -41,14 +41,16 @@ def target(project: Project, name: str) -> Path:
     """
     parts = name.replace("\\", "/").split("/")
     if len(parts) > MAX_DEPTH or parts[0] == RESULTS:
-        raise ProjectError(f"{name!r} lies in a folder of folders; bring the file, or the bag")
+        raise ProjectError(
+            f"{name!r} lies in a folder of folders", advice="bring the file, or the bag"
+        )
     for part in parts:
         checked_name(part)
     name = parts[-1]
     if not (is_robot(Path(name)) or is_log(name) or (len(parts) > 1 and name == "metadata.yaml")):
         raise ProjectError(
-            f"{name} is neither a robot nor a log; robots end with {', '.join(ROBOT_FILES)}, logs "
-            f"with {', '.join(endings())}"
+            f"{name} is neither a robot nor a log",
+            advice=f"robots end with {', '.join(ROBOT_FILES)}, logs with {', '.join(endings())}",
         )
     return project.path_of("/".join(parts))
 
@@ -81,13 +83,13 @@ async def receive(path: Path, parts: AsyncIterator[bytes], declared: int | None)
                 file.write(part)
         if declared is not None and size != declared:
             raise ProjectError(
-                f"{path.name} broke off after {size} of {declared} bytes; bring it again"
+                f"{path.name} broke off after {size} of {declared} bytes", advice="bring it again"
             )
         os.replace(aside, path)
     except OSError as error:
         raise ProjectError(
-            f"{path.name} cannot be written: {error.strerror or error}; free some space or "
-            "choose another folder"
+            f"{path.name} cannot be written: {error.strerror or error}",
+            advice="free some space or choose another folder",
         ) from error
     finally:
         aside.unlink(missing_ok=True)
@@ -118,8 +120,8 @@ def _check_room(path: Path, size: int) -> None:
     free = shutil.disk_usage(existing).free
     if size > max(free - RESERVE, 0):
         raise ProjectError(
-            f"{path.name} has {size / 1e6:.0f} MB, and {free / 1e6:.0f} MB are free on the disk; "
-            "free some space"
+            f"{path.name} has {size / 1e6:.0f} MB, and {free / 1e6:.0f} MB are free on the disk",
+            advice="free some space",
         )
 
 

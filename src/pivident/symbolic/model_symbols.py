@@ -107,8 +107,8 @@ def with_parameters(
         numbers = np.asarray(values, dtype=float)
         if numbers.shape != (len(parameters),):
             raise RobotDescriptionError(
-                f"the values of the parameters have shape {numbers.shape}; give {len(parameters)} "
-                f"numbers, one for each of {', '.join(names[:3])} …"
+                f"the values of the parameters have shape {numbers.shape}",
+                advice=f"give {len(parameters)} numbers, one for each of {', '.join(names[:3])} …",
             )
         theta = tuple(constant(x) for x in numbers.tolist())
         argument = NOTHING

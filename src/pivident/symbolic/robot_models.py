@@ -115,7 +115,8 @@ def _with_loops(robot: Robot) -> None:
     if robot.constraints is None:
         raise RobotDescriptionError(
             f"robot {robot.name!r} has no closed loops and no joints that follow others, so there "
-            "are no equations that close them; leave out closure and motion"
+            "are no equations that close them",
+            advice="leave out closure and motion",
         )
 
 
@@ -231,8 +232,8 @@ def nominal_standard_values(robot: Robot) -> np.ndarray:
     nominal = nominal_values(robot, standard_parameters(robot))
     if not nominal.any():
         raise RobotDescriptionError(
-            f"robot {robot.name!r} has no nominal parameter values; leave out --values and give "
-            "the parameters to the generated functions"
+            f"robot {robot.name!r} has no nominal parameter values",
+            advice="leave out --values and give the parameters to the generated functions",
         )
     return nominal
 

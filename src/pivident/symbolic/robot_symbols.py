@@ -43,8 +43,9 @@ def robot_symbols(
     for p in model.parameters:
         if has_memory(p) or depends_on_load(p):
             raise RobotDescriptionError(
-                f"{p.name}: friction with a memory, and friction that grows with the load, are not "
-                "handled in mechanisms with closed loops; choose viscous, Coulomb, Stribeck …"
+                f"{p.name}: friction with a memory, and friction that grows with the load, are "
+                "not handled in mechanisms with closed loops",
+                advice="choose viscous, Coulomb, Stribeck …",
             )
     return model
 

@@ -102,8 +102,8 @@ def table(thing: Any, name: str | None = None) -> Table:
     chosen = names[0] if name is None else name
     if chosen not in names:
         raise TableError(
-            f"a {type(thing).__name__} has no table {chosen!r}; {nearest(str(chosen), names)}; "
-            f"there are {', '.join(names)}"
+            f"a {type(thing).__name__} has no table {chosen!r}",
+            advice=f"{nearest(str(chosen), names)}; there are {', '.join(names)}",
         )
     return getattr(import_module(module), f"{prefix}_{chosen}")(thing)
 
@@ -129,4 +129,6 @@ def _entry(thing: Any) -> tuple[str, str, tuple[str, ...]]:
         if entry is not None:
             return entry
     known = ", ".join(key.rpartition(".")[2] for key in TABLES)
-    raise TableError(f"there is no table of a {type(thing).__name__}; there are tables of {known}")
+    raise TableError(
+        f"there is no table of a {type(thing).__name__}", advice=f"there are tables of {known}"
+    )

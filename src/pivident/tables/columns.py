@@ -50,8 +50,8 @@ class Table(Displayed):
         lengths = {len(values) for values in self.columns.values()}
         if len(lengths) > 1:
             raise TableError(
-                f"the columns of the table {self.name!r} have {sorted(lengths)} rows; give each "
-                "column the same length"
+                f"the columns of the table {self.name!r} have {sorted(lengths)} rows",
+                advice="give each column the same length",
             )
 
     @classmethod

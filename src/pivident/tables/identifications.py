@@ -128,7 +128,8 @@ def identification_signals(result: Identification) -> Table:
     """The estimator's signals, one row for each joint of each sample; a file holds none."""
     if not result.recordings:
         raise TableError(
-            "the identification holds no signals, as after reading it from a file; identify again"
+            "the identification holds no signals, as after reading it from a file",
+            advice="identify again",
         )
     joints = result.robot.joints
     parts: dict[str, list[np.ndarray]] = {}

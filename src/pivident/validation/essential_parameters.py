@@ -174,7 +174,7 @@ def essential_parameters(
     if not 0 < level < 1:
         raise ExperimentError(f"level must lie between 0 and 1, not {level}")
     if reidentify not in ("round", "step"):
-        raise ExperimentError(f"reidentify is {reidentify!r}; choose 'round' or 'step'")
+        raise ExperimentError(f"reidentify is {reidentify!r}", advice="choose 'round' or 'step'")
     say = progress or (lambda line: None)
     chosen = method_named(method)
     most = 1 if reidentify == "step" else len(problem.names)

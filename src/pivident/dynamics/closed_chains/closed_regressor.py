@@ -79,8 +79,9 @@ class ClosedRegressor(Regressor):
         if tree.inner_entries.size:
             p = parameters[tree.column[tree.inner_entries[0]]]
             raise RobotDescriptionError(
-                f"{p.name}: friction with a memory, and friction that grows with the load, are not "
-                "handled in mechanisms with closed loops; choose viscous, Coulomb, Stribeck …"
+                f"{p.name}: friction with a memory, and friction that grows with the load, are "
+                "not handled in mechanisms with closed loops",
+                advice="choose viscous, Coulomb, Stribeck …",
             )
         chains = ClosedChains(robot)
         moved = moved_joints(robot)

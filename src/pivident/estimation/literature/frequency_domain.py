@@ -124,8 +124,8 @@ class FrequencyDomain(Method):
         super().__post_init__()
         if not isinstance(self.signals, Bandpass):
             raise ExperimentError(
-                "frequency differentiates on the lines of the motion; of its signals it takes "
-                "cutoff and bandwidth of a bandpass"
+                "frequency differentiates on the lines of the motion",
+                advice="of its signals it takes cutoff and bandwidth of a bandpass",
             ).about("signals")
 
     def settled(self, recordings: Sequence[Recording]) -> Self:

@@ -63,7 +63,7 @@ class PriorRegression(Regression):
         for name, value in self.deviation.items():
             if not value > 0.0:  # infinite: nothing is known
                 raise ExperimentError(
-                    f"the prior's deviation of {name} is {value}; it has to be positive"
+                    f"the prior's deviation of {name} is {value}", advice="it has to be positive"
                 ).about("deviation")
         object.__setattr__(self, "deviation", dict(self.deviation))
         object.__setattr__(self, "names", tuple(self.names))
@@ -81,7 +81,8 @@ class PriorRegression(Regression):
         if not np.allclose(matrix, matrix.T, rtol=1e-9) or not least > 0.0:
             raise ExperimentError(
                 "prior_covariance is not symmetric and positive definite (smallest eigenvalue "
-                f"{least:.3g}); no normal distribution has it"
+                f"{least:.3g})",
+                advice="no normal distribution has it",
             ).about("prior_covariance")
 
     def solve(self, problem: Problem, rows: Rows, start: np.ndarray) -> Noticed:
@@ -116,8 +117,8 @@ def prior_of(problem: Problem, method: PriorRegression) -> tuple[np.ndarray, np.
     for name in (*method.deviation, *method.names):
         if name not in problem.names:
             raise ExperimentError(
-                f"the prior names {name!r}, which is no parameter here; "
-                f"{nearest(name, problem.names)}"
+                f"the prior names {name!r}, which is no parameter here",
+                advice=nearest(name, problem.names),
             ).about("deviation" if name in method.deviation else "names")
     mean = problem.initial_values()
     deviation = np.where(mean != 0.0, method.spread * np.abs(mean), np.inf)

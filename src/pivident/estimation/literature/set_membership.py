@@ -77,8 +77,8 @@ class SetMembership(Regression):
             numbers = np.atleast_1d(np.asarray(self.bound, float))
             if len(numbers) not in (1, len(rows.joints)):
                 raise ExperimentError(
-                    f"bound has {len(numbers)} numbers for {len(rows.joints)} joints; give one for "
-                    "all or one for each"
+                    f"bound has {len(numbers)} numbers for {len(rows.joints)} joints",
+                    advice="give one for all or one for each",
                 ).about("bound")
             bound = np.broadcast_to(numbers, len(rows.joints)).astype(float)
         box = parameter_box(rows, bound, start)
@@ -157,8 +157,8 @@ def _contradiction(
     own = rows.joints[joint]
     return IdentificationError(
         f"no parameters explain all rows within the bounds: they would have to be {least:.3g} "
-        f"times as wide. Worst is joint {own.name!r} at row {row} (bound {bound[joint]:.4g}); "
-        "widen its bound, leave the row out, or look for what the model lacks there"
+        f"times as wide. Worst is joint {own.name!r} at row {row} (bound {bound[joint]:.4g})",
+        advice="widen its bound, leave the row out, or look for what the model lacks there",
     )
 
 
@@ -223,8 +223,8 @@ class _Program:
         while True:
             if not minimise(self.phi, self.tau, self.bound, cost, self.basis):
                 raise IdentificationError(
-                    "a linear program failed: its rows are too nearly dependent; leave out "
-                    "parameters that the motion hardly excites"
+                    "a linear program failed: its rows are too nearly dependent",
+                    advice="leave out parameters that the motion hardly excites",
                 )
             if not self._add(self.basis.theta / self.scale):
                 self.lasting |= set(self.basis.rows.tolist())

@@ -69,8 +69,9 @@ def solve_total(rows: Rows) -> Solved:
     last = vectors[-1]
     if abs(last[size]) < NONGENERIC:
         raise IdentificationError(
-            "total least squares has no solution: the columns of the observation matrix depend on "
-            "each other more than the torque does on them; leave out parameters, or use ls"
+            "total least squares has no solution: the columns of the observation matrix depend "
+            "on each other more than the torque does on them",
+            advice="leave out parameters, or use ls",
         )
     scaled = -last[:size] / last[size]
     square = values[-1] ** 2

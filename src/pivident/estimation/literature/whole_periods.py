@@ -98,16 +98,16 @@ def whole_periods(recording: Recording, period: float | None, transient: int) ->
         length = round(period * rate)
         if length < 8 or abs(length - period * rate) > WHOLE:
             raise IdentificationError(
-                f"a period of {period:g} s has {period * rate:g} samples in recording {name!r}; it "
-                f"needs a whole number: {max(length, 8) / rate:.9g} s would have one"
+                f"a period of {period:g} s has {period * rate:g} samples in recording {name!r}",
+                advice=f"it needs a whole number: {max(length, 8) / rate:.9g} s would have one",
             )
     count = recording.samples // length - transient
     if count < MIN_PERIODS:
         raise IdentificationError(
             f"recording {name!r} has {recording.samples / length:.3g} periods of "
-            f"{length / rate:.4g} s, and {transient} of them is left to the transient; "
-            f"{MIN_PERIODS} more are needed to tell noise from motion: repeat the motion more "
-            "often, or set transient = 0 if the log begins in steady motion"
+            f"{length / rate:.4g} s, and {transient} of them is left to the transient",
+            advice=f"{MIN_PERIODS} more are needed to tell noise from motion: repeat the motion "
+            "more often, or set transient = 0 if the log begins in steady motion",
         )
     return WholePeriods(recording.samples - count * length, length, count)
 

@@ -114,7 +114,8 @@ class _Search:
         if TORQUES in options.channels and any(s.tau is None for s in stretches):
             lacking = next(s.name for s in stretches if s.tau is None)
             raise IdentificationError(
-                f"recording {lacking!r} has no measured torque to compare with; compare positions"
+                f"recording {lacking!r} has no measured torque to compare with",
+                advice="compare positions",
             )
         self.stretches, self.unknowns, self.options = stretches, unknowns, options
         self.closed = not any(isinstance(s.loop.controller, OpenLoop) for s in stretches)
@@ -291,8 +292,9 @@ class _Search:
             return np.zeros_like(solved.step), MAX_REFUSED, damping, None
         raise IdentificationError(
             "no step makes the simulation error smaller, though its derivatives promise one: the "
-            "simulated motion jumps as parameters change (friction at standstill, limits that are "
-            "reached); start from other values, or use piv"
+            "simulated motion jumps as parameters change (friction at standstill, limits that "
+            "are reached)",
+            advice="start from other values, or use piv",
         )
 
     def _pass(self, point: Point, solved: WeightedStep, change: float, refused: int) -> FitPass:

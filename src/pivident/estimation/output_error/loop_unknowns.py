@@ -42,7 +42,7 @@ def loop_unknowns(problem: Problem, loop: ParametrisedLoop, names: Sequence[str]
         if not chosen:
             listed = list(known)
             raise ExperimentError(
-                f"free names {name!r}, which this loop does not have; {nearest(name, listed)}"
+                f"free names {name!r}, which this loop does not have", advice=nearest(name, listed)
             ).about("free")
         unknowns |= {u.name: u for u in chosen}
     return list(unknowns.values())
@@ -63,7 +63,7 @@ def within_bounds(
     for name, (low, high) in bounds.items():
         if name not in names:
             raise ExperimentError(
-                f"bounds names {name!r}, which is not sought; {nearest(name, list(names))}"
+                f"bounds names {name!r}, which is not sought", advice=nearest(name, list(names))
             ).about("bounds")
         own = made[names[name]]
         made[names[name]] = Unknown(own.name, own.unit, own.direction, low, high)

@@ -161,8 +161,8 @@ class OutputError(IteratedMethod):
         super().__post_init__()
         if type(self.noise) is not AutoRegressive:
             raise ExperimentError(
-                "noise models of simulation errors are autoregressive; leave ar_order, ma_order "
-                "and repetition out"
+                "noise models of simulation errors are autoregressive",
+                advice="leave ar_order, ma_order and repetition out",
             ).about("noise")
         if self.loop == "open" and self.compares != "positions":
             raise ExperimentError(
@@ -171,7 +171,8 @@ class OutputError(IteratedMethod):
             ).about("compares")
         if self.segment is not None and self.loop == "closed":
             raise ExperimentError(
-                f"segment is {self.segment} s; it cuts the records of an open loop, and is positive"
+                f"segment is {self.segment} s",
+                advice="it cuts the records of an open loop, and is positive",
             ).about("segment")
         object.__setattr__(self, "free", tuple(self.free))
         bounds = {name: (float(low), float(high)) for name, (low, high) in self.bounds.items()}

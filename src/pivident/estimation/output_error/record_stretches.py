@@ -190,8 +190,9 @@ def _open_signals(recording: Recording, q: np.ndarray, dq: np.ndarray) -> LoopSi
     if recording.torque_timing == "sampled":
         raise ExperimentError(
             f"the torques of recording {recording.name!r} are values at instants (torque_timing = "
-            '"sampled"); an open loop needs what acts between the samples. Use cloe, clie or ml, '
-            'or declare torque_timing = "held" if the drive holds them'
+            '"sampled")',
+            advice="an open loop needs what acts between the samples. Use cloe, clie or ml, "
+            'or declare torque_timing = "held" if the drive holds them',
         ).about("torque_timing")
     early = recording.delay * recording.rate + (recording.torque_timing == "averaged")
     if early:

@@ -32,8 +32,8 @@ class Unknown:
     def __post_init__(self) -> None:
         if not self.low < self.high:
             raise ExperimentError(
-                f"the bounds of {self.name} are {self.low:g} and {self.high:g} {self.unit}; the "
-                "lower one has to be smaller"
+                f"the bounds of {self.name} are {self.low:g} and {self.high:g} {self.unit}",
+                advice="the lower one has to be smaller",
             )
 
 

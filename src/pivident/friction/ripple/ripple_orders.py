@@ -38,12 +38,13 @@ class NamedOrder:
     def __post_init__(self) -> None:
         if not (math.isfinite(self.count) and self.count > 0):
             raise ExperimentError(
-                f"named order {self.name!r} has {self.count} cycles per revolution; "
-                "give a positive number"
+                f"named order {self.name!r} has {self.count} cycles per revolution",
+                advice="give a positive number",
             )
         if self.of not in ("motor", "joint"):
             raise ExperimentError(
-                f"named order {self.name!r} is of the {self.of!r}; choose 'motor' or 'joint'"
+                f"named order {self.name!r} is of the {self.of!r}",
+                advice="choose 'motor' or 'joint'",
             )
 
 

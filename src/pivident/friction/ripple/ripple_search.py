@@ -102,8 +102,8 @@ def find_ripple(
     for wanted in named:
         if wanted.joint is not None and wanted.joint not in names:
             raise ExperimentError(
-                f"named order {wanted.name!r} is of joint {wanted.joint!r}; the robot has "
-                f"{', '.join(names)}"
+                f"named order {wanted.name!r} is of joint {wanted.joint!r}",
+                advice=f"the robot has {', '.join(names)}",
             )
     series = residual_series(identification, recordings)
     joints = []

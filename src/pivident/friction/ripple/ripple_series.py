@@ -62,11 +62,11 @@ def residual_series(
     else:
         series = tuple(_predicted(identification, recording) for recording in recordings)
     if not series:
-        raise IdentificationError("no residual to search for ripple; give a recording")
+        raise IdentificationError("no residual to search for ripple", advice="give a recording")
     if np.ptp([s.rate for s in series]) > 1e-6 * series[0].rate:
         listed = ", ".join(f"{s.name} {s.rate:g} Hz" for s in series)
         raise IdentificationError(
-            f"recordings have different sampling rates ({listed}); search them one by one"
+            f"recordings have different sampling rates ({listed})", advice="search them one by one"
         )
     return series
 

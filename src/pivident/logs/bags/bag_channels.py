@@ -69,8 +69,9 @@ def full_names(
         return tuple(members)
     missing = [joint for joint in joint_names if f"{field}/{joint}" not in members]
     raise RecordingError(
-        f"{path.name}: {field} holds no joint {', '.join(missing[:3])}; its joints are "
-        f"{', '.join(labels[:12])}; name one column for each joint of the robot, in its order"
+        f"{path.name}: {field} holds no joint {', '.join(missing[:3])}",
+        advice=f"its joints are {', '.join(labels[:12])}; name one column for each joint of the "
+        "robot, in its order",
     )
 
 
@@ -86,7 +87,8 @@ def _one_name(
         raise UnknownColumn(path.name, short, near, shown or known)
     if len(fits) > 1:
         raise RecordingError(
-            f"{path.name} has {len(fits)} topics with {short!r}; write one of {', '.join(fits[:4])}"
+            f"{path.name} has {len(fits)} topics with {short!r}",
+            advice=f"write one of {', '.join(fits[:4])}",
         )
     return fits[0]
 
@@ -106,8 +108,9 @@ def _clocked(
         kind = clock.rpartition("/")[2]
         if kind not in (STAMP, RECEIVED):
             raise RecordingError(
-                f"t of a bag is {clock!r}; leave it out for the stamps of the messages, or write "
-                f"{STAMP!r} or {RECEIVED!r}"
+                f"t of a bag is {clock!r}",
+                advice=f"leave it out for the stamps of the messages, or write {STAMP!r} or "
+                f"{RECEIVED!r}",
             )
     elif kind == RECEIVED:
         notes = (

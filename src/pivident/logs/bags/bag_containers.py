@@ -216,8 +216,8 @@ def sqlite_messages(path: Path) -> Iterator[Message]:
     log = path.with_name(path.name + "-wal")
     if log.exists() and log.stat().st_size:
         raise FileFormatError(
-            f"{path.name} was not closed by its recorder: part of it is still in {log.name}; open "
-            f"it once with `sqlite3 {path.name} 'PRAGMA wal_checkpoint'`"
+            f"{path.name} was not closed by its recorder: part of it is still in {log.name}",
+            advice=f"open it once with `sqlite3 {path.name} 'PRAGMA wal_checkpoint'`",
         )
     try:
         with contextlib.closing(_database(path)) as database:
@@ -303,12 +303,14 @@ def _whole(path: Path, stream: BufferedReader, size: int) -> bytes:
 
 def _damaged(path: Path, reason: str) -> FileFormatError:
     """The error of a bag whose content contradicts itself."""
-    return FileFormatError(f"{path.name} is a damaged bag ({reason}); copy or record it again")
+    return FileFormatError(
+        f"{path.name} is a damaged bag ({reason})", advice="copy or record it again"
+    )
 
 
 def _cut_off(path: Path) -> FileFormatError:
     """The error of a bag that ends too early."""
     return FileFormatError(
-        f"{path.name} is cut off: it ends inside a record; copy it again, or repair it with "
-        "`rosbag reindex` (.bag) or `mcap recover` (.mcap)"
+        f"{path.name} is cut off: it ends inside a record",
+        advice="copy it again, or repair it with `rosbag reindex` (.bag) or `mcap recover` (.mcap)",
     )

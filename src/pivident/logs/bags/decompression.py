@@ -47,7 +47,7 @@ def unpacked(path: Path, kind: str, data: bytes, size: int | None, before: int) 
         raise
     except Exception as error:  # each library has an error of its own
         raise FileFormatError(
-            f"{path.name} has a chunk that is no {kind} ({str(error)[:80]}); copy it again"
+            f"{path.name} has a chunk that is no {kind} ({str(error)[:80]})", advice="copy it again"
         ) from error
     if len(content) != size or not decompressor.eof:
         raise FileFormatError(
@@ -97,7 +97,7 @@ def _blocks(path: Path, step: int = 2**22) -> Iterator[bytes]:
         raise
     except Exception as error:
         raise FileFormatError(
-            f"{path.name} is no whole zstd file ({str(error)[:80]}); copy it again"
+            f"{path.name} is no whole zstd file ({str(error)[:80]})", advice="copy it again"
         ) from error
 
 
@@ -111,7 +111,7 @@ def _decompressor(path: Path, kind: str) -> Any:
     if kind == "zstd":
         return _zstd().ZstdDecompressor()
     raise FileFormatError(
-        f"{path.name} is compressed with {kind[:20]!r}; bz2, lz4 and zstd are read"
+        f"{path.name} is compressed with {kind[:20]!r}", advice="bz2, lz4 and zstd are read"
     )
 
 

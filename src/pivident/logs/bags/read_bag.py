@@ -83,7 +83,8 @@ class Bag:
         nanoseconds = table.received if kind == RECEIVED else table.stamps
         if nanoseconds is None:
             raise FileFormatError(
-                f"the messages of {table.name} carry no time stamps; take {table.name}/{RECEIVED}"
+                f"the messages of {table.name} carry no time stamps",
+                advice=f"take {table.name}/{RECEIVED}",
             )
         return (nanoseconds - self.start) / 1e9
 
@@ -179,7 +180,9 @@ def _messages(file: Path) -> Iterator[Message]:
     """Messages of one file, which may be packed as a whole."""
     read = CONTAINERS.get(_kind(file))
     if read is None:
-        raise FileFormatError(f"{file.name} is no bag; use one of {', '.join(CONTAINERS)}")
+        raise FileFormatError(
+            f"{file.name} is no bag", advice=f"use one of {', '.join(CONTAINERS)}"
+        )
     if file.suffix.lower() not in (".zstd", ".zst"):
         yield from read(file)
         return

@@ -135,12 +135,13 @@ def resampled(channel: ClockedChannel, grid: np.ndarray, rate: float) -> np.ndar
         k = int(np.flatnonzero(~np.isfinite(values).all(axis=1))[0])
         raise RecordingError(
             f"{channel.channel} is NaN or infinite at {t[k]:.3f} s on the clock {channel.clock}, "
-            "and cannot be interpolated; cut the recording there, or name another topic"
+            "and cannot be interpolated",
+            advice="cut the recording there, or name another topic",
         ).about("columns", *channel.channel.split("."))
     if np.abs(values).max() > LARGEST:
         raise RecordingError(
-            f"{channel.channel} reaches {np.abs(values).max():.3g}, which is no measurement; check "
-            f"the log on the clock {channel.clock}"
+            f"{channel.channel} reaches {np.abs(values).max():.3g}, which is no measurement",
+            advice=f"check the log on the clock {channel.clock}",
         ).about("columns", *channel.channel.split("."))
     if channel.channel.startswith("inputs."):
         return timestamps.resample_held(t, values, grid)
@@ -210,8 +211,8 @@ def _shared(
         inside = max(start, part[0]), min(stop, part[1])
         if not inside[0] < inside[1]:
             raise RecordingError(
-                f"the part from {part[0]:g} to {part[1]:g} s holds no samples of all channels; "
-                f"they run from {start:g} to {stop:g} s"
+                f"the part from {part[0]:g} to {part[1]:g} s holds no samples of all channels",
+                advice=f"they run from {start:g} to {stop:g} s",
             ).about("part")
         start, stop = inside
     return start, stop

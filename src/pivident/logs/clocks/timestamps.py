@@ -47,7 +47,7 @@ def check_length(samples: int) -> None:
 def check_positive(name: str, value: float) -> None:
     """Refuse a rate that is not a positive, finite number."""
     if not (np.isfinite(value) and value > 0):
-        raise RecordingError(f"{name} is {value!r} Hz; a positive number is needed")
+        raise RecordingError(f"{name} is {value!r} Hz", advice="a positive number is needed")
 
 
 def likely_time_units(interval: float) -> list[str]:
@@ -63,8 +63,8 @@ def check_seconds(t: np.ndarray) -> None:
         return
     unit = next(iter(likely_time_units(interval)), "ms")
     raise RecordingError(
-        f"the time stamps advance by {interval:g} s, a rate of {1.0 / interval:.4g} Hz; are they "
-        f'in {unit}? set units = {{t = "{unit}"}}, or t = "s" if they are seconds'
+        f"the time stamps advance by {interval:g} s, a rate of {1.0 / interval:.4g} Hz",
+        advice=f'are they in {unit}? set units = {{t = "{unit}"}}, or t = "s" if they are seconds',
     )
 
 
@@ -74,7 +74,8 @@ def check_increasing(t: np.ndarray) -> None:
     bad = np.flatnonzero(~np.isfinite(t))
     if bad.size:
         raise RecordingError(
-            f"time stamp of sample {bad[0]} is {t[bad[0]]}; remove that row or give the rate"
+            f"time stamp of sample {bad[0]} is {t[bad[0]]}",
+            advice="remove that row or give the rate",
         )
     intervals = np.diff(t)
     wrong = np.flatnonzero(intervals <= 0)
@@ -217,8 +218,8 @@ def check_declared(rate: float) -> None:
     check_positive("rate", rate)
     if rate < LOWEST_RATE:
         raise RecordingError(
-            f"the rate is {rate:g} Hz, unlike any robot's log; it may be a period in seconds, or a "
-            "rate in kHz: rate is in Hz"
+            f"the rate is {rate:g} Hz, unlike any robot's log",
+            advice="it may be a period in seconds, or a rate in kHz: rate is in Hz",
         )
 
 
@@ -230,8 +231,8 @@ def check_rate(rate: float, t: np.ndarray) -> None:
     stamped = (len(t) - 1) / elapsed if elapsed > 0 else float("nan")
     if not abs(rate / stamped - 1.0) <= RATE_TOLERANCE:
         raise RecordingError(
-            f"the rate was given as {rate:g} Hz, but the time stamps advance at {stamped:g} Hz; "
-            "check the unit of the time column, or leave one of the two out"
+            f"the rate was given as {rate:g} Hz, but the time stamps advance at {stamped:g} Hz",
+            advice="check the unit of the time column, or leave one of the two out",
         )
 
 
@@ -249,8 +250,8 @@ def uniform_grid(
     if not periods < MAX_NEW_SAMPLES * len(t):
         raise RecordingError(
             f"{rate:g} Hz from {start:g} to {stop:g} s makes {periods:.3g} samples of {len(t)}, "
-            f"more than {MAX_NEW_SAMPLES} for each; check the rate, the unit of the time "
-            "column, and gaps in it"
+            f"more than {MAX_NEW_SAMPLES} for each",
+            advice="check the rate, the unit of the time column, and gaps in it",
         ).about("rate")
     return np.minimum(start + np.arange(int(periods) + 1) / rate, stop), rate
 

@@ -32,18 +32,20 @@ def named_columns(path: Path, names: Sequence[str]) -> dict[str, str]:
     if own[:1] != ("column_1",):
         listed = ", ".join(own[:6]) + (" …" if len(own) > 6 else "")
         raise RecordingError(
-            f"{path.name} names its columns itself ({listed}); column names are for text tables "
-            "without a header: leave them out"
+            f"{path.name} names its columns itself ({listed})",
+            advice="column names are for text tables without a header: leave them out",
         )
     if len(own) != len(names):
         raise RecordingError(
             f"{path.name} has {len(own)} columns, but {len(names)} are named "
-            f"({', '.join(names[:4])} …); name all in their order, {UNNAMED} for those that are "
-            "not needed"
+            f"({', '.join(names[:4])} …)",
+            advice=f"name all in their order, {UNNAMED} for those that are not needed",
         )
     twice = repeated([name for name in names if name != UNNAMED])
     if twice:
-        raise RecordingError(f"the column name {twice[0]!r} is given twice; give each its own")
+        raise RecordingError(
+            f"the column name {twice[0]!r} is given twice", advice="give each its own"
+        )
     pairs = zip(names, own, strict=True)
     return {column if name == UNNAMED else name: column for name, column in pairs}
 
@@ -86,7 +88,8 @@ def written_out(names: Iterable[str]) -> list[str]:
         first, low, last, high = match.groups()
         if last not in (first, "") or int(low) > int(high) or int(high) - int(low) > 1000:
             raise RecordingError(
-                f"{name!r} is no range of columns; it has the form q1..q7, from the lower number on"
+                f"{name!r} is no range of columns",
+                advice="it has the form q1..q7, from the lower number on",
             )
         found += [f"{first}{k}" for k in range(int(low), int(high) + 1)]
     return found

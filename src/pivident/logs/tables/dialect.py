@@ -73,7 +73,8 @@ def dialect_of(file: str, lines: Iterable[str]) -> Dialect:
         if len(line) >= MAX_LINE:
             if not looked_at:
                 raise FileFormatError(
-                    f"{file} has a first line of {MAX_LINE} characters or more; is it a table?"
+                    f"{file} has a first line of {MAX_LINE} characters or more",
+                    advice="is it a table?",
                 )
             break
         if line.strip() and not line.startswith(COMMENT):
@@ -81,7 +82,7 @@ def dialect_of(file: str, lines: Iterable[str]) -> Dialect:
             if len(looked_at) >= LOOKED_AT:
                 break
     if not looked_at:
-        raise FileFormatError(f"{file} holds no table; export the log again")
+        raise FileFormatError(f"{file} holds no table", advice="export the log again")
     title = _title(looked_at)
     rows = looked_at[title:]
     separator = _separator([line for _, line in rows])
@@ -90,8 +91,8 @@ def dialect_of(file: str, lines: Iterable[str]) -> Dialect:
         blanks and len(rows[0][1].split()) > MAX_COLUMNS
     ):
         raise FileFormatError(
-            f"{file} has more than {MAX_COLUMNS} columns; transpose the table, or export "
-            "only those of the robot"
+            f"{file} has more than {MAX_COLUMNS} columns",
+            advice="transpose the table, or export only those of the robot",
         )
     cells = [line.split() if blanks else cells_of(line, separator) for _, line in rows]
     comma = (separator != "," or blanks) and any(
@@ -105,7 +106,8 @@ def dialect_of(file: str, lines: Iterable[str]) -> Dialect:
     if thousands:
         raise FileFormatError(
             f"{file} has decimal commas, and a number {quoted(thousands[0])} that may be a "
-            "thousand; export it without marks between thousands"
+            "thousand",
+            advice="export it without marks between thousands",
         )
     above = rows[0][0] if title else 0
     separator = "\t" if blanks else separator
@@ -116,7 +118,8 @@ def dialect_of(file: str, lines: Iterable[str]) -> Dialect:
     twice = repeated(names)
     if twice:
         raise FileFormatError(
-            f"{file} has more than one column {quoted(twice[0])}; rename them in its header"
+            f"{file} has more than one column {quoted(twice[0])}",
+            advice="rename them in its header",
         )
     units = int(_has_units(cells, comma)) if begun is None else begun.below
     return Dialect(names, separator, True, above, units, comma, blanks)

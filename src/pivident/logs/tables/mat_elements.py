@@ -20,6 +20,7 @@ from typing import BinaryIO
 
 import numpy as np
 
+from pivident.errors import UnusableValue
 from pivident.logs.source_files import HARMLESS_SIZE, MAX_EXPANSION
 
 #: Length of the header, and of the longest head of a variable: flags, sizes and name [bytes].
@@ -144,9 +145,9 @@ def _opened(stream: BinaryIO) -> tuple[str, int]:
     header = stream.read(HEADER)
     order = {b"IM": "<", b"MI": ">"}.get(header[126:128])
     if order is None:
-        raise ValueError("it is not of version 5, 6, 7 or 7.3; save it with -v7")
+        raise UnusableValue("it is not of version 5, 6, 7 or 7.3", advice="save it with -v7")
     if struct.unpack(order + "H", header[124:126])[0] != 0x0100:
-        raise ValueError("its header names an unknown version; save it with -v7")
+        raise UnusableValue("its header names an unknown version", advice="save it with -v7")
     return order, os.fstat(stream.fileno()).st_size
 
 

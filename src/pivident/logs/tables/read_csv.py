@@ -176,12 +176,13 @@ def _refuse_other_files(path: Path, line: str) -> None:
         raise FileFormatError(f"{path.name} is a binary file, not a text table")
     if line.lstrip().lower().startswith(("<!doctype html", "<html", "<?xml")):
         raise FileFormatError(
-            f"{path.name} is a web page or XML, not a table; the download went wrong, or another "
-            "file was meant"
+            f"{path.name} is a web page or XML, not a table",
+            advice="the download went wrong, or another file was meant",
         )
     if line.startswith("version https://git-lfs"):
         raise FileFormatError(
-            f"{path.name} is a Git LFS pointer and not the log itself; fetch it with git lfs pull"
+            f"{path.name} is a Git LFS pointer and not the log itself",
+            advice="fetch it with git lfs pull",
         )
 
 

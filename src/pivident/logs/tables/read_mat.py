@@ -138,7 +138,7 @@ def _read_hdf5(path: Path, names: Sequence[str]) -> dict[str, np.ndarray]:
             dataset = file[name if name in file else name.replace(".", "/")]
             if dataset.external or dataset.is_virtual:
                 raise FileFormatError(
-                    f"{path.name} keeps {name!r} in another file; save it in one file"
+                    f"{path.name} keeps {name!r} in another file", advice="save it in one file"
                 )
             arrays[name] = np.ascontiguousarray(dataset[()].T)
     return arrays

@@ -48,7 +48,7 @@ def read_npz(path: Path, names: Sequence[str] | None = None) -> dict[str, np.nda
                     continue
                 kind = "pickled objects" if dtype.hasobject else f"{dtype}"
                 raise FileFormatError(
-                    f"{path.name} holds {kind} in {name!r}; save it as an array of numbers"
+                    f"{path.name} holds {kind} in {name!r}", advice="save it as an array of numbers"
                 )
             refuse_bomb(path, size)
             arrays[name] = _load(path, archive, name, size)
@@ -118,7 +118,7 @@ def read_npy(path: Path, names: Sequence[str] | None = None) -> dict[str, np.nda
         dtype = _header(file)[2]
     if dtype.kind not in "biuf":
         kind = "pickled objects" if dtype.hasobject else f"{dtype}"
-        raise FileFormatError(f"{path.name} holds {kind}; save it as an array of numbers")
+        raise FileFormatError(f"{path.name} holds {kind}", advice="save it as an array of numbers")
     with _damage_named(path, ONLY):
         return {ONLY: np.asarray(np.load(path, mmap_mode="r", allow_pickle=False))}
 

@@ -70,8 +70,8 @@ def names_in(path: str | Path) -> tuple[str, ...]:
         if len(name) > MAX_NAME or not is_printable(name):
             what = "control characters" if len(name) <= MAX_NAME else f"{len(name)} characters"
             raise FileFormatError(
-                f"{path.name} has a column or array whose name has {what}, "
-                f"{name[:20]!r}…; rename it"
+                f"{path.name} has a column or array whose name has {what}, {name[:20]!r}…",
+                advice="rename it",
             )
     return names
 
@@ -98,12 +98,12 @@ def _refuse_text(path: Path) -> None:
         beginning = stream.read(1024)
     if len(beginning) > 16 and all(byte in b"\t\r\n" or 32 <= byte < 127 for byte in beginning):
         raise FileFormatError(
-            f"{path.name} is text, not a {path.suffix} file; give it the ending .csv, or export "
-            "it again"
+            f"{path.name} is text, not a {path.suffix} file",
+            advice="give it the ending .csv, or export it again",
         )
 
 
-def _folder(path: Path) -> str:
+def _folder(path: Path) -> FileFormatError:
     """What to do about a folder that is no bag: the logs in it, or a pattern for them."""
     levels = (path.glob("/".join("*" * level)) for level in range(1, FOLDERS + 1))
     logs = next(filter(None, map(_logs_of, levels)), [])
@@ -111,9 +111,10 @@ def _folder(path: Path) -> str:
     pattern = f"{names[0].rpartition('/')[0]}/*{logs[0].suffix}" if logs else f"{path.name}/*.csv"
     more = " …" if len(names) > MAX_FILES else ""
     listed = f" ({', '.join(names[:MAX_FILES])}{more})" if logs else ""
-    return (
-        f"{path.name} is a folder; name the file with the record in it{listed}, or a pattern such "
-        f'as "{pattern}" for all of its runs'
+    return FileFormatError(
+        f"{path.name} is a folder",
+        advice=f"name the file with the record in it{listed}, or a pattern such "
+        f'as "{pattern}" for all of its runs',
     )
 
 
@@ -132,7 +133,7 @@ def reader_of(path: Path) -> Reader:
     if os.path.isdir(path):  # takes any name
         if is_bag(path):
             return BAG
-        raise FileFormatError(_folder(path))
+        raise _folder(path)
     for reader in readers():
         if reader.takes(path.name):
             existing_file(path)
@@ -140,15 +141,15 @@ def reader_of(path: Path) -> Reader:
     suffix = Path(path.name.lower().removesuffix(".gz")).suffix
     if suffix in SPREADSHEETS:
         raise FileFormatError(
-            f"{path.name}: no reader for this kind of file, the workbook of a spreadsheet program; "
-            "export its sheet as CSV"
+            f"{path.name}: no reader for this kind of file, the workbook of a spreadsheet program",
+            advice="export its sheet as CSV",
         )
     if suffix in (".urdf", ".xacro"):
         raise FileFormatError(
-            f"{path.name} is a robot description, not a log; name the log, and the robot as "
-            f"--robot {path.name}"
+            f"{path.name} is a robot description, not a log",
+            advice=f"name the log, and the robot as --robot {path.name}",
         )
     raise FileFormatError(
-        f"{path.name}: no reader for this kind of file; "
-        f"use one of {', '.join(endings())} or a gzipped text table"
+        f"{path.name}: no reader for this kind of file",
+        advice=f"use one of {', '.join(endings())} or a gzipped text table",
     )

@@ -60,9 +60,9 @@ class DaskCluster:
         if self.scheduler is None:
             raise BrokenProcessPool("all workers of the cluster have died")
         raise BatchError(
-            f"the scheduler at {self.scheduler} has had no workers for {FIRST_WORKER} s; the runs "
-            f"that had finished are on disk. Start some with 'dask worker {self.scheduler}', and "
-            "run the same command to continue"
+            f"the scheduler at {self.scheduler} has had no workers for {FIRST_WORKER} s",
+            advice="the runs that had finished are on disk. Start some with 'dask worker "
+            f"{self.scheduler}', and run the same command to continue",
         )
 
     @contextmanager
@@ -76,8 +76,8 @@ class DaskCluster:
                 yield client.get_executor(pure=False)
             except (OSError, CancelledError) as error:
                 raise BatchError(
-                    f"the connection to the cluster was lost ({str(error) or 'cancelled'}); "
-                    "finished results are on disk; run the same command to continue"
+                    f"the connection to the cluster was lost ({str(error) or 'cancelled'})",
+                    advice="finished results are on disk; run the same command to continue",
                 ) from error
 
     @contextmanager
@@ -123,7 +123,8 @@ def _ready_workers(client: Client, address: str) -> int:
         client.wait_for_workers(1, timeout=FIRST_WORKER)
     except TimeoutError as error:
         raise BatchError(
-            f"the scheduler at {address} has no workers; start some with 'dask worker {address}'"
+            f"the scheduler at {address} has no workers",
+            advice=f"start some with 'dask worker {address}'",
         ) from error
     try:
         versions = set(client.run(_version).values())

@@ -213,9 +213,10 @@ class Runner(Generic[Key]):
         self.broken += 1
         if self.broken >= MAX_DEATHS:
             raise BatchError(
-                f"workers died {self.broken} times in a row; is there enough memory? A script that "
-                "starts them needs 'if __name__ == \"__main__\":' around its code. Finished "
-                "results are on disk; run the same command to continue"
+                f"workers died {self.broken} times in a row",
+                advice="is there enough memory? A script that starts them needs 'if __name__ == "
+                '"__main__":\' around its code. Finished results are on disk; run the same '
+                "command to continue",
             )
 
     def _write_now_and_then(self) -> None:

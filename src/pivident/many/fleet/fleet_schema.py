@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, PositiveInt, model_validator
 
+from pivident.errors import UnusableValue
 from pivident.estimation.methods import METHODS
 from pivident.experiment.schema import ExperimentFile
 from pivident.experiment.table_values import Names, Paths
@@ -33,11 +34,13 @@ class FleetEntry(Entry):
     @model_validator(mode="after")
     def _consistent(self) -> FleetEntry:
         if self.method is not None and self.method not in METHODS:
-            raise ValueError(f"there is no method {self.method!r}; {nearest(self.method, METHODS)}")
+            raise UnusableValue(
+                f"there is no method {self.method!r}", advice=nearest(self.method, METHODS)
+            )
         if self.baseline == "robot" and self.baseline_records < 2:
-            raise ValueError(
-                "baseline_records = 1 does not give the scatter between records; use 2 or "
-                'more, or baseline = "fleet" to compare each robot with the others'
+            raise UnusableValue(
+                "baseline_records = 1 does not give the scatter between records",
+                advice='use 2 or more, or baseline = "fleet" to compare each robot with the others',
             )
         return self
 
@@ -55,16 +58,19 @@ class FleetFile(ExperimentFile):
                 f"{len(self.recording)}"
             )
         if self.recording[0].dataset is not None:
-            raise ValueError(
-                "recording.dataset names one public record; a fleet reads the files of a folder"
+            raise UnusableValue(
+                "recording.dataset names one public record",
+                advice="a fleet reads the files of a folder",
             )
         if self.fleet.pattern not in (None, self.recording[0].files):
-            raise ValueError(
-                "fleet.pattern and recording.files are both given and differ; keep one of them"
+            raise UnusableValue(
+                "fleet.pattern and recording.files are both given and differ",
+                advice="keep one of them",
             )
         if self.gains.recording or self.validation.recording:
-            raise ValueError(
-                "recordings of [gains] and [validation] belong to one robot; remove them here"
+            raise UnusableValue(
+                "recordings of [gains] and [validation] belong to one robot",
+                advice="remove them here",
             )
         return self
 

@@ -248,10 +248,11 @@ def template_of(folder: Path, path: str | Path | None = None) -> Template:
     """The experiment file that is named, or the one in the folder."""
     if path is None and not (folder / FILE).is_file():
         if not folder.is_dir():
-            raise ExperimentError(f"{folder} is not a folder; name the folder of the logs")
+            raise ExperimentError(f"{folder} is not a folder", advice="name the folder of the logs")
         raise ExperimentError(
-            f"{folder}: there is no {FILE} in it; write one, or name an experiment file with "
-            "--experiment: robot, [recording] with columns, [controller], and [fleet]"
+            f"{folder}: there is no {FILE} in it",
+            advice="write one, or name an experiment file with --experiment: robot, [recording] "
+            "with columns, [controller], and [fleet]",
         )
     return load_template(folder / FILE if path is None else path)
 

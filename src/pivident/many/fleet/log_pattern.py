@@ -41,7 +41,8 @@ class Pattern:
             if end == found.start() and end > 0:
                 raise ExperimentError(
                     f"{where}: {found.group()} follows another part directly, so the boundary is "
-                    "ambiguous; put a character such as _ or / between them"
+                    "ambiguous",
+                    advice="put a character such as _ or / between them",
                 )
             expression += re.escape(text[end : found.start()])
             end = found.end()
@@ -51,8 +52,8 @@ class Pattern:
                 continue
             if not re.fullmatch(r"[A-Za-z]\w{0,31}", name):
                 raise ExperimentError(
-                    f"{where}: {{{name}}} is not a valid name; use letters, digits and _, such as "
-                    "{robot}"
+                    f"{where}: {{{name}}} is not a valid name",
+                    advice="use letters, digits and _, such as {robot}",
                 )
             if name in self.names:
                 expression += f"(?P={name})"
@@ -62,7 +63,8 @@ class Pattern:
         if max(len(_CAPTURE.findall(part)) for part in text.split("/")) > MAX_PARTS:
             raise ExperimentError(
                 f"{where} has more than {MAX_PARTS} parts in braces or * between two slashes, so "
-                "names are ambiguous; use folders or fewer parts"
+                "names are ambiguous",
+                advice="use folders or fewer parts",
             )
         rest = text[end:]
         if "{" in rest or "}" in rest or not self.names:
@@ -85,7 +87,8 @@ class Pattern:
             if captures in found:
                 raise ExperimentError(
                     f"pattern {self.text!r} finds {found[captures]!r} and {file!r} for the same "
-                    f"{', '.join(f'{k} {v}' for k, v in captures)}; add a part such as {{run}}"
+                    f"{', '.join(f'{k} {v}' for k, v in captures)}",
+                    advice="add a part such as {run}",
                 )
             found[captures] = file
         return found

@@ -78,7 +78,7 @@ def find_logs(
     """
     if not folder.is_dir():
         problem = "is a file" if folder.exists() else "does not exist"
-        raise ExperimentError(f"{folder} {problem}; name the folder of the logs")
+        raise ExperimentError(f"{folder} {problem}", advice="name the folder of the logs")
     files = _files(folder, without)
     if pattern == EVERY_LOG:
         keys = {"log": _every_log(folder, files)}
@@ -97,8 +97,8 @@ def find_logs(
         wanted = "readable log" if pattern == EVERY_LOG else f"file that matches {pattern!r}"
         example = f"; there is {files[0]!r}, for example" if files else "; it has no files"
         raise ExperimentError(
-            f"{folder}: there is no {wanted}{example}; correct files or pattern, in which "
-            "{robot} and {day} stand for parts of a path"
+            f"{folder}: there is no {wanted}{example}",
+            advice="correct files or pattern, in which {robot} and {day} stand for parts of a path",
         )
     return _in_time(logs, named_time)
 
@@ -142,7 +142,8 @@ def _same_names(patterns: Mapping[str, Pattern]) -> tuple[str, ...]:
         if set(other.names) != set(pattern.names):
             raise ExperimentError(
                 f"the patterns of {first!r} and {key!r} contain {', '.join(pattern.names)} and "
-                f"{', '.join(other.names)}; files of one record need the same parts"
+                f"{', '.join(other.names)}",
+                advice="files of one record need the same parts",
             )
     return pattern.names
 
@@ -160,8 +161,8 @@ def _chosen(
                 )
     if together is not None and (ROBOT not in chosen or (time and time not in chosen)):
         raise ExperimentError(
-            f"[fleet] together = {list(together)} joins records of different robots or times; it "
-            f"must contain robot{f' and {time}' if time else ''}"
+            f"[fleet] together = {list(together)} joins records of different robots or times",
+            advice=f"it must contain robot{f' and {time}' if time else ''}",
         )
     return chosen
 

@@ -111,16 +111,16 @@ def _chosen(good: pl.DataFrame, watch: Sequence[str]) -> list[str]:
         if name == FRICTION:
             if not friction:
                 raise FleetError(
-                    "[fleet] watch: no friction was estimated; name parameters, such as "
-                    f"{', '.join(names[:3])}"
+                    "[fleet] watch: no friction was estimated",
+                    advice=f"name parameters, such as {', '.join(names[:3])}",
                 )
             wanted |= set(friction)
             continue
         meant = [n for n in names if name.lower() in (n.lower(), n.lower().removesuffix("r"))]
         if not meant:
             raise FleetError(
-                f"[fleet] watch: no parameter {name!r} was estimated; "
-                f"{nearest(name, [FRICTION, *names])}"
+                f"[fleet] watch: no parameter {name!r} was estimated",
+                advice=nearest(name, [FRICTION, *names]),
             )
         wanted |= set(meant)
     return [n for n in names if n in wanted]

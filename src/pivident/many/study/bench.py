@@ -324,8 +324,8 @@ class Bench:
         except KeyError:
             known = [p.name for p in self.base.parameters]
             raise ExperimentError(
-                f"robot {self.scenario.robot.name!r} has no base parameter {name!r}; "
-                f"{nearest(name.removesuffix('r'), known)}"
+                f"robot {self.scenario.robot.name!r} has no base parameter {name!r}",
+                advice=nearest(name.removesuffix("r"), known),
             ) from None
 
 

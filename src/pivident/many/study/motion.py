@@ -78,8 +78,8 @@ def per_joint(key: str, value: Any, joints: int) -> np.ndarray:
     values = np.asarray(value, dtype=float)
     if values.ndim and values.shape != (joints,):
         raise ExperimentError(
-            f"key {key!r} has {values.size} number(s) for {joints} joint(s); give one for all or "
-            "one for each"
+            f"key {key!r} has {values.size} number(s) for {joints} joint(s)",
+            advice="give one for all or one for each",
         )
     return np.broadcast_to(values, (joints,)).copy()
 

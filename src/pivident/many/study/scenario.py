@@ -72,18 +72,21 @@ def _check_motion(scenario: ScenarioTables) -> None:
         missing = scenario.robot.joint_names[int(np.flatnonzero(np.isnan(speeds))[0])]
         raise ExperimentError(
             f"[trajectory] the robot has no rated speed of joint {missing!r}, which the motion "
-            "needs; add rated_speed to its description"
+            "needs",
+            advice="add rated_speed to its description",
         )
     if entry.duration * rate > MAX_RECORD:
         raise ExperimentError(
             f"[trajectory] key 'duration' = {entry.duration:g} s gives a record of more than "
-            f"{MAX_RECORD:,} samples at {rate:g} Hz; shorten it"
+            f"{MAX_RECORD:,} samples at {rate:g} Hz",
+            advice="shorten it",
         )
     samples = round(entry.duration * rate)
     if samples < MIN_RECORD:
         raise ExperimentError(
             f"[trajectory] key 'duration' = {entry.duration:g} s gives a record of {samples} "
-            f"samples at {rate:g} Hz; at least {MIN_RECORD} are needed"
+            f"samples at {rate:g} Hz",
+            advice=f"at least {MIN_RECORD} are needed",
         )
 
 
@@ -102,7 +105,9 @@ def league_methods(names: Sequence[str]) -> list[str]:
     for name in names:
         bare = name.removeprefix("-")
         if bare not in (ALL, *METHODS):
-            raise ExperimentError(f"there is no method {bare!r}; {nearest(bare, (ALL, *METHODS))}")
+            raise ExperimentError(
+                f"there is no method {bare!r}", advice=nearest(bare, (ALL, *METHODS))
+            )
         if name.startswith("-"):
             taken_out.add(bare)
         elif name == ALL:
@@ -111,7 +116,9 @@ def league_methods(names: Sequence[str]) -> list[str]:
             chosen[name] = None
     left = [name for name in chosen if name not in taken_out]
     if not left:
-        raise ExperimentError("no method is left; name some, such as all,-particle or ls,iv,piv")
+        raise ExperimentError(
+            "no method is left", advice="name some, such as all,-particle or ls,iv,piv"
+        )
     return left
 
 
@@ -195,14 +202,17 @@ def load_scenario(name: str | Path) -> Scenario:
             text = path.read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
             reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-            raise ExperimentError(f"{path}: cannot be read ({reason}); check the path") from error
+            raise ExperimentError(
+                f"{path}: cannot be read ({reason})", advice="check the path"
+            ) from error
         return read_scenario(text, path.stem, str(path))
     known = shipped_scenarios()
     if str(name) not in known:
         from pivident.robot.naming import nearest
 
         raise ExperimentError(
-            f"there is no scenario {str(name)!r}; {nearest(str(name), known)}, or name a .toml file"
+            f"there is no scenario {str(name)!r}",
+            advice=f"{nearest(str(name), known)}, or name a .toml file",
         )
     text = (resources.files(__package__) / "scenarios" / f"{name}.toml").read_text("utf-8")
     return read_scenario(text, str(name), f"{name}.toml")
@@ -236,7 +246,7 @@ def read_scenario(text: str, name: str, source: str | None = None) -> Scenario:
         try:
             tables = parse_toml(text)
         except ValueError as error:
-            raise ExperimentError(f"is not TOML: {error}; correct this line") from error
+            raise ExperimentError(f"is not TOML: {error}", advice="correct this line") from error
         plain = short_forms(tables)
         checked(plain, ScenarioFile)
     vary = plain.pop("vary", {})
@@ -263,16 +273,18 @@ def _check_alternatives(vary: Mapping[str, Mapping[str, Any]]) -> None:
     count = math.prod(len(group) for group in vary.values())
     if count > MAX_CONDITIONS:
         raise ExperimentError(
-            f"[vary] gives {count} conditions, at most {MAX_CONDITIONS} are possible; vary less "
-            "at once"
+            f"[vary] gives {count} conditions, at most {MAX_CONDITIONS} are possible",
+            advice="vary less at once",
         )
     if vary and not count:
         empty = next(name for name, group in vary.items() if not group)
-        raise ExperimentError(f"[vary.{empty}] has no alternatives; add some, or remove the table")
+        raise ExperimentError(
+            f"[vary.{empty}] has no alternatives", advice="add some, or remove the table"
+        )
     for group, alternatives in vary.items():
         for name in alternatives:
             if not re.fullmatch(r"\w[\w.+-]{0,63}", name):
                 raise ExperimentError(
-                    f"[vary.{group}] the alternative {name!r} names a folder of results; use "
-                    "letters, digits, '.', '_', '+' and '-' only, at most 64"
+                    f"[vary.{group}] the alternative {name!r} names a folder of results",
+                    advice="use letters, digits, '.', '_', '+' and '-' only, at most 64",
                 )

@@ -92,7 +92,7 @@ class ScenarioTables:
                 if known == [""]:
                     raise ExperimentError(f"{self.source}: the scenario has no conditions")
                 raise ExperimentError(
-                    f"{self.source}: no condition {pattern!r}; {nearest(pattern, known)}"
+                    f"{self.source}: no condition {pattern!r}", advice=nearest(pattern, known)
                 )
         return tuple(
             c

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, model_validator
 
+from pivident.errors import UnusableValue
 from pivident.experiment.identify_table import IdentifyEntry
 from pivident.experiment.schema import ControllerEntry, RobotEntry
 from pivident.experiment.table_values import Numbers
@@ -46,8 +47,9 @@ class StartEntry(Entry):
     @model_validator(mode="after")
     def _spread_needs_starts(self) -> StartEntry:
         if self.count > 1 and self.spread == 0.0:
-            raise ValueError(
-                f"count = {self.count} starts without a spread are identical; give spread = 0.15"
+            raise UnusableValue(
+                f"count = {self.count} starts without a spread are identical",
+                advice="give spread = 0.15",
             )
         return self
 
@@ -68,8 +70,8 @@ class RecordEntry(Entry):
                 f"control_rate = {self.law_rate:g} must be a whole multiple of rate = {self.rate:g}"
             )
         if self.torque_timing == "averaged":
-            raise ValueError(
-                'torque_timing = "averaged" cannot be simulated; use "held" or "sampled"'
+            raise UnusableValue(
+                'torque_timing = "averaged" cannot be simulated', advice='use "held" or "sampled"'
             )
         return self
 
@@ -103,18 +105,19 @@ class TrajectoryEntry(Entry):
         others = set().union(*OF_KIND.values()) - OF_KIND[self.type]
         foreign = sorted(self.model_fields_set & others)
         if foreign:
-            raise ValueError(
-                f"a {self.type} trajectory has no {', '.join(foreign)}; its keys are "
-                f"duration, seed, {', '.join(sorted(OF_KIND[self.type]))}"
+            raise UnusableValue(
+                f"a {self.type} trajectory has no {', '.join(foreign)}",
+                advice=f"its keys are duration, seed, {', '.join(sorted(OF_KIND[self.type]))}",
             )
         if self.type == "fourier" and isinstance(self.seed, list):
-            raise ValueError(
-                "several seeds need several motions, and a fourier trajectory is optimised once; "
-                "give one seed, or a table [vary]"
+            raise UnusableValue(
+                "several seeds need several motions, and a fourier trajectory is optimised once",
+                advice="give one seed, or a table [vary]",
             )
         if self.type == "trapezoidal" and self.acceleration is None:
-            raise ValueError(
-                "a trapezoidal trajectory needs its largest acceleration; give acceleration = 10"
+            raise UnusableValue(
+                "a trapezoidal trajectory needs its largest acceleration",
+                advice="give acceleration = 10",
             )
         return self
 
@@ -150,13 +153,13 @@ class NoiseEntry(Entry):
                 what = "a number of counts" if key == "counts" else "a standard deviation"
                 raise ValueError(f"{key} = {value} is {what} and cannot be negative")
         if "rounding" in self.model_fields_set and not _positive(self.counts):
-            raise ValueError(
-                "rounding is given, but no counts to round to; add counts or remove it"
+            raise UnusableValue(
+                "rounding is given, but no counts to round to", advice="add counts or remove it"
             )
         if not (self.coloured or any(map(_positive, (self.counts, self.encoder, self.torque)))):
-            raise ValueError(
-                "there is no noise, so all runs would be identical; give encoder, torque, coloured "
-                "or counts"
+            raise UnusableValue(
+                "there is no noise, so all runs would be identical",
+                advice="give encoder, torque, coloured or counts",
             )
         return self
 
@@ -186,16 +189,19 @@ class ScenarioFile(Entry):
     @model_validator(mode="after")
     def _consistent(self) -> ScenarioFile:
         if self.controller.type not in ("pd", "pid", "cascade"):
-            raise ValueError(
-                f'controller.type = "{self.controller.type}" cannot be simulated; use pd, pid or '
-                "cascade with its gains"
+            raise UnusableValue(
+                f'controller.type = "{self.controller.type}" cannot be simulated',
+                advice="use pd, pid or cascade with its gains",
             )
         if self.controller.source != "recorded":
-            raise ValueError(
-                "controller.reference is always the recorded one in a scenario; remove the key"
+            raise UnusableValue(
+                "controller.reference is always the recorded one in a scenario",
+                advice="remove the key",
             )
         if self.identify.initial:
-            raise ValueError("identify.initial contradicts the table [start]; keep that one")
+            raise UnusableValue(
+                "identify.initial contradicts the table [start]", advice="keep that one"
+            )
         if self.noise.coloured and self.noise.coloured.frequency >= self.record.law_rate / 2:
             raise ValueError(
                 f"noise.coloured.frequency = {self.noise.coloured.frequency:g} Hz is not below "
@@ -204,9 +210,9 @@ class ScenarioFile(Entry):
         if self.record.records is not None:
             different = self.record.records * self.start.count
             if self.runs > different:
-                raise ValueError(
+                raise UnusableValue(
                     f"{self.runs} runs on {self.record.records} records from {self.start.count} "
-                    f"start(s) would repeat themselves after {different}; lower runs, raise "
-                    "record.records, or give start.count and start.spread"
+                    f"start(s) would repeat themselves after {different}",
+                    advice="lower runs, raise record.records, or give start.count and start.spread",
                 )
         return self

@@ -43,12 +43,13 @@ def load_robot(name_or_path: str | Path) -> Robot:
         return read_mjcf(text)
     if not re.fullmatch(r"\w+", text):
         raise RobotDescriptionError(
-            f"{text!r} is neither a gallery name nor a robot file; a file ends with .toml, .urdf, "
-            f".urdf.gz, .xml or .mjcf, and the gallery has {', '.join(gallery_names())}"
+            f"{text!r} is neither a gallery name nor a robot file",
+            advice="a file ends with .toml, .urdf, .urdf.gz, .xml or .mjcf, and the gallery has "
+            f"{', '.join(gallery_names())}",
         )
     if text not in gallery_names():
         raise RobotDescriptionError(
-            f"the gallery has no robot {text!r}; {nearest(text, gallery_names())}"
+            f"the gallery has no robot {text!r}", advice=nearest(text, gallery_names())
         )
     source = files(__name__) / f"{text}.toml"
     return parse_modified_dh(source.read_text(encoding="utf-8"), source=f"gallery robot {text!r}")

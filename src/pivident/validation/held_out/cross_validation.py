@@ -358,8 +358,8 @@ def _checked(result: CrossValidation) -> CrossValidation:
     """Refuse a result in which every fold failed."""
     if not any(h.prediction is not None for h in result.held_out):
         raise IdentificationError(
-            f"{result.method} fails on every fold, the first time with: {result.failures[0]}; "
-            "ask for more folds, so that each leaves more to fit"
+            f"{result.method} fails on every fold, the first time with: {result.failures[0]}",
+            advice="ask for more folds, so that each leaves more to fit",
         )
     return result
 

@@ -74,7 +74,7 @@ def of_each(
             try:
                 made.append(without(fold))
             except (IdentificationError, np.linalg.LinAlgError) as error:
-                made.append(IdentificationError(str(error)))
+                made.append(IdentificationError.of_part("", error))
     return made
 
 
@@ -130,8 +130,8 @@ def _solved(found: Identification, sums: Sequence[JointSums], whole: int) -> Ide
     if solution.condition > POORER * found.condition:
         raise IdentificationError(
             f"without it the motion does not separate {', '.join(solution.weakest)} (condition "
-            f"number {solution.condition:.3g}, with it {found.condition:.3g}); take more folds, or "
-            "a longer motion"
+            f"number {solution.condition:.3g}, with it {found.condition:.3g})",
+            advice="take more folds, or a longer motion",
         )
     share = whole / sum(joint.rows for joint in sums)
     return without_fold(found, solution.theta, **widened(found, share))
@@ -186,9 +186,9 @@ def _solved_rows(
     solved = method.solve(problem, rows, found.theta).solved
     if solved.condition > POORER * found.condition:
         raise IdentificationError(
-            f"without it the motion hardly separates the parameters (condition number "
-            f"{solved.condition:.3g}, with it {found.condition:.3g}); take more folds, or a longer "
-            "motion"
+            "without it the motion hardly separates the parameters (condition number "
+            f"{solved.condition:.3g}, with it {found.condition:.3g})",
+            advice="take more folds, or a longer motion",
         )
     return without_fold(
         found,
@@ -220,8 +220,8 @@ def filters_without(
     samples = sum(recording.samples for recording in problem.recordings)
     if method.steps(samples) > MAX_STEPS:
         reason = IdentificationError(
-            f"{method.label}: {samples} samples would take too long to be run anew for each fold; "
-            "give a second recording to judge by, or fewer particles"
+            f"{method.label}: {samples} samples would take too long to be run anew for each fold",
+            advice="give a second recording to judge by, or fewer particles",
         )
         return [reason] * len(folds)
     prepared = method.prepare(problem, lambda line: None)

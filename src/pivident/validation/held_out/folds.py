@@ -135,9 +135,9 @@ def contiguous_folds(
     of a held-out block [s].
     """
     if count < 2:
-        raise ExperimentError(f"folds is {count}; at least 2 are needed")
+        raise ExperimentError(f"folds is {count}", advice="at least 2 are needed")
     if not (np.isfinite(gap) and gap >= 0.0):
-        raise ExperimentError(f"gap is {gap!r} s; it must not be negative")
+        raise ExperimentError(f"gap is {gap!r} s", advice="it must not be negative")
     if refused := _refusal(recordings, moving, count, gap):
         raise ExperimentError(refused)
     return _divided(recordings, moving, count, gap)
@@ -245,6 +245,6 @@ def _check_unseen(problem: Problem, others: Sequence[Recording]) -> None:
         for own in problem.recordings:
             if own.q.shape == other.q.shape and np.array_equal(own.q, other.q):
                 raise ExperimentError(
-                    f"recording {other.name!r} is the one that is fitted; give another one, or "
-                    "use folds"
+                    f"recording {other.name!r} is the one that is fitted",
+                    advice="give another one, or use folds",
                 )

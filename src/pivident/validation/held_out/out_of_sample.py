@@ -309,7 +309,7 @@ def compare_out_of_sample(
     """
     chosen = dict(methods) if isinstance(methods, Mapping) else {m: METHODS[m] for m in methods}
     if not chosen:
-        raise ExperimentError("no method to compare; name at least one, such as 'piv'")
+        raise ExperimentError("no method to compare", advice="name at least one, such as 'piv'")
     say = progress or (lambda line: None)
     results: dict[str, CrossValidation] = {}
     attempts, failures = attempts or Attempts(), dict[str, str]()
@@ -331,8 +331,8 @@ def compare_out_of_sample(
             results[name] = judged
     if not results:
         raise IdentificationError(
-            f"none of the methods could be judged; {next(iter(chosen))} fails with: "
-            f"{next(iter(failures.values()))}"
+            "none of the methods could be judged",
+            advice=f"{next(iter(chosen))} fails with: {next(iter(failures.values()))}",
         )
     return replace(_judged(chosen, results, failures), fewer=division.line)
 

@@ -76,7 +76,8 @@ def _without(
         weakest = ", ".join(fit.unknowns[free[i]].name for i in np.flatnonzero(share > 0.3))
         raise IdentificationError(
             f"without it the simulated motion does not separate {weakest} (condition number "
-            f"{condition:.3g}, with it {fit.condition:.3g}); take more folds, or a longer motion"
+            f"{condition:.3g}, with it {fit.condition:.3g})",
+            advice="take more folds, or a longer motion",
         )
     values = fit.values + step
     more = _used(fit.made) / max(_used(kept), 1)

@@ -133,8 +133,8 @@ def moment_sums(
     equations = kept_equations(identification)
     if not equations.has_instruments:
         raise IdentificationError(
-            f"{identification.method} has no instruments to be tested; identify with 'iv', "
-            "'iv-full-rate' or 'piv'"
+            f"{identification.method} has no instruments to be tested",
+            advice="identify with 'iv', 'iv-full-rate' or 'piv'",
         )
     if extra == "other":
         more: Any = _other_kind(identification)
@@ -155,8 +155,8 @@ def kept_equations(identification: Identification) -> Equations:
     """Equations of a result."""
     if identification.equations is None:
         raise IdentificationError(
-            f"the equations of this {identification.method} result were not kept; take the "
-            "result as identify() returns it"
+            f"the equations of this {identification.method} result were not kept",
+            advice="take the result as identify() returns it",
         )
     return identification.equations
 
@@ -175,8 +175,8 @@ def further_instruments(
         else:
             why = "no q_ref" if recording.q_ref is None else "decimated equations"
             raise IdentificationError(
-                f"recording {recording.name!r} has {why}, so Φ(q_ref) cannot be an instrument; "
-                "use extra='delayed'"
+                f"recording {recording.name!r} has {why}, so Φ(q_ref) cannot be an instrument",
+                advice="use extra='delayed'",
             )
     return motions
 
@@ -185,7 +185,9 @@ def _other_kind(identification: Identification) -> list[Motion]:
     """Motions of the next best kind of instruments that the record allows."""
     used, equations = identification.instruments, kept_equations(identification)
     if used is None or not used.further:
-        raise IdentificationError("the record allows no other kind of instruments; use 'delayed'")
+        raise IdentificationError(
+            "the record allows no other kind of instruments", advice="use 'delayed'"
+        )
     theta = identification.theta
     return [with_inner(equations.regressor, motion, theta) for motion in used.further]
 

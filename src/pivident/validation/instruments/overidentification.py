@@ -181,8 +181,8 @@ def overidentification_test(sums: MomentSums, names: Sequence[str]) -> Overident
 
     if not sums.extra:
         raise IdentificationError(
-            "there are as many instruments as parameters, so J is zero however good they are; "
-            "give further ones (extra='reference' or extra='delayed')"
+            "there are as many instruments as parameters, so J is zero however good they are",
+            advice="give further ones (extra='reference' or extra='delayed')",
         )
     scaled, length = sums.scaled()
     scale = length[: sums.size]

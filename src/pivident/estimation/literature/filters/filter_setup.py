@@ -224,8 +224,8 @@ def filter_setup(
     if len(rates) > 1:
         listed = ", ".join(f"{rate:g}" for rate in sorted(rates))
         raise ExperimentError(
-            f"a filter steps at one rate, but the recordings have {listed} Hz; give those of one "
-            "rate"
+            f"a filter steps at one rate, but the recordings have {listed} Hz",
+            advice="give those of one rate",
         )
     if method.start == "initial":
         theta = problem.initial_values()
@@ -323,7 +323,7 @@ def _each(problem: Problem, name: str, value: float | tuple[float, ...]) -> np.n
     given = np.atleast_1d(np.asarray(value, dtype=float))
     if len(given) not in (1, problem.robot.size):
         raise ExperimentError(
-            f"{name} has {len(given)} numbers for {problem.robot.size} joints; give one for all or "
-            "one for each"
+            f"{name} has {len(given)} numbers for {problem.robot.size} joints",
+            advice="give one for all or one for each",
         ).about(name)
     return np.broadcast_to(given, problem.robot.size).astype(float)

@@ -188,7 +188,9 @@ class KalmanFilter:
             FilterDiverged: names the sample and the innovation.
         """
         if not self._started:
-            raise IdentificationError("the filter has no first position; call start(q) first")
+            raise IdentificationError(
+                "the filter has no first position", advice="call start(q) first"
+            )
         # copies: what may not be written to would be compiled anew, with sums in another order
         q, tau = (np.array(x, dtype=float, order="C") for x in (q, tau))
         innovations = np.zeros((2, *q.shape))
@@ -249,11 +251,14 @@ def _spread(name: str, value: ArrayLike, count: int, positive: bool = False) -> 
     """One number for all, or one for each."""
     given = np.asarray(value, dtype=float)
     if given.shape not in ((), (count,)):
-        raise IdentificationError(f"{name} has shape {given.shape}; one number or {count}")
+        raise IdentificationError(
+            f"{name} has shape {given.shape}", advice=f"one number or {count}"
+        )
     least = float(given.min(initial=np.inf))
     if not np.isfinite(given).all() or least < 0.0 or (positive and least == 0.0):
         raise IdentificationError(
-            f"{name} is {value!r}; it has to be {'positive' if positive else 'zero or more'}"
+            f"{name} is {value!r}",
+            advice=f"it has to be {'positive' if positive else 'zero or more'}",
         )
     return np.broadcast_to(given, count).copy()
 
@@ -263,8 +268,8 @@ def _checked(theta: ArrayLike, covariance: ArrayLike, count: int) -> tuple[np.nd
     values, matrix = np.array(theta, dtype=float), np.array(covariance, dtype=float)
     if values.shape != (count,) or matrix.shape != (count, count):
         raise IdentificationError(
-            f"theta and covariance have shapes {values.shape} and {matrix.shape}; for {count} "
-            f"parameters ({count},) and ({count}, {count}) are needed"
+            f"theta and covariance have shapes {values.shape} and {matrix.shape}",
+            advice=f"for {count} parameters ({count},) and ({count}, {count}) are needed",
         )
     if not (np.isfinite(values).all() and np.isfinite(matrix).all()):
         raise IdentificationError("theta and covariance hold numbers that are not finite")
@@ -274,6 +279,7 @@ def _checked(theta: ArrayLike, covariance: ArrayLike, count: int) -> tuple[np.nd
     if not np.allclose(scaled, scaled.T, atol=1e-9) or not least > 0.0:
         raise IdentificationError(
             "the first covariance is not symmetric and positive definite (smallest eigenvalue "
-            f"{least:.3g}, in units of its diagonal); no normal distribution has it"
+            f"{least:.3g}, in units of its diagonal)",
+            advice="no normal distribution has it",
         )
     return values, matrix

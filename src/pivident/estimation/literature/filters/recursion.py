@@ -112,11 +112,11 @@ class Recursion:
         std = np.asarray(torque_std, dtype=float)
         if std.shape not in ((), (joints,)) or not (np.isfinite(std) & (std > 0.0)).all():
             raise IdentificationError(
-                f"torque_std is {torque_std!r}; one positive number, or one for each of {joints} "
-                "rows"
+                f"torque_std is {torque_std!r}",
+                advice=f"one positive number, or one for each of {joints} rows",
             )
         if not 0.0 < forgetting <= 1.0:
-            raise IdentificationError(f"forgetting is {forgetting}; above 0 and at most 1")
+            raise IdentificationError(f"forgetting is {forgetting}", advice="above 0 and at most 1")
         self.forgetting, self.samples = float(forgetting), 0
         self._weight = np.broadcast_to(1.0 / std, joints).copy()
         self._phi, self._z = np.zeros((joints, size)), np.zeros((joints, size))
@@ -158,7 +158,8 @@ class Recursion:
         """
         if self._equations is None:
             raise IdentificationError(
-                "this recursion knows no robot; make it with of_robot, or give update(phi, tau)"
+                "this recursion knows no robot",
+                advice="make it with of_robot, or give update(phi, tau)",
             )
         at = self._motion[0]
         far = self._equations.loops is not None and (

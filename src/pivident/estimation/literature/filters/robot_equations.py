@@ -80,8 +80,8 @@ def robot_equations(
         if has_inner_signal(p):
             raise ExperimentError(
                 f"{p.name} is friction with a memory or of the load, and a filter's state holds "
-                "positions, speeds and parameters only; use oloe or cloe, which simulate it, or "
-                "another friction law"
+                "positions, speeds and parameters only",
+                advice="use oloe or cloe, which simulate it, or another friction law",
             )
         if p.is_inertial:
             inertial.append((p.joint, INERTIAL.index(p.stem), k))
