@@ -10,6 +10,7 @@ import tomllib
 from importlib.util import find_spec
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import pivident
@@ -22,7 +23,7 @@ PROJECT = tomllib.loads((PLUGIN / "pyproject.toml").read_text("utf-8"))["project
 #: A second distribution, whose entries cannot be imported.
 BROKEN = {
     f"pivident.{group}": "lost"
-    for group in ("methods", "friction", "readers", "formats", "commands")
+    for group in ("methods", "friction", "readers", "formats", "findings", "commands")
 }
 
 
@@ -189,11 +190,12 @@ def test_the_command_is_listed_and_runs(plugin):
         (["--help"], "pivident.commands"),
         (["lengths", "experiment.toml", "--parts", "1", "--method", "ls"], "pivident.readers"),
         (["robots"], "pivident.commands"),
+        (["audit", "experiment.toml"], "pivident.findings"),
     ],
 )
 def test_what_is_broken_is_named_in_one_line_and_stops_nothing(broken, command, group):
     done = broken.run(*command)
-    assert done.returncode == 0, done.stderr
+    assert done.returncode in (0, 4), done.stderr  # 4: findings about the log
     named = [line for line in done.stderr.splitlines() if "broken-one" in line]
     assert len(named) == len(set(named))
     (line,) = (line for line in named if group in line)
@@ -284,3 +286,45 @@ def test_the_friction_term_is_a_term_of_robot_files(plugin):
 def test_a_friction_term_that_is_broken_stops_no_other(broken):
     done = broken.run("check", "experiment.toml")
     assert done.returncode in (0, 4), done.stderr
+
+
+@pytest.fixture(scope="module")
+def resting(plugin, tmp_path_factory):
+    """An experiment whose arm rests for the last three seconds of the record."""
+    folder = tmp_path_factory.mktemp("resting")
+    rows = planar_log()
+    period = rows[1, 0] - rows[0, 0]
+    rest = np.repeat(rows[-1:], round(3.0 / period), axis=0)
+    rest[:, 0] += period * np.arange(1, len(rest) + 1)
+    rest[:, 5:] += 1e-3 * np.random.default_rng(1).standard_normal((len(rest), 2))
+    rows = np.vstack([rows, rest])
+    options = {"fmt": "%.9g", "delimiter": ",", "header": HEADER, "comments": ""}
+    np.savetxt(folder / "log.csv", rows, **options)
+    (folder / "experiment.toml").write_text(EXPERIMENT, encoding="utf-8")
+    return Installation(plugin.target, folder)
+
+
+def test_the_finding_is_said_by_check_and_audit_and_its_repair_sets_it_right(resting):
+    """Its place is a line of the file, its repair a button of the studio, and data in JSON."""
+    said = "The arm rests for the last 3"
+    assert said in resting.run("check", "experiment.toml").stdout
+    done = resting.run("audit", "experiment.toml", "--out", "audit")
+    assert said in done.stdout
+    assert "Rest at the end" in (resting.folder / "audit" / "audit.html").read_text("utf-8")
+    (audit,) = json.loads((resting.folder / "audit" / "audit.json").read_text("utf-8"))["audits"]
+    (finding,) = (f for f in audit["findings"] if f["kind"] == "quiet end")
+    (edit,) = finding["repairs"][0]["edits"]
+    assert edit["place"] == ["recording", "part"]
+    code = (
+        "import json; from pathlib import Path; "
+        "from pivident.check.experiment_check import check_experiment; "
+        "from pivident.studio.fixes import applied, fixes; file = Path('experiment.toml'); "
+        "look = lambda: [r.as_json() for r in check_experiment(file).remarks "
+        "if r.kind == 'quiet end']; "
+        "(remark,) = look(); (fix,) = fixes(remark, file.read_text()); "
+        "file.write_text(applied(file.read_text(), fix)); "
+        "print(json.dumps([remark['place'], fix.words, look()]))"
+    )
+    place, words, left = json.loads(resting.python("-c", code).stdout)
+    assert place == ["recording", 0, "part"] and words.startswith("Write part = [")
+    assert left == []

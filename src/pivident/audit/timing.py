@@ -27,7 +27,7 @@ from pivident.logs.clocks.timestamps import (
 from pivident.logs.log import Log
 from pivident.logs.units import TIME
 from pivident.text.finding import Finding, FindingKind, Quantity, Severity, at_sample
-from pivident.text.repair import Edit, Repair, setting
+from pivident.text.repair import Repair, setting
 from pivident.text.sentences import capital
 
 #: Tables and keys of the stamps, and of the stretch that is used.
@@ -44,9 +44,10 @@ JITTER = FindingKind(CLOCK, "jitter", ("recording", "resample"), reports=(Irregu
 RATE_CHANGE = FindingKind(CLOCK, "rate change", PART)
 CLOCKS_JUMP = FindingKind(CLOCK, "clocks jump")
 
-#: What is done with samples that are not equally spaced, and with stamps that are not.
-INTERPOLATE = "Interpolate onto a uniform clock: resample = true."
-EQUALLY_SPACED = "Take the samples for equally spaced: rate = {:.6g}."
+#: What is done with samples that are not equally spaced.
+INTERPOLATED = setting(
+    "resample", value=True, words="Interpolate onto a uniform clock: resample = true."
+)
 
 #: Two clocks that drift apart by more than this get a warning; quartz keeps 1e-4.
 MAX_DRIFT = 2e-4
@@ -175,7 +176,7 @@ def _one_clock(
         parts = [[float(f"{x:.6g}") for x in part] for part in ends]
         listed = [f"part = [{first:.6g}, {last:.6g}]" for first, last in parts]
         step = f"Make two recordings of it, with {listed[0]} and {listed[1]}."
-        repairs = [_only(part, words) for part, words in zip(parts, listed, strict=True)]
+        repairs = [only(part, words) for part, words in zip(parts, listed, strict=True)]
         severity: Severity = "warning" if log.resample else "error"
         if log.resample:
             text += " New samples at one rate are made for all of it."
@@ -216,7 +217,7 @@ def _one_clock(
         if apart:
             text += f" {USED_APART.format(n=len(left.parts))}"
             step = f"{written(left.longest)} under [recording] uses the longest alone."
-            repairs = [_only(left.longest, written(left.longest))]
+            repairs = [only(left.longest)]
         severity = "warning" if apart else "error"
         findings.append(finding(severity, MISSING_SAMPLES, text, k, step, repairs, missing=missing))
         regular = False
@@ -314,40 +315,38 @@ def _moves_as_stamped(log: Log, t: np.ndarray) -> bool:
 
 def _resample_or_rate(log: Log, t: np.ndarray) -> tuple[str, list[Repair]]:
     """What to do about irregular stamps: the motion shows whether the samples are irregular too."""
-    error, resampled = (
-        _error_of_stamps(log, t),
-        [setting("resample", value=True, words=INTERPOLATE)],
-    )
+    error = _error_of_stamps(log, t)
     if error > EVEN:
         rate = float(f"{mean_rate(t[np.isfinite(t)]):.6g}")
         step = (
             "The joints move as if the samples were equally spaced, and only the stamps are not: "
             f"set rate = {rate:.6g} under [recording]."
         )
-        return step, [setting("rate", value=rate, words=EQUALLY_SPACED.format(rate))]
+        words = f"Take the samples for equally spaced: rate = {rate:.6g}."
+        return step, [setting("rate", value=rate, words=words)]
     if error < 1.0 / EVEN:
         step = "The joints move as the stamps say: resample onto a uniform grid (resample = true)."
-        return step, resampled
+        return step, [INTERPOLATED]
     step = (
         "Resample onto a uniform grid (resample = true), or give the rate if only the stamps "
         "are irregular and the samples are not."
     )
-    return step, resampled
+    return step, [INTERPOLATED]
 
 
-def _only(part: Sequence[float], words: str) -> Repair:
-    """That nothing but a stretch is used [s]."""
-    return setting("part", value=list(part), words=f"Keep this part of the log only: {words}.")
+def only(part: Sequence[float], said: str = "") -> Repair:
+    """That nothing but a stretch [s] is used; ``said``: as the file has it, if otherwise."""
+    said = said or written((part[0], part[1]))
+    return setting("part", value=list(part), words=f"Keep this part of the log only: {said}.")
 
 
 def _without_gaps(left: Stretches) -> list[Repair]:
     """Each stretch between gaps, the longest first, and new samples where shorter ones remain."""
-    filled = (Edit(("recording", "resample"), True),) if left.resample else ()
+    filled = INTERPOLATED.edits if left.resample else ()
     if not left.lost and len(left.parts) < 2:
-        return [Repair(filled, INTERPOLATE)] if filled else []
+        return [INTERPOLATED] if filled else []
     parts = dict.fromkeys((left.longest, *left.listed))
-    repairs = [_only(part, written(part)) for part in parts]
-    return [replace(repair, edits=(*repair.edits, *filled)) for repair in repairs]
+    return [replace(only(part), edits=(*only(part).edits, *filled)) for part in parts]
 
 
 def _against_rate(rate: float, t: np.ndarray, name: str) -> Finding:

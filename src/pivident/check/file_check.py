@@ -16,7 +16,7 @@ from pivident.experiment.schema import ExperimentFile
 from pivident.experiment.toml_file import toml_content
 from pivident.robot.naming import ROBOT_FILES
 from pivident.text.finding import FindingKind, Topic
-from pivident.text.repair import Edit, Place, Renamed, Repair, Respelt
+from pivident.text.repair import Change, Edit, Place, Renamed, Repair, Respelt
 
 #: What this check looks at.
 FILE = Topic("file")
@@ -42,11 +42,14 @@ def file_problems(
     remarks = []
     problems = every_problem(plain)
     for problem in problems:
-        kind, change = (UNKNOWN_KEY, Renamed) if problem.unknown else (VALUE, Respelt)
+        kind = UNKNOWN_KEY if problem.unknown else VALUE
         place = _place(problem.location, content)
-        repairs = [Repair((Edit(place),))] if place else []
+        changes: list[Change] = [Edit(place)] if place else []
         if (meant := problem.said.meant) is not None:
-            repairs.insert(0, Repair((change(place, meant[1] if problem.unknown else meant),)))
+            changes.insert(
+                0, Renamed(place, meant[1]) if problem.unknown else Respelt(place, *meant)
+            )
+        repairs = [Repair((change,)) for change in changes]
         seen, step = advised(problem.said)
         remarks.append(
             of_finding(kind.finding("error", seen, "", step, place=place, repairs=repairs))

@@ -68,7 +68,7 @@ def of_error(error: PividentError, check: str, table: Place = (), kind: str = "r
     """An error that an identification would end with; it says its place below the table itself."""
     sentence, step = advised(error)
     place = (*(error.table or table), *error.place)
-    repairs = () if error.meant is None else (Repair((Respelt(place, error.meant),)),)
+    repairs = () if error.meant is None else (Repair((Respelt(place, *error.meant),)),)
     return Remark(
         "error", check, kind, sentence, "", step, place=place, repairs=repairs, refused=True
     )

@@ -162,18 +162,18 @@ def _edit(edit: Edit, file: FileContent) -> FileEdits:
 @_resolved.register
 def _renamed(edit: Renamed, file: FileContent) -> FileEdits:
     """A key that is taken away and written under another name."""
-    value, place = file.value(*edit.place), (*edit.place[:-1], edit.value)
+    value, place = file.value(*edit.place), (*edit.place[:-1], edit.name)
     if value is None or isinstance(value, dict):
         raise _contradiction(f"{_called(edit.place)} is no key with a value")
     if file.value(*place) is not None:
         raise _contradiction(f"{_called(place)} is there as well")
-    return FileEdits(f"Call it {edit.value}.", ((edit.place, None), (place, value)))
+    return FileEdits(f"Call it {edit.name}.", ((edit.place, None), (place, value)))
 
 
 @_resolved.register
 def _respelt(edit: Respelt, file: FileContent) -> FileEdits:
     """A name among the values of a key."""
-    (wrong, right), value = edit.value, file.value(*edit.place)
+    wrong, right, value = edit.wrong, edit.right, file.value(*edit.place)
     words = f"Write {right}."
     if isinstance(value, list) and wrong in value:
         return FileEdits(words, ((edit.place, [right if x == wrong else x for x in value]),))

@@ -7,7 +7,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from pivident.audit.audit import audit_log
-from pivident.audit.delay import faster_loop, undeclared_timing
+from pivident.audit.delay import LOOP_RATE, TIMING, faster_loop, undeclared_timing
+from pivident.audit.saturation import ACCEPT_CONSTANT, ACCEPT_CUT_OFF
+from pivident.audit.timing import INTERPOLATED, only
 from pivident.errors import (
     ConstantChannel,
     GapInClock,
@@ -28,9 +30,11 @@ from pivident.experiment.recording_tables import log_of
 from pivident.friction.complete_sign import complete_sign
 from pivident.init.assumption import Assumption
 from pivident.instruments.kinds import KINDS
+from pivident.logs.recognition.sureness import Sureness
 from pivident.recording.channels import TIMING_WORDS
 from pivident.recording.recording import Recording
 from pivident.robot.friction_toml import law_toml
+from pivident.text.repair import Edit, Repair
 from pivident.text.sentences import half_sentence
 from pivident.text.toml import parse_toml
 from pivident.validation.held_out.folds import division_of
@@ -162,13 +166,13 @@ def _timing(experiment: Experiment, known: Findings) -> Assumption | None:
         return None
     said, common, rate = audit.delay.findings[0], audit.delay.common, audit.model.rate
     seen = half_sentence(said.message)
-    if said.kind == "loop rate":
+    if said.declared is LOOP_RATE:
         faster = faster_loop(log, rate, common)
         return Assumption("recording", "control_rate", faster, "likely", seen)
     timing = undeclared_timing(log, rate, common)
     if timing is None or common[1] * rate > KNOWN:
         return None
-    clear = said.kind == "timing"
+    clear = said.declared is TIMING
     if not clear:
         seen += f": nearer to torques that are {TIMING_WORDS[timing]} than to torques that are "
         seen += f"{TIMING_WORDS['held']}, which the motion does not decide"
@@ -180,26 +184,29 @@ def _timing(experiment: Experiment, known: Findings) -> Assumption | None:
 
 
 def _remedy(error: PividentError) -> Assumption | None:
-    """The line that makes a recording acceptable that has one fault."""
-    said = str(error).partition(";")[0]
+    """The line that makes a recording acceptable that has one fault: the repair of a check."""
     if isinstance(error, SaturatedSignal):
-        return Assumption(
-            "recording", "saturation", "allow", "assumed", f"{said}",
-            "Torque beyond a limit is not what the model says; better cut those parts out.",
-        )  # fmt: skip
+        better = "Torque beyond a limit is not what the model says; better cut those parts out."
+        return _line(ACCEPT_CUT_OFF, "assumed", error.fact, better)
     if isinstance(error, ConstantChannel):
-        seen = f"{said}; what needs its motion cannot be determined"
-        return Assumption("recording", "allow_constant", True, "assumed", seen)
+        seen = f"{error.fact}; what needs its motion cannot be determined"
+        return _line(ACCEPT_CONSTANT, "assumed", seen)
     if isinstance(error, (MissingSamples, GapInClock)) and error.stretches.lost:
         longest = error.stretches.longest
         others = [written(part) for part in error.stretches.parts if part != longest]
         more = f"A copy of this table for each adds {', '.join(others)}." if others else ""
-        seen = f"{said}; this is the longest stretch without such a gap"
-        return Assumption("recording", "part", list(longest), "likely", seen, more)
+        seen = f"{error.fact}; this is the longest stretch without such a gap"
+        return _line(only(longest), "likely", seen, more)
     if isinstance(error, IrregularSampling):
-        seen = f"{said}; samples are interpolated"
-        return Assumption("recording", "resample", True, "assumed", seen)
+        return _line(INTERPOLATED, "assumed", f"{error.fact}; samples are interpolated")
     return None
+
+
+def _line(repair: Repair, sure: Sureness, seen: str, correct: str = "") -> Assumption:
+    """The line of a recording that a repair sets."""
+    (edit,) = repair.edits
+    assert isinstance(edit, Edit), "these repairs set one key"
+    return Assumption("recording", str(edit.place[-1]), edit.value, sure, seen, correct)
 
 
 def _stuck(known: Findings, error: PividentError) -> Findings:

@@ -56,16 +56,14 @@ class Change:
 
 
 @dataclass(frozen=True)
-class Edit(Change):
-    """A value of a key.
+class OfKey(Change):
+    """An edit of one key.
 
     Attributes:
-        place: tables and keys.
-        value: a plain value; None: the key is removed.
+        place: tables and key.
     """
 
     place: Place
-    value: Any = None
 
     def below(self, table: Place) -> Self:
         """The same edit, of the recording in this table."""
@@ -73,26 +71,49 @@ class Edit(Change):
 
 
 @dataclass(frozen=True)
-class Renamed(Edit):
-    """A key that is called otherwise; ``value``: its name."""
-
-
-@dataclass(frozen=True)
-class Respelt(Edit):
-    """A name among the values of a key that is written otherwise; ``value``: wrong and right."""
-
-
-@dataclass(frozen=True)
-class Scaled(Change):
-    """Numbers of single joints, multiplied.
+class Edit(OfKey):
+    """A value of a key.
 
     Attributes:
-        place: of one number for all joints, or of a list.
+        value: a plain value; None: the key is removed.
+    """
+
+    value: Any = None
+
+
+@dataclass(frozen=True)
+class Renamed(OfKey):
+    """A key that is called otherwise.
+
+    Attributes:
+        name: what it is called.
+    """
+
+    name: str
+
+
+@dataclass(frozen=True)
+class Respelt(OfKey):
+    """A name among the values of a key that is written otherwise.
+
+    Attributes:
+        wrong: as it stands there.
+        right: as it is written.
+    """
+
+    wrong: str
+    right: str
+
+
+@dataclass(frozen=True)
+class Scaled(OfKey):
+    """Numbers of single joints, multiplied, of a key that has one for all of them or a list.
+
+    Attributes:
         factors: joints and what their numbers are multiplied by.
     """
 
     each: ClassVar[str] = "factors"
-    place: Place
     factors: tuple[tuple[str, float], ...]
 
 
