@@ -16,10 +16,9 @@ from collections import Counter
 
 import numpy as np
 
-from pivident.collision.apart import built_apart
+from pivident.collision.apart import built_apart, exact_distances
 from pivident.collision.bodies import Body
 from pivident.collision.clearances import Clearances
-from pivident.collision.exact import exact_distances
 from pivident.collision.outlines import outline_of
 from pivident.robot.description import Robot
 from pivident.robot.urdf import read_urdf

@@ -37,7 +37,7 @@ from benchmarks.open_loop_fit import (
 )
 from scipy.optimize import minimize_scalar
 
-from pivident.friction_laws.impossible_signs import impossible_terms
+from pivident.friction_laws.law_scores import impossible_terms
 from pivident.recording.public_records import load_emps, load_emps_pulses
 from pivident.recording.recording import Recording
 

@@ -22,8 +22,7 @@ from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL, tx40_fine
 from pivident.recording.public_records import load_staubli_tx40
 from pivident.robot.friction import FrictionLaw, coulomb, offset, viscous
 from pivident.robot.gallery import load_robot
-from pivident.simulation.control_loop import Loop
-from pivident.simulation.virtual_pd import virtual_pd
+from pivident.simulation.control_loop import Loop, virtual_pd
 from pivident.validation.essential_parameters import EssentialParameters, essential_parameters
 
 PAPER = set(TX40_ESSENTIAL)

@@ -26,7 +26,7 @@ from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS
 from pivident.estimation.normal_equations import solve
 from pivident.estimation.problem import Problem
-from pivident.motion.kinematics import residual_of
+from pivident.motion.motion import residual_of
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.robot.measured_base import with_wrench_sensors

@@ -40,7 +40,7 @@ from pivident.friction_laws.law_candidates import Reach, adding, change_of, key_
 from pivident.friction_laws.law_choice import choose_laws
 from pivident.friction_laws.shapes import identify_shapes
 from pivident.robot.friction import FrictionLaw, coulomb, offset, viscous
-from pivident.robot.term_kind import Candidate
+from pivident.robot.friction_term import Candidate
 
 NOISE = Noise(encoder=2e-7, torque=0.3)
 METHOD: dict[str, Method] = dict(METHODS)

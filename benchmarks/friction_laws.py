@@ -33,8 +33,8 @@ from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import Bandpass, RandomWalk
 from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL
-from pivident.friction_laws.impossible_signs import has_definite_sign
 from pivident.friction_laws.law_choice import with_laws
+from pivident.friction_laws.law_scores import has_definite_sign
 from pivident.friction_laws.shapes import identify_shapes
 from pivident.recording.public_records import (
     load_emps,
@@ -64,9 +64,8 @@ from pivident.robot.friction import (
 )
 from pivident.robot.friction_term import FrictionTerm
 from pivident.robot.gallery import load_robot
-from pivident.simulation.control_loop import Loop
+from pivident.simulation.control_loop import Loop, virtual_pd
 from pivident.simulation.controllers import Cascade
-from pivident.simulation.virtual_pd import virtual_pd
 from pivident.validation.held_out.cross_validation import cross_validate
 from pivident.validation.held_out.prediction import Judge, pooled
 from pivident.validation.held_out.replay import as_logged

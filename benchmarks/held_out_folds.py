@@ -14,18 +14,16 @@ from __future__ import annotations
 
 from pivident.estimation.instrumental_variables import InstrumentalVariables
 from pivident.estimation.least_squares import LeastSquares
-from pivident.estimation.method import Method
+from pivident.estimation.method import Method, Repetition
 from pivident.estimation.methods import METHODS
-from pivident.estimation.noise_options import Repetition
 from pivident.estimation.prefiltered_iv import PrefilteredIV
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import Bandpass
 from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL
 from pivident.recording.public_records import load_emps, load_emps_pulses, load_staubli_tx40
 from pivident.robot.gallery import load_robot
-from pivident.simulation.control_loop import Loop
+from pivident.simulation.control_loop import Loop, virtual_pd
 from pivident.simulation.controllers import Cascade
-from pivident.simulation.virtual_pd import virtual_pd
 from pivident.validation.held_out.out_of_sample import OutOfSample, compare_out_of_sample
 from pivident.validation.residuals.model_error import model_error
 

@@ -32,15 +32,14 @@ from pivident.estimation.methods import METHODS
 from pivident.estimation.prefiltered_iv import PrefilteredIV
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import RandomWalk
-from pivident.motion.kinematics import Kinematics
+from pivident.motion.motion import Kinematics
 from pivident.recording.public_records import load_kuka_kr300
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.robot.gallery import load_robot
 from pivident.signals.bandpass import butterworth
-from pivident.simulation.control_loop import Loop
+from pivident.simulation.control_loop import Loop, virtual_pd
 from pivident.simulation.controllers import PD
-from pivident.simulation.virtual_pd import virtual_pd
 
 EXAMPLE = Path(__file__).resolve().parents[1] / "examples" / "kuka_kr300"
 NAMES = ("ls", "iv", "iv-full-rate", "piv")

@@ -18,9 +18,9 @@ import numpy as np
 
 from pivident.errors import ExportError, SimulationDiverged
 from pivident.export import mjcf
+from pivident.export.differences import RobotFile
 from pivident.export.joint_side import joint_side
 from pivident.export.load_back import mujoco_model
-from pivident.export.robot_file import RobotFile
 from pivident.models.runnable_model import RunnableModel
 from pivident.robot.friction_term import FrictionTerm
 from pivident.simulation.closed_loop import LoopSignals

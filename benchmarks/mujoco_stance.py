@@ -30,8 +30,7 @@ from pivident.robot.description import Robot
 from pivident.robot.frames import Pose
 from pivident.robot.gallery import load_robot
 from pivident.robot.joints import Contact
-from pivident.robot.measured_base import BASE_JOINTS, rotations_from_quaternions
-from pivident.robot.wrench_torques import link_places
+from pivident.robot.measured_base import BASE_JOINTS, link_places, rotations_from_quaternions
 from pivident.simulation.reference import point_to_point
 
 RATE = 500.0

@@ -26,9 +26,8 @@ import numpy as np
 from tests.load_scenario import LOAD, LoadedArm, tx40_with_load
 
 from pivident.estimation.identify import identify
-from pivident.payload.arm_and_load import load_columns
+from pivident.payload.arm_and_load import KnownParts, load_columns
 from pivident.payload.identify_payload import identify_payload
-from pivident.payload.known_parts import KnownParts
 from pivident.payload.load_estimate import LoadEstimate
 from pivident.robot.description import INERTIAL
 

@@ -24,17 +24,16 @@ from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.prefiltered_iv import PrefilteredIV
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import RandomWalk
-from pivident.motion.kinematics import torque_of
+from pivident.motion.motion import torque_of
 from pivident.recording.recording import Recording
 from pivident.robot.gallery import load_robot
 from pivident.signals.noise_models import fit_ar, lagged_sums, whiten
 from pivident.simulation.closed_loop import LoopSignals, simulate
 from pivident.simulation.controllers import PD
 from pivident.simulation.reference import point_to_point
-from pivident.validation.residuals.autocorrelation import durbin_watson, ljung_box
-from pivident.validation.residuals.heteroscedasticity import variance_test
+from pivident.validation.residuals.autocorrelation import JointResidual, durbin_watson, ljung_box
+from pivident.validation.residuals.cross_correlation import variance_test
 from pivident.validation.residuals.residual_tests import normality, residual_tests
-from pivident.validation.residuals.whitened_residual import JointResidual
 
 SAMPLES = 1500
 COLOUR = np.poly([0.9 * np.exp(0.5j), 0.9 * np.exp(-0.5j), 0.6, -0.5]).real

@@ -21,8 +21,8 @@ import numpy as np
 from pivident.estimation.identify import identify
 from pivident.estimation.problem import Problem
 from pivident.flexibility.compliance import identify_compliances
+from pivident.flexibility.joint_study import rigid_validity
 from pivident.flexibility.resonance import find_resonance
-from pivident.flexibility.rigid_validity import rigid_validity
 from pivident.flexibility.simulated_joint import MotorLoop, Sensors, TwoMassJoint, simulate_joint
 from pivident.flexibility.two_mass import identify_two_mass
 from pivident.recording.public_records import load_kuka_kr300

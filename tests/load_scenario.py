@@ -18,7 +18,7 @@ from pivident.recording.recording import Recording
 from pivident.robot.gallery import load_robot
 from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import PD
-from pivident.simulation.noise import stream
+from pivident.simulation.simulated_record import stream
 from tests.payload_scenario import tx40_in_amperes
 
 #: One kilogram on the flange, beside its axis, with an inertia that is not aligned with it.

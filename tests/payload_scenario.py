@@ -24,8 +24,8 @@ from pivident.robot.gallery import load_robot
 from pivident.simulation.closed_loop import LoopSignals, simulate
 from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import PD
-from pivident.simulation.noise import Noise, stream
 from pivident.simulation.reference import point_to_point
+from pivident.simulation.simulated_record import Noise, stream
 
 #: Two kilograms beside the axis of the flange: a cylinder of 8 cm diameter and 5 cm height.
 PAYLOAD = Payload(
@@ -37,7 +37,8 @@ PAYLOAD = Payload(
 #: Sampling rate of the records and of the control law [Hz].
 RATE = 2000.0
 
-#: Stream of random numbers of the current sensors, beside those of `pivident.simulation.noise`.
+#: Stream of random numbers of the current sensors, beside those of
+#: `pivident.simulation.simulated_record`.
 CURRENT = 7
 
 

@@ -124,8 +124,8 @@ def control_door(folder):
 
 
 def plotly_door(folder):
-    sys.modules.pop("pivident.report.drawing_library", None)
-    importlib.import_module("pivident.report.drawing_library")
+    sys.modules.pop("pivident.report.plot_parts", None)
+    importlib.import_module("pivident.report.plot_parts")
 
 
 def pyarrow_door(folder):

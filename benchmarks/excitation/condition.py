@@ -23,8 +23,8 @@ from pivident.excitation.design_task import DesignTask
 from pivident.excitation.knowledge import knowledge
 from pivident.excitation.limits import PLANNED_SHARE, ROOM, joint_limits
 from pivident.excitation.questions import robot_question
-from pivident.excitation.random_motions import random_coefficients
 from pivident.excitation.request import DesignRequest
+from pivident.excitation.search import random_coefficients
 from pivident.experiment.excite_keys import ExciteEntry
 from pivident.robot.gallery import load_robot
 

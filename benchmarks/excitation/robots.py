@@ -38,7 +38,7 @@ from pivident.excitation.knowledge import knowledge
 from pivident.excitation.limits import PLANNED_SHARE, ROOM
 from pivident.excitation.motions import ExcitingMotion
 from pivident.excitation.questions import robot_question
-from pivident.excitation.random_motions import random_coefficients
+from pivident.excitation.search import random_coefficients
 from pivident.experiment.excite_keys import ExciteEntry
 from pivident.text.plain_table import plain_table
 

@@ -120,7 +120,7 @@ def _table(path: Path) -> object:
 
 def _audited(path: Path) -> object:
     """Reading as the audit does it, which forgives more."""
-    from pivident.logs.bare_log import bare_log
+    from pivident.logs.described_log import bare_log
 
     return bare_log(path)
 

@@ -22,7 +22,7 @@ from .bounds import Bounds
 
 #: Which function belongs to which stage; what is called from within another one counts there.
 STAGES: tuple[tuple[str, str], ...] = (
-    ("search for lines in the noise", "pivident.signals.coloured_walk.find_lines"),
+    ("search for lines in the noise", "pivident.signals.random_walk.find_lines"),
     ("visible counts", "pivident.estimation.kinematics._nvr_of_counts"),
     ("smoother: NVR by maximum likelihood", "pivident.signals.random_walk.estimate_nvr"),
     ("smoother: trajectory", "pivident.signals.random_walk.diffuse_fit"),

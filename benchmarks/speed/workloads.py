@@ -18,10 +18,9 @@ from pivident.robot.description import Joint, Link, Robot
 from pivident.robot.gallery import load_robot
 from pivident.robot.transmission import Transmission
 from pivident.simulation.closed_loop import LoopSignals
-from pivident.simulation.control_loop import Loop
+from pivident.simulation.control_loop import Loop, virtual_pd
 from pivident.simulation.controllers import PD
 from pivident.simulation.reference import point_to_point
-from pivident.simulation.virtual_pd import virtual_pd
 
 #: Samples of the simulated record.
 SAMPLES = 34_500

@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 from pivident.audit.audit import TOPICS
-from pivident.report.drawing_library import DrawingLibrary
+from pivident.report.plot_parts import DrawingLibrary
 from pivident.text.finding import SEVERITIES
 
 TEXT = (Path(__file__).resolve().parents[2] / "docs" / "audit.md").read_text("utf-8")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pivident.audit.audit import audit_log
-from pivident.logs.frozen_torque import frozen_samples
+from pivident.logs.bad_samples import frozen_samples
 from tests.audit.logs import planar, serious, with_torque
 
 N = 6000

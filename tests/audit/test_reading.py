@@ -9,8 +9,7 @@ import pytest
 from pivident.audit.audit import audit_log
 from pivident.audit.audit_file import audit_file
 from pivident.errors import ExperimentError, FileFormatError, RecordingError, UnknownColumn
-from pivident.logs.bare_log import bare_log
-from pivident.logs.described_log import described_log
+from pivident.logs.described_log import bare_log, described_log
 from pivident.logs.recognition.channel_words import plain_channel
 from pivident.logs.recognition.column_series import column_series
 from pivident.robot.gallery import load_robot

@@ -10,7 +10,7 @@ from pivident.audit.timing import check_timing
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.robot_regressor import regressor_of
-from pivident.logs.clocks.gaps import runs_of
+from pivident.logs.clocks.timestamps import runs_of
 from pivident.recording.recording import Recording
 from pivident.robot.gallery import load_robot
 

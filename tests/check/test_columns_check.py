@@ -3,7 +3,6 @@
 from pivident.check.columns_check import check_columns
 
 
-
 def told(columns, units=None):
     return [(r.kind, r.subject) for r in check_columns(columns, units or {}, None)]
 

@@ -14,7 +14,7 @@ import pytest
 from pivident import __version__
 from pivident.cli import main, workflow
 from pivident.cli.app import GROUPS, app
-from pivident.consistency.method_names import CONSISTENT_METHODS
+from pivident.consistency.options import CONSISTENT_METHODS
 from pivident.errors import SimulationDiverged
 from pivident.estimation.methods import METHODS
 from pivident.estimation.stored_identification import load_identification

@@ -5,7 +5,7 @@ import os
 import pytest
 
 from pivident.cli.app import main
-from pivident.cli.exit_codes import INTERRUPTED, WRONG_INPUT, WRONG_USAGE
+from pivident.cli.console import INTERRUPTED, WRONG_INPUT, WRONG_USAGE
 from pivident.paper import page
 
 

@@ -82,9 +82,9 @@ def test_an_optimised_motion_is_kept_with_the_results(tmp_path, in_this_process,
     kept = json.loads((out / "trajectory.json").read_text())
     assert kept["cost"] > 0 and len(kept["a"]) == 2
     monkeypatch.setattr(excitation, "optimised_series", None)  # not searched for again
-    from pivident.many.study import motion
+    from pivident.many.study import scenario_tables
 
-    monkeypatch.setattr(motion, "_found", {})
+    monkeypatch.setattr(scenario_tables, "_found", {})
     assert main([*command, "3"]) == 0
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pivident.cli.app import main
-from pivident.cli.exit_codes import DONE, WRONG_INPUT
+from pivident.cli.console import DONE, WRONG_INPUT
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor

@@ -6,10 +6,9 @@ from pydantic import ValidationError
 from scipy.spatial import ConvexHull
 
 from pivident.collision.bodies import Body
-from pivident.collision.capsules import Balls, divided, enclosing_capsule
 from pivident.collision.outlines import GALLERY, outline_of
 from pivident.collision.room import bodies_of_entries, clearances_of_room
-from pivident.collision.urdf import MAX_CAPSULES, link_capsules
+from pivident.collision.urdf import MAX_CAPSULES, Balls, divided, enclosing_capsule, link_capsules
 from pivident.errors import ExperimentError, RobotDescriptionError
 from pivident.experiment.excite_keys import BodyEntry, RoomEntry
 from pivident.extras import MissingExtra

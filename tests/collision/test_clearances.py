@@ -1,14 +1,12 @@
 import numpy as np
 import pytest
 
-from pivident.collision.apart import built_apart
-from pivident.collision.bodies import Body
+from pivident.collision.apart import built_apart, exact_distances
+from pivident.collision.bodies import Body, LinkPoses
 from pivident.collision.clearances import Clearances
-from pivident.collision.exact import exact_distances
 from pivident.collision.obstacles import Obstacle, ToolBox
 from pivident.collision.outlines import outline_of
 from pivident.collision.pairs import swept_ball
-from pivident.collision.poses import LinkPoses
 from pivident.errors import ExperimentError, RobotDescriptionError
 from pivident.robot.frames import rotation_from_rpy
 from pivident.robot.gallery import load_robot

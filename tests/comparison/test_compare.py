@@ -14,8 +14,7 @@ import pytest
 import pivident as pv
 from pivident.cli import main
 from pivident.comparison.compare import compare
-from pivident.comparison.comparison_files import to_csv, to_latex, to_values
-from pivident.comparison.comparison_page import render_page
+from pivident.comparison.comparison_files import render_page, to_csv, to_latex, to_values
 from pivident.comparison.comparison_text import comparison_text
 from pivident.comparison.entry import ComparisonError
 from pivident.dynamics.regressor import Regressor

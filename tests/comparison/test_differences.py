@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pivident.comparison.differences import Estimate, difference, holm
+from pivident.comparison.compared_results import Estimate, difference, holm
 
 
 def symmetric(value, std):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pivident.comparison.aligned import estimate_of
+from pivident.comparison.compare import estimate_of
 from pivident.comparison.entry import entry_of
 from pivident.comparison.groups import base_of, difference_of_geometry, groups_of
 from pivident.robot.gallery import load_robot

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pivident.cli import main
-from pivident.consistency.method_names import free_methods, made_consistent
+from pivident.consistency.options import free_methods, made_consistent
 from pivident.errors import ExperimentError
 from pivident.experiment.experiment import load_experiment
 from tests.planar_log import EXPERIMENT, write_experiment

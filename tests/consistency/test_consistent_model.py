@@ -9,10 +9,9 @@ import pytest
 
 from pivident.consistency.consistent_model import make_consistent
 from pivident.consistency.constraints import Bounds, make_constraints
-from pivident.consistency.metric import full_covariance, make_metric
+from pivident.consistency.metric import full_covariance, is_far, make_metric
 from pivident.consistency.pseudo_inertia import from_triangle
 from pivident.consistency.reference import make_reference
-from pivident.consistency.significance import is_far
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.errors import (

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from pivident.consistency.ellipsoid import (
+from pivident.consistency.pseudo_inertia import (
     half_axes,
+    link_body,
     moment_about_axis,
     outline,
     principal_axes,
 )
-from pivident.consistency.pseudo_inertia import link_body
-from pivident.robot.assembly import link_frames
+from pivident.robot.closed_chains import link_frames
 from pivident.robot.frames import Pose, rotation_about
 from pivident.robot.gallery import load_robot
 

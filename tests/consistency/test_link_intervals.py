@@ -12,10 +12,10 @@ from pivident.consistency.consistent_estimate import consistent_estimate
 from pivident.consistency.consistent_files import consistent_json
 from pivident.consistency.consistent_model import make_consistent
 from pivident.consistency.constraints import Bounds
-from pivident.consistency.ellipsoid import moment_about_axis
 from pivident.consistency.link_intervals import link_rows
 from pivident.consistency.options import ConsistencyOptions
 from pivident.consistency.profile_intervals import profile_intervals
+from pivident.consistency.pseudo_inertia import moment_about_axis
 from pivident.dynamics.parameters import nominal_values
 from tests.synthetic_identification import synthetic_identification
 

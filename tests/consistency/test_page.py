@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from pivident.consistency.method_names import CONSISTENT_METHODS
+from pivident.consistency.options import CONSISTENT_METHODS
 from pivident.experiment.consistency_table import read_consistency
 from pivident.robot.gallery import load_robot
 from tests.synthetic_identification import synthetic_identification

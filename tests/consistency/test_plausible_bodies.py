@@ -13,11 +13,10 @@ from pivident.consistency.cone_program import solve_cone_program
 from pivident.consistency.consistent_model import make_consistent
 from pivident.consistency.consistent_tables import link_table, moments_text
 from pivident.consistency.constraints import Bounds, make_constraints
-from pivident.consistency.geometric_bodies import geometric_bodies
 from pivident.consistency.metric import make_metric
 from pivident.consistency.nearest_consistent import imposed, standard_space
 from pivident.consistency.pseudo_inertia import LinkBody
-from pivident.consistency.reference import make_reference
+from pivident.consistency.reference import geometric_bodies, make_reference
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.export.mjcf import to_mjcf
 from pivident.export.urdf import to_urdf

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pivident.consistency.significance import is_far
+from pivident.consistency.metric import is_far
 from pivident.diagnostics.consistency_statements import consistency
 from pivident.diagnostics.diagnostics import diagnose, diagnose_one
 from pivident.diagnostics.estimate_statements import further_warnings

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pivident.drives.drive_equations import motor_coupling
+from pivident.drives.drive_equations import Trusted, motor_coupling
 from pivident.drives.drive_gains import identify_drive_gains
-from pivident.drives.gain_unknowns import Trusted
 from pivident.drives.known_payload import Payload
 from pivident.drives.log_units import gain_groups, identify_in_log_units
 from pivident.dynamics.base_parameters import base_parameters

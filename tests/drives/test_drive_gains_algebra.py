@@ -7,16 +7,14 @@ import pytest
 from scipy.optimize import least_squares as nonlinear_least_squares
 
 from pivident.drives import gain_equations as bilinear
-from pivident.drives.drive_equations import DriveRecord, drive_sums
+from pivident.drives.drive_equations import DriveRecord, drive_sums, gain_unknowns
 from pivident.drives.drive_gains import _equations
-from pivident.drives.gain_unknowns import gain_unknowns
+from pivident.drives.gain_equations import gains_by
 from pivident.drives.known_payload import Payload
 from pivident.drives.log_units import gain_groups
-from pivident.drives.total_least_squares import gains_by
 from pivident.dynamics.parameters import nominal_values
 from pivident.estimation.problem import Problem
-from pivident.motion.kinematics import Kinematics
-from pivident.motion.motion import SpeedLimits
+from pivident.motion.motion import Kinematics, SpeedLimits
 from pivident.recording.recording import Recording
 from pivident.robot.gallery import load_robot
 

@@ -7,7 +7,7 @@ import pytest
 
 from pivident.diagnostics.verdict import verdict
 from pivident.errors import ExperimentError
-from pivident.estimation.counted_loop import LOOPS, offsets
+from pivident.estimation.didim import LOOPS, offsets
 from pivident.estimation.identify import identify
 from pivident.many.study.bench import Bench
 from pivident.simulation.control_loop import Loop

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pivident.errors import ExperimentError, IdentificationError
-from pivident.estimation import simulated_kinematics
+from pivident.estimation import auxiliary_model
 from pivident.estimation.didim import Didim
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS
@@ -14,9 +14,8 @@ from pivident.estimation.problem import Problem
 from pivident.experiment.simulated_tx40 import tx40_scenario
 from pivident.recording.public_records import load_emps
 from pivident.robot.gallery import load_robot
-from pivident.simulation.control_loop import Loop
+from pivident.simulation.control_loop import Loop, virtual_pd
 from pivident.simulation.controllers import PD, Cascade
-from pivident.simulation.virtual_pd import virtual_pd
 
 
 def truth_of(problem, truth):
@@ -69,7 +68,7 @@ def test_samples_that_remember_the_start_do_not_vote(coarse, found):
 
 
 def test_a_loop_that_does_not_forget_is_refused(coarse, monkeypatch):
-    monkeypatch.setattr(simulated_kinematics, "FORGOTTEN", -1.0)
+    monkeypatch.setattr(auxiliary_model, "FORGOTTEN", -1.0)
     with pytest.raises(IdentificationError, match=r"coarse-2.*more than half the record.*piv"):
         identify(coarse[0], "didim")
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from pivident.estimation.equation_noise import EquationNoise
+from pivident.estimation.solved_equations import EquationNoise
 from tests.planar_results import planar_results
 
 

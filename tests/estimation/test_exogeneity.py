@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from pivident.estimation.exogeneity import durbin_wu_hausman
 from pivident.estimation.normal_equations import JointSums
+from pivident.estimation.solved_equations import durbin_wu_hausman
 
 
 def outcome(rng, endogenous, rows=4000):

@@ -10,8 +10,8 @@ from pivident.estimation.full_rate import records_without_instruments
 from pivident.estimation.identify import identify
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.least_squares import LeastSquares
+from pivident.estimation.method import Arma, AutoRegressive
 from pivident.estimation.noise_identification import Whitening
-from pivident.estimation.noise_options import Arma, AutoRegressive
 from pivident.estimation.output_error.noise_weights import fitted_noise
 from pivident.estimation.prefiltered_iv import PrefilteredIV
 from pivident.estimation.signal_recipes import RandomWalk
@@ -84,7 +84,7 @@ def test_the_model_of_an_order_that_fell_is_that_of_this_order():
 
 
 def _residual(whitening, record, theta):
-    from pivident.motion.kinematics import residual_of
+    from pivident.motion.motion import residual_of
 
     return residual_of(whitening.problem.regressor, record.kinematics, theta)
 

@@ -15,7 +15,7 @@ from pivident.errors import (
     SimulationDiverged,
 )
 from pivident.estimation.instrumental_variables import InstrumentalVariables
-from pivident.estimation.noise_options import AutoRegressive
+from pivident.estimation.method import AutoRegressive
 from pivident.estimation.prefiltered_iv import PrefilteredIV
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import RandomWalk

@@ -13,9 +13,8 @@ from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL
 from pivident.recording.public_records import load_emps, load_emps_pulses, load_staubli_tx40
 from pivident.robot.friction import FrictionLaw, coulomb, offset, viscous
 from pivident.robot.gallery import load_robot
-from pivident.simulation.control_loop import Loop
+from pivident.simulation.control_loop import Loop, virtual_pd
 from pivident.simulation.controllers import Cascade
-from pivident.simulation.virtual_pd import virtual_pd
 
 pytestmark = pytest.mark.record
 

@@ -12,8 +12,8 @@ from pivident.errors import IdentificationError
 from pivident.estimation.identify import build_regression, identify
 from pivident.estimation.instrumental_variables import InstrumentalVariables
 from pivident.estimation.least_squares import LeastSquares
+from pivident.estimation.method import Arma
 from pivident.estimation.methods import METHODS
-from pivident.estimation.noise_options import Arma
 from pivident.estimation.prefiltered_iv import PrefilteredIV
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import Bandpass

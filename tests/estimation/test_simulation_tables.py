@@ -7,8 +7,12 @@ import pytest
 
 from pivident.estimation.parameter_rows import parameter_rows
 from pivident.estimation.simulation_result import LoopParameter, SimulationResult
-from pivident.estimation.simulation_tables import parameter_texts, simulation_text
-from pivident.estimation.summary_tables import comparison_table, identification_table
+from pivident.estimation.summary_tables import (
+    comparison_table,
+    identification_table,
+    parameter_texts,
+    simulation_text,
+)
 from pivident.tables.identifications import identification_iterations
 from tests.planar_simulations import simulated_results
 from tests.synthetic_identification import synthetic_identification

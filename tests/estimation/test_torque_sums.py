@@ -7,8 +7,8 @@ import pytest
 
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.regressor import Regressor
+from pivident.estimation.identification import estimated_in_base, torque_sums
 from pivident.estimation.solved_equations import TorqueSums
-from pivident.estimation.torque_sums import estimated_in_base, torque_sums
 from tests.synthetic_identification import synthetic_identification
 
 

@@ -9,8 +9,7 @@ from pivident.errors import ExperimentError, IdentificationError
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS, WITHOUT_TORQUE
 from pivident.estimation.parameter_rows import parameter_rows
-from pivident.estimation.problem import Problem
-from pivident.estimation.without_torque import TOPIC
+from pivident.estimation.problem import TOPIC, Problem
 from pivident.recording.recording import Recording
 from pivident.robot.gallery import load_robot
 from pivident.simulation.control_loop import Loop

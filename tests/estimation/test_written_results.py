@@ -10,7 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from pivident.comparison.compare import compare
-from pivident.comparison.load import load_entries
+from pivident.comparison.entry import load_entries
 from pivident.consistency.consistent_model import make_consistent
 from pivident.errors import IdentificationFileError
 from pivident.estimation.covariance import inverse_gram, rounded_away
@@ -22,7 +22,7 @@ from pivident.estimation.simulation_result import LoopParameter
 from pivident.estimation.stored_identification import load_identification
 from pivident.export.formats import export_model
 from pivident.models.runnable_model import runnable_model
-from pivident.prediction.stored_results import stored_result
+from pivident.prediction.new_logs import stored_result
 from pivident.text.plain_values import plain
 from tests.planar_simulations import planar_problem
 from tests.synthetic_identification import synthetic_identification

@@ -4,10 +4,9 @@ import pytest
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
-from pivident.excitation.constraints import Constraints, smooth_maximum
+from pivident.excitation.constraints import Constraints, TorqueModel, smooth_maximum
 from pivident.excitation.limits import joint_limits
 from pivident.excitation.motions import MotionFamily
-from pivident.excitation.torque_bound import TorqueModel
 from pivident.robot.gallery import load_robot
 
 ROBOT = load_robot("staubli_tx40")

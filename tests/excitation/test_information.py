@@ -8,7 +8,7 @@ import pytest
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
-from pivident.estimation.equation_noise import EquationNoise
+from pivident.estimation.solved_equations import EquationNoise
 from pivident.excitation.constraints import Constraints
 from pivident.excitation.criteria import Criterion, Objective, condition_number, standard_errors
 from pivident.excitation.information import Information, assumed_noise

@@ -4,8 +4,7 @@ import io
 import numpy as np
 import pytest
 
-from pivident.excitation.design import PAGE_RATE
-from pivident.excitation.point_lists import postures_csv, sample_arrays, samples_csv
+from pivident.excitation.design import PAGE_RATE, postures_csv, sample_arrays, samples_csv
 from pivident.logs.described_log import described_log
 from pivident.logs.file_columns import read_columns
 from tests.excitation.designs import made_design, named

@@ -22,8 +22,7 @@ from pivident.excitation import (
     reached_errors,
     write_design,
 )
-from pivident.excitation.reached import ReachedError, ReachedErrors
-from pivident.excitation.reached_text import reached_text, sentences
+from pivident.excitation.reached import ReachedError, ReachedErrors, reached_text, sentences
 from pivident.recording.recording import Recording
 from tests.excitation.designs import made_design, named
 from tests.planar_arm import LAW

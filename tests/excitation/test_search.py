@@ -10,8 +10,7 @@ from pivident.excitation.checked_motion import with_more_room
 from pivident.excitation.design_task import DesignTask
 from pivident.excitation.knowledge import knowledge
 from pivident.excitation.questions import load_columns, load_question, robot_question
-from pivident.excitation.random_motions import coefficient_box, random_coefficients
-from pivident.excitation.search import Best, Descent
+from pivident.excitation.search import Best, Descent, coefficient_box, random_coefficients
 from pivident.robot.gallery import load_robot
 from tests.excitation.test_constraints import Wall
 

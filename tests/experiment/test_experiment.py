@@ -7,7 +7,7 @@ from pivident.errors import DatasetUnavailable, ExperimentError, PividentError, 
 from pivident.estimation.instrumental_variables import InstrumentalVariables
 from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.literature.frequency_domain import FrequencyDomain
-from pivident.estimation.noise_options import AutoRegressive
+from pivident.estimation.method import AutoRegressive
 from pivident.estimation.prefiltered_iv import PrefilteredIV
 from pivident.estimation.signal_recipes import Algebraic, Bandpass, RandomWalk
 from pivident.experiment.experiment import load_experiment

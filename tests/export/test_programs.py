@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from pivident.errors import ExportError
 from pivident.export import c_source
 from pivident.export.c_source import c_compiler, to_c, verify_c
-from pivident.export.model_programs import friction_in_groups, inner_columns
-from pivident.export.numpy_function import to_numpy, verify_numpy
+from pivident.export.numpy_function import friction_in_groups, inner_columns, to_numpy, verify_numpy
 from pivident.models.exported import random_states
 from pivident.models.runnable_model import runnable_model
 from pivident.robot.friction import FrictionLaw, coulomb, load_dependent, lugre, ripple, viscous

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from pivident.cli import main
 from pivident.export.rerun_recording import poses
-from pivident.robot.assembly import link_frames
+from pivident.robot.closed_chains import link_frames
 from pivident.robot.gallery import load_robot
 from tests.planar_log import EXPERIMENT, planar_log, write_experiment
 

@@ -12,11 +12,10 @@ from pivident.export.load_back import verify_with_mujoco, verify_with_pinocchio
 from pivident.export.urdf import to_urdf
 from pivident.models.exported import random_states
 from pivident.models.runnable_model import runnable_model
-from pivident.robot.closed_chains import closed_robot
+from pivident.robot.closed_chains import closed_robot, proportions
 from pivident.robot.constraints import LinearConstraint
 from pivident.robot.friction import FrictionLaw, coulomb, viscous
 from pivident.robot.gallery import load_robot
-from pivident.robot.proportions import proportions
 from pivident.robot.urdf import parse_urdf
 from tests.dynamics.closed.mechanisms import geared
 from tests.export.robots import with_values

@@ -59,7 +59,7 @@ def test_files_that_are_no_names(tmp_path, spec):
      '{"layout": 1, "programs": 3}', '{"scenario": []}'],
 )  # fmt: skip
 def test_manifests_that_are_none(tmp_path, text):
-    from pivident.many.study.study_errors import StudyFolderError
+    from pivident.many.batch.batch_errors import StudyFolderError
     from pivident.many.study.study_store import MANIFEST, Store
 
     (tmp_path / MANIFEST).write_text(text)
@@ -70,8 +70,8 @@ def test_manifests_that_are_none(tmp_path, text):
 
 
 def test_a_broken_trajectory_is_named(tmp_path):
-    from pivident.many.study.motion import FILE, optimised_series
-    from pivident.many.study.study_errors import StudyFolderError
+    from pivident.many.batch.batch_errors import StudyFolderError
+    from pivident.many.study.scenario_tables import FILE, optimised_series
 
     scenario = read_scenario(f'{STUDY}[trajectory]\ntype = "fourier"\n', "s")
     for text in ("{", "[" * 100_000, "[]", "{}", '{"belongs_to": 1'):

@@ -5,7 +5,7 @@ import gzip
 import pytest
 
 from pivident.errors import FileFormatError
-from pivident.logs.bare_log import bare_log
+from pivident.logs.described_log import bare_log
 from pivident.logs.tables.tables import names_in, read_table
 from tests.faults.hostile import written
 

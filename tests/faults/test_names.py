@@ -13,7 +13,7 @@ from pivident.cli import main
 from pivident.cli.console import error_line, note
 from pivident.errors import FileFormatError, PividentError, RecordingError, RobotDescriptionError
 from pivident.estimation.identification_file import to_csv, to_json
-from pivident.logs.bare_log import bare_log
+from pivident.logs.described_log import bare_log
 from pivident.logs.tables.tables import read_table
 from pivident.recording.load import load_recording
 from pivident.recording.recording import Recording

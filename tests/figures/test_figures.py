@@ -14,9 +14,8 @@ from pivident import figures
 from pivident.errors import PividentError
 from pivident.experiment.experiment import load_experiment
 from pivident.figures.paper_style import LINES, STYLE, WIDTHS
-from pivident.validation.residuals.autocorrelation import autocorrelation
+from pivident.validation.residuals.autocorrelation import autocorrelation, joint_residuals
 from pivident.validation.residuals.residual_spectrum import residual_spectra, welch_spectrum
-from pivident.validation.residuals.whitened_residual import joint_residuals
 from tests.planar_log import write_experiment
 from tests.synthetic_identification import synthetic_identification
 

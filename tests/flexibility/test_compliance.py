@@ -7,6 +7,7 @@ import pytest
 
 from pivident.errors import IdentificationError
 from pivident.flexibility.compliance import identify_compliance, identify_compliances
+from pivident.flexibility.deflection_fit import find_orders
 from pivident.flexibility.simulated_joint import (
     GearFaults,
     MotorLoop,
@@ -14,7 +15,6 @@ from pivident.flexibility.simulated_joint import (
     TwoMassJoint,
     simulate_joint,
 )
-from pivident.flexibility.transmission_error import find_orders
 from pivident.recording.public_records import load_kuka_kr300
 from pivident.recording.recording import Recording
 from pivident.robot.gallery import load_robot

@@ -8,7 +8,7 @@ import pytest
 from pivident.errors import IdentificationError
 from pivident.estimation.identify import identify
 from pivident.estimation.problem import Problem
-from pivident.flexibility.rigid_validity import rigid_validity
+from pivident.flexibility.joint_study import rigid_validity
 from pivident.flexibility.simulated_joint import MotorLoop, Sensors, TwoMassJoint, simulate_joint
 from pivident.robot.gallery import load_robot
 

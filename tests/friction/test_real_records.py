@@ -8,9 +8,9 @@ from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import RandomWalk
 from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL
-from pivident.friction.contrasts import common_speeds, offset
 from pivident.friction.friction_study import joint_friction
 from pivident.friction.friction_torque import friction_torques
+from pivident.friction.state_dependent import common_speeds, offset
 from pivident.recording.public_records import load_emps, load_staubli_tx40
 from pivident.robot.gallery import load_robot
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from pivident.errors import IdentificationError
-from pivident.friction.back_fitting import StateDependence
-from pivident.friction.joint_covariance import WalkColumns, joint_posterior
+from pivident.friction.back_fitting import StateDependence, WalkColumns, joint_posterior
 from pivident.friction.random_walk_regression import smooth_parameter
 from pivident.friction.state_dependent import correlation_length, fit_state_dependent
 from tests.friction.made_up import coloured, motion

@@ -13,8 +13,7 @@ from pivident.estimation.iteration import MAX_PASSES
 from pivident.estimation.least_squares import LeastSquares, least_squares_on
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import Bandpass, RandomWalk
-from pivident.motion.kinematics import Kinematics
-from pivident.motion.motion import packed_stretch, with_inner
+from pivident.motion.motion import Kinematics, packed_stretch, with_inner
 from pivident.recording.recording import Recording
 from pivident.robot.friction import FrictionLaw
 from pivident.robot.gallery import load_robot

@@ -15,7 +15,7 @@ from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import RandomWalk
 from pivident.experiment.experiment import load_experiment
-from pivident.friction_laws.impossible_signs import has_definite_sign
+from pivident.friction_laws.law_scores import has_definite_sign
 from pivident.recording.public_records import load_kuka_kr300
 from pivident.robot.gallery import load_robot
 from pivident.validation.held_out.cross_validation import cross_validate

@@ -11,18 +11,18 @@ from pivident.errors import IdentificationError
 from pivident.estimation.identify import identify
 from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.signal_recipes import RandomWalk
+from pivident.friction_laws.chosen_laws import judged, simplest
 from pivident.friction_laws.held_out_cells import Division
-from pivident.friction_laws.impossible_signs import impossible_signs
 from pivident.friction_laws.law_candidates import Reach, adding, default_changes, key_of
 from pivident.friction_laws.law_choice import choose_laws, with_laws
-from pivident.friction_laws.law_rules import judged, simplest
-from pivident.friction_laws.law_scores import LawScore
+from pivident.friction_laws.law_scores import LawScore, impossible_signs
 from pivident.robot.friction import (
     FrictionLaw,
     asymmetric_viscous,
     coulomb,
     counterbalance,
     dahl,
+    law_toml,
     load_dependent,
     lugre,
     maxwell_slip,
@@ -33,7 +33,6 @@ from pivident.robot.friction import (
     stribeck,
     viscous,
 )
-from pivident.robot.friction_toml import law_toml
 from pivident.signals.bandpass import butterworth
 from pivident.validation.held_out.segment_sums import Segments, SegmentSums, effective_rows
 from tests.friction_laws.friction_axis import Axis, Noise

@@ -10,9 +10,8 @@ from pivident.estimation.identify import identify
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.signal_recipes import RandomWalk
-from pivident.friction_laws.all_joints import settled_together
 from pivident.friction_laws.held_out_cells import Cells
-from pivident.friction_laws.law_choice import choose_laws
+from pivident.friction_laws.law_choice import choose_laws, settled_together
 from pivident.friction_laws.law_scores import LawScore
 from pivident.robot.friction import FrictionLaw, coulomb, offset, stribeck, viscous
 from pivident.signals.bandpass import butterworth

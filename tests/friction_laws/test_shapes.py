@@ -10,9 +10,8 @@ from pivident.estimation.identify import build_regression, identify
 from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.methods import METHODS
 from pivident.estimation.signal_recipes import RandomWalk
-from pivident.friction_laws.filtered_rows import LastPass
+from pivident.friction_laws.filtered_rows import LastPass, ShapedRows
 from pivident.friction_laws.shape_constants import shape_constants
-from pivident.friction_laws.shaped_rows import ShapedRows
 from pivident.friction_laws.shapes import identify_shapes
 from pivident.robot.friction import FrictionLaw, coulomb, offset, stribeck, viscous
 from tests.friction_laws.friction_axis import GAMMA, Axis, Noise, Truth

@@ -4,8 +4,7 @@ import tomllib
 
 import pytest
 
-from pivident.init.assumption import Assumption
-from pivident.init.experiment_text import comment, experiment_text
+from pivident.init.assumption import Assumption, comment, experiment_text
 from pivident.text.toml_values import value_text
 
 NASTY = [

@@ -10,10 +10,14 @@ from pivident.errors import IdentificationError
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.signal_recipes import RandomWalk
 from pivident.instruments.interleaved_halves import interleaved_instruments
-from pivident.instruments.reference_response import answers_to_noise, response_instruments
+from pivident.instruments.reference_response import (
+    answers_to_noise,
+    followed,
+    response_instruments,
+    virtual_instruments,
+)
 from pivident.instruments.repeated_motion import repetition_instruments
 from pivident.instruments.second_sensor import sensor_instruments
-from pivident.instruments.virtual_loop import followed, virtual_instruments
 from pivident.recording.recording import Recording
 
 RATE = 200.0

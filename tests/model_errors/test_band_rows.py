@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, fftconvolve, sosfiltfilt
 
-from pivident.model_errors.band_rows import BandRows
+from pivident.model_errors.cause_rows import BandRows
 
 RATE, BAND = 500.0, 20.0
 SPAN = slice(300, 5500)

@@ -11,6 +11,7 @@ from benchmarks.forced_trees.models import FORCED
 import pivident as pv
 from pivident.diagnostics.diagnostics import diagnose
 from pivident.diagnostics.verdict import verdict
+from pivident.model_errors.cause import Reach
 from pivident.model_errors.coupling_errors import (
     COUPLED,
     DIFFERENCE,
@@ -21,7 +22,6 @@ from pivident.model_errors.coupling_errors import (
     coupling_causes,
 )
 from pivident.model_errors.named_causes import named_causes
-from pivident.model_errors.record_motion import Reach
 from pivident.robot.gallery import load_robot
 from pivident.simulation import virtual_pd
 

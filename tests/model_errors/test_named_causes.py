@@ -9,6 +9,7 @@ from pivident.dynamics.parameters import standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import IdentificationError
 from pivident.estimation.identify import identify
+from pivident.model_errors.cause import RecordMotion
 from pivident.model_errors.corrections import (
     CORRECTED,
     INSTEAD,
@@ -17,9 +18,12 @@ from pivident.model_errors.corrections import (
     with_corrections,
 )
 from pivident.model_errors.coupling_errors import COUPLED
-from pivident.model_errors.missing_parameters import missing_causes
-from pivident.model_errors.named_causes import named_causes, score_tests, with_model_errors
-from pivident.model_errors.record_motion import RecordMotion
+from pivident.model_errors.named_causes import (
+    missing_causes,
+    named_causes,
+    score_tests,
+    with_model_errors,
+)
 
 from .faulty_tx40 import causes, right_estimate, right_problem, with_fault
 

@@ -7,7 +7,7 @@ import pivident as pv
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
-from pivident.model_errors.record_motion import STEP, RecordMotion
+from pivident.model_errors.cause import STEP, RecordMotion
 from pivident.robot.friction import FrictionLaw, dahl, viscous
 
 RATE = 400.0

@@ -11,8 +11,7 @@ from pivident.consistency.options import ConsistencyOptions
 from pivident.errors import IdentificationError, IdentificationFileError, NoConsistentModelNear
 from pivident.estimation.identification_file import save_identification
 from pivident.models.exported import random_states
-from pivident.models.possible_values import impossible_value
-from pivident.models.runnable_model import runnable_model
+from pivident.models.runnable_model import impossible_value, runnable_model
 from pivident.models.stored_model import stored_model
 from pivident.robot.description import INERTIAL
 from pivident.robot.gallery import load_robot

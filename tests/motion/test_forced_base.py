@@ -8,14 +8,14 @@ import pytest
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.robot_regressor import regressor_of
 from pivident.instruments.interleaved_halves import interleaved_instruments
-from pivident.motion.kinematics import Kinematics
+from pivident.motion.motion import Kinematics
 from pivident.motion.simulated_detail import with_forced_detail
 from pivident.recording.recording import Recording
 from pivident.robot.description import Link
 from pivident.robot.gallery import load_robot
 from pivident.robot.measured_base import with_floating_base
-from pivident.signals.coloured_walk import WalkSmoother
 from pivident.signals.instants import differences_at_instants
+from pivident.signals.random_walk import WalkSmoother
 from pivident.signals.random_walk_model import nvr_from_f50
 
 RATE, SAMPLES = 500.0, 2000

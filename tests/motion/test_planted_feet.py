@@ -16,7 +16,7 @@ from pivident.errors import RecordingError, RobotDescriptionError
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import RandomWalk
-from pivident.motion.kinematics import residual_of
+from pivident.motion.motion import residual_of
 from pivident.motion.planted_feet import on_planted_feet
 from pivident.robot.gallery import load_robot
 from pivident.robot.joints import Contact

@@ -2,7 +2,7 @@
 
 import pytest
 
-from pivident.payload.compatibility import _is_same_group
+from pivident.payload.loaded_record import _is_same_group
 
 
 @pytest.mark.parametrize(

@@ -9,9 +9,8 @@ from pivident.errors import ExperimentError, IdentificationError, NegativePayloa
 from pivident.estimation.identification_file import save_identification
 from pivident.estimation.identify import identify
 from pivident.estimation.stored_identification import load_identification
-from pivident.payload.arm_and_load import load_columns
+from pivident.payload.arm_and_load import KnownParts, load_columns
 from pivident.payload.identify_payload import identify_payload
-from pivident.payload.known_parts import KnownParts
 from pivident.robot.frames import Pose, rotation_from_rpy
 from tests.load_scenario import LOAD, tx40_with_load
 

@@ -7,7 +7,7 @@ from pivident.consistency.cone_program import Solved
 from pivident.consistency.pseudo_inertia import pseudo_inertia
 from pivident.errors import ExperimentError
 from pivident.payload import possible_load as module
-from pivident.payload.known_parts import KnownParts
+from pivident.payload.arm_and_load import KnownParts
 from pivident.payload.load_estimate import NATURAL, LoadEstimate
 from pivident.payload.payload_findings import contradicted
 from pivident.payload.payload_text import load_sentences

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from pivident.cli.app import main
-from pivident.prediction.new_logs import new_logs
-from pivident.prediction.stored_results import stored_result
+from pivident.prediction.new_logs import new_logs, stored_result
 from tests.planar_log import HEADER, planar_log, write_experiment
 
 

@@ -9,7 +9,7 @@ import pivident as pv
 from pivident.errors import ExperimentError
 from pivident.estimation.equation_record import MotionRange
 from pivident.models.runnable_model import runnable_model
-from pivident.prediction.error_interval import (
+from pivident.prediction.predict import (
     block_squares,
     joint_intervals,
     motion_band_start,

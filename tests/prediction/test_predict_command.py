@@ -11,8 +11,7 @@ import pivident as pv
 from pivident.cli import main
 from pivident.dynamics.regressor import Regressor
 from pivident.models.model_json import to_json
-from pivident.prediction.new_logs import new_logs
-from pivident.prediction.stored_results import stored_result
+from pivident.prediction.new_logs import new_logs, stored_result
 from tests import bags
 from tests.planar_arm import nominal_parameters
 from tests.planar_log import EXPERIMENT, HEADER, RATE, planar_log, write_experiment

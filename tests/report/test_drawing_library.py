@@ -10,7 +10,7 @@ import pytest
 from plotly.offline import get_plotlyjs
 
 import pivident.report
-from pivident.report.drawing_library import drawing_library
+from pivident.report.plot_parts import drawing_library
 from tests.browser import asked, needs_browser
 
 SCRIPT = Path(pivident.report.__file__).parent / "templates" / "inflate.js"

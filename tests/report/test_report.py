@@ -11,7 +11,7 @@ from pivident.diagnostics.diagnostics import diagnose_one
 from pivident.errors import PividentError
 from pivident.estimation.identification import JointFit
 from pivident.report.builder import render_report, write_report
-from pivident.report.drawing_library import drawing_library
+from pivident.report.plot_parts import drawing_library
 from pivident.report.report_data import MIN_POINTS, TOTAL_POINTS, ReportData
 from pivident.text.finding import Finding
 from tests.synthetic_identification import (

@@ -1,8 +1,7 @@
 """Friction terms of another distribution, as its one module; used by test_foreign_friction."""
 
 from pivident.robot.friction_column import Constant, FrictionColumn, Key, Smoothing
-from pivident.robot.friction_term import FrictionTerm
-from pivident.robot.term_kind import Candidate, TermKind
+from pivident.robot.friction_term import Candidate, FrictionTerm, TermKind
 
 BUMP = FrictionColumn(
     name="bump",

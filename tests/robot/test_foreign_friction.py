@@ -74,9 +74,9 @@ def test_robot_file_law_and_stored_robot(installed):
         PRELUDE
         + """
 import copy, json, pickle
-from pivident.friction_laws.impossible_signs import impossible_terms
+from pivident.friction_laws.law_scores import impossible_terms
 from pivident.friction_laws.law_candidates import Reach, default_changes
-from pivident.robot.friction_toml import law_toml
+from pivident.robot.friction import law_toml
 from pivident.robot.robot_values import robot_of_values, robot_values
 
 law = ROBOT.joints[0].friction

@@ -19,10 +19,10 @@ from pivident.robot.measured_base import (
     base_positions,
     rotations_from_quaternions,
     rotations_from_rpy,
+    wrench_torques,
 )
 from pivident.robot.robot_values import robot_of_values, robot_values
 from pivident.robot.wrench_sensor import WrenchSensor
-from pivident.robot.wrench_torques import wrench_torques
 
 FLOOR = WrenchSensor(
     "floor", "base", Pose(rotation_from_rpy(0.3, -0.2, 1.0), np.array([0.1, 0.05, -0.2]))

@@ -14,7 +14,7 @@ from pivident.dynamics.regressor import Regressor
 from pivident.errors import RobotDescriptionError
 from pivident.experiment.robot_table import robot_of
 from pivident.experiment.schema import RobotEntry
-from pivident.init.robot_file import robot_file
+from pivident.init.kept_joints import robot_file
 from pivident.robot.gallery import load_robot
 from pivident.robot.mjcf import read_mjcf
 from pivident.robot.mjcf_actuators import actuator_law

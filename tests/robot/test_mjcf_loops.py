@@ -12,7 +12,7 @@ from pivident.dynamics.robot_regressor import regressor_of
 from pivident.errors import RobotDescriptionError
 from pivident.experiment.robot_table import robot_of
 from pivident.experiment.schema import RobotEntry
-from pivident.init.robot_file import robot_file
+from pivident.init.kept_joints import robot_file
 from pivident.robot.mjcf import read_mjcf
 from tests.robot.test_mjcf import arm, unit, without_dry_friction, written
 

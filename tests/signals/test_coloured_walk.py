@@ -8,13 +8,12 @@ from pivident.errors import ExperimentError, NonFiniteSamples, RecordingError
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.signal_recipes import RandomWalk
 from pivident.recording.recording import Recording
-from pivident.signals.coloured_walk import smooth_with_lines
 from pivident.signals.coloured_walk_likelihood import (
     NoiseColour,
     coloured_fit,
     estimate_coloured_nvr,
 )
-from pivident.signals.random_walk import smooth_channels
+from pivident.signals.random_walk import smooth_channels, smooth_with_lines
 from pivident.signals.random_walk_likelihood import diffuse_fit, estimate_nvr
 from pivident.signals.spectral_lines import LineSearch, SpectralLine, find_lines, noise_colour
 from tests.signals.motions import RATE, difference_matrix, point_to_point

@@ -10,8 +10,7 @@ from pivident.signals.noise_models import (
     unmasked_stretches,
     whiten,
 )
-from pivident.validation.residuals.autocorrelation import ljung_box
-from pivident.validation.residuals.whitened_residual import JointResidual
+from pivident.validation.residuals.autocorrelation import JointResidual, ljung_box
 
 AR2 = [1.0, -1.5, 0.8]
 

@@ -17,8 +17,8 @@ from pivident.robot.friction import (
     spring,
     viscous,
 )
+from pivident.simulation.control_loop import virtual_pd
 from pivident.simulation.direction import Direction, ParametrisedLoop
-from pivident.simulation.virtual_pd import virtual_pd
 from tests.dynamics.closed.mechanisms import MECHANISMS, delta, five_bar, parallelogram, start
 from tests.simulation.loops import reversals, signals_of
 from tests.simulation.test_tangents import assert_tangents

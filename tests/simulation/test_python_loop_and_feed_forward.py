@@ -10,8 +10,8 @@ from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.errors import ExperimentError, MassMatrixNotPositiveDefinite, SimulationDiverged
 from pivident.robot.gallery import load_robot
 from pivident.simulation.closed_loop import LoopSignals, simulate
+from pivident.simulation.control_loop import computed_torque_feed_forward, gravity_feed_forward
 from pivident.simulation.controllers import PD, PythonController, inverse_controller
-from pivident.simulation.feed_forward import computed_torque_feed_forward, gravity_feed_forward
 from pivident.simulation.reference import point_to_point
 
 RATE = 2000.0

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.robot.friction import FrictionLaw, coulomb, lugre, offset, ripple, spring, viscous
+from pivident.simulation.control_loop import virtual_pd
 from pivident.simulation.direction import Direction, ParametrisedLoop
-from pivident.simulation.virtual_pd import virtual_pd
 from tests.simulation.loops import reversals, signals_of
 from tests.simulation.test_tangents import assert_tangents
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pivident.dynamics.parameters import nominal_values, standard_parameters
-from pivident.estimation.output_error.unknowns import values_of
+from pivident.estimation.output_error.loop_unknowns import values_of
 from pivident.recording.recording import Recording
 from pivident.robot.mjcf import read_mjcf
 from pivident.simulation.closed_loop import LoopSignals, simulate
@@ -14,9 +14,9 @@ from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import PD, Cascade
 from pivident.simulation.direction import ParametrisedLoop
 from pivident.simulators import search
-from pivident.simulators.equation_start import equation_start
 from pivident.simulators.fit_simulator import fit_simulator
 from pivident.simulators.joint_quantities import simulator_robot
+from pivident.simulators.search import equation_start
 from tests.simulators.leg import example
 
 RATE, SECONDS, COUNT = 400.0, 3.0, 2.0 * np.pi / 2**14

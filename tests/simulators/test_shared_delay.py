@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pivident.simulators.shared_delay import BranchEstimate, with_shared_delay
+from pivident.simulators.branches import BranchEstimate, with_shared_delay
 
 
 def test_it_is_least_squares_of_all_branches_together():

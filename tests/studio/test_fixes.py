@@ -12,7 +12,7 @@ from pivident.check.remark import of_finding
 from pivident.errors import ExperimentError
 from pivident.experiment.experiment import load_experiment
 from pivident.experiment.recording_tables import log_of
-from pivident.logs.joint_side import factors_of
+from pivident.logs.log import factors_of
 from pivident.studio.fixes import Fix, applied, as_json, fixes, of_json
 from pivident.text.repair import Edit, Repair, Reversed
 from pivident.text.toml import parse_toml

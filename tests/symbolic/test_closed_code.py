@@ -9,8 +9,7 @@ import sympy
 from pivident.symbolic import inverse_model, joint_motion, symbolic_models
 from pivident.symbolic.print_c import c_header, c_source
 from pivident.symbolic.print_latex import latex_document
-from pivident.symbolic.print_python import python_module
-from pivident.symbolic.print_sympy import sympy_module
+from pivident.symbolic.print_python import python_module, sympy_module
 from tests.symbolic.mechanisms import (
     GALLERY,
     MADE,

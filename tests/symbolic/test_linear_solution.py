@@ -9,9 +9,9 @@ from pivident.dynamics.grouping.expression_graph import symbol
 from pivident.dynamics.grouping.expressions import ONE, ZERO, constant, evaluate, operation_count
 from pivident.robot.description import Joint
 from pivident.robot.frames import rotation_x, rotation_z
-from pivident.symbolic.joint_frame import joint_frame
 from pivident.symbolic.linear_solution import block_order, solved, solved_by_blocks
 from pivident.symbolic.sums import Rotations, collected
+from pivident.symbolic.vectors import joint_frame
 from tests.dynamics.closed.mechanisms import random_rotation
 
 SEEDS = st.integers(0, 2**32 - 1)

@@ -13,8 +13,7 @@ from pivident.errors import RobotDescriptionError
 from pivident.robot.friction import FrictionLaw, coulomb, dahl, load_dependent, viscous
 from pivident.robot.gallery import load_robot
 from pivident.symbolic.composite_bodies import gravity_vector, mass_matrix
-from pivident.symbolic.newton_euler import coriolis_vector, inverse_model
-from pivident.symbolic.observation_matrix import observation_matrix
+from pivident.symbolic.newton_euler import coriolis_vector, inverse_model, observation_matrix
 from pivident.symbolic.robot_models import base_parameter_program
 from tests.dynamics.friction_laws import LAWS, law
 from tests.symbolic.evaluation import evaluated

@@ -14,8 +14,7 @@ from pivident.dynamics.regressor import Regressor
 from pivident.robot.gallery import load_robot
 from pivident.symbolic.assignments import Input, Output, output_array
 from pivident.symbolic.composite_bodies import mass_matrix
-from pivident.symbolic.newton_euler import inverse_model
-from pivident.symbolic.observation_matrix import observation_matrix
+from pivident.symbolic.newton_euler import inverse_model, observation_matrix
 from pivident.symbolic.print_c import TILE, c_header, c_source
 from pivident.symbolic.program import Program
 from pivident.symbolic.robot_models import symbolic_models

@@ -113,7 +113,7 @@ def test_sympy_gives_the_same_results():
 
 
 def test_text_for_sympy_makes_the_same_expressions():
-    from pivident.symbolic.print_sympy import sympy_module
+    from pivident.symbolic.print_python import sympy_module
 
     program = example()
     namespace = {}

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pivident.cli.app import main
-from pivident.cli.exit_codes import DONE
+from pivident.cli.console import DONE
 from pivident.robot.gallery import load_robot
 from pivident.symbolic.robot_models import LOOP_MODELS, MODELS, symbolic_models
 

@@ -1,8 +1,7 @@
 """Drag of a fluid, cd dq |dq|: a friction term, with its functions in ``drag_compiled``."""
 
 from pivident.robot.friction_column import FrictionColumn
-from pivident.robot.friction_term import FrictionTerm
-from pivident.robot.term_kind import Candidate, TermKind
+from pivident.robot.friction_term import Candidate, FrictionTerm, TermKind
 
 DRAG = FrictionColumn(
     name="drag",

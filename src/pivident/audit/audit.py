@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from pivident.audit.delay import DELAY, Delay
-from pivident.audit.examination import CHECKS, Examination, in_turn
+from pivident.audit.examination import Examination, in_turn
 from pivident.audit.excitation import EXCITATION, Excitation
 from pivident.audit.frozen import CHANNELS
 from pivident.audit.inverse_model import InverseModel, build_inverse_model
+from pivident.audit.log_checks import CHECKS
 from pivident.audit.order import ORDER, Order
 from pivident.audit.power import SIGNS, Power, mechanical_power
 from pivident.audit.quantisation import QUANTISATION, Quantisation, check_quantisation

@@ -11,7 +11,7 @@ from pivident.audit.excitation import check_excitation
 from pivident.errors import RecordingError
 from pivident.experiment.experiment import errors_name, load_experiment
 from pivident.experiment.recording_tables import log_of
-from pivident.logs.bare_log import bare_log
+from pivident.logs.described_log import bare_log
 from pivident.robot.description import Robot
 
 

@@ -22,7 +22,7 @@ from pivident.audit.examination import Examination, LogCheck
 from pivident.audit.inverse_model import InverseModel
 from pivident.audit.spoilt_checks import COMPARISONS
 from pivident.logs.log import Log
-from pivident.recording.channels import TIMING_WORDS
+from pivident.recording.checks import TIMING_WORDS
 from pivident.signals.alignment import torque_shift
 from pivident.text.finding import Finding, FindingKind, Quantity, Severity, Topic
 from pivident.text.numbers import with_spread

@@ -3,7 +3,6 @@
 Audit, check, draft and verdict ask the same checks, each in its turn. A check is given the record
 with the faults made good that those before it have found, so that one wrong column is not reported
 once for every number that depends on it, and it is not asked where such a fault spoils its answer.
-Other distributions add checks by entry points of the group ``pivident.findings``.
 """
 
 from __future__ import annotations
@@ -15,7 +14,6 @@ from typing import Any, ClassVar
 from pivident.audit.inverse_model import InverseModel
 from pivident.audit.timing import Timing
 from pivident.logs.log import Log
-from pivident.registry import Registry
 from pivident.text.finding import Finding
 
 
@@ -76,21 +74,6 @@ class LogCheck:
     def examine(self, seen: Examination) -> Examination:
         """The examination with the findings of this check, and with its fault made good."""
         raise NotImplementedError(f"{type(self).__name__} does not examine anything")
-
-
-#: Checks that compare torque and motion, in their order; those of other distributions come last.
-CHECKS: Registry[LogCheck] = Registry(
-    "pivident.findings",
-    LogCheck,
-    {
-        "order": "pivident.audit.order:OrderCheck",
-        "delay": "pivident.audit.delay:DelayCheck",
-        "power": "pivident.audit.power:PowerCheck",
-        "scale": "pivident.audit.scale:ScaleCheck",
-        "model": "pivident.audit.unexplained:UnexplainedCheck",
-        "excitation": "pivident.audit.excitation:ExcitationCheck",
-    },
-)
 
 
 def in_turn(seen: Examination, checks: Iterable[LogCheck]) -> Examination:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from pivident.audit.spoilt_checks import COMPARISONS
-from pivident.logs.clocks.gaps import runs_of
-from pivident.logs.frozen_torque import frozen_samples
+from pivident.logs.bad_samples import frozen_samples
+from pivident.logs.clocks.timestamps import runs_of
 from pivident.logs.log import Log
 from pivident.recording.checks import TOLERATED_CLIPPING
 from pivident.text.finding import Finding, FindingKind, Quantity, Severity, Topic, at_sample

@@ -11,7 +11,7 @@ from pivident.audit.timing import Timing, at_equal_intervals
 from pivident.estimation.kinematics import ABOVE_HALF_POWER
 from pivident.estimation.signal_recipes import SAMPLES_OF_A_PERIOD
 from pivident.logs.log import Log
-from pivident.motion.kinematics import MOTION_BAND
+from pivident.motion.motion import MOTION_BAND
 from pivident.signals.bandpass import bandpass
 from pivident.signals.random_walk import half_power_frequencies
 from pivident.text.finding import Finding, FindingKind, Quantity, Topic

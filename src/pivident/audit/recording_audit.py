@@ -15,8 +15,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from pivident.audit.examination import CHECKS, Examination, LogCheck, in_turn
+from pivident.audit.examination import Examination, LogCheck, in_turn
 from pivident.audit.inverse_model import build_inverse_model
+from pivident.audit.log_checks import CHECKS
 from pivident.audit.saturation import CLIPPED, check_channels
 from pivident.audit.scale import ALIKE, GAIN, PositionUnitCheck, check_scale
 from pivident.audit.timing import Timing, check_timing

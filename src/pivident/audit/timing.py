@@ -11,17 +11,19 @@ from pivident.audit.spoilt_checks import GEOMETRY
 from pivident.audit.steps import CLOCK, check_steps
 from pivident.errors import IrregularSampling, MissingSamples
 from pivident.errors.recordings import Stretches, written
-from pivident.logs.clocks.gaps import GAP, bridged_interval, stretches
 from pivident.logs.clocks.timestamps import (
     EVEN,
+    GAP,
     JITTER_TOLERANCE,
     LIKELY_RATES,
     MIN_SAMPLES,
+    bridged_interval,
     lacking,
     likely_time_units,
     mean_rate,
     resample_smooth,
     stamp_error,
+    stretches,
     usual_interval,
 )
 from pivident.logs.log import Log

@@ -10,10 +10,9 @@ from typing import Any
 from pivident.check.remark import Remark, advised, of_error, of_finding
 from pivident.errors import ExperimentError, PividentError
 from pivident.experiment.experiment import Experiment, with_every_run
-from pivident.experiment.explained import every_problem, plain_form, refuse_robot_file
+from pivident.experiment.explained import every_problem, plain_form, refuse_robot_file, toml_content
 from pivident.experiment.identify_table import METHOD_ENTRIES, method_of
 from pivident.experiment.schema import ExperimentFile
-from pivident.experiment.toml_file import toml_content
 from pivident.robot.naming import ROBOT_FILES
 from pivident.text.finding import FindingKind, Topic
 from pivident.text.repair import Change, Edit, Place, Renamed, Repair, Respelt

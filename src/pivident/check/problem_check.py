@@ -16,8 +16,7 @@ from pivident.check.stability_check import check_stability
 from pivident.dynamics.base_parameters import base_parameters, parameter_index
 from pivident.errors import PividentError
 from pivident.estimation.method import Method
-from pivident.estimation.problem import Problem
-from pivident.estimation.without_torque import TOPIC
+from pivident.estimation.problem import TOPIC, Problem
 from pivident.experiment.experiment import Experiment, problem_of
 from pivident.experiment.missing_torque import check_torque
 from pivident.experiment.recording_tables import loop_of

@@ -1,25 +1,41 @@
-"""The command ``pivident``: from a log to its parameters without writing code.
+"""The command ``pivident``: from a log to its parameters, wherever it is interrupted.
 
 Exit codes: 0 done, 1 something is wrong with the input, 2 wrong usage, 3 done, but a method did
 not converge, 4 done, but an audit found something wrong with the log, 130 interrupted. Results go
 to standard output and files, progress and errors to standard error. ``PIVIDENT_DEBUG=1`` shows the
 traceback of an error.
+
+Interruptions by Ctrl-C and by SIGTERM, wherever they come.
+
+Either raises KeyboardInterrupt in the main thread. Where C has called back into Python, as LLVM
+does whenever compiled kernels are loaded, an exception cannot go on to the caller: Python reports
+it and drops it, and the command would run on. Such an interruption comes again a moment later.
 """
 
 from __future__ import annotations
 
+import _thread
 import os
+import signal
 import sys
+import threading
 import warnings
 from collections.abc import Sequence
 from types import FunctionType
-from typing import Literal
+from typing import Any, Literal
 
 from cyclopts import App, CycloptsError, Group, MissingArgumentError
 
-from pivident.cli.console import error_line, note, warning_text
-from pivident.cli.exit_codes import DONE, INTERRUPTED, WRONG_INPUT, WRONG_USAGE, UsageError
-from pivident.cli.interruption import end_on_signals
+from pivident.cli.console import (
+    DONE,
+    INTERRUPTED,
+    WRONG_INPUT,
+    WRONG_USAGE,
+    UsageError,
+    error_line,
+    note,
+    warning_text,
+)
 from pivident.errors import SimulationFailed
 from pivident.registry import BrokenExtension, Registry
 from pivident.version import __version__
@@ -60,17 +76,14 @@ GROUPS = {
         "paper": "pivident.cli.paper:paper",
     },
 }
-
 #: All commands by name.
 COMMANDS = Registry(
     "pivident.commands",
     FunctionType,
     {name: place for group in GROUPS.values() for name, place in group.items()},
 )
-
 #: Heading of the commands of other distributions, between those of pivident and its own options.
 ADDITIONS = Group("Additions", sort_key=len(GROUPS))
-
 app = App(
     name="pivident",
     help="Identify the dynamic parameters of a robot from a log of its closed loop.",
@@ -78,6 +91,8 @@ app = App(
     group_commands=Group("The command line", sort_key=len(GROUPS) + 1),
     suppress_keyboard_interrupt=False,
 )
+#: After what time an interruption comes again [s].
+AGAIN = 0.02
 for _place, (_heading, _group) in enumerate(GROUPS.items()):
     _shown = Group(_heading, sort_key=_place)
     for _rank, (_name, _path) in enumerate(_group.items()):
@@ -105,6 +120,28 @@ def add_commands() -> None:
                 app.command(COMMANDS[name], name=name, group=ADDITIONS)
             except BrokenExtension as error:
                 note(f"warning: {error}")
+
+
+def end_on_signals(alone: bool) -> None:
+    """Let SIGTERM interrupt as Ctrl-C does; none of both is lost in a process that is ``alone``.
+
+    ``alone``: the process is this command's, and no notebook or test.
+    """
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    if not alone:
+        return
+    report = sys.unraisablehook
+
+    def dropped(found: Any) -> None:
+        if issubclass(found.exc_type, KeyboardInterrupt):
+            # SIGTERM, since in the background SIGINT may be ignored
+            again = threading.Timer(AGAIN, _thread.interrupt_main, [signal.SIGTERM])
+            again.daemon = True
+            again.start()
+        else:
+            report(found)
+
+    sys.unraisablehook = dropped
 
 
 def main(tokens: Sequence[str] | None = None) -> int:

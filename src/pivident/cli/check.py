@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from pivident.cli.console import Progress
-from pivident.cli.exit_codes import DONE, FAULTY_LOG, WRONG_INPUT
+from pivident.cli.console import DONE, FAULTY_LOG, WRONG_INPUT, Progress
 from pivident.cli.findings import print_findings
 from pivident.text.finding import counted
 from pivident.text.printable import escaped

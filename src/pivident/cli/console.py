@@ -1,16 +1,30 @@
-"""What the command line says on standard error: progress, notes, errors in one line."""
+"""What the command line says while it works and when it ends: notes, progress, errors, exit codes.
+
+Progress of a command for the program that started it: JSON, a line each, at the end of a file.
+
+The environment variable ``PIVIDENT_PROGRESS`` names the file:
+
+    {"stages": {"ls": 3.1, "piv": 14.0}}                    what will be done, expected seconds
+    {"stage": "piv", "number": 2, "of": 4, "left_s": 15.2}  a stage begins
+    {"say": "PIV: iteration 3 …", "number": 2, "of": 4, "left_s": 9.7}
+    {"keep": "IDIM-PIV: 6 iterations …"}                    what has been done
+
+How commands end: their exit codes, and the error of a command line that means nothing.
+"""
 
 from __future__ import annotations
 
+import os
 import sys
 import warnings
+from contextlib import suppress
 from importlib.util import find_spec
 from types import TracebackType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from pivident.cli.progress_channel import ProgressChannel
-from pivident.errors import in_words
+from pivident.errors import PividentError, in_words
 from pivident.registry import ExtensionWarning
+from pivident.text.plain_values import plain, strict_json
 from pivident.text.printable import escaped
 
 if TYPE_CHECKING:
@@ -23,6 +37,9 @@ if TYPE_CHECKING:
 
 #: How Python prints a warning.
 _WITH_PLACE = warnings.formatwarning
+#: The environment variable that names the file.
+ENVIRONMENT = "PIVIDENT_PROGRESS"
+DONE, WRONG_INPUT, WRONG_USAGE, NOT_CONVERGED, FAULTY_LOG, INTERRUPTED = 0, 1, 2, 3, 4, 130
 
 
 def note(line: str) -> None:
@@ -66,6 +83,28 @@ def missing_package(error: BaseException) -> str | None:
     if parts[0] != "pivident" or len(parts) < 2 or find_spec(".".join(parts[:2])) is not None:
         return None
     return parts[1]
+
+
+class ProgressChannel:
+    """Appends to the file that the environment names; without one, nothing is written.
+
+    Progress is a courtesy: a file that cannot be written, on a full disk for instance, does not end
+    the work.
+    """
+
+    def __init__(self) -> None:
+        self._path = os.environ.get(ENVIRONMENT, "")
+
+    def write(self, **entry: Any) -> None:
+        """Append one line, whole or not at all.
+
+        Args:
+            entry: plain values by name.
+        """
+        if self._path:
+            line = f"{strict_json(plain(entry))}\n".encode(errors="backslashreplace")
+            with suppress(OSError), open(self._path, "ab", buffering=0) as file:
+                file.write(line)
 
 
 class Progress:
@@ -140,3 +179,7 @@ class Progress:
             from rich.text import Text
 
             self._status.console.print(Text(escaped(line)))
+
+
+class UsageError(PividentError):
+    """A command line that cannot be understood."""

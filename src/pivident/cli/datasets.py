@@ -6,7 +6,7 @@ import os
 
 from cyclopts import App
 
-from pivident.cli.exit_codes import DONE
+from pivident.cli.console import DONE
 from pivident.errors import DatasetUnavailable, PividentError
 
 app = App(

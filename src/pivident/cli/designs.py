@@ -67,7 +67,7 @@ def write_designs(found: Sequence[ReachedErrors], build: Path) -> None:
 
 def design_texts(found: Sequence[ReachedErrors]) -> str:
     """The comparisons for a terminal."""
-    from pivident.excitation.reached_text import reached_text
+    from pivident.excitation.reached import reached_text
 
     return "\n\n".join(map(reached_text, found))
 
@@ -76,7 +76,7 @@ def design_accounts(found: Sequence[ReachedErrors]) -> tuple[DesignAccount, ...]
     """The comparisons for the report."""
     if not found:
         return ()
-    from pivident.excitation.reached_text import heading, sentences, table
+    from pivident.excitation.reached import heading, sentences, table
 
     made = []
     for own in found:

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from pivident.cli.console import Progress
-from pivident.cli.exit_codes import DONE, NOT_CONVERGED
+from pivident.cli.console import DONE, NOT_CONVERGED, Progress
 from pivident.errors import ExperimentError
 from pivident.text.lists import separated
 
@@ -182,7 +181,7 @@ def _subject(
 
 def _names_robot(path: Path) -> bool:
     """Whether a robot is named, not an experiment or a result."""
-    from pivident.experiment.toml_file import toml_content
+    from pivident.experiment.explained import toml_content
 
     if path.suffix == ".toml" and not path.is_dir():
         return "joints" in toml_content(path)

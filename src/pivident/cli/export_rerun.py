@@ -23,8 +23,7 @@ def export_rerun(result: Path, log: Path | None, out: Path) -> None:
     from pivident.errors import ExportError
     from pivident.export.rerun_recording import write_rerun
     from pivident.extras import require
-    from pivident.prediction.new_logs import new_logs
-    from pivident.prediction.stored_results import stored_result
+    from pivident.prediction.new_logs import new_logs, stored_result
 
     if log is None:
         raise ExportError(

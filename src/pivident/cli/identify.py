@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from pivident.cli.exit_codes import DONE, NOT_CONVERGED, WRONG_INPUT, UsageError
+from pivident.cli.console import DONE, NOT_CONVERGED, WRONG_INPUT, UsageError
 from pivident.text.lists import separated
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ def code_of(outcome: Outcome) -> int:
 
 def _check_methods(names: Sequence[str]) -> None:
     """Refuse methods that do not exist, before anything is read."""
-    from pivident.consistency.method_names import CONSISTENT_METHODS
+    from pivident.consistency.options import CONSISTENT_METHODS
     from pivident.estimation.methods import METHODS
     from pivident.robot.naming import nearest
 

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from pivident.cli.console import Progress, note
+from pivident.cli.console import DONE, FAULTY_LOG, Progress, UsageError, note
 from pivident.cli.excite import excite
-from pivident.cli.exit_codes import DONE, FAULTY_LOG, UsageError
 from pivident.text.lists import separated
 
 if TYPE_CHECKING:

@@ -35,9 +35,8 @@ def predict(
         File for a page with the errors and a drawing of each joint's torque.
     """
     from pivident.cli.workflow import can_draw, check_output
-    from pivident.prediction.new_logs import new_logs
+    from pivident.prediction.new_logs import new_logs, stored_result
     from pivident.prediction.prediction_page import write_csv
-    from pivident.prediction.stored_results import stored_result
 
     for file in (csv, html):
         if file is not None:

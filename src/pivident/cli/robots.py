@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pivident.cli.exit_codes import DONE
+from pivident.cli.console import DONE
 
 
 def robots(name: str | None = None, /) -> int:

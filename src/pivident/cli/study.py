@@ -83,7 +83,7 @@ def _compute(
     """Runs, summaries and pages of all conditions."""
     from pivident.many.study.conclusion import PAGE, SUMMARY, conclude_study, write_index
     from pivident.many.study.run import run_study
-    from pivident.many.study.study_text import summary_text
+    from pivident.many.study.summary import summary_text
 
     varied = bool(chosen.alternatives)
     summaries: dict[str, Summary] = {}

@@ -28,13 +28,13 @@ from pivident.consistency.consistent_estimate import (
     consistent_estimates,
 )
 from pivident.consistency.consistent_files import write_consistent
-from pivident.consistency.method_names import PREFIX, free_methods
+from pivident.consistency.options import PREFIX, free_methods
 from pivident.diagnostics.diagnostics import Diagnostics, diagnose
 from pivident.diagnostics.failed_simulation import identify
 from pivident.diagnostics.verdict import Verdict, beside_verdict, verdict
 from pivident.diagnostics.verdict_file import VERDICT_FILE, save_verdict
 from pivident.errors import Attempts
-from pivident.estimation.identification import Identification
+from pivident.estimation.identification import Identification, torque_sums
 from pivident.estimation.identification_file import save_identification
 from pivident.estimation.identify import narrowed
 from pivident.estimation.method import Method
@@ -48,7 +48,6 @@ from pivident.estimation.summary_tables import (
     name_lines,
     rows_kind,
 )
-from pivident.estimation.torque_sums import torque_sums
 from pivident.extras import is_installed
 from pivident.files import atomic_folder, check_output
 from pivident.friction.bearing_friction import bearing_friction

@@ -1,8 +1,8 @@
 from .apart import built_apart as built_apart
+from .apart import exact_distances as exact_distances
 from .bodies import Body as Body
 from .bodies import Outline as Outline
 from .clearances import Clearances as Clearances
-from .exact import exact_distances as exact_distances
 from .obstacles import Obstacle as Obstacle
 from .obstacles import ToolBox as ToolBox
 from .outlines import outline_of as outline_of

@@ -17,12 +17,11 @@ from functools import cached_property
 
 import numpy as np
 
-from pivident.collision.bodies import Body
+from pivident.collision.bodies import Body, LinkPoses
 from pivident.collision.distances import SEGMENT, axis_distances, gradient_by_joints
 from pivident.collision.obstacles import Obstacle, ToolBox, floor_plate, upward
 from pivident.collision.outlines import reach
 from pivident.collision.pairs import Pair, candidate_pairs, levers, random_postures, swept_ball
-from pivident.collision.poses import LinkPoses
 from pivident.errors import ExperimentError
 from pivident.robot.description import Robot
 from pivident.robot.refusals import without_loops

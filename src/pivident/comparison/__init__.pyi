@@ -1,3 +1,3 @@
 from .compare import ComparedParameter as ComparedParameter
 from .compare import Comparison as Comparison
-from .differences import Difference as Difference
+from .compared_results import Difference as Difference

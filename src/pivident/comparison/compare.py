@@ -1,38 +1,53 @@
-"""Results of several methods, days or robots side by side.
+"""Results of several methods, days or robots side by side, quantity by quantity.
 
 All are compared with the first. A difference is marked where it is significant after correction for
 the number of differences that are looked at, so that the probability of marking one or more that
 are none is at most the level.
+
+Which quantities of several results are the same, and what each result says about them.
 """
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from os import PathLike
 from typing import Any
 
 import numpy as np
 
-from pivident.comparison.aligned import aligned_by_group, aligned_by_name
-from pivident.comparison.compared_results import ComparedParameter, ComparedResults
+from pivident.comparison.compared_results import (
+    ComparedParameter,
+    ComparedResults,
+    Difference,
+    Estimate,
+    cross_torques,
+    difference,
+    holm,
+    share_a_record,
+)
 from pivident.comparison.comparison_text import comparison_text
-from pivident.comparison.cross_torque import cross_torques
-from pivident.comparison.differences import Difference, Estimate, difference, holm, share_a_record
-from pivident.comparison.entry import ComparisonError, Entry, entry_of
+from pivident.comparison.entry import (
+    ComparisonError,
+    Entry,
+    distinct_labels,
+    entry_of,
+    load_entries,
+    relabelled,
+)
 from pivident.comparison.friction_curves import friction_curves
-from pivident.comparison.groups import difference_of_geometry
-from pivident.comparison.load import distinct_labels, load_entries, relabelled
+from pivident.comparison.groups import Key, difference_of_geometry
 from pivident.comparison.remarks import remarks
 from pivident.estimation.identification import Identification
 
 #: Probability of one false mark or more in a comparison.
 LEVEL = 0.05
-
 #: Results side by side, at most: beyond that a fleet is the better question.
 MOST = 24
+#: A quantity: name, unit, group written out, and its coefficients on standard parameters.
+Quantity = tuple[str, str, str, Mapping[Key, float]]
 
 
 class Comparison(ComparedResults):
@@ -64,6 +79,80 @@ class Comparison(ComparedResults):
         from pivident.comparison.comparison_files import save_comparison
 
         save_comparison(self, folder)
+
+
+def aligned_by_group(
+    entries: Sequence[Entry],
+) -> list[tuple[Quantity, tuple[Estimate | None, ...]]]:
+    """All quantities that some result estimates, each with what every result says about it.
+
+    For results of one machine. The quantities are the base parameters of the first result, then
+    those of the others that none before can express.
+    """
+    rows: list[tuple[Quantity, tuple[Estimate | None, ...]]] = []
+    seen: dict[frozenset[Key], list[Mapping[Key, float]]] = {}
+    for entry in entries:
+        groups = entry.groups
+        columns = zip(groups.names, groups.units, groups.expressions, groups.rows, strict=True)
+        for name, unit, expression, row in columns:
+            alike = seen.setdefault(frozenset(row), [])
+            if name not in entry.place or any(_same(row, other) for other in alike):
+                continue
+            alike.append(row)
+            estimates = tuple(estimate_of(other, row) for other in entries)
+            rows.append(((name, unit, expression, row), estimates))
+    return rows
+
+
+def aligned_by_name(
+    entries: Sequence[Entry],
+) -> list[tuple[Quantity, tuple[Estimate | None, ...]]]:
+    """The parameters that all results have under one name and in one unit.
+
+    For results of different machines, where nothing but the name is common.
+    """
+    first, *others = entries
+    rows: list[tuple[Quantity, tuple[Estimate | None, ...]]] = []
+    groups = first.groups
+    columns = zip(groups.names, groups.units, groups.expressions, groups.rows, strict=True)
+    for name, unit, expression, row in columns:
+        units = [dict(zip(e.groups.names, e.groups.units, strict=True)) for e in others]
+        if name in first.place and all(
+            name in e.place and u.get(name) == unit for e, u in zip(others, units, strict=True)
+        ):
+            estimates = tuple(_own(e, e.place[name]) for e in entries)
+            rows.append(((name, unit, expression, row), estimates))
+    return rows
+
+
+def estimate_of(entry: Entry, row: Mapping[Key, float]) -> Estimate | None:
+    """What a result says about a quantity; None where it does not determine it."""
+    c = entry.groups.coefficients(row)
+    if c is None:
+        return None
+    used = np.flatnonzero(c)
+    names = [entry.groups.names[k] for k in used]
+    if any(name not in entry.place for name in names):
+        return None
+    own = [entry.place[name] for name in names]
+    if len(own) == 1 and c[used[0]] == 1.0:
+        return _own(entry, own[0])
+    weights = c[used]
+    value = float(weights @ entry.value[own])
+    spread = float("nan")
+    if entry.covariance is not None:
+        spread = 2.0 * float(np.sqrt(weights @ entry.covariance[np.ix_(own, own)] @ weights))
+    return Estimate(value, value - spread, value + spread, tuple(names))
+
+
+def _own(entry: Entry, k: int) -> Estimate:
+    """A parameter of the result itself."""
+    return Estimate(float(entry.value[k]), float(entry.low[k]), float(entry.high[k]))
+
+
+def _same(a: Mapping[Key, float], b: Mapping[Key, float]) -> bool:
+    """Whether two quantities with the same keys are one."""
+    return all(abs(a[key] - b[key]) <= 1e-7 * max(abs(a[key]), abs(b[key])) for key in a)
 
 
 def compare(

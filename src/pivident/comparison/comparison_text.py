@@ -11,8 +11,12 @@ from rich.console import Console, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from pivident.comparison.compared_results import ComparedParameter, ComparedResults
-from pivident.comparison.differences import Difference, Estimate
+from pivident.comparison.compared_results import (
+    ComparedParameter,
+    ComparedResults,
+    Difference,
+    Estimate,
+)
 from pivident.comparison.remarks import MAX_PERCENT, findings, level_sentence, share_text
 from pivident.text.numbers import format_significant, with_spread
 from pivident.text.printable import escaped

@@ -16,12 +16,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pivident.consistency.consistent_tables import link_table
-from pivident.consistency.method_names import consistent_label
-from pivident.consistency.profile_intervals import not_found_sentence
-from pivident.consistency.significance import HALF_INTERVAL
+from pivident.consistency.metric import HALF_INTERVAL
+from pivident.consistency.options import ConsistencyOptions, consistent_label
+from pivident.consistency.profile_intervals import ProfileIntervals, not_found_sentence
 from pivident.errors import Attempts, IdentificationError, in_words
-from pivident.estimation.identification import Identification
-from pivident.estimation.torque_sums import torque_sums
+from pivident.estimation.identification import Identification, torque_sums
 from pivident.recording.recording import Recording
 from pivident.text.numbers import format_significant, with_spread
 from pivident.text.plain_table import plain_table
@@ -32,8 +31,6 @@ from pivident.validation.held_out.prediction import Judge, PredictionError, pool
 if TYPE_CHECKING:
     from pivident.consistency.consistent_model import ConsistentModel
     from pivident.consistency.link_intervals import LinkRow, Quantity
-    from pivident.consistency.options import ConsistencyOptions
-    from pivident.consistency.profile_intervals import ProfileIntervals
     from pivident.validation.held_out.out_of_sample import OutOfSample
 
 

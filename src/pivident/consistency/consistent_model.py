@@ -22,8 +22,7 @@ from pivident.consistency.constraints import (
     place_of_link,
     plausible_masses,
 )
-from pivident.consistency.geometric_bodies import density_of_estimate
-from pivident.consistency.metric import make_metric
+from pivident.consistency.metric import NOTABLE_COST, cost_notes, is_far, make_metric, probability
 from pivident.consistency.nearest_consistent import (
     ROOM,
     Active,
@@ -34,14 +33,12 @@ from pivident.consistency.nearest_consistent import (
 from pivident.consistency.priors import PRIORS
 from pivident.consistency.profile_intervals import ProfileIntervals, profile_intervals
 from pivident.consistency.pseudo_inertia import LinkBody, link_body
-from pivident.consistency.reference import body_links, make_reference
-from pivident.consistency.significance import NOTABLE_COST, cost_notes, is_far, probability
+from pivident.consistency.reference import body_links, density_of_estimate, make_reference
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
 from pivident.dynamics.parameters import Parameter
 from pivident.errors import ExperimentError, NoConsistentModelNear
-from pivident.estimation.identification import Identification
+from pivident.estimation.identification import Identification, estimated_in_base, torque_sums
 from pivident.estimation.solved_equations import TorqueSums
-from pivident.estimation.torque_sums import estimated_in_base, torque_sums
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
 from pivident.robot.refusals import without_base

@@ -21,9 +21,9 @@ import numpy as np
 
 from pivident.consistency.cone_program import Requirement
 from pivident.consistency.constraints import Constraint
-from pivident.consistency.ellipsoid import moment_about_axis, principal_axes
 from pivident.consistency.nearest_consistent import StandardSpace, imposed
 from pivident.consistency.profile_intervals import allowed, lowest, profile_intervals
+from pivident.consistency.pseudo_inertia import moment_about_axis, principal_axes
 
 if TYPE_CHECKING:
     from pivident.consistency.consistent_model import ConsistentModel

@@ -1,4 +1,4 @@
-"""Distance of base parameters from an estimate, in its own standard errors.
+"""Distance of base parameters from an estimate in its own standard errors, and when it is too long.
 
 With E the estimated base parameters, D those left out of the estimate, and the torque sums
 G = ΦᵀWΦ of the fitted record,
@@ -13,6 +13,8 @@ consistent estimate must not change.
 
 P is the reported covariance. A sandwich of thirty windows cannot determine the correlations of more
 parameters than windows; then its standard errors are kept, with the correlations of the formula.
+
+Whether the step from an estimate to a consistent model is too long or costs too much torque.
 """
 
 from __future__ import annotations
@@ -23,20 +25,26 @@ import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters
 from pivident.errors import IdentificationError
-from pivident.estimation.identification import Identification
+from pivident.estimation.identification import Identification, estimated_in_base, estimated_indices
 from pivident.estimation.solved_equations import TorqueSums
-from pivident.estimation.torque_sums import estimated_in_base, estimated_indices
 
 #: Smallest variance of a direction over that of white errors, relative to the median, below which
 #: the rank of a covariance counts as too low.
 LOWEST_RATIO = 1e-3
-
 #: Smallest eigenvalue of the correlations for a factorisation in double precision.
 FULL_RANK = 1e-13
-
 #: Largest size of omitted parameters without effect on the record, over the typical size of their
 #: kind.
 MAX_UNSEEN = 10.0
+#: An estimate is too poor if the distance is this improbable, the torque error grows by this share,
+#: and the additional torque error is this share of all torque.
+FAR_PROBABILITY, FAR_GROWTH, FAR_TORQUE = 1e-3, 0.10, 0.01
+#: Torque error above which an improbable estimate is too poor regardless of the cost of the step.
+POOR_ESTIMATE = 0.5
+#: Growth of the torque error above which a note is given.
+NOTABLE_COST = 0.01
+#: Half of the 95 % interval of a normal estimate [σ].
+HALF_INTERVAL = 1.96
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,3 +174,37 @@ def _conditional(
     rest = rest * np.outer(length[left_out], length[left_out]) / variance
     values, vectors = np.linalg.eigh(0.5 * (rest + rest.T))
     return absorbed, (vectors * np.maximum(values, 0.0)) @ vectors.T
+
+
+def probability(distance: float, directions: int, most: int) -> float:
+    """χ² probability of a distance; one where the estimate was consistent."""
+    from scipy.stats import chi2
+
+    if distance == 0.0:
+        return 1.0
+    return float(chi2.sf(distance**2, int(np.clip(directions, 1, most))))
+
+
+def is_far(p_value: float, free: float, consistent: float) -> bool:
+    """Whether the step to the consistent point is improbable and costs much torque.
+
+    Or the estimate itself does not explain half of the torque. Improbability or cost alone does
+    not suffice: intervals of measured records do not include all model error, so long steps may
+    cost nothing, and a noisy record may allow a step that costs much.
+    """
+    if not np.isfinite(consistent):
+        return False
+    costly = consistent > (1.0 + FAR_GROWTH) * free and consistent**2 - free**2 > FAR_TORQUE**2
+    return p_value < FAR_PROBABILITY and (costly or free > POOR_ESTIMATE)
+
+
+def cost_notes(errors: tuple[float, float], p_value: float) -> tuple[str, ...]:
+    """A sentence where the step costs torque."""
+    free, consistent = errors
+    if not np.isfinite(consistent) or consistent <= (1.0 + NOTABLE_COST) * free:
+        return ()
+    return (
+        f"Consistency raises the torque error of the fitted record from {100 * free:.3g} to "
+        f"{100 * consistent:.3g} % (p = {p_value:.2g} for the step): geometry, friction law or "
+        "the choice of parameters does not match the machine, or a bound is wrong",
+    )

@@ -33,11 +33,10 @@ from pivident.consistency.cone_program import (
     violation,
 )
 from pivident.consistency.constraints import REAL_BODY, Constraint
-from pivident.consistency.metric import Metric
+from pivident.consistency.metric import HALF_INTERVAL, Metric
 from pivident.consistency.priors import prior_terms
 from pivident.consistency.pseudo_inertia import from_triangle
 from pivident.consistency.reference import Reference, link_places
-from pivident.consistency.significance import HALF_INTERVAL
 from pivident.errors import ContradictoryBounds, IdentificationError
 from pivident.robot.description import Robot
 from pivident.text.numbers import format_significant

@@ -15,8 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pivident.consistency.geometric_bodies import density_of_estimate
-from pivident.consistency.reference import make_reference
+from pivident.consistency.reference import density_of_estimate, make_reference
 from pivident.dynamics.base_parameters import BaseParameters
 from pivident.dynamics.parameters import Parameter
 from pivident.robot.description import Robot

@@ -30,10 +30,9 @@ from pivident.control_law.reference_reconstruction import (
 from pivident.errors import IdentificationError
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
-from pivident.simulation.control_loop import Loop
+from pivident.simulation.control_loop import Loop, virtual_pd
 from pivident.simulation.controllers import Controller
 from pivident.simulation.linear_law import LinearLaw, differentiated
-from pivident.simulation.virtual_pd import virtual_pd
 from pivident.text.numbers import plus_minus
 
 #: Cut-off frequencies of the high-pass tried [Hz].

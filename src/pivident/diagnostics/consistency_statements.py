@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 
 from pivident.consistency.consistent_estimate import NoConsistentEstimate
-from pivident.consistency.significance import NOTABLE_COST
+from pivident.consistency.metric import NOTABLE_COST
 from pivident.diagnostics.diagnostics import Diagnostics
 from pivident.text.finding import Finding, Quantity, Severity
 from pivident.text.lists import listed

@@ -18,12 +18,11 @@ from pivident.audit.recording_audit import recording_faults
 from pivident.consistency.consistent_model import ConsistentModel, make_consistent
 from pivident.diagnostics.other_readings import Reading, better_readings
 from pivident.errors import Attempts, ExperimentError, PividentError
-from pivident.estimation.identification import Identification
+from pivident.estimation.identification import Identification, torque_sums
 from pivident.estimation.identify import narrowed
 from pivident.estimation.method import Method
 from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Problem
-from pivident.estimation.torque_sums import torque_sums
 from pivident.logs.torque_scale import is_ratio
 from pivident.model_errors.named_causes import ModelErrors, named_causes, with_model_errors
 from pivident.recording.recording import Recording

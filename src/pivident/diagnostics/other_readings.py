@@ -32,7 +32,7 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Problem
-from pivident.logs.joint_side import factors_of, gains_of, sides_of
+from pivident.logs.log import factors_of, gains_of, sides_of
 from pivident.logs.torque_scale import BASES
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot

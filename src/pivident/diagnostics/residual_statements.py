@@ -8,7 +8,7 @@ import numpy as np
 
 from pivident.diagnostics.diagnostics import Diagnostics
 from pivident.estimation.identification import Identification
-from pivident.estimation.noise_options import AutoRegressive
+from pivident.estimation.method import AutoRegressive
 from pivident.text.finding import Finding, Severity
 from pivident.text.lists import listed
 from pivident.text.numbers import format_significant

@@ -17,12 +17,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pivident.drives import gain_equations as bilinear
-from pivident.drives.drive_equations import DriveRecord, drive_sums, refuse_load_friction
-from pivident.drives.gain_equations import GainEquations
-from pivident.drives.gain_unknowns import GainUnknowns, Trusted, gain_unknowns
+from pivident.drives.drive_equations import (
+    DriveRecord,
+    GainUnknowns,
+    Trusted,
+    drive_sums,
+    gain_unknowns,
+    refuse_load_friction,
+)
+from pivident.drives.gain_equations import GainEquations, gains_by, homogeneous_start
 from pivident.drives.known_payload import Payload
 from pivident.drives.log_units import KNOWN_WITHIN, GainGroup, gain_groups, ratio
-from pivident.drives.total_least_squares import gains_by, homogeneous_start
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import IdentificationError, MassMatrixNotPositiveDefinite, SimulationDiverged
 from pivident.estimation.auxiliary_model import AuxiliaryModel

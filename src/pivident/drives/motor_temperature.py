@@ -33,8 +33,7 @@ from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import RandomWalk
-from pivident.motion.kinematics import Kinematics
-from pivident.motion.motion import SpeedLimits, packed_stretch, with_inner
+from pivident.motion.motion import Kinematics, SpeedLimits, packed_stretch, with_inner
 from pivident.recording.recording import Recording
 from pivident.robot.transmission import Transmission
 

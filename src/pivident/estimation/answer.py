@@ -17,15 +17,13 @@ from pivident.estimation.covariance.stationary_noise import (
     covariance_by_test,
     stationary_covariance,
 )
-from pivident.estimation.equation_noise import EquationNoise
-from pivident.estimation.exogeneity import durbin_wu_hausman
 from pivident.estimation.identification import Identification, JointFit
 from pivident.estimation.iteration import Estimate, Run
 from pivident.estimation.method import Method
 from pivident.estimation.normal_equations import relative_residual
 from pivident.estimation.problem import Problem, position_units, torque_units
 from pivident.estimation.simulation_result import SimulationResult
-from pivident.estimation.solved_equations import Equations
+from pivident.estimation.solved_equations import EquationNoise, Equations, durbin_wu_hausman
 from pivident.instruments.given_motion import InstrumentsUsed
 from pivident.logs.torque_scale import marked_scales, scale_sentences
 from pivident.robot.description import Robot

@@ -1,22 +1,30 @@
-"""The auxiliary model: the closed loop simulated with the current parameters makes the instruments.
+"""The auxiliary model: the loop simulated with the current parameters, and its motion.
 
 The simulation knows the reference and the law, but no measured noise; its motion is correlated
 with the true one and not with the noise, which is what an instrument has to be.
+
+The motion of the simulated loop in place of the measured, once it has forgotten its start.
 """
 
 from __future__ import annotations
 
+import copy
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
 
 from pivident.dynamics.forward import Model, make_model
 from pivident.dynamics.parameters import on_fixed_base
-from pivident.errors import ExperimentError, MassMatrixNotPositiveDefinite, SimulationDiverged
+from pivident.errors import (
+    ExperimentError,
+    IdentificationError,
+    MassMatrixNotPositiveDefinite,
+    SimulationDiverged,
+)
 from pivident.estimation.problem import Problem
-from pivident.motion.kinematics import Kinematics
 from pivident.motion.law_torque import held, known_inputs, upsampled
-from pivident.motion.motion import SimulatedMotion
+from pivident.motion.motion import Kinematics, SimulatedMotion
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.scratch import working_array
@@ -27,8 +35,7 @@ from pivident.simulation.closed_loop import (
     simulate,
     simulate_blocks,
 )
-from pivident.simulation.control_loop import Loop
-from pivident.simulation.feed_forward import with_measured_gravity
+from pivident.simulation.control_loop import Loop, with_measured_gravity
 from pivident.simulation.loop_kernel import TORQUE
 from pivident.threads import run_in_threads
 
@@ -37,12 +44,13 @@ NOT_SIMULATED = (
     "robot {name!r} has a floating base, which the simulated loop does not handle; leave out "
     'instruments = "loop", other instruments are made from the record'
 )
-
 #: How often a step may be halved before the loop is declared impossible to simulate.
 HALVINGS = 6
-
 #: Speed that a joint at rest may reach, as a share of the fastest one's: those that move shake it.
 SHAKEN = 0.02
+#: The start is forgotten once its trace in the torque is this share of the torque's standard
+#: deviation.
+FORGOTTEN = 1e-4
 
 
 class AuxiliaryModel:
@@ -238,3 +246,40 @@ def loop_signals(
         drive_delay=recording.drive_delay,
     )
     return signals, (q[0].copy(), dq[0].copy())
+
+
+def simulated_kinematics(kinematics: Kinematics, motion: SimulatedMotion, start: int) -> Kinematics:
+    """The simulated motion in place of the smoothed one, with the measured torque."""
+    unsmoothed = np.full(kinematics.f50.shape, np.nan)
+    return dataclasses.replace(
+        kinematics, q=motion.q, dq=motion.dq, ddq=motion.ddq, start=start, f50=unsmoothed
+    )
+
+
+def settled_starts(
+    auxiliary: AuxiliaryModel,
+    theta: np.ndarray,
+    motions: Sequence[SimulatedMotion],
+    kinematics: Sequence[Kinematics],
+) -> list[int]:
+    """First sample of each recording at which the simulated loop has forgotten its start.
+
+    The loop is simulated once more from another start, at rest on its reference. What differs
+    comes from the start.
+    """
+    other = copy.copy(auxiliary)
+    other.signals = [(s, (s.q_ref[0].copy(), np.zeros_like(s.q_ref[0]))) for s, _ in other.signals]
+    starts = []
+    for here, there, kin in zip(motions, other.simulate(theta), kinematics, strict=True):
+        assert here.tau is not None and there.tau is not None
+        trace = np.abs(here.tau - there.tau) > FORGOTTEN * here.tau.std(axis=1, keepdims=True)
+        seen = np.flatnonzero(trace.any(axis=0))
+        start = max(kin.start, int(seen[-1]) + 1 if seen.size else 0)
+        if start > 0.5 * (kin.start + kin.stop):
+            raise IdentificationError(
+                f"in recording {kin.recording.name!r} the simulated loop still shows where it "
+                f"started after {start / kin.recording.rate:.2g} s, more than half the record",
+                advice="the gains are soft or the record is short. Use piv, or a longer record",
+            )
+        starts.append(start)
+    return starts

@@ -13,9 +13,8 @@ from pivident.estimation.covariance.windows import Windows
 from pivident.estimation.equation_record import FittedRecording, JointColumns
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.signal_recipes import Decimated
-from pivident.logs.clocks.gaps import mostly_usable
-from pivident.motion.kinematics import Kinematics
-from pivident.motion.motion import SimulatedMotion, SpeedLimits, packed_stretch
+from pivident.logs.clocks.timestamps import mostly_usable
+from pivident.motion.motion import Kinematics, SimulatedMotion, SpeedLimits, packed_stretch
 from pivident.signals.decimation import (
     Convention,
     decimation_blocks,

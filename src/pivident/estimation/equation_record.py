@@ -16,8 +16,7 @@ from pivident.dynamics.regressor import Regressor
 from pivident.estimation.covariance.windows import Windows, windows_of
 from pivident.estimation.normal_equations import JointSums
 from pivident.logs.torque_scale import TorqueScale
-from pivident.motion.kinematics import Kinematics
-from pivident.motion.motion import SimulatedMotion
+from pivident.motion.motion import Kinematics, SimulatedMotion
 from pivident.recording.recording import TorqueSource
 from pivident.signals.prefilter import Prefilter
 

@@ -17,8 +17,15 @@ from pivident.dynamics.regressor import Regressor
 from pivident.estimation.covariance.windows import Windows
 from pivident.estimation.equation_record import FittedRecording, JointColumns
 from pivident.estimation.normal_equations import JointSums
-from pivident.motion.kinematics import Kinematics, measured_samples, residual_of
-from pivident.motion.motion import Motion, SimulatedMotion, SpeedLimits, packed_stretch
+from pivident.motion.motion import (
+    Kinematics,
+    Motion,
+    SimulatedMotion,
+    SpeedLimits,
+    measured_samples,
+    packed_stretch,
+    residual_of,
+)
 from pivident.scratch import working_array
 from pivident.signals.prefilter import Prefilter
 from pivident.threads import run_in_threads

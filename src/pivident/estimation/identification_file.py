@@ -12,13 +12,11 @@ from os import PathLike
 from typing import Any
 
 from pivident.errors import PividentError
-from pivident.estimation.identification import Identification
-from pivident.estimation.method import Method
+from pivident.estimation.identification import Identification, torque_sums
+from pivident.estimation.method import Arma, AutoRegressive, Method, Repetition
 from pivident.estimation.methods import METHODS, name_of
-from pivident.estimation.noise_options import Arma, AutoRegressive, Repetition
 from pivident.estimation.parameter_rows import parameter_rows
 from pivident.estimation.signal_recipes import RECIPES
-from pivident.estimation.torque_sums import torque_sums
 from pivident.files import atomic_folder
 from pivident.options import Options
 from pivident.robot.robot_values import robot_values

@@ -8,7 +8,7 @@ import numpy as np
 
 from pivident.dynamics.separation import KIND, separated
 from pivident.errors import IdentificationError, RankDeficientRegressor
-from pivident.estimation.counted_loop import LABEL, NOT_SIMULATED, reads_counts
+from pivident.estimation.didim import LABEL, NOT_SIMULATED, reads_counts
 from pivident.estimation.identification import Identification
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.method import Method, Say

@@ -31,8 +31,7 @@ from pivident.instruments.given_motion import (
     InstrumentsUsed,
 )
 from pivident.instruments.kinds import KINDS
-from pivident.motion.kinematics import Kinematics
-from pivident.motion.motion import SimulatedMotion
+from pivident.motion.motion import Kinematics, SimulatedMotion
 from pivident.text.numbers import percent
 
 

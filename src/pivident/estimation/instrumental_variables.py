@@ -36,7 +36,7 @@ from pivident.estimation.prefiltered_iv import (
     full_rate_start,
     with_instruments,
 )
-from pivident.estimation.problem import Problem
+from pivident.estimation.problem import EQUATION_ERROR, Problem
 from pivident.estimation.signal_recipes import (
     Bandpass,
     Decimated,
@@ -44,7 +44,6 @@ from pivident.estimation.signal_recipes import (
     SignalRecipe,
     recipe_name,
 )
-from pivident.estimation.without_torque import EQUATION_ERROR
 from pivident.options import option
 from pivident.text.finding import Finding
 

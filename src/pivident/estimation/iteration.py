@@ -35,8 +35,7 @@ from pivident.estimation.normal_equations import (
     weighted_solution,
 )
 from pivident.estimation.problem import Problem
-from pivident.motion.kinematics import Kinematics
-from pivident.motion.motion import SimulatedMotion, SpeedLimits, with_inner
+from pivident.motion.motion import Kinematics, SimulatedMotion, SpeedLimits, with_inner
 from pivident.motion.simulated_detail import with_forced_detail, with_simulated_detail
 from pivident.signals.prefilter import Prefilter
 from pivident.text.finding import Finding, Quantity

@@ -19,20 +19,21 @@ import numpy as np
 from pivident.common_work import once
 from pivident.errors import RecordingError, RecordingTooShort
 from pivident.estimation.signal_recipes import Algebraic, Bandpass, RandomWalk, SignalRecipe
-from pivident.logs.clocks.gaps import clear_of_unusable
-from pivident.motion.kinematics import MIN_RUN, Kinematics, aligned_torque
+from pivident.logs.clocks.timestamps import clear_of_unusable
+from pivident.motion.motion import MIN_RUN, Kinematics, aligned_torque
 from pivident.recording.recording import Recording
 from pivident.scratch import working_array
 from pivident.signals.algebraic import algebraic_derivative, half_gain_product
 from pivident.signals.bandpass import EDGE, bandpass
-from pivident.signals.coloured_walk import WalkSmoother, smooth_with_lines
 from pivident.signals.coloured_walk_likelihood import NoiseColour
 from pivident.signals.counted_positions import has_visible_counts, nvr_of_counts
 from pivident.signals.instants import derivatives_at_instants, torque_at_instants
 from pivident.signals.random_walk import (
     SmoothedSignal,
+    WalkSmoother,
     half_power_frequencies,
     smooth_channels,
+    smooth_with_lines,
 )
 from pivident.signals.spectral_lines import SpectralLine
 from pivident.threads import run_in_threads

@@ -26,11 +26,9 @@ from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.method import Handles, Method, Say
 from pivident.estimation.noise_identification import Prefilters
 from pivident.estimation.normal_equations import JointSums, Solution, relative_residual, solve
-from pivident.estimation.problem import Problem
+from pivident.estimation.problem import BIASED, Problem
 from pivident.estimation.signal_recipes import Decimated
-from pivident.estimation.without_torque import BIASED
-from pivident.motion.kinematics import Kinematics
-from pivident.motion.motion import SpeedLimits, with_inner
+from pivident.motion.motion import Kinematics, SpeedLimits, with_inner
 from pivident.options import option
 from pivident.text.finding import Finding
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from pivident.errors import ExperimentError, IdentificationError
 from pivident.estimation.equation_record import EquationRecord
-from pivident.estimation.noise_options import Arma, AutoRegressive, Repetition
+from pivident.estimation.method import Arma, AutoRegressive, Repetition
 from pivident.estimation.problem import Problem
 from pivident.estimation.standstill import (
     reached_by_measured,
@@ -23,7 +23,7 @@ from pivident.estimation.standstill import (
     without_recent,
     worth_using,
 )
-from pivident.motion.kinematics import (
+from pivident.motion.motion import (
     Kinematics,
     residual_of,
     usable_samples,

@@ -54,16 +54,17 @@ from pivident.estimation.iteration import (
     start_number,
 )
 from pivident.estimation.method import (
+    Arma,
+    AutoRegressive,
+    CovarianceKind,
     Handles,
     InstrumentalMethod,
     IteratedMethod,
     Say,
 )
 from pivident.estimation.noise_identification import Prefilters, Whitening
-from pivident.estimation.noise_options import Arma, AutoRegressive, CovarianceKind
-from pivident.estimation.problem import Problem
+from pivident.estimation.problem import EQUATION_ERROR, Problem
 from pivident.estimation.signal_recipes import RandomWalk
-from pivident.estimation.without_torque import EQUATION_ERROR
 from pivident.instruments.given_motion import InstrumentsUsed
 from pivident.options import option
 from pivident.text.finding import Finding

@@ -8,7 +8,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from pivident.errors import ExperimentError
-from pivident.motion.kinematics import MOTION_BAND
+from pivident.motion.motion import MOTION_BAND
 from pivident.options import Options, option
 from pivident.signals.algebraic import half_gain_product, half_samples
 from pivident.signals.decimation import Convention

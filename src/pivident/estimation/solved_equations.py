@@ -1,4 +1,4 @@
-"""The equations that an estimate solved last, kept for the tests that follow.
+"""The equations that an estimate solved last, with their noise, kept for the tests that follow.
 
 Sums over the whole record suffice to solve, not to test: a robust covariance needs the scores
 ζ_t ε_t in their order, an over-identification test needs further instruments. Signals, simulated
@@ -7,12 +7,32 @@ motion and prefilters are kept instead, and the weighted columns
     Φ_j λ_j^(-1/2),   Z_j λ_j^(1/2 - w),   τ_j λ_j^(-1/2)         so that Zᵀ(τ - Φθ) = 0 at θ̂
 
 are made again block by block. Nothing of the size of the observation matrix is held.
+
+Durbin, Wu and Hausman: do the regressors carry noise that the instruments do not?
+
+The whitened equations are fitted once by least squares on Φ and once with what the instruments
+leave of Φ beside it (Janot, Vandanjon and Gautier 2016),
+
+    τ = Φ θ + V δ + e,   V = Φ - Z (ZᵀZ)⁻¹ ZᵀΦ,    F = [(RSS₀ - RSS₁)/d] / [RSS₁/(n - b - d)]  (E2)
+
+with d the directions of V that are left beside Φ. δ = 0 says that least squares would do as well.
+F supposes white residuals. Those of real records are correlated by model error, and F rejects
+nearly always; ``validation.overidentification`` has the form that holds its size for them.
+A reconstructed reference that follows the noise of the record hides from this test, which is why
+its freedom is reported with it.
+
+The information of a row of each joint's equation: its noise by frequency, and the rows left out.
+
+An estimate weighs the rows of joint j with its prefilter L_j, which holds their standard deviation.
+The design of the next motion expects the same noise: what it will know of the parameters is
+
+    I = Σ_j Σ_t (L_j Φ_j)ᵀ (L_j Φ_j)
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,8 +41,13 @@ from pivident.dynamics.base_parameters import BaseParameters
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import UnusableValue
 from pivident.estimation.equation_record import EquationRecord, JointColumns
+from pivident.estimation.normal_equations import JointSums
+from pivident.estimation.problem import Problem
 from pivident.motion.motion import Motion
 from pivident.signals.prefilter import Prefilter
+
+#: Smallest eigenvalue, of the Gram matrix of unit columns, of a direction that counts.
+SMALLEST = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,3 +198,151 @@ class TorqueSums:
         if np.linalg.eigvalsh(gram / np.outer(scale, scale))[0] < -1e-6:
             raise ValueError("torque_sums: 'gram' is not positive semidefinite")
         return cls(gram, numbers["moment"], float(numbers["square"]), int(numbers["rows"]))
+
+
+@dataclass(frozen=True)
+class ExogeneityTest:
+    """The test's outcome."""
+
+    statistic: float  # F
+    directions: int  # d
+    rows: int  # n
+    p_value: float  # probability of a larger F where the regressors are exogenous
+
+    def __str__(self) -> str:
+        verdict = (
+            "the regressors contain noise that the instruments do not, so least squares would "
+            "be biased"
+            if self.p_value < 0.05
+            else "regressors and instruments agree, and least squares would do as well"
+        )
+        return (
+            f"Exogeneity (Durbin-Wu-Hausman, for a white residual): F = {self.statistic:.3g} on "
+            f"{self.directions} and {self.rows} degrees of freedom, p = {self.p_value:.2g}: "
+            f"{verdict}."
+        )
+
+
+def durbin_wu_hausman(sums: Sequence[JointSums], variance: np.ndarray, size: int) -> ExogeneityTest:
+    """Test on the normal equations of all joints, whose columns are whitened."""
+    from scipy.special import fdtrc  # scipy.stats takes half a second to import
+
+    gram, right = np.zeros((2 * size, 2 * size)), np.zeros(2 * size)
+    total, rows = 0.0, 0
+    for joint, lam in zip(sums, variance, strict=True):
+        both = np.r_[joint.columns, size + joint.columns]
+        block = np.block([[joint.ff, joint.zf.T], [joint.zf, joint.zz]])
+        gram[np.ix_(both, both)] += block / lam
+        right[both] += np.r_[joint.ft, joint.zt] / lam
+        total += joint.tt / lam
+        rows += joint.rows
+    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    gram, right = gram / np.outer(scale, scale), right / scale
+    explained, rank = _explained(gram[:size, :size], right[:size])
+    more, larger_rank = _explained(gram, right)
+    directions = max(larger_rank - rank, 1)
+    freedom = max(rows - larger_rank, 1)
+    statistic = max(more - explained, 0.0) / directions / max((total - more) / freedom, 1e-300)
+    return ExogeneityTest(
+        float(statistic),
+        directions,
+        freedom,
+        float(fdtrc(directions, freedom, statistic)),
+    )
+
+
+def _explained(gram: np.ndarray, right: np.ndarray) -> tuple[float, int]:
+    """Sum of squares that the columns explain, and their numerical rank."""
+    values, vectors = np.linalg.eigh(gram)
+    kept = values > SMALLEST * values[-1]
+    shares = (vectors.T @ right)[kept] ** 2 / values[kept]
+    return float(shares.sum()), int(kept.sum())
+
+
+@dataclass(frozen=True, eq=False)
+class EquationNoise:
+    """Noise of the equations that an estimate solved.
+
+    Attributes:
+        filters: prefilter of each joint with its variance: what it leaves of the residual is white
+            and has the variance one.
+        rate: rows per second [Hz].
+        standstill: speed below which rows were left out, zero where none were, shape (joints,)
+            [rad/s or m/s].
+    """
+
+    filters: tuple[Prefilter, ...]
+    rate: float
+    standstill: np.ndarray
+
+    @classmethod
+    def of(cls, problem: Problem, equations: Equations, rate: float) -> EquationNoise:
+        """Noise of the equations of a problem, with so many rows per second [Hz]."""
+        standstill = np.zeros(problem.robot.size)
+        slow, left_out = np.zeros((2, problem.robot.size))
+        for recording, record in zip(problem.recordings, equations.records, strict=True):
+            limits = problem.speed_limits(recording)
+            rows = np.clip(record.sample_numbers.astype(int), 0, record.kinematics.dq.shape[1] - 1)
+            resting = ~limits.moving(record.kinematics.dq[:, rows])
+            slow += resting.sum(axis=1)
+            left_out += (resting & ~record.used).sum(axis=1)
+            standstill = np.maximum(standstill, limits.joints)
+        variance = equations.variance
+        filters = equations.filters if equations.full_rate else [Prefilter()] * problem.robot.size
+        return cls(
+            tuple(
+                replace(f, variance=float(f.variance * v))
+                for f, v in zip(filters, variance, strict=True)
+            ),
+            rate,
+            np.where(left_out > 0.5 * slow, standstill, 0.0),
+        )
+
+    def to_values(self) -> dict[str, Any]:
+        """Plain values for a file."""
+        filters = [
+            {
+                "numerator": np.asarray(f.numerator, dtype=float).tolist(),
+                "denominator": np.asarray(f.denominator, dtype=float).tolist(),
+                "fir": np.asarray(f.fir, dtype=float).tolist(),
+                "variance": f.variance,
+            }
+            for f in self.filters
+        ]
+        return {"rate": self.rate, "standstill": self.standstill.tolist(), "filters": filters}
+
+    @classmethod
+    def from_values(cls, values: Mapping[str, Any], joints: int) -> EquationNoise:
+        """The noise of :meth:`to_values`.
+
+        Raises:
+            ValueError: it is none of that many joints.
+        """
+        try:
+            filters = tuple(_filter_of(entry) for entry in values["filters"])
+            rate, standstill = float(values["rate"]), np.array(values["standstill"], dtype=float)
+        except (KeyError, TypeError, ValueError) as error:
+            raise ValueError(
+                f"equation_noise: a key is missing or not a number ({error})"
+            ) from error
+        if len(filters) != joints or standstill.shape != (joints,):
+            raise ValueError(f"equation_noise: one filter for each of {joints} joints is needed")
+        if not (np.isfinite(rate) and rate > 0 and np.isfinite(standstill).all()):
+            raise ValueError(
+                "equation_noise: rate and standstill must be finite, the rate positive"
+            )
+        return cls(filters, rate, standstill)
+
+
+def _filter_of(values: Mapping[str, Any]) -> Prefilter:
+    """A filter from its plain values."""
+    parts: dict[str, Sequence[float]] = {}
+    for key in ("numerator", "denominator", "fir"):
+        coefficients = np.array(values[key], dtype=float)
+        if coefficients.ndim != 1 or not coefficients.size or not np.isfinite(coefficients).all():
+            raise ValueError(f"{key!r} is not a list of finite numbers")
+        parts[key] = tuple(coefficients.tolist())
+    variance = float(values["variance"])
+    if not (np.isfinite(variance) and variance > 0.0):
+        raise ValueError("'variance' is not positive")
+    return Prefilter(**parts, variance=variance)

@@ -24,7 +24,7 @@ import numpy as np
 
 from pivident.estimation.equation_record import EquationRecord
 from pivident.estimation.problem import Problem
-from pivident.motion.kinematics import (
+from pivident.motion.motion import (
     MOTION_BAND,
     Kinematics,
     measured_samples,

@@ -20,11 +20,11 @@ from pydantic import Field, ValidationError
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters, regrouped_name
 from pivident.dynamics.grouping.closed_form import quick_base_parameters
 from pivident.errors import IdentificationFileError, PividentError, UnusableValue
-from pivident.estimation.equation_noise import EquationNoise
 from pivident.estimation.equation_record import MotionRange
 from pivident.estimation.identification import Identification, Iteration, JointFit
 from pivident.estimation.identification_file import SCHEMA, method_of_options
 from pivident.estimation.simulation_result import SimulationResult
+from pivident.estimation.solved_equations import EquationNoise
 from pivident.files import json_object
 from pivident.instruments.given_motion import InstrumentsUsed
 from pivident.instruments.kinds import KINDS

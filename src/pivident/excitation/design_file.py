@@ -1,4 +1,4 @@
-"""A design as strict JSON, from which it is restored exactly.
+"""A design as strict JSON with checked keys, from which it is restored exactly.
 
     {"format": "pivident-design", "schema": 1, "version": …, "robot": {…}, "motion": {…},
      "criterion": …, "cost": […], …, "predicted": [{…} …], "correlation": [[…] …], …}
@@ -10,6 +10,8 @@ JSON has no numbers that are not finite; they are written as null, which means i
 - an unknown value or correlation (NaN).
 
 The file is read as data of a stranger: types, shapes, names of joints, and a motion that is one.
+
+The layout of a design's file: which keys, types and sizes are accepted.
 """
 
 from __future__ import annotations
@@ -17,10 +19,10 @@ from __future__ import annotations
 import math
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import ValidationError
+from pydantic import Field, ValidationError
 
 from pivident.collision.bodies import Body
 from pivident.collision.obstacles import Obstacle
@@ -32,26 +34,30 @@ from pivident.excitation.design import (
     LimitUse,
     PredictedError,
 )
-from pivident.excitation.design_schema import (
-    FORMAT,
-    SCHEMA,
-    BodyValues,
-    DesignValues,
-    ErrorValues,
-    LimitValues,
-    MotionValues,
-    ObstacleValues,
-)
-from pivident.excitation.motions import ExcitingMotion
+from pivident.excitation.motions import ExcitingMotion, MotionKind
 from pivident.files import json_object
-from pivident.robot.description import Robot
-from pivident.robot.robot_schema import problem_text
+from pivident.robot.description import MAX_JOINTS, Robot
+from pivident.robot.robot_schema import (
+    Finite,
+    Matrix3,
+    Name,
+    RobotValues,
+    Values,
+    Vector3,
+    problem_text,
+)
 from pivident.robot.robot_values import made_robot, robot_values
 from pivident.text.plain_values import json_of_entries, plain
 from pivident.version import __version__
 
 #: Larger files are not designs [bytes].
 MAX_FILE = 2**26
+FORMAT, SCHEMA = "pivident-design", 1
+#: Longest round of a motion [s], most rounds, and the largest number of functions.
+MAX_DURATION, MAX_ROUNDS, MAX_FUNCTIONS = 86_400.0, 10_000, 10_000
+#: A number that is written as null where it is not finite.
+Known = Finite | None
+Length = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 
 
 class DesignFileError(IdentificationFileError):
@@ -91,6 +97,104 @@ def design_values(design: Design) -> dict[str, Any]:
         *("seconds", "torque", "torque_margin"),
     )
     return content | {name: plain(getattr(design, name)) for name in own}
+
+
+class MotionValues(Values):
+    """The motion."""
+
+    kind: MotionKind
+    duration: Annotated[float, Field(gt=0.0, le=MAX_DURATION)]
+    rounds: Annotated[int, Field(ge=1, le=MAX_ROUNDS)] = 1
+    coefficients: Annotated[list[list[Finite]], Field(min_length=1, max_length=MAX_FUNCTIONS)]
+
+
+class LimitValues(Values):
+    """Use of one limit."""
+
+    joint: Name
+    quantity: Literal["position", "speed", "acceleration", "jerk", "torque", "rms torque"]
+    unit: Name
+    low: Known
+    high: Known
+    least: Finite
+    largest: Finite
+    t: Known
+    source: Name
+
+
+class ClearanceValues(Values):
+    """Use of the room between two bodies."""
+
+    name: Name
+    least: Finite
+    needed: Finite
+    t: Finite
+
+
+class ErrorValues(Values):
+    """Prediction for one parameter."""
+
+    name: Name
+    unit: Name
+    value: Known
+    std: Known
+    before: Known
+    wanted: bool
+    remark: str
+    alone: Known
+    size: Known
+
+
+class BodyValues(Values):
+    """A capsule of the robot."""
+
+    name: Name
+    link: Annotated[int, Field(ge=-1, lt=MAX_JOINTS)]
+    start: Vector3
+    end: Vector3
+    radius: Length
+
+
+class ObstacleValues(Values):
+    """An obstacle: its shape, the sizes that the shape has, and its pose in the base frame.
+
+    Sizes are edge lengths of a box, the radius of the other shapes, and the length of a cylinder or
+    of a capsule's segment [m]; both lie along the z axis of the obstacle's frame.
+    """
+
+    name: Name
+    shape: Literal["box", "sphere", "cylinder", "capsule"]
+    size: Annotated[list[Length], Field(min_length=3, max_length=3)] | None
+    radius: Length
+    length: Length
+    rotation: Matrix3
+    translation: Vector3
+
+
+class DesignValues(Values):
+    """The whole file."""
+
+    format: Literal["pivident-design"]
+    schema_: Annotated[Literal[1], Field(alias="schema")]
+    version: Name
+    robot: RobotValues
+    motion: MotionValues
+    criterion: str
+    cost: Annotated[list[Known], Field(min_length=2, max_length=2)]
+    cost_words: str
+    condition: Annotated[list[Known], Field(min_length=2, max_length=2)]
+    predicted: list[ErrorValues]
+    correlation: list[list[Known]]
+    limits: list[LimitValues]
+    clearances: list[ClearanceValues]
+    noise: str
+    notes: list[str]
+    settings: dict[str, Any]
+    bodies: list[BodyValues]
+    obstacles: list[ObstacleValues]
+    seconds: Length
+    torque: list[list[Finite]] | None
+    torque_margin: list[list[Finite]] | None
 
 
 def load_design(path: str | PathLike[str]) -> Design:

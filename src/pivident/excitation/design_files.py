@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pivident.errors import PividentError
-from pivident.excitation.design import Design
+from pivident.excitation.design import Design, postures_csv, sample_arrays, samples_csv
 from pivident.excitation.design_file import design_json
-from pivident.excitation.point_lists import postures_csv, sample_arrays, samples_csv
 from pivident.excitation.robot_programs import PROGRAM_FILES, robot_programs
 from pivident.extras import is_installed
 from pivident.files import atomic_folder

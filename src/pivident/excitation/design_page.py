@@ -12,7 +12,13 @@ import numpy as np
 from markupsafe import Markup
 
 from pivident.collision.obstacles import Obstacle
-from pivident.excitation.design import Design, PredictedError
+from pivident.excitation.design import (
+    Design,
+    PredictedError,
+    pendant_positions,
+    pendant_unit,
+    posture_moves,
+)
 from pivident.excitation.design_figures import (
     MOTION,
     errors_figure,
@@ -29,7 +35,6 @@ from pivident.excitation.design_text import (
     relative_words,
     share_words,
 )
-from pivident.excitation.point_lists import pendant_positions, pendant_unit, posture_moves
 from pivident.excitation.robot_programs import unwritten_programs
 from pivident.report.builder import PAGE_SCRIPTS, page_environment, page_of
 from pivident.report.downloads import Download

@@ -13,8 +13,7 @@ from pivident.excitation.knowledge import Knowledge
 from pivident.excitation.limits import JointLimits, joint_limits
 from pivident.excitation.questions import Question, gain_question, load_question
 from pivident.experiment.excite_keys import ExciteEntry
-from pivident.experiment.explained import checked
-from pivident.experiment.toml_file import errors_name, toml_content
+from pivident.experiment.explained import checked, errors_name, toml_content
 from pivident.robot.description import Robot
 from pivident.robot.inertia import from_center_of_mass, tensor
 from pivident.robot.mdh_schema import Entry

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.dynamics.regressor import Regressor
-from pivident.estimation.equation_noise import EquationNoise
+from pivident.estimation.solved_equations import EquationNoise
 from pivident.excitation.questions import Question
 from pivident.motion.motion import SpeedLimits
 

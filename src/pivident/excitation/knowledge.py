@@ -12,8 +12,8 @@ from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
 from pivident.dynamics.robot_regressor import regressor_of
 from pivident.errors import ExperimentError
-from pivident.estimation.equation_noise import EquationNoise
 from pivident.estimation.identification import Identification
+from pivident.estimation.solved_equations import EquationNoise
 from pivident.excitation.information import assumed_noise
 from pivident.excitation.limits import JointLimits
 from pivident.robot.description import Robot

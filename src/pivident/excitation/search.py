@@ -1,10 +1,12 @@
-"""Search for the coefficients of a motion: several starts side by side, the best kept.
+"""Search for the coefficients of a motion: several random starts side by side, the best kept.
 
 Each start descends by sequential quadratic programming (SciPy's SLSQP, Kraft 1988). It passes
 through motions that break limits a little, so each one that it tries is a candidate only if no
 sample breaks a limit, and the best candidate is kept: the search can be ended at any time. Where
 limits bend (collisions do), a step may lead to where no linear model of them holds, and the program
 ends there. It then begins anew at the best candidate, in a smaller box around it.
+
+Random motions as large as the limits allow: starts of a search.
 """
 
 from __future__ import annotations
@@ -17,27 +19,28 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from pivident.excitation.constraints import Constraints
 from pivident.excitation.criteria import Objective
-from pivident.excitation.random_motions import coefficient_box, random_coefficients
 from pivident.text.numbers import percent
 from pivident.threads import linear_algebra_in_one_thread, thread_count
 
 #: Largest coefficient, over that with which its function alone reaches a limit.
 FARTHEST = 3.0
-
 #: Factor of the criterion: the first step goes along the gradient, whose size means nothing.
 GAIN = 0.02
-
 #: Iterations of one program, and the progress of the criterion at which it has ended.
 MAX_ITERATIONS, PROGRESS = 400, 1e-5
-
 #: Progress in a program that is worth another one in the same box; the factor and the least size of
 #: a smaller one.
 WORTH, SMALLER, SMALLEST = 0.02, 0.3, 0.02
-
-
 #: Progress of the criterion, a logarithm of variances, after which a motion is remembered.
 STEP = 0.1
+#: Times that a random motion is made smaller until it keeps clear of what is around it, and how.
+SHRINKINGS, SHRINKING = 14, 0.75
+#: Share of a joint's range in which a random motion begins.
+INNER_RANGE = 0.7
+#: Further postures among which a free one is looked for if the first one is not, and their range.
+FURTHER_POSTURES, WHOLE_RANGE = 200, 0.95
 
 
 class SearchEnded(Exception):
@@ -77,6 +80,84 @@ class Best:
                     self._listed = value
                     self.earlier.append(coefficients.copy())
                 self.value, self.coefficients = value, coefficients.copy()
+
+
+def coefficient_box(constraints: Constraints) -> tuple[np.ndarray, np.ndarray]:
+    """Middle of each coefficient, and the size at which its function alone reaches a limit.
+
+    In these units the search is well scaled, and steps that leave every limit far behind are not
+    tried. Shapes (size, joints).
+    """
+    limits = constraints.limits
+    largest = np.abs(constraints.functions[:3]).max(axis=1)
+    with np.errstate(divide="ignore"):
+        sizes = [
+            limit / size[:, None]
+            for limit, size in zip(
+                (limits.half, limits.speed, limits.acceleration), largest, strict=True
+            )
+        ]
+    middle = np.zeros_like(sizes[0])
+    middle[0] = limits.middle
+    return middle, np.min(sizes, axis=0)
+
+
+def random_coefficients(
+    constraints: Constraints, rng: np.random.Generator, home: np.ndarray | None
+) -> np.ndarray | None:
+    """A random motion as large as the limits allow; None where even a small one breaks them.
+
+    It is made smaller about its posture at the ends until it keeps all limits.
+    """
+    _, scale = coefficient_box(constraints)
+    drawn = scale * rng.uniform(-1.0, 1.0, scale.shape)
+    posture = _free_posture(constraints, rng) if home is None else home
+    if not _keeps(constraints, np.vstack([posture, np.zeros_like(drawn[1:])])):
+        return None
+    drawn[1:] *= _kinematic_scale(constraints, drawn, posture)
+    drawn[0] = posture
+    for _ in range(SHRINKINGS):
+        if _keeps(constraints, drawn):
+            return drawn
+        drawn[1:] *= SHRINKING
+    return None
+
+
+def _free_posture(constraints: Constraints, rng: np.random.Generator) -> np.ndarray:
+    """A random posture, clear of everything if one of some hundred is."""
+    limits, clearances = constraints.limits, constraints.clearances
+
+    def drawn(count: int, within: float) -> np.ndarray:
+        share = rng.uniform(-within, within, (count, limits.half.size))
+        return limits.middle + share * limits.half
+
+    def is_free(postures: np.ndarray) -> np.ndarray:
+        assert clearances is not None
+        near = clearances.distances(postures) < clearances.needed[:, None]
+        return ~np.any(near, axis=0)
+
+    (first,) = drawn(1, INNER_RANGE)
+    if clearances is None or is_free(first[None])[0]:
+        return first
+    others = drawn(FURTHER_POSTURES, WHOLE_RANGE)
+    return others[int(np.argmax(is_free(others)))]
+
+
+def _keeps(constraints: Constraints, coefficients: np.ndarray) -> bool:
+    return constraints.largest_ratio(coefficients) <= 1.0
+
+
+def _kinematic_scale(
+    constraints: Constraints, drawn: np.ndarray, posture: np.ndarray
+) -> np.ndarray:
+    """Factor of each joint with which its motion just keeps the limits that it has alone."""
+    limits = constraints.limits
+    ways = drawn.copy()
+    ways[0] = 0.0
+    used = np.abs(constraints.motion(ways)).max(axis=1)
+    room = np.minimum(limits.high - posture, posture - limits.low)
+    allowed = np.array([room, limits.speed, limits.acceleration, limits.jerk])
+    return 0.98 * (allowed / np.maximum(used, 1e-12)).min(axis=0)
 
 
 @dataclass(eq=False)
@@ -178,7 +259,6 @@ class Descent:
 
 #: Random motions of which the best begins a search.
 DRAWS = 16
-
 #: Share by which standard errors must have fallen, and seconds passed, for another line.
 REPORTED_SHARE, REPORTED_SECONDS = 0.95, 2.0
 

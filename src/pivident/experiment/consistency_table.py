@@ -11,9 +11,8 @@ from pivident.consistency.constraints import Bounds, Interval
 from pivident.consistency.options import ConsistencyOptions
 from pivident.errors import ExperimentError, RobotDescriptionError, concerning
 from pivident.experiment.consistency_keys import ConsistencyEntry, ConsistencyFile
-from pivident.experiment.explained import checked, plain_form
+from pivident.experiment.explained import checked, errors_name, plain_form, toml_content
 from pivident.experiment.schema import ExperimentFile
-from pivident.experiment.toml_file import errors_name, toml_content
 from pivident.robot.description import Robot
 from pivident.robot.gallery import load_robot
 from pivident.robot.mjcf import read_mjcf

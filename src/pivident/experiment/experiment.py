@@ -27,14 +27,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-from pivident.consistency.method_names import free_methods, made_consistent
-from pivident.consistency.options import ConsistencyOptions
+from pivident.consistency.options import ConsistencyOptions, free_methods, made_consistent
 from pivident.errors import ExperimentError, IdentificationError
 from pivident.estimation.method import Method
 from pivident.estimation.methods import METHODS, WITHOUT_TORQUE
 from pivident.estimation.problem import Problem
 from pivident.experiment.consistency_table import consistency_of
-from pivident.experiment.explained import validated
+from pivident.experiment.explained import errors_name, toml_content, validated
 from pivident.experiment.identify_table import (
     METHOD_ENTRIES,
     IdentifyEntry,
@@ -45,7 +44,6 @@ from pivident.experiment.missing_torque import check_torque, is_without_torque
 from pivident.experiment.recording_tables import loop_of, one_by_one, run_of
 from pivident.experiment.robot_table import FRICTION_KEYS, robot_of
 from pivident.experiment.schema import ExperimentFile
-from pivident.experiment.toml_file import errors_name, toml_content
 from pivident.motion.law_torque import with_law_torque
 from pivident.motion.planted_feet import on_planted_feet
 from pivident.recording.recording import Recording

@@ -16,9 +16,9 @@ from pivident.drives.motor_temperature import (
 )
 from pivident.errors import ExperimentError
 from pivident.experiment.experiment import Experiment
+from pivident.experiment.explained import errors_name
 from pivident.experiment.schema import ExperimentFile, GainsEntry, RecordingEntry
 from pivident.experiment.temperature import TEMPERATURE, with_temperature, without_temperature
-from pivident.experiment.toml_file import errors_name
 from pivident.logs.units import COMMAND, TORQUE, factor_to_si
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot

@@ -14,11 +14,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import create_model, model_validator
 from pydantic.functional_validators import PlainValidator
 
-from pivident.consistency.method_names import CONSISTENT_METHODS  # consistency
+from pivident.consistency.options import CONSISTENT_METHODS  # consistency
 from pivident.errors import ExperimentError, UnusableValue
-from pivident.estimation.method import InstrumentalMethod, Method
+from pivident.estimation.method import Arma, AutoRegressive, InstrumentalMethod, Method, Repetition
 from pivident.estimation.methods import METHODS
-from pivident.estimation.noise_options import Arma, AutoRegressive, Repetition
 from pivident.estimation.signal_recipes import (
     RECIPES,
     Algebraic,
@@ -27,8 +26,7 @@ from pivident.estimation.signal_recipes import (
     SignalRecipe,
     recipe_name,
 )
-from pivident.experiment.option_tables import entry_of, table_of
-from pivident.experiment.table_values import Mask, Names
+from pivident.experiment.table_values import Mask, Names, entry_of, table_of
 from pivident.options import declarations
 from pivident.robot.mdh_schema import Entry, key
 from pivident.robot.naming import nearest

@@ -25,15 +25,14 @@ from pivident.experiment.schema import ControllerEntry, RecordingEntry
 from pivident.logs.bags.read_bag import is_bag
 from pivident.logs.described_log import described_log
 from pivident.logs.log import Log
-from pivident.logs.tables.column_names import named_columns
+from pivident.logs.tables.tables import named_columns
 from pivident.recording.load import OF_LOGGER, load_recording
 from pivident.recording.public_records import RUNS, load_public, public_facts
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.robot.naming import near_names, nearest
-from pivident.simulation.control_loop import Loop
+from pivident.simulation.control_loop import Loop, virtual_pd
 from pivident.simulation.controllers import PID, UNKNOWN_GAIN, Cascade, Controller
-from pivident.simulation.virtual_pd import virtual_pd
 from pivident.text.sentences import capital
 
 #: What `pivident excite` calls a design, and the log of its motion may lie beside.

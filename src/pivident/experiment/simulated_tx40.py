@@ -20,8 +20,8 @@ from pivident.robot.gallery import load_robot
 from pivident.simulation.closed_loop import LoopSignals, Trajectory, simulate
 from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import PD
-from pivident.simulation.noise import Noise
 from pivident.simulation.reference import point_to_point
+from pivident.simulation.simulated_record import Noise
 
 #: The 28 essential parameters of Table 1.
 TX40_ESSENTIAL = (

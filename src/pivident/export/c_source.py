@@ -24,8 +24,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pivident.errors import ExportError
-from pivident.export.model_programs import NAMES, header_lines, model_columns, model_programs
-from pivident.export.numpy_function import check_signals, program_differences, verify_functions
+from pivident.export.numpy_function import (
+    NAMES,
+    check_signals,
+    header_lines,
+    model_columns,
+    model_programs,
+    program_differences,
+    verify_functions,
+)
 from pivident.models.export_format import Format
 from pivident.models.exported import ExportedText, Verification
 from pivident.models.runnable_model import RunnableModel

@@ -26,13 +26,12 @@ import numpy as np
 from pivident.dynamics.closed_chains.closed_motion import ClosedChains
 from pivident.dynamics.parameters import Parameter
 from pivident.errors import ExportError
-from pivident.export.joint_side import JointSide, joint_side
-from pivident.export.robot_file import RobotFile
-from pivident.export.shafts import Shaft
+from pivident.export.differences import RobotFile
+from pivident.export.joint_side import JointSide, Shaft, joint_side
 from pivident.models.exported import SAME, Verification, compared
 from pivident.models.runnable_model import RunnableModel
+from pivident.robot.closed_chains import proportions
 from pivident.robot.description import Robot
-from pivident.robot.proportions import proportions
 
 #: Largest gap of a loop in the engine at a posture in which it is closed here [m, rad].
 GAP = 1e-8

@@ -21,18 +21,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.errors import ExportError
-from pivident.export.differences import differences
-from pivident.export.joint_side import JointProperty, JointSide, joint_side
+from pivident.export.differences import RobotFile, differences
+from pivident.export.joint_side import JointProperty, JointSide, Shaft, joint_side
 from pivident.export.load_back import verify_with_mujoco
 from pivident.export.mjcf_bodies import ALMOST_NOTHING, body_lines, drawn_bodies, geom, quaternion
-from pivident.export.robot_file import RobotFile
-from pivident.export.shafts import Shaft
-from pivident.export.sketch import sticks
-from pivident.export.xml_text import comment, distinct, number, numbers, quoted, unlike
+from pivident.export.xml_text import comment, distinct, number, numbers, quoted, sticks, unlike
 from pivident.models.export_format import Format
-from pivident.models.possible_values import is_possible
-from pivident.models.runnable_model import RunnableModel
-from pivident.robot.assembly import link_frames
+from pivident.models.runnable_model import RunnableModel, is_possible
+from pivident.robot.closed_chains import link_frames
 from pivident.robot.constraints import Closure, LinearConstraint
 from pivident.robot.description import Joint, Robot
 from pivident.robot.frames import Pose

@@ -14,10 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.export.joint_side import JointSide
-from pivident.export.sketch import Stick, sticks
-from pivident.export.xml_text import number, numbers, quoted
-from pivident.models.possible_values import written_body
-from pivident.models.runnable_model import RunnableModel
+from pivident.export.xml_text import Stick, number, numbers, quoted, sticks
+from pivident.models.runnable_model import RunnableModel, written_body
 from pivident.robot.description import Joint, Robot
 from pivident.robot.frames import Pose, rotation_z
 

@@ -8,15 +8,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from pivident.export.differences import differences
+from pivident.export.differences import RobotFile, differences
 from pivident.export.joint_side import JointProperty, JointSide, joint_side
-from pivident.export.robot_file import RobotFile
-from pivident.export.sketch import Stick, sticks
-from pivident.export.xml_text import comment, distinct, number, numbers, quoted, rpy, unlike
+from pivident.export.xml_text import (
+    Stick,
+    comment,
+    distinct,
+    number,
+    numbers,
+    quoted,
+    rpy,
+    sticks,
+    unlike,
+)
 from pivident.models.export_format import Format
 from pivident.models.exported import refuse_loops
-from pivident.models.possible_values import is_possible, link_inertias, written_body
-from pivident.models.runnable_model import RunnableModel
+from pivident.models.runnable_model import RunnableModel, is_possible, link_inertias, written_body
 from pivident.robot.description import Joint
 
 #: Joint properties of SDF.

@@ -9,13 +9,21 @@ import numpy as np
 
 from pivident.errors import ExportError
 from pivident.export.joint_side import JointSide
-from pivident.export.sketch import Stick, sticks
-from pivident.export.xml_text import comment, distinct, number, numbers, quoted, rpy, unlike
+from pivident.export.xml_text import (
+    Stick,
+    comment,
+    distinct,
+    number,
+    numbers,
+    quoted,
+    rpy,
+    sticks,
+    unlike,
+)
 from pivident.models.exported import refuse_loops
-from pivident.models.possible_values import link_inertias, written_body
-from pivident.models.runnable_model import RunnableModel
+from pivident.models.runnable_model import RunnableModel, link_inertias, written_body
+from pivident.robot.closed_chains import proportions
 from pivident.robot.description import Joint, Robot
-from pivident.robot.proportions import proportions
 
 
 def inertial_lines(name: str, inertia: np.ndarray) -> list[str]:

@@ -8,8 +8,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pivident.estimation.identification import Identification
-from pivident.figures.joint_panels import chosen_joints, chosen_recording, legend_above
-from pivident.figures.paper_style import FigureError, line_style, new_figure, paper_style, plain
+from pivident.figures.paper_style import (
+    FigureError,
+    chosen_joints,
+    chosen_recording,
+    legend_above,
+    line_style,
+    new_figure,
+    paper_style,
+    plain,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

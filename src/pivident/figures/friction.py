@@ -12,8 +12,15 @@ from pivident.comparison.friction_curves import friction_curves
 from pivident.comparison.groups import difference_of_geometry
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import method_labels
-from pivident.figures.joint_panels import chosen_joints, joint_panels, legend_above
-from pivident.figures.paper_style import FigureError, line_style, paper_style, plain
+from pivident.figures.paper_style import (
+    FigureError,
+    chosen_joints,
+    joint_panels,
+    legend_above,
+    line_style,
+    paper_style,
+    plain,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -8,17 +8,24 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pivident.estimation.identification import Identification
-from pivident.figures.joint_panels import (
+from pivident.figures.paper_style import (
+    FigureError,
     chosen_joints,
     chosen_recording,
     chosen_signals,
     joint_panels,
     legend_above,
+    line_style,
+    new_figure,
+    paper_style,
+    plain,
 )
-from pivident.figures.paper_style import FigureError, line_style, new_figure, paper_style, plain
-from pivident.validation.residuals.autocorrelation import COUNTED_LAGS, autocorrelation
+from pivident.validation.residuals.autocorrelation import (
+    COUNTED_LAGS,
+    autocorrelation,
+    joint_residuals,
+)
 from pivident.validation.residuals.residual_spectrum import residual_spectra
-from pivident.validation.residuals.whitened_residual import joint_residuals
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

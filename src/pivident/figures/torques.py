@@ -8,17 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pivident.estimation.identification import Identification
-from pivident.figures.joint_panels import (
+from pivident.figures.paper_style import (
+    ERROR,
+    MEASURED,
+    FigureError,
     chosen_signals,
     draw_trace,
     joint_panels,
     joints_named,
     legend_above,
-)
-from pivident.figures.paper_style import (
-    ERROR,
-    MEASURED,
-    FigureError,
     new_figure,
     paper_style,
     plain,

@@ -8,10 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pivident.estimation.identification import Identification
-from pivident.figures.joint_panels import chosen_signals, draw_trace, joints_named, legend_above
 from pivident.figures.paper_style import (
     MEASURED,
     FigureError,
+    chosen_signals,
+    draw_trace,
+    joints_named,
+    legend_above,
     line_style,
     new_figure,
     paper_style,

@@ -2,7 +2,7 @@
 
 With encoders on both sides of the gear: `identify_compliance` (slow motion: stiffness, hysteresis,
 transmission error) and `identify_two_mass` (both inertias, stiffness, damping). With the motor's
-encoder alone: `find_resonance`. Effect of compliance on a rigid model: `rigid_validity`.
+encoder alone: `find_resonance`. Effect of compliance on a rigid model: `joint_study`.
 """
 
 import lazy_loader

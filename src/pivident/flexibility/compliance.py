@@ -7,7 +7,7 @@ The deflection, motor angle over gear ratio less link angle, is
 
 k stiffness, d damping, ϑ the delay of the link encoder, f Coulomb friction before the spring, 2h
 width of the hysteresis loop with z the direction of change of the torque, b backlash, ε
-transmission error (see `transmission_error`), δ₀ the difference of the encoders' zeros. Viscous
+transmission error (see `deflection_fit`), δ₀ the difference of the encoders' zeros. Viscous
 friction before the spring is equivalent to ϑ, a delay of the torque to d. The link encoder is
 shifted by a first estimate of ϑ, since the lag's second order, -ϑ²/2 ddq, would look like a stiffer
 spring.
@@ -31,13 +31,15 @@ import numpy as np
 from pivident.flexibility.deflection_fit import (
     DeflectionFit,
     DeflectionMotion,
+    TransmissionLine,
     deflection_motion,
+    find_orders,
     fit_deflection,
+    largest_order,
     torque_through_spring,
 )
 from pivident.flexibility.measured import Measured
 from pivident.flexibility.spectral_equations import STUDENT
-from pivident.flexibility.transmission_error import TransmissionLine, find_orders, largest_order
 from pivident.recording.recording import Recording
 
 #: Cut-off of torque and acceleration [Hz].

@@ -11,7 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.friction.contrasts import (
+from pivident.friction.friction_torque import FrictionTorque
+from pivident.friction.held_out_friction import HeldOut
+from pivident.friction.state_dependent import (
+    StateDependentFit,
+    StateDependentParameter,
     against_motion,
     at,
     combined,
@@ -19,9 +23,6 @@ from pivident.friction.contrasts import (
     offset,
     slope_over_size,
 )
-from pivident.friction.friction_torque import FrictionTorque
-from pivident.friction.held_out_friction import HeldOut
-from pivident.friction.state_dependent import StateDependentFit, StateDependentParameter
 from pivident.text.finding import Finding, Quantity, Severity
 from pivident.text.numbers import format_significant, plus_minus
 

@@ -28,7 +28,7 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.problem import LOW_SPEED, Problem
 from pivident.estimation.signal_recipes import RandomWalk
-from pivident.motion.kinematics import Kinematics
+from pivident.motion.motion import Kinematics
 from pivident.validation.held_out.prediction import motion_band
 
 #: Samples on which the standard error of the rigid torque is computed.

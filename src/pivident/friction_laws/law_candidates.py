@@ -13,9 +13,8 @@ from dataclasses import dataclass, replace
 from pivident.friction_laws.shape_constants import GAMMA
 from pivident.robot.friction import FrictionLaw
 from pivident.robot.friction_column import Smoothing
-from pivident.robot.friction_term import FrictionTerm
+from pivident.robot.friction_term import Candidate, FrictionTerm
 from pivident.robot.friction_terms import TERM_KINDS
-from pivident.robot.term_kind import Candidate
 
 #: The change to the sign itself.
 SHARP_SIGN = "sharp sign"

@@ -1,10 +1,17 @@
-"""Held-out errors of one joint's friction laws.
+"""Held-out errors of one joint's friction laws, and signs that no friction has.
 
 Normal equations add over the cells of the motion, so one pass over the records gives those of every
 training set: fitting a law to each of them and judging it on the cells left out costs only the
 columns of its terms. Laws are fitted on the rows of the estimator and judged below the highest
 frequency of the motion. Shape constants are chosen on each training set among the points that the
 search on the whole record visited.
+
+Parameters of a friction law with signs that no friction has.
+
+A law may fit one motion with two terms of opposite sign that nearly cancel; outside of its range
+they do not, and a simulated machine gains energy. So each term that takes energy has to take it
+alone: viscous slopes, Coulomb levels, powers of the speed, the share of the load, elements that
+stick and slip. Stribeck friction is the excess of the level at rest over that of sliding.
 """
 
 from __future__ import annotations
@@ -18,20 +25,51 @@ from pivident.dynamics.parameters import standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.dynamics.robot_regressor import regressor_of
 from pivident.friction_laws.filtered_rows import BandRows, LastPass, row_samples
-from pivident.friction_laws.held_out_cells import Cells, Division
-from pivident.friction_laws.impossible_signs import impossible_signs, impossible_terms
+from pivident.friction_laws.held_out_cells import Cells, Division, TrainingSet, weighted_sums
 from pivident.friction_laws.shape_constants import (
     GAMMA,
     ShapeConstant,
     search_constants,
     shape_constants,
 )
-from pivident.friction_laws.training_set import TrainingSet, weighted_sums
 from pivident.motion.motion import with_inner
 from pivident.robot.description import Robot
 from pivident.robot.friction import FrictionLaw
 from pivident.robot.friction_term import FrictionTerm
+from pivident.text.numbers import plus_minus
 from pivident.validation.held_out.segment_sums import SegmentSums, effective_rows
+
+
+def has_definite_sign(term: FrictionTerm) -> bool:
+    """Whether the parameter of a term must not be negative."""
+    return term.is_dissipative or term.column.never_negative
+
+
+def impossible_terms(law: FrictionLaw, theta: Sequence[float] | np.ndarray) -> set[str]:
+    """Stems of the terms with negative parameters that must not be; ``theta``: shape (terms,)."""
+    return {
+        term.stem
+        for term, value in zip(law.terms, theta, strict=True)
+        if value < 0.0 and has_definite_sign(term)
+    }
+
+
+def impossible_signs(
+    law: FrictionLaw, theta: Sequence[float] | np.ndarray, std: Sequence[float] | np.ndarray
+) -> tuple[str, ...]:
+    """Terms with negative parameters, each with its estimate ± 2σ.
+
+    Args:
+        law: the friction law.
+        theta: parameters of its terms, shape (terms,).
+        std: their standard errors, likewise.
+    """
+    impossible = impossible_terms(law, theta)
+    return tuple(
+        f"{term.stem} = {plus_minus(float(value), 2.0 * float(s))}"
+        for term, value, s in zip(law.terms, theta, std, strict=True)
+        if term.stem in impossible
+    )
 
 
 @dataclass(frozen=True, eq=False)

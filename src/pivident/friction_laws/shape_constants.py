@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pivident.errors import ExperimentError
-from pivident.motion.kinematics import Kinematics
+from pivident.motion.motion import Kinematics
 from pivident.robot.description import Robot
 from pivident.robot.friction import FrictionLaw
 from pivident.robot.friction_column import Shape, unit_on_joint

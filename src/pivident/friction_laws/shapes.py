@@ -23,14 +23,13 @@ from pivident.estimation.method import Method
 from pivident.estimation.methods import method_named
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
-from pivident.friction_laws.filtered_rows import LastPass
+from pivident.friction_laws.filtered_rows import LastPass, ShapedRows
 from pivident.friction_laws.shape_constants import (
     ShapeConstant,
     chosen_names,
     shape_constants,
     with_shapes,
 )
-from pivident.friction_laws.shaped_rows import ShapedRows
 from pivident.friction_laws.variable_projection import (
     CHI2,
     STILL,

@@ -23,7 +23,7 @@ from itertools import product
 import numpy as np
 
 from pivident.estimation.normal_equations import JointSums
-from pivident.friction_laws.shaped_rows import ShapedRows
+from pivident.friction_laws.filtered_rows import ShapedRows
 
 #: The search ends where a step is smaller than this share of a standard error …
 SETTLED = 0.02

@@ -1,15 +1,44 @@
-"""One assumption: what stands in the file, how sure it is, what was seen, how to correct it."""
+"""Assumptions of a draft: what stands in the file, how sure it is, why, and their text.
+
+Assumptions as the text of an experiment file: every line below a comment that says why.
+"""
 
 from __future__ import annotations
 
+import textwrap
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from pivident.errors import PividentError
-from pivident.logs.recognition.sureness import Sureness
+from pivident.logs.recognition.channel_words import Sureness
+from pivident.text.printable import escaped
+from pivident.text.sentences import capital
+from pivident.text.toml_values import WIDTH, key_text, value_text
 
 #: The answer to a question that nobody can answer.
 UNKNOWN = "unknown"
+#: What stands in front of the first table.
+HEADING = """\
+First draft by pivident init: {names}.
+Every line follows from the log and the robot's description; the comment above it says how sure
+it is and what was seen. Correct it here, then:
+    pivident check {file}       what is wrong with file, robot and log
+    pivident identify {file}    the parameters
+All keys: docs/experiment_file.md
+"""
+#: What follows the way from the log to the result, table by table.
+ORDER = (
+    "robot",
+    "recording",
+    "recording.columns",
+    "recording.units",
+    "controller",
+    "identify",
+    "validation",
+)
+#: How sure a line is, as its comment says it.
+SURE = {"certain": "seen", "likely": "likely", "assumed": "ASSUMED, please check"}
 
 
 class DraftError(PividentError):
@@ -62,3 +91,58 @@ class Assumption:
 
 #: Answers of a person by the short names of the questions.
 Answers = dict[str, str]
+
+
+def experiment_text(
+    runs: Sequence[Sequence[Assumption]],
+    rest: Iterable[Assumption],
+    heading: str,
+    troubles: Sequence[str],
+) -> str:
+    """The whole file."""
+    parts = [comment(line) for line in heading.splitlines()]
+    for trouble in troubles:
+        parts += ["#", comment(f"TO DO: {trouble}")]
+    rest = list(rest)
+    for table in ORDER:
+        if not table.startswith("recording"):
+            own = [line for line in rest if line.table == table]
+            parts += _table(table, own, commented=True) if own else []
+        elif table == "recording":
+            several = len(runs) > 1
+            for number, run in enumerate(runs):
+                for name in ("recording", "recording.columns", "recording.units"):
+                    own = [line for line in run if line.table == name]
+                    head = f"[[{name}]]" if several and name == "recording" else f"[{name}]"
+                    parts += _table(name, own, commented=number == 0, head=head) if own else []
+    return "\n".join(parts) + "\n"
+
+
+def _table(
+    name: str, lines: Sequence[Assumption], *, commented: bool, head: str | None = None
+) -> list[str]:
+    """One table with its comments."""
+    head = head or f"[{name}]"
+    if all(line.value is None for line in lines):
+        head = f"# {head}"
+    text = ["", head]
+    for line in lines:
+        if commented:
+            seen = capital(line.seen)
+            said = f"{SURE[line.sure]}: {line.seen}" if line.value is not None else seen
+            text.append(comment(f"{said.rstrip('.')}. {line.correct}".rstrip()))
+        if line.value is not None:
+            text.append(f"{key_text(line.key)} = {value_text(line.value)}")
+        elif commented:
+            text.append(f"# {line.key} = {line.example}")
+    return text
+
+
+def comment(text: str) -> str:
+    """Text as comment lines that nothing in it can break out of."""
+    clean = escaped(text.replace("\n", " ").replace("\r", " ").replace("\t", " "))
+    clean = clean.encode("utf-8", "backslashreplace").decode()
+    if text.startswith("    ") or not clean:
+        return f"# {clean}".rstrip()
+    lines = textwrap.wrap(clean, WIDTH, break_long_words=False, break_on_hyphens=False)
+    return "\n".join(f"# {line}" for line in lines)

@@ -12,11 +12,9 @@ from pivident.init.assumption import DraftError
 from pivident.logs.bags.bag_table import COVERED, OwnClock
 from pivident.logs.clocks.clock_alignment import ClockedChannel, at_instants
 from pivident.logs.clocks.timestamps import mean_rate
-from pivident.logs.recognition.log_clock import LogClock, read_clock
+from pivident.logs.recognition.log_clock import LogClock, names_time, read_clock
 from pivident.logs.recognition.log_file import LogFile, Run, file_reading, read_log_file
-from pivident.logs.recognition.time_columns import names_time
-from pivident.logs.tables.column_names import header_advice, written_out
-from pivident.logs.tables.tables import names_in
+from pivident.logs.tables.tables import header_advice, names_in, written_out
 
 
 def read_runs(

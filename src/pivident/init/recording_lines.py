@@ -11,19 +11,25 @@ from typing import Any
 import numpy as np
 
 from pivident.init.assumption import Answers, Assumption, DraftError
-from pivident.init.clock_lines import as_the_joints_move, clock_lines, control_rate_line
+from pivident.init.clock_lines import (
+    as_the_joints_move,
+    clock_lines,
+    control_rate_line,
+    motion_window,
+)
 from pivident.init.column_lines import (
     MARGIN,
     column_lines,
+    explained_columns,
+    followed_columns,
+    measured_speeds,
     measures_link_torques,
+    named_gain,
     side_lines,
     unit_lines,
     window_line,
 )
-from pivident.init.kept_joints import KeptJoints, kept_joints
-from pivident.init.measured_speeds import measured_speeds
-from pivident.init.motion_window import motion_window
-from pivident.init.robot_file import RobotFile
+from pivident.init.kept_joints import KeptJoints, RobotFile, kept_joints
 from pivident.init.torque_unit import (
     Comparison,
     TorqueUnit,
@@ -31,17 +37,20 @@ from pivident.init.torque_unit import (
     torque_unit,
     without_torque,
 )
-from pivident.init.unnamed_signals import explained_columns, followed_columns, named_gain
 from pivident.logs.bad_samples import bad_samples, marked
-from pivident.logs.clocks.gaps import stretches
+from pivident.logs.clocks.timestamps import stretches
 from pivident.logs.file_columns import beside_text
 from pivident.logs.recognition.channel_words import plain_channel
-from pivident.logs.recognition.joint_columns import ChannelColumns, JointMap, joint_map
-from pivident.logs.recognition.log_clock import LogClock, read_clock, speed_rate
-from pivident.logs.recognition.log_file import LogFile, Run
+from pivident.logs.recognition.log_clock import (
+    LogClock,
+    is_usable_clock,
+    names_time,
+    read_clock,
+    speed_rate,
+)
+from pivident.logs.recognition.log_file import ChannelColumns, JointMap, LogFile, Run, joint_map
 from pivident.logs.recognition.position_units import AssumedUnits, following_unit, position_unit
-from pivident.logs.recognition.time_columns import is_usable_clock, names_time
-from pivident.logs.tables.column_names import header_advice
+from pivident.logs.tables.tables import header_advice
 from pivident.logs.units import POSITION, SPEED, TORQUE
 from pivident.robot.description import Robot
 from pivident.robot.mjcf_actuators import ActuatorLaw, actuator_law

@@ -30,10 +30,10 @@ from pivident.experiment.recording_tables import log_of
 from pivident.friction.complete_sign import complete_sign
 from pivident.init.assumption import Assumption
 from pivident.instruments.kinds import KINDS
-from pivident.logs.recognition.sureness import Sureness
-from pivident.recording.channels import TIMING_WORDS
+from pivident.logs.recognition.channel_words import Sureness
+from pivident.recording.checks import TIMING_WORDS
 from pivident.recording.recording import Recording
-from pivident.robot.friction_toml import law_toml
+from pivident.robot.friction import law_toml
 from pivident.text.repair import Edit, Repair
 from pivident.text.sentences import half_sentence
 from pivident.text.toml import parse_toml

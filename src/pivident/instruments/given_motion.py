@@ -19,8 +19,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from pivident.errors import IdentificationError
-from pivident.motion.kinematics import Kinematics
-from pivident.motion.motion import SimulatedMotion
+from pivident.motion.motion import Kinematics, SimulatedMotion
 from pivident.text.numbers import percent
 
 #: Share of a joint's acceleration that instruments must follow to be of use, and to be good.

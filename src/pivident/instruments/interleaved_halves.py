@@ -15,11 +15,10 @@ from typing import NamedTuple
 import numpy as np
 
 from pivident.instruments.given_motion import GivenMotions, InstrumentKind, agreement, correlated
-from pivident.instruments.virtual_loop import virtual_motion
-from pivident.motion.kinematics import MIN_RUN, Kinematics
-from pivident.signals.coloured_walk import WalkSmoother
+from pivident.instruments.reference_response import virtual_motion
+from pivident.motion.motion import MIN_RUN, Kinematics
 from pivident.signals.instants import differences_at_instants
-from pivident.signals.random_walk import smooth_channels
+from pivident.signals.random_walk import WalkSmoother, smooth_channels
 
 #: Correlation of neighbouring samples' noise from which on it is not white.
 COLOURED = 0.2

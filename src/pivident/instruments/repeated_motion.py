@@ -23,8 +23,7 @@ from pivident.instruments.given_motion import (
     agreement,
     with_valid,
 )
-from pivident.motion.kinematics import Kinematics
-from pivident.motion.motion import SimulatedMotion
+from pivident.motion.motion import Kinematics, SimulatedMotion
 from pivident.recording.repeated_motion import find_repetition
 
 #: A repetition is looked for this many samples about where whole periods put it.

@@ -15,8 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pivident.instruments.given_motion import GivenMotions, InstrumentKind, agreement, correlated
-from pivident.motion.kinematics import Kinematics
-from pivident.motion.motion import SimulatedMotion
+from pivident.motion.motion import Kinematics, SimulatedMotion
 from pivident.signals.random_walk import smooth, smooth_channels
 from pivident.text.numbers import percent
 

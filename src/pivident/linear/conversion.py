@@ -11,8 +11,7 @@ import numpy as np
 from pivident.errors import IdentificationError
 from pivident.extras import require
 from pivident.linear.estimate import LinearEstimate
-from pivident.linear.model import Fit, Hold
-from pivident.linear.structure import Structure
+from pivident.linear.model import Fit, Hold, Structure
 
 
 def from_scipy(system: Any, dt: float | None = None, *, hold: Hold = "zoh") -> LinearEstimate:

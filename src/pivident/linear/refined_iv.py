@@ -26,10 +26,10 @@ from numba import njit
 from scipy.signal import lfilter
 
 from pivident.errors import OrdersNotSupported
+from pivident.linear.model import Structure
 from pivident.linear.sampled_data import SampledData
 from pivident.linear.simulation import continuous_response
 from pivident.linear.state_variable_filter import combined, filtered_derivatives
-from pivident.linear.structure import Structure
 from pivident.signals.arma import Noise
 
 NoiseFit = Callable[[np.ndarray], Noise]

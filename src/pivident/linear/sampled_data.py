@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.errors import DelayTooLong, OrdersNotSupported, UnusableSignal
+from pivident.linear.model import Structure
 from pivident.linear.noise_free_input import noise_free_inputs
 from pivident.linear.simulation import delayed
-from pivident.linear.structure import Structure
 
 #: Minimum number of samples per parameter; with fewer no standard error is meaningful.
 _SAMPLES_PER_PARAMETER = 3

@@ -30,8 +30,13 @@ import numpy as np
 from scipy.signal import lfilter
 
 from pivident.errors import IdentificationError, OrdersNotSupported
-from pivident.linear.arx import least_squares
-from pivident.linear.discrete import DiscreteRecord, discrete_estimate, discrete_record, lagged
+from pivident.linear.arx import (
+    DiscreteRecord,
+    discrete_estimate,
+    discrete_record,
+    lagged,
+    least_squares,
+)
 from pivident.linear.estimate import LinearEstimate
 from pivident.linear.refined_iv import Linearised, iv_step
 from pivident.signals.arma import Noise, ar, arma, inside

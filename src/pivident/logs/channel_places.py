@@ -1,4 +1,4 @@
-"""Which columns of which file make up a channel.
+"""Which columns of which file make up a channel of the joints or of a body.
 
 A channel is described by
 
@@ -10,6 +10,11 @@ A channel is described by
 A name that the file holds is taken as it is, so ``"position[0]"`` may well be a column's name.
 Without a named file the channel is looked up in the file that carries the channel's own name
 (``files = {q = …, tau = …}``), or else in the only file there is.
+
+Channels that belong to a body and not to the joints: wrenches, and the pose of a base.
+
+columns = {q = …, tau = …, wrench = {floor = ["fx", "fy", "fz", "mx", "my", "mz"]}}
+    columns = {q = …, tau = …, base = {position = ["x", "y", "z"], rpy = ["r", "p", "y"]}}
 """
 
 from __future__ import annotations
@@ -18,19 +23,29 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from pivident.errors import RecordingError, UnknownColumn
-from pivident.robot.naming import frozen_example, near_names
+from pivident.robot.naming import frozen_example, near_names, nearest
+from pivident.robot.wrench_sensor import COMPONENTS
 from pivident.scratch import working_array
 
 #: What a user may write for the columns of one channel.
 ColumnSpec = str | Sequence[str] | Mapping[str, str | Sequence[str]]
-
 _PART = re.compile(r"(?P<name>.*\S)\s*\[(?P<axes>[-\d:,\s]+)\]")
 _INDEX = re.compile(r"-?\d+")
 _RANGE = re.compile(r"(-?\d+)?:(-?\d+)?")
+#: Tables of such channels.
+TABLES = ("wrench", "base")
+#: Channels of a base, and their columns.
+BASE_COLUMNS = {
+    "position": ("x", "y", "z"),
+    "quaternion": ("x", "y", "z", "w"),
+    "rpy": ("roll", "pitch", "yaw"),
+    "twist": ("vx", "vy", "vz", "wx", "wy", "wz"),
+}
 
 
 @dataclass(frozen=True)
@@ -210,3 +225,41 @@ def _samples_axis(channel: ChannelPlace, shape: tuple[int, ...], joints: int | N
         f"joints ({joints})",
         advice="select the joints' columns, or say samples_axis = 0 or 1",
     )
+
+
+def body_channels(tables: Mapping[str, Any]) -> dict[str, Any]:
+    """What is said of such channels, by names such as ``wrench.floor`` and ``base.position``.
+
+    Args:
+        tables: by channel, as in the tables ``columns`` and ``units`` of a recording.
+
+    Raises:
+        RecordingError: a table is none, or a channel of a base is not known.
+    """
+    found = {}
+    for table in TABLES:
+        own = tables.get(table) or {}
+        if not isinstance(own, Mapping):
+            raise RecordingError(
+                f"{table} is {own!r}; it is a table, such as {table} = "
+                + (
+                    '{floor = ["fx", …]}'
+                    if table == "wrench"
+                    else '{position = ["x", "y", "z"], …}'
+                )
+            ).about("columns", table)
+        for name, said in own.items():
+            if table == "base" and name not in BASE_COLUMNS:
+                raise RecordingError(
+                    f"a base has no channel {name!r}", advice=nearest(name, BASE_COLUMNS)
+                ).about("columns", table, name)
+            found[f"{table}.{name}"] = said
+    return found
+
+
+def columns_of(channel: str) -> tuple[str, ...]:
+    """What the columns of such a channel are called; empty for a channel of joints."""
+    table, _, name = channel.partition(".")
+    if table == "wrench":
+        return COMPONENTS
+    return BASE_COLUMNS[name] if table == "base" else ()

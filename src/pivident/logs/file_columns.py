@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from pivident.errors import BadCell, FileFormatError, NoSamples
-from pivident.logs.recognition.time_columns import is_clock
+from pivident.logs.recognition.log_clock import is_clock
 from pivident.logs.tables.tables import names_in, read_table, reader_of, unread_in
 from pivident.text.printable import escaped
 

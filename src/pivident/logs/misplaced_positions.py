@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pivident.logs.clocks.gaps import GAP, runs_of
+from pivident.logs.clocks.timestamps import GAP, runs_of
 
 #: Fewest samples of a log that are compared.
 MIN_ROWS = 50

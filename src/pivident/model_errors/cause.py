@@ -1,22 +1,194 @@
-"""A cause of model error: what is wrong, the torque that it would add, and its correction.
+"""A cause of model error: what is wrong with the motion of a record, its torque, its correction.
 
 A cause of size δ changes the torque by D δ, with D its columns evaluated on a motion. They are the
 directions of a score test (Lagrange multipliers): the residual is regressed on them besides Φ.
+
+The motion of one record at the rate at which causes of model error are compared.
+
+Model error lies below the highest frequency of the motion, so samples at twenty-five times that
+frequency are enough to evaluate torques on. What a cause would add to the torque is a derivative of
+the model: along a change of the motion (an encoder that is off), of the robot (a length that is
+off) or of the torque itself (a clock that is off).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
+from threading import Lock
 
 import numpy as np
 
+from pivident.dynamics.regressor import Regressor
 from pivident.estimation.problem import Problem
-from pivident.model_errors.record_motion import RecordMotion
+from pivident.robot.description import Robot
+from pivident.signals.bandpass import butterworth
+
+#: Samples per period of the highest frequency of the motion, and where nothing but products of the
+#: motion is asked for, whose frequencies are at most three times as high.
+SAMPLES_PER_PERIOD, SMOOTH_SAMPLES_PER_PERIOD = 25.0, 10.0
+#: Step of the differences: of positions [rad or m], of speeds, or relative.
+STEP = 1e-6
+#: Cut-off before samples are left out, over the rate of those that stay.
+PASSED = 0.4
+
+
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """Travel and largest speeds of the joints in all records, each of shape (joints,)."""
+
+    low: np.ndarray  # least positions [rad or m]
+    high: np.ndarray  # largest positions
+    fastest: np.ndarray  # largest speeds [rad/s or m/s]
+
+
+@dataclass(frozen=True, eq=False)
+class RecordMotion:
+    """Positions, speeds and accelerations of a record, time **last**, with the model's torques.
+
+    ``regressor`` and ``theta`` are the model, ``number`` is that of the record, ``rate`` the one
+    of these samples [Hz].
+    """
+
+    regressor: Regressor
+    theta: np.ndarray  # shape (parameters,)
+    q: np.ndarray  # positions [rad or m], shape (joints, samples); ``dq ddq`` likewise
+    dq: np.ndarray
+    ddq: np.ndarray
+    rate: float
+    number: int
+    start: float = 0.0  # time of the first sample since the first record began [s]
+
+    @property
+    def robot(self) -> Robot:
+        """The robot of the model."""
+        return self.regressor.robot
+
+    @property
+    def seconds(self) -> np.ndarray:
+        """Time of each sample since the first record began, shape (samples,) [s]."""
+        return self.start + np.arange(self.q.shape[1]) / self.rate
+
+    @cached_property
+    def torque(self) -> np.ndarray:
+        """Φθ, shape (joints, samples) [N m or N]."""
+        return self.torque_at(self.q, self.dq, self.ddq)
+
+    @cached_property
+    def load(self) -> np.ndarray:
+        """Torque of inertia, gravity and springs alone: what the joints carry, likewise."""
+        return self.load_at(self.q, self.dq, self.ddq)
+
+    def torque_at(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
+        """Φθ on another motion, shape (joints, samples)."""
+        return self.regressor.torque(q.T, dq.T, ddq.T, self.theta).T
+
+    def load_at(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
+        """The same without friction, offsets and ripple."""
+        carried = [p.carries_load for p in self.regressor.parameters]
+        return self.regressor.torque(q.T, dq.T, ddq.T, np.where(carried, self.theta, 0.0)).T
+
+    def torque_by(self, regressor: Regressor) -> np.ndarray:
+        """Torque of the same parameters in another robot, shape (joints, samples).
+
+        What the change of the groups of parameters would add lies in the space of Φ.
+        """
+        return regressor.torque(self.q.T, self.dq.T, self.ddq.T, self.theta).T
+
+    def derivative(self, x: np.ndarray) -> np.ndarray:
+        """Derivative by time of signals, time last."""
+        return np.gradient(x, axis=-1) * self.rate
+
+    def along(
+        self,
+        joint: int,
+        change: tuple[np.ndarray, np.ndarray, np.ndarray],
+        step: float,
+        load: bool = False,
+    ) -> np.ndarray:
+        """Derivative of the torque along a change of one joint's motion, shape (joints, samples).
+
+        δτ = ∂τ/∂q δq + ∂τ/∂dq δdq + ∂τ/∂ddq δddq; friction with memory or load needs the path, and
+        is asked along the whole change.
+
+        ``change``: δq, δdq and δddq of the joint, shape (samples,) each; ``step``: size of the
+        difference along it; ``load``: of what the joints carry alone.
+        """
+        if self.regressor.inner_entries.size:
+            return self._difference(joint, change, step, load)
+        by_position, by_speed, by_acceleration = self._derivatives(joint, load)
+        return by_position * change[0] + by_speed * change[1] + by_acceleration * change[2]
+
+    def _derivatives(self, joint: int, load: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """∂τ/∂q, ∂τ/∂dq and ∂τ/∂ddq of one joint, made once; shape (joints, samples) each."""
+        with self._locks[joint]:
+            known = self._known
+            if (joint, False) not in known:
+                by_acceleration = self._by(joint, 2, 1.0, False)  # linear
+                pair = self._by(joint, 0, STEP, False), self._by(joint, 1, STEP, False)
+                known[joint, False] = *pair, by_acceleration
+            if load and (joint, True) not in known:
+                pair = self._by(joint, 0, STEP, True), self._by(joint, 1, STEP, True)
+                known[joint, True] = *pair, known[joint, False][2]
+            return known[joint, load]
+
+    def _by(self, joint: int, which: int, step: float, load: bool) -> np.ndarray:
+        """Derivative of the torque by q, dq or ddq (0, 1, 2) of a joint."""
+        one, none = np.ones(self.q.shape[1]), np.zeros(self.q.shape[1])
+        first, second, third = (one if k == which else none for k in range(3))
+        return self._difference(joint, (first, second, third), step, load)
+
+    def _difference(
+        self,
+        joint: int,
+        change: tuple[np.ndarray, np.ndarray, np.ndarray],
+        step: float,
+        load: bool,
+    ) -> np.ndarray:
+        """(τ(motion + step · change) - τ(motion)) / step."""
+        moved = []
+        for signal, delta in zip((self.q, self.dq, self.ddq), change, strict=True):
+            other = signal.copy()
+            other[joint] += step * delta
+            moved.append(other)
+        after = self.load_at(*moved) if load else self.torque_at(*moved)
+        return (after - (self.load if load else self.torque)) / step
+
+    @cached_property
+    def _known(self) -> dict[tuple[int, bool], tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """Derivatives made so far: of a joint, of the whole torque or of the load."""
+        return {}
+
+    @cached_property
+    def _locks(self) -> list[Lock]:
+        """One for each joint."""
+        return [Lock() for _ in range(len(self.q))]
+
+    def every(self, stride: int) -> RecordMotion:
+        """The motion at a fraction of the rate."""
+        if stride == 1:
+            return self
+        q, dq, ddq = (thinned(x, self.rate, stride) for x in (self.q, self.dq, self.ddq))
+        return RecordMotion(
+            self.regressor, self.theta, q, dq, ddq, self.rate / stride, self.number, self.start
+        )
+
+
+def thinned(x: np.ndarray, rate: float, stride: int) -> np.ndarray:
+    """Every so many samples behind a low-pass that leaves the band alone; time last."""
+    if stride > 1:  # accelerations are noisy where a motion has long ended
+        x = butterworth(x.T, rate, PASSED * rate / stride)[::stride].T
+    return np.ascontiguousarray(x)
+
+
+def stride_of(rate: float, band: float) -> int:
+    """Every so many samples of a record at a rate [Hz] are enough for a band [Hz]."""
+    return max(1, int(rate / (SAMPLES_PER_PERIOD * band)))
+
 
 #: Columns of a cause on the motion of a record, shape (columns, joints, samples).
 Columns = Callable[[RecordMotion], np.ndarray]
-
 #: A problem without a cause of some size, shape (columns,).
 Correction = Callable[[Problem, np.ndarray], Problem]
 

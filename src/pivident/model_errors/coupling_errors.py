@@ -29,9 +29,8 @@ from itertools import combinations, permutations
 
 import numpy as np
 
-from pivident.model_errors.cause import Cause, Columns, on_joint
+from pivident.model_errors.cause import Cause, Columns, Reach, RecordMotion, on_joint
 from pivident.model_errors.motion_errors import PERCENT
-from pivident.model_errors.record_motion import Reach, RecordMotion
 from pivident.robot.description import Robot
 from pivident.text.lists import listed
 

@@ -1,4 +1,4 @@
-"""Causes of model error by name, the gravest first, each with its size.
+"""Causes of model error by name, parameters not estimated among them, the gravest first.
 
 The residual of an estimate is compared with what each cause would make of it (`score_tests`). A
 cause is named if it is significant among all that were tried and lets motion that was not fitted be
@@ -12,30 +12,35 @@ estimates from other places and motions (a jackknife over clusters) and Δ the c
     σ² + max(σ_b² - σ², 0) + Δ²
 
 is the variance of each parameter; correlations stay as they are.
+
+Parameters that are not estimated: left out by choice, or carried in one recording only.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
+from pivident.dynamics.base_parameters import base_parameters
+from pivident.dynamics.parameters import Parameter, standard_parameters
+from pivident.dynamics.regressor import Regressor
+from pivident.dynamics.robot_regressor import regressor_of
 from pivident.errors import IdentificationError
 from pivident.estimation.identification import Identification
 from pivident.estimation.problem import Problem
-from pivident.model_errors.cause import Cause
+from pivident.model_errors.cause import Cause, Columns, Reach, RecordMotion
 from pivident.model_errors.cause_rows import CauseRows, instrument_motions, smoothed
 from pivident.model_errors.coupling_errors import coupling_causes
-from pivident.model_errors.geometry import geometry_causes
-from pivident.model_errors.missing_parameters import missing_causes
-from pivident.model_errors.motion_errors import motion_causes
-from pivident.model_errors.record_motion import Reach
+from pivident.model_errors.motion_errors import geometry_causes, motion_causes
 from pivident.model_errors.score_tests import LEVEL, MOST_CAUSES, Score, ScoreTests
 from pivident.model_errors.torque_errors import friction_causes, torque_causes
 from pivident.model_errors.unchecked_causes import UncheckedCause, unchecked_causes
 from pivident.model_errors.wrench_errors import wrench_causes
-from pivident.motion.kinematics import Kinematics
+from pivident.motion.motion import Kinematics
+from pivident.robot.description import Robot
 from pivident.text.finding import Finding
 from pivident.text.numbers import plus_minus
 from pivident.threads import linear_algebra_in_one_thread
@@ -43,13 +48,13 @@ from pivident.threads import linear_algebra_in_one_thread
 #: Change of a parameter, in standard errors, from which on a cause is a reservation: it leaves the
 #: interval.
 MATTERS = 2.0
-
 #: Share of the residual's power from which on it is one in any case: the estimate weighs the rows
 #: otherwise, and may be moved further.
 EXPLAINS = 0.1
-
 #: Share of the best cause's effect from which on another one cannot be told from it.
 ALIKE = 0.9
+#: A load at the flange: mass and first moments.
+LOAD = ("m", "mx", "my", "mz")
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,6 +132,61 @@ class ModelErrors:
     def matter(self) -> tuple[NamedCause, ...]:
         """Those that change the estimate."""
         return tuple(named for named in self.named if named.matters)
+
+
+def missing_causes(
+    robot: Robot, parameters: Sequence[Parameter], recordings: Sequence[str]
+) -> Iterator[Cause]:
+    """Base parameters that were left out, and loads of single recordings.
+
+    ``parameters``: those that are estimated; ``recordings``: names of the recordings.
+    """
+    known = {p.name for p in parameters}
+    base = base_parameters(robot)
+    for name, parameter in zip(base.names, base.parameters, strict=True):
+        if parameter.name not in known:
+            yield _left_out(robot, name, parameter)
+    if robot.constraints is not None:
+        return  # it has no flange
+    last = robot.size - 1
+    stems = {p.stem: p for p in standard_parameters(robot) if p.joint == last}
+    own = [stems[stem] for stem in LOAD]  # the mass first, whose amplitude is the size
+    for number, recording in enumerate(recordings[1:], start=1):
+        yield _carried(robot, own, number, recording)
+
+
+def _left_out(robot: Robot, name: str, parameter: Parameter) -> Cause:
+    torques = _torques_of([parameter])
+
+    joint = robot.tree.joint_names[parameter.joint]
+    what = f"{name}, which is not estimated"
+    return Cause("missing parameter", joint, what, parameter.unit, torques)
+
+
+def _carried(robot: Robot, own: Sequence[Parameter], number: int, recording: str) -> Cause:
+    torques = _torques_of(own)
+
+    def columns(motion: RecordMotion) -> np.ndarray:
+        found = torques(motion)
+        return found if motion.number == number else np.zeros_like(found)
+
+    what = f"mass at the flange in {recording} alone"
+    name = robot.joint_names[-1]
+    return Cause("payload", name, what, "kg", columns, len(own), by_first=True)
+
+
+def _torques_of(parameters: Sequence[Parameter]) -> Columns:
+    """Columns of parameters."""
+
+    @lru_cache(maxsize=1)
+    def regressor(robot: Robot) -> Regressor:
+        return regressor_of(robot, parameters)
+
+    def columns(motion: RecordMotion) -> np.ndarray:
+        matrix = regressor(motion.robot).matrix(motion.q.T, motion.dq.T, motion.ddq.T)
+        return np.ascontiguousarray(matrix.transpose(2, 1, 0))
+
+    return columns
 
 
 def all_causes(problem: Problem, found: Identification, reach: Reach) -> list[Cause]:

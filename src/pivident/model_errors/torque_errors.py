@@ -19,9 +19,8 @@ import numpy as np
 
 from pivident.dynamics.friction import expression_value
 from pivident.estimation.problem import Problem
-from pivident.model_errors.cause import Cause, on_joint
+from pivident.model_errors.cause import STEP, Cause, Reach, RecordMotion, on_joint
 from pivident.model_errors.motion_errors import PERCENT, with_positions
-from pivident.model_errors.record_motion import STEP, Reach, RecordMotion
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.robot.friction_column import names_in

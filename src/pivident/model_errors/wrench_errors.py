@@ -15,15 +15,13 @@ from itertools import permutations, product
 import numpy as np
 
 from pivident.estimation.problem import Problem
-from pivident.model_errors.cause import Cause
-from pivident.model_errors.geometry import AXES, DEGREE, MILLIMETRE
-from pivident.model_errors.motion_errors import PERCENT
-from pivident.model_errors.record_motion import RecordMotion, thinned
+from pivident.model_errors.cause import Cause, RecordMotion, thinned
+from pivident.model_errors.motion_errors import AXES, DEGREE, MILLIMETRE, PERCENT
 from pivident.recording.recording import MeasuredWrench, Recording
 from pivident.robot.description import Robot
 from pivident.robot.frames import Pose, rotation_about
+from pivident.robot.measured_base import link_places, sensor_link, wrench_torques
 from pivident.robot.wrench_sensor import WrenchSensor
-from pivident.robot.wrench_torques import link_places, sensor_link, wrench_torques
 
 #: Largest sizes that are believed, by unit.
 LARGEST = {"mm": 500.0, "°": 45.0, "%": 50.0}

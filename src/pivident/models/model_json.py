@@ -27,8 +27,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from pivident.errors import IdentificationFileError, PividentError
 from pivident.models.export_format import Format
 from pivident.models.exported import ExportedText, Verification, compared
-from pivident.models.possible_values import impossible_value
-from pivident.models.runnable_model import Origin, RunnableModel, runnable_model
+from pivident.models.runnable_model import Origin, RunnableModel, impossible_value, runnable_model
 from pivident.robot.description import INERTIAL, Robot
 from pivident.robot.inertia import from_center_of_mass, tensor
 from pivident.robot.robot_schema import Finite, Name, RobotValues, Values, problem_text

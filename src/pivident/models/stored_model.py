@@ -21,8 +21,7 @@ from pivident.errors import IdentificationError, IdentificationFileError, Pivide
 from pivident.estimation.identification import Identification
 from pivident.estimation.stored_identification import json_of_file, load_identification
 from pivident.models.model_json import KnownKeys
-from pivident.models.possible_values import impossible_value
-from pivident.models.runnable_model import Origin, RunnableModel, runnable_model
+from pivident.models.runnable_model import Origin, RunnableModel, impossible_value, runnable_model
 from pivident.robot.robot_schema import Finite, Name, RobotValues, problem_text
 from pivident.robot.robot_values import made_robot
 

@@ -20,17 +20,17 @@ from pivident.motion.motion import central_differences
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.simulation.closed_loop import in_whole_counts
-from pivident.simulation.control_loop import Loop
+from pivident.simulation.control_loop import (
+    Loop,
+    computed_torque_feed_forward,
+    gravity_feed_forward,
+    with_measured_gravity,
+)
 from pivident.simulation.controllers import (
     Controller,
     PythonController,
     SampledLaw,
     backward_difference,
-)
-from pivident.simulation.feed_forward import (
-    computed_torque_feed_forward,
-    gravity_feed_forward,
-    with_measured_gravity,
 )
 from pivident.simulation.gravity_compensation import GravityModel
 

@@ -19,14 +19,13 @@ import numpy as np
 
 from pivident.dynamics.closed_chains.closed_motion import ClosedChains
 from pivident.errors import RecordingError
-from pivident.motion.kinematics import aligned_torque
+from pivident.motion.motion import aligned_torque
 from pivident.recording.recording import Recording
 from pivident.robot.closed_chains import closed_robot
 from pivident.robot.constraints import Closure
 from pivident.robot.description import Robot
 from pivident.robot.frames import Pose
-from pivident.robot.measured_base import BASE_JOINTS
-from pivident.robot.wrench_torques import link_places
+from pivident.robot.measured_base import BASE_JOINTS, link_places
 from pivident.signals.instants import torque_at_instants
 
 #: How far a foot may be from its place, for a moment and on average [m].

@@ -34,11 +34,10 @@ from dataclasses import replace
 import numpy as np
 
 from pivident.dynamics.regressor import Regressor
-from pivident.motion.kinematics import Kinematics
-from pivident.motion.motion import SimulatedMotion
+from pivident.motion.motion import Kinematics, SimulatedMotion
 from pivident.scratch import working_array
-from pivident.signals.coloured_walk import WalkSmoother
 from pivident.signals.instants import differences_at_instants
+from pivident.signals.random_walk import WalkSmoother
 from pivident.signals.random_walk_model import nvr_from_f50
 from pivident.threads import run_in_threads
 

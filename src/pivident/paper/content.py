@@ -1,24 +1,47 @@
-"""What the page says: rows of its tables beside those of the paper, and sentences with numbers."""
+"""What the page says: rows of its tables beside those of the paper, sentences, and figures.
+
+The figures of the paper, in its layout, from one experiment.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pivident.estimation.identification import Identification
+from pivident.figures import (
+    figure_of_autocorrelations,
+    figure_of_bandpass,
+    figure_of_control_law,
+    figure_of_predictions,
+    figure_of_reference,
+)
 from pivident.many.study.summary import NOMINAL_COVERAGE, geometric_mean
 from pivident.paper.claims import IV, KINDS, LS, PIV, PRINTED, Claim, claims, percent, verdicts
 from pivident.paper.equations import EQUATIONS
-from pivident.paper.experiment import FORMS, IDENTIFIED, READINGS, Reading, condition_numbers
-from pivident.paper.figures import DRAWN_BY
+from pivident.paper.experiment import (
+    FORMS,
+    IDENTIFIED,
+    READINGS,
+    PublicRecord,
+    Reading,
+    condition_numbers,
+)
 from pivident.paper.markdown import code
-from pivident.paper.public_record import PublicRecord
 from pivident.paper.published import COLUMNS, published_table, stated
 from pivident.paper.repetition import Repetition, Runs
 from pivident.simulation.joint_loop import joint_feedbacks
 from pivident.text.numbers import format_significant
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Joints of the figures of the text, and of those of the appendix.
+_FIRST, _LAST = (1, 2, 3), (4, 5, 6)
+#: The joint whose identified control law figure 6 shows, and that whose reference A.9 shows.
+_LAW_OF, _REFERENCE_OF = 4, 1
 
 
 def all_forms() -> list[str]:
@@ -104,6 +127,45 @@ def _public_lines(record: PublicRecord) -> list[str]:
 
 #: A form is right enough if its intervals cover this share.
 RIGHT = 0.90
+
+
+def paper_figures(reading: Reading) -> Iterator[tuple[str, str, Figure]]:
+    """Name, caption and figure of each figure that can be drawn from an experiment.
+
+    IDIM-PIV is the form as printed where it gave an estimate, and else the recommended one.
+    """
+    prefiltered = PRINTED if PRINTED in reading.results else PIV
+    said = stated()
+    bandpass = figure_of_bandpass(2.0 * said["nyquist"], float(said["cutoff"]))
+    yield "figure_3", "Figure 3: the band-pass filters", bandpass
+    pair = [form for form in (IV, prefiltered) if form in reading.results]
+    for number, joints in (("4", _FIRST), ("A_7", _LAST)):
+        if pair:
+            made = [reading.predictions[form] for form in pair]
+            caption = f"Figure {number.replace('_', '.')}: torques of the second motion"
+            yield f"figure_{number}", caption, figure_of_predictions(made, joints)
+    for number, joints in (("5", _FIRST), ("A_8", _LAST)):
+        if pair:
+            results = [reading.results[form] for form in pair]
+            caption = f"Figure {number.replace('_', '.')}: autocorrelations of the residuals"
+            yield f"figure_{number}", caption, figure_of_autocorrelations(results, joints)
+    if reading.law is not None:
+        caption = f"Figure 6: the identified control law of axis {_LAW_OF}"
+        yield "figure_6", caption, figure_of_control_law(reading.law, _LAW_OF)
+    caption = f"Figure A.9: the reference of axis {_REFERENCE_OF}"
+    yield "figure_A_9", caption, figure_of_reference(reading.recording, _REFERENCE_OF)
+
+
+#: What draws each figure of the paper.
+DRAWN_BY: dict[str, Callable[..., Figure]] = {
+    "3": figure_of_bandpass,
+    "4": figure_of_predictions,
+    "5": figure_of_autocorrelations,
+    "6": figure_of_control_law,
+    "A.7": figure_of_predictions,
+    "A.8": figure_of_autocorrelations,
+    "A.9": figure_of_reference,
+}
 
 
 def page_content(

@@ -41,9 +41,13 @@ _ROWS: tuple[tuple[int, str, tuple[str, ...]], ...] = (
         (f"{_SIMULATION}.controllers.PID.law",),
     ),
     (7, "torque from the control signal, by the drive gain", (f"{_SIMULATION}.control_loop.Loop",)),
-    (8, "measured position with its noise", (f"{_SIMULATION}.noise.Noise",)),
-    (9, "noise of all encoders behind its filter", (f"{_SIMULATION}.noise.Noise.in_loop",)),
-    (10, "the same of one joint", (f"{_SIMULATION}.noise.Noise.in_loop",)),
+    (8, "measured position with its noise", (f"{_SIMULATION}.simulated_record.Noise",)),
+    (
+        9,
+        "noise of all encoders behind its filter",
+        (f"{_SIMULATION}.simulated_record.Noise.in_loop",),
+    ),
+    (10, "the same of one joint", (f"{_SIMULATION}.simulated_record.Noise.in_loop",)),
     (11, "linear part of one joint's dynamics", (f"{_SIMULATION}.joint_loop.JointLoop.plant",)),
     (12, "largest inertia of a joint", ("pivident.validation.identified_loop.inertia_ranges",)),
     (

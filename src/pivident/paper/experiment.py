@@ -1,6 +1,11 @@
-"""One experiment of the paper on its twin: a record to estimate from, another to validate on.
+"""One experiment of the paper, on its twin and on the public record of a real arm.
 
 The scenario ``paper`` has three readings of "3600 points per revolution"; each is one condition.
+
+The public record of a Stäubli TX40 through the same forms: what of the pattern a real arm shows.
+
+The record is not that of the paper: another motion, encoders as fine as they are, no reference. Its
+truth is unknown.
 """
 
 from __future__ import annotations
@@ -8,22 +13,26 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from importlib import resources
 
 import numpy as np
 
-from pivident.errors import PividentError
+from pivident.errors import DatasetUnavailable, PividentError
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.method import Method
 from pivident.estimation.methods import METHODS
 from pivident.estimation.signal_recipes import Bandpass
+from pivident.experiment.experiment import load_experiment
 from pivident.linear.free_law import FreeLaw
 from pivident.many.study.bench import Bench
 from pivident.many.study.scenario import Scenario, load_scenario
 from pivident.prediction.predict import predict
 from pivident.prediction.prediction import Prediction
+from pivident.recording.datasets import dataset_files
 from pivident.recording.recording import Recording
+from pivident.validation.residuals.autocorrelation import correlated_shares
 
 #: Readings of the resolution of the encoders, and what each means.
 READINGS = {
@@ -31,7 +40,6 @@ READINGS = {
     "motor": "per revolution of the motor, and the control law reads them",
     "log": "per revolution of the joint, on the record only",
 }
-
 #: Forms of the estimate by the name of the method; with ``IDENTIFIED`` behind it, the control law
 #: was identified from the record.
 FORMS = {
@@ -42,9 +50,10 @@ FORMS = {
     "didim": "DIDIM",
 }
 IDENTIFIED = ", law identified"
-
 #: Number of the record that validates: another motion than the first one.
 VALIDATION = 1
+#: Name of the record.
+DATASET = "staubli_tx40"
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,3 +167,42 @@ def run_reading(
         failures,
         law,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class PublicRecord:
+    """What the forms made of the record."""
+
+    results: Mapping[str, Identification]  # by form
+    failures: Mapping[str, str]  # message of the forms that gave no estimate
+
+    def correlated(self, form: str) -> float:
+        """Share of the autocorrelations of all joints beyond ±2/√n."""
+        return float(np.mean(correlated_shares(self.results[form])))
+
+
+def run_public_record(say: Callable[[str], None] = lambda line: None) -> PublicRecord | None:
+    """Estimate with all forms on the public record.
+
+    Args:
+        say: progress.
+
+    Returns:
+        The results, or None where the record is not on this machine.
+    """
+    try:
+        dataset_files(DATASET)
+    except DatasetUnavailable:
+        return None
+    with resources.as_file(resources.files(__package__) / "public_record.toml") as path:
+        experiment = load_experiment(path)
+        problem = experiment.problem()
+    results: dict[str, Identification] = {}
+    failures: dict[str, str] = {}
+    for name, method in experiment.methods().items():
+        say(f"public record: {name}")
+        try:
+            results[FORMS[name]] = identify(problem, method)
+        except PividentError as error:
+            failures[FORMS[name]] = str(error)
+    return PublicRecord(results, failures)

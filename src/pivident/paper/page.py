@@ -11,11 +11,9 @@ from pivident.files import atomic_folder, check_output
 from pivident.many.batch.runner import Pool
 from pivident.many.study.run import run_study
 from pivident.paper.claims import IV, PRINTED
-from pivident.paper.content import page_content
-from pivident.paper.experiment import READINGS, Reading, condition, run_reading
-from pivident.paper.figures import paper_figures
+from pivident.paper.content import page_content, paper_figures
+from pivident.paper.experiment import READINGS, Reading, condition, run_public_record, run_reading
 from pivident.paper.markdown import html_of, markdown_of
-from pivident.paper.public_record import run_public_record
 from pivident.paper.repetition import WAYS, Repetition, read_repetition
 from pivident.version import __version__
 

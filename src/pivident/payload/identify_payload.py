@@ -26,17 +26,21 @@ from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import Decimated, RandomWalk
 from pivident.instruments.given_motion import InstrumentsUsed
-from pivident.payload.arm_and_load import ArmAndLoad, arm_and_load, widened
-from pivident.payload.compatibility import (
+from pivident.payload.arm_and_load import ArmAndLoad, KnownParts, arm_and_load, widened
+from pivident.payload.joint_masses import joint_masses
+from pivident.payload.load_estimate import NATURAL, LoadEstimate
+from pivident.payload.loaded_record import (
+    LoadedRecords,
+    RestrictedSolution,
     check_recordings,
     check_same_arm,
     link_index,
+    noise_by_scores,
+    noise_by_windows,
+    solve_restricted,
     tool_frame,
+    with_known,
 )
-from pivident.payload.joint_masses import joint_masses
-from pivident.payload.known_parts import KnownParts
-from pivident.payload.load_estimate import NATURAL, LoadEstimate
-from pivident.payload.loaded_record import LoadedRecords
 from pivident.payload.payload_findings import (
     contradicted,
     disagreement,
@@ -46,13 +50,6 @@ from pivident.payload.payload_findings import (
     worse_explained,
 )
 from pivident.payload.payload_identification import PayloadIdentification
-from pivident.payload.restricted_solution import (
-    RestrictedSolution,
-    noise_by_scores,
-    noise_by_windows,
-    solve_restricted,
-    with_known,
-)
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.robot.frames import Pose

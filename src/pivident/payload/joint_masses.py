@@ -23,9 +23,8 @@ from pivident.estimation.covariance.windows import OVERLAP
 from pivident.estimation.equation_record import accumulate
 from pivident.estimation.identification import Identification
 from pivident.estimation.normal_equations import JointSums
-from pivident.payload.arm_and_load import ArmAndLoad
-from pivident.payload.known_parts import EXACT
-from pivident.payload.restricted_solution import RestrictedSolution
+from pivident.payload.arm_and_load import EXACT, ArmAndLoad
+from pivident.payload.loaded_record import RestrictedSolution
 from pivident.text.numbers import plus_minus
 
 #: Joints whose own mass is known to worse than this share of it do not count.

@@ -8,10 +8,10 @@ import numpy as np
 
 from pivident.errors import NegativePayload
 from pivident.estimation.identification import Identification
-from pivident.logs.joint_side import factors_of
+from pivident.logs.log import factors_of
 from pivident.logs.torque_scale import scale_sentences
+from pivident.payload.arm_and_load import KnownParts
 from pivident.payload.joint_masses import JointMasses
-from pivident.payload.known_parts import KnownParts
 from pivident.payload.load_estimate import LoadEstimate
 from pivident.recording.recording import Recording
 from pivident.text.finding import Finding, Quantity

@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from pivident.estimation.identification import Identification
+from pivident.payload.arm_and_load import KnownParts
 from pivident.payload.joint_masses import IMPROBABLE, NOTABLE, JointMasses
-from pivident.payload.known_parts import KnownParts
 from pivident.payload.load_estimate import LoadEstimate
 from pivident.payload.payload_text import load_rows, load_sentences, load_table
 from pivident.payload.possible_load import PossibleLoad, possible_load

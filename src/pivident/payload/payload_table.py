@@ -17,10 +17,10 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.method import Method
 from pivident.estimation.problem import Problem
 from pivident.experiment.experiment import Experiment
+from pivident.experiment.explained import errors_name
 from pivident.experiment.schema import LoadEntry
-from pivident.experiment.toml_file import errors_name
+from pivident.payload.arm_and_load import KnownParts
 from pivident.payload.identify_payload import identify_payload
-from pivident.payload.known_parts import KnownParts
 from pivident.payload.payload_identification import PayloadIdentification
 from pivident.robot.frames import Pose, rotation_from_rpy
 

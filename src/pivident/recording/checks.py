@@ -1,10 +1,16 @@
-"""What every channel of a recording has to fulfil, one function per demand."""
+"""Channels of a recording, and what every one has to fulfil, one function per demand.
+
+Channels of a recording: their names, what its torques are, and the arrays they are kept in.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from pivident.errors import (
     ConstantChannel,
@@ -16,17 +22,39 @@ from pivident.errors import (
     concerning,
 )
 from pivident.logs.clocks import timestamps
-from pivident.logs.clocks.gaps import moves, runs_of
+from pivident.logs.clocks.timestamps import moves, runs_of
 from pivident.robot.description import Robot
+from pivident.robot.wrench_sensor import WrenchSensor
+from pivident.scratch import working_array
 
 #: Longest drive_delay that is believed [s]; more is a delay in milliseconds without its 1e-3.
 MAX_DRIVE_DELAY = 0.1
-
 #: Shortest run of equal values that counts.
 MIN_RUN = 5
-
 #: How much more frequent the limit is than the next value inside the range.
 DOMINANCE = 10
+#: Fields that hold samples, besides the inputs.
+CHANNELS = ("q", "tau", "q_ref", "dq_ref", "ddq_ref", "q_link", "dq")
+#: Which instant a torque sample belongs to, see `Recording.torque_timing`.
+TorqueTiming = Literal["held", "averaged", "sampled"]
+#: The same in words.
+TIMING_WORDS = {
+    "held": "applied from its instant until the next control instant",
+    "averaged": "the mean over the period before its instant",
+    "sampled": "the value at its instant",
+}
+#: Where the joint torques come from, see `Recording.torque_source`.
+TorqueSource = Literal["measured", "law", "none"]
+#: The same in sentences, for torques that were not measured.
+SOURCE_SENTENCES = {
+    "law": (
+        "No torque was logged: it is what the control law with the declared gains commands at the "
+        "recorded positions."
+    ),
+    "none": "No torque was logged.",
+}
+#: What to do with a torque that is cut off at a limit.
+Saturation = Literal["refuse", "allow"]
 
 
 def clipped_samples(tau: np.ndarray, q: np.ndarray) -> np.ndarray:
@@ -57,7 +85,6 @@ def clipped_samples(tau: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 #: How far beyond its limits a joint may be logged, in spans of its limits.
 TOLERATED_REACH = 2.0
-
 #: Share of clipped samples that a torque channel may have.
 TOLERATED_CLIPPING = 0.01
 
@@ -148,3 +175,41 @@ def check_times(**given: float) -> None:
             f"drive_delay is {wait:g} s, longer than any drive takes",
             advice="it is given in seconds, 0.3e-3 for 0.3 ms",
         ).about("drive_delay")
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredWrench:
+    """What one force sensor measured.
+
+    Attributes:
+        sensor: where it sits.
+        values: force and moment in its frame, shape (samples, 6) [N, N m].
+    """
+
+    sensor: WrenchSensor
+    values: np.ndarray
+
+
+def one_column(channel: str, values: ArrayLike) -> np.ndarray:
+    """A channel with one column for each joint, where a vector is that of one joint."""
+    try:
+        array = np.asarray(values)
+    except ValueError as error:
+        raise RecordingError(f"{channel} is not an array of real numbers ({error})") from error
+    return array[:, np.newaxis] if array.ndim == 1 else array
+
+
+def settled(channel: str, values: Any) -> np.ndarray:
+    """A read-only float64 array in C order; one that already is all that is not copied."""
+    try:
+        array = np.asarray(values)
+        if np.iscomplexobj(array):
+            raise TypeError("complex numbers")
+        if array.dtype == np.float64 and array.flags.c_contiguous and not array.flags.writeable:
+            return array
+        made = working_array(array.shape)
+        made[...] = array
+    except (TypeError, ValueError) as error:
+        raise RecordingError(f"{channel} is not an array of real numbers ({error})") from error
+    made.flags.writeable = False
+    return made

@@ -15,11 +15,9 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from pivident.errors import RecordingError, concerning
-from pivident.logs.body_channels import TABLES, body_channels, columns_of
-from pivident.logs.channel_places import ColumnSpec
+from pivident.logs.channel_places import TABLES, ColumnSpec, body_channels, columns_of
 from pivident.logs.clocks.clock_alignment import ClockedChannel
-from pivident.logs.joint_side import factors_of, gains_of, on_joint_side, sides_of
-from pivident.logs.log import Description, Log
+from pivident.logs.log import Description, Log, factors_of, gains_of, on_joint_side, sides_of
 from pivident.logs.read_log import read_log
 from pivident.logs.torque_scale import torque_scales
 from pivident.logs.units import UnitSpec, check_kind
@@ -88,7 +86,7 @@ def load_recording(
             column for all channels, or a table with one for each channel that has a clock of its
             own; channels from a bag have the stamps of their messages without it. Under ``wrench``
             six columns of each force sensor of the robot by its name, under ``base`` the pose of a
-            floating base, see `pivident.logs.body_channels`.
+            floating base, see `pivident.logs.channel_places`.
         units: unit of each channel in the notation of `pivident.logs.units`, one for all
             joints or a list with one per joint; SI where it is not given. Under ``inputs``: unit
             or factor of each input.

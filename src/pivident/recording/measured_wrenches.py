@@ -17,10 +17,9 @@ from pivident.errors import RecordingError
 from pivident.recording import checks
 from pivident.recording.recording import CHANNELS, MeasuredWrench, Recording
 from pivident.robot.description import Robot
-from pivident.robot.measured_base import base_positions, base_speeds
+from pivident.robot.measured_base import base_positions, base_speeds, wrench_torques
 from pivident.robot.naming import errors_name
 from pivident.robot.wrench_sensor import BASE, COMPONENTS
-from pivident.robot.wrench_torques import wrench_torques
 
 
 def with_wrenches(

@@ -18,7 +18,7 @@ from pivident.logs.clocks import timestamps
 from pivident.logs.source_files import SourceFile
 from pivident.logs.torque_scale import TorqueScale
 from pivident.recording import checks
-from pivident.recording.channels import (
+from pivident.recording.checks import (
     CHANNELS,
     SOURCE_SENTENCES,
     TIMING_WORDS,

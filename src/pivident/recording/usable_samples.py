@@ -15,7 +15,7 @@ import numpy as np
 
 from pivident.errors import BrokenMotion
 from pivident.logs.bad_samples import TOLERATED, WORDS, BadSamples
-from pivident.logs.clocks.gaps import (
+from pivident.logs.clocks.timestamps import (
     BRIDGED_PERIODS,
     clear_of_unusable,
     long_stretches,
@@ -24,7 +24,7 @@ from pivident.logs.clocks.gaps import (
 )
 from pivident.logs.misplaced_positions import cuts
 from pivident.recording import checks
-from pivident.recording.channels import CHANNELS
+from pivident.recording.checks import CHANNELS
 from pivident.signals.bandpass import EDGE
 from pivident.text.sentences import capital
 

@@ -18,8 +18,8 @@ from pivident.errors import Attempts, PividentError, in_words
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import method_labels
 from pivident.files import atomic_folder
-from pivident.report.drawing_library import drawing_library, to_json
 from pivident.report.intervals import marker
+from pivident.report.plot_parts import drawing_library, to_json
 from pivident.report.plotly_figures import DARK_COLOURS, ERROR, MEASURED, METHOD_COLOURS, Figure
 from pivident.report.report_data import DesignAccount, ReportData
 from pivident.report.sections import SECTIONS, Section

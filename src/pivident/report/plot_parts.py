@@ -1,20 +1,26 @@
-"""Drawings as plotly.js takes them, and parts that several have: bands, legends, packed numbers.
+"""Drawings as plotly.js takes them: the packed library, bands, legends, packed numbers.
 
 plotly's own classes check each attribute whenever one changes, which would take longer than the
 rest of a page. What is gathered here is written as it is.
+
+The library that draws the figures, packed: it is two thirds of a page otherwise.
 """
 
 from __future__ import annotations
 
 import base64
+import zlib
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pivident.extras import require
+
 #: A curve, a row of bars, a map: its kind and attributes.
 Trace = dict[str, Any]
-
 #: A legend in one row above the axes.
 LEGEND = {"orientation": "h", "y": 1.02, "yanchor": "bottom"}
 
@@ -166,3 +172,31 @@ def stretches(mask: np.ndarray, t: np.ndarray, pixels: int = 500) -> list[tuple[
     filled = np.add.reduceat(mask.astype(np.int64), borders[:-1]) >= 0.5 * np.diff(borders)
     edges = np.flatnonzero(np.diff(np.r_[False, filled, False])).reshape(-1, 2)
     return [(float(t[borders[a]]), float(t[borders[b] - 1])) for a, b in edges]
+
+
+if TYPE_CHECKING:
+    from plotly.colors import get_colorscale as colour_scale
+    from plotly.io import to_json
+else:
+    _FIGURES = {"extra": "report", "purpose": "a page with figures"}
+    colour_scale = require("plotly.colors", **_FIGURES).get_colorscale
+    to_json = require("plotly.io", **_FIGURES).to_json
+
+
+@dataclass(frozen=True)
+class DrawingLibrary:
+    """plotly.js as a page carries it; ``inflate.js`` unpacks it when the first figure wants it."""
+
+    packed: str  # deflated (RFC 1951) UTF-8 text in base64
+    size: int  # bytes of the text
+
+
+@cache
+def drawing_library() -> DrawingLibrary:
+    """plotly.js of the installed package, packed once per process."""
+    from plotly.offline import get_plotlyjs
+
+    text = get_plotlyjs().encode("utf-8")
+    packer = zlib.compressobj(9, wbits=-zlib.MAX_WBITS)  # without header and checksum
+    packed = packer.compress(text) + packer.flush()
+    return DrawingLibrary(base64.b64encode(packed).decode("ascii"), len(text))

@@ -1,4 +1,4 @@
-"""From a tree and what closes its loops to a robot of independent joints.
+"""From joints as a file has them, and what closes their loops, to a robot of independent joints.
 
 The equations of a closure with the frames (p_1, R_1) and (p_2, R_2), seen from the base, are
 
@@ -9,35 +9,49 @@ planar loop that is described in space some follow from the others, and in the f
 the same ones whichever way the mechanism turns. Those to keep are found by QR with pivots over
 several postures. The compiled loops of ``dynamics`` have equations of their own; these here are for
 the description, and test those.
+
+Joints that follow others in proportion, without loops of links.
+
+Where only linear constraints R q = r close a mechanism, with the independent joints q_a and the
+others q_d,
+
+    q = N q_a + q_0,    N_d = -R_d⁺ R_a,    q_0d = R_d⁺ r
+
+are the same at every posture.
+
+From joints as they are written in a file to the moving links of a robot.
+
+Fixed joints carry bodies but no motion: each such body is added to the moving link that carries
+it, and the frames behind it are expressed in that link. Bodies carried by the base are left out.
+What rounded angles left over in the frames of the moving joints is taken away, see `frames`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pivident.errors import RobotDescriptionError
-from pivident.robot.assembly import link_frames
 from pivident.robot.constraints import DIRECTIONS, Closure, Constraints, LinearConstraint
-from pivident.robot.description import Robot
+from pivident.robot.description import Joint, Link, Robot
+from pivident.robot.frames import Pose, rotation_z, without_residues
+from pivident.robot.inertia import moved
 from pivident.robot.naming import find_joint
 from pivident.robot.transmission import Transmission
 
 #: Largest gap of a closed loop [m, rad].
 CLOSED = 1e-10
-
 #: The same of one that was stored.
 STORED = 1e-6
-
 #: Relative size of a singular value that counts as zero.
 RANK = 1e-7
-
 #: Postures from which the rank of the equations is seen, and how far they are apart [rad or m].
 POSTURES, SPREAD = 6, 0.05
-
 MAX_STEPS = 60
+#: Ratios below this share of the largest are rounding.
+ROUNDING = 1e-12
 
 
 def closed_robot(
@@ -90,6 +104,101 @@ def closed_robot(
         passive_links=tuple(tree.links[i] for i in others),
         constraints=constraints,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class Member:
+    """A joint and the body behind it, before fixed joints are merged."""
+
+    joint: Joint  # its ``parent`` counts members, -1 for the base
+    link: Link  # the body in the joint's frame
+    fixed: bool = False  # whether the joint does not move; ``joint.kind`` is then ignored
+
+
+def carriers(members: Sequence[Member]) -> list[tuple[int, Pose]]:
+    """Moving joint that carries each member (-1: the base), and the member's frame in its link."""
+    found: list[tuple[int, Pose]] = []
+    count = 0
+    for member in members:
+        joint = member.joint
+        if not member.fixed:
+            found.append((count, Pose.identity()))
+            count += 1
+            continue
+        carrier, mounting = found[joint.parent] if joint.parent >= 0 else (-1, Pose.identity())
+        found.append((carrier, mounting @ Pose(joint.rotation, joint.translation)))
+    return found
+
+
+def merge_fixed(members: Sequence[Member]) -> tuple[tuple[Joint, ...], tuple[Link, ...]]:
+    """Moving joints (parents counted among them) and their links, fixed members merged in."""
+    joints: list[Joint] = []
+    links: list[Link] = []
+    carried = carriers(members)
+    for member, (carrier, pose) in zip(members, carried, strict=True):
+        if not member.fixed:
+            joint = member.joint
+            parent, mounting = carried[joint.parent] if joint.parent >= 0 else (-1, Pose.identity())
+            pose = mounting @ Pose(joint.rotation, joint.translation)
+            joints.append(
+                replace(joint, parent=parent, rotation=pose.rotation, translation=pose.translation)
+            )
+            links.append(member.link)
+        elif carrier >= 0 and member.link.inertia.any():
+            body = moved(member.link.inertia, pose.rotation, pose.translation)
+            inertia = links[carrier].inertia + body
+            links[carrier] = replace(links[carrier], inertia=inertia, is_body=True)
+    return with_exact_frames(joints), tuple(links)
+
+
+def with_exact_frames(joints: Sequence[Joint]) -> tuple[Joint, ...]:
+    """Joints whose frames are free of what rounded angles left over."""
+    size = max((float(np.abs(joint.translation).max()) for joint in joints), default=0.0)
+    poses = [without_residues(Pose(j.rotation, j.translation), size) for j in joints]
+    return tuple(
+        replace(joint, rotation=pose.rotation, translation=pose.translation)
+        for joint, pose in zip(joints, poses, strict=True)
+    )
+
+
+def chosen_order(
+    joints: Sequence[Joint], links: Sequence[Link], names: Iterable[str]
+) -> tuple[tuple[Joint, ...], tuple[Link, ...]]:
+    """The same tree with its joints in the order of ``names`` (parents are renumbered)."""
+    present = {joint.name: i for i, joint in enumerate(joints)}
+    order = [present[name] for name in names]
+    place = {old: new for new, old in enumerate(order)} | {-1: -1}
+    return (
+        tuple(replace(joints[old], parent=place[joints[old].parent]) for old in order),
+        tuple(links[old] for old in order),
+    )
+
+
+def tree_order(parents: Sequence[int]) -> list[int]:
+    """Indices reachable from the base (-1), depth first: parents before children, as written."""
+    children: dict[int, list[int]] = {}
+    for i, parent in enumerate(parents):
+        children.setdefault(parent, []).append(i)
+    order: list[int] = []
+    stack = children.get(-1, [])[::-1]
+    while stack:
+        i = stack.pop()
+        order.append(i)
+        stack.extend(reversed(children.get(i, [])))
+    return order
+
+
+def link_frames(robot: Robot, q: np.ndarray) -> tuple[Pose, ...]:
+    """Pose of every link's frame in the base frame; ``q``: of all joints of the tree [rad or m]."""
+    frames: list[Pose] = []
+    for joint, position in zip(robot.tree.joints, np.asarray(q, dtype=float), strict=True):
+        own = Pose(joint.rotation, joint.translation)
+        if joint.kind == "revolute":
+            own = own @ Pose(rotation_z(position), np.zeros(3))
+        else:
+            own = own @ Pose(np.eye(3), np.array([0.0, 0.0, position]))
+        frames.append(own if joint.parent < 0 else frames[joint.parent] @ own)
+    return tuple(frames)
 
 
 def equations(tree: Robot, constraints: Constraints, q: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -258,3 +367,28 @@ def _check_rank(tree: Robot, slope: np.ndarray, others: list[int]) -> None:
         "closed",
         advice="add a loop or an independent joint, or start from a posture that is not singular",
     )
+
+
+def proportions(robot: Robot) -> tuple[np.ndarray, np.ndarray] | None:
+    """N, shape (tree joints, joints), and q_0 [rad or m], shape (tree joints,).
+
+    None where loops of links move joints.
+    """
+    constraints, count = robot.constraints, robot.tree.size
+    if constraints is None:
+        return np.eye(count), np.zeros(count)
+    if constraints.closures:
+        return None
+    own = list(constraints.places)
+    others = [i for i in range(count) if i not in own]
+    rows = np.array([one.ratios for one in constraints.linear])
+    offsets = np.array([one.offset for one in constraints.linear])
+    scale = np.abs(rows).max(axis=1)
+    rows, offsets = rows / scale[:, None], offsets / scale
+    right = np.column_stack([-rows[:, own], offsets])
+    solved = np.linalg.lstsq(rows[:, others], right, rcond=None)[0]
+    solved[np.abs(solved) < ROUNDING * np.abs(solved).max(axis=0, initial=0.0)] = 0.0
+    gain, rest = np.zeros((count, len(own))), np.zeros(count)
+    gain[own] = np.eye(len(own))
+    gain[others], rest[others] = solved[:, :-1], solved[:, -1]
+    return gain, rest

@@ -20,15 +20,20 @@ from typing import Any, Literal
 import numpy as np
 
 from pivident.errors import RobotDescriptionError, concerning
-from pivident.robot.assembly import Member, carriers, chosen_order, merge_fixed
+from pivident.robot.closed_chains import Member, carriers, chosen_order, merge_fixed
 from pivident.robot.constraints import Closure, LinearConstraint
 from pivident.robot.description import Joint, Link, Robot
 from pivident.robot.frames import Pose, rotation_from_z_to, rotation_z
 from pivident.robot.friction import DEFAULT_FRICTION, FrictionLaw, offset, spring
 from pivident.robot.inertia import from_center_of_mass, moved
 from pivident.robot.measured_base import with_floating_base
-from pivident.robot.mjcf_closed import closed_mjcf
-from pivident.robot.mjcf_loops import Equalities, closures, linear_constraints, read_equalities
+from pivident.robot.mjcf_loops import (
+    Equalities,
+    closed_mjcf,
+    closures,
+    linear_constraints,
+    read_equalities,
+)
 from pivident.robot.mjcf_model import (
     compiled,
     joint_names,

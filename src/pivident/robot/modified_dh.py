@@ -56,7 +56,7 @@ import numpy as np
 
 from pivident.errors import RobotDescriptionError
 from pivident.files import regular_file
-from pivident.robot.assembly import Member, merge_fixed
+from pivident.robot.closed_chains import Member, merge_fixed
 from pivident.robot.closed_tables import BASE, closed_from_tables
 from pivident.robot.description import Coupling, Joint, Link, Robot
 from pivident.robot.drives import implied_coupling, with_drives

@@ -21,8 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from pivident.errors import RobotDescriptionError, concerning
-from pivident.robot.assembly import Member, chosen_order, merge_fixed, tree_order
-from pivident.robot.closed_chains import closed_robot
+from pivident.robot.closed_chains import Member, chosen_order, closed_robot, merge_fixed, tree_order
 from pivident.robot.constraints import LinearConstraint
 from pivident.robot.description import STANDARD_GRAVITY, Joint, Link, Robot, UrdfFile
 from pivident.robot.frames import Pose, rotation_about, rotation_from_z_to

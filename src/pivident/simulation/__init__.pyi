@@ -1,3 +1,4 @@
+from .control_loop import virtual_pd as virtual_pd
 from .controllers import Cascade as Cascade
 from .controllers import PythonController as PythonController
 from .direction import Direction as Direction
@@ -11,4 +12,3 @@ from .simulated_record import SimulatedRecord as SimulatedRecord
 from .tangents import TangentBlock as TangentBlock
 from .tangents import simulate_with_tangents as simulate_with_tangents
 from .tangents import tangent_blocks as tangent_blocks
-from .virtual_pd import virtual_pd as virtual_pd

@@ -1,7 +1,18 @@
-"""The control loop that a record was taken in: law, drives, limits, reference.
+"""The control loop that a record was taken in: law, drives, limits, reference, feed-forward.
 
 A law or a reference that was found from the record brings along where it comes from. What a result
 needs of that is stated here as protocols; ``pivident.control_law`` holds the classes.
+
+A declared PD law for records whose controller is not known.
+
+Such a loop is virtual: it only has to carry the simulated robot along the measured motion, so its
+gains follow from a bandwidth and the robot's nominal inertia instead of from the real drive.
+
+Torques that a controller adds from nominal parameters.
+
+Evaluated on the reference they are known before the run, so they enter the simulated loop like any
+other known input: added to the controller's output (divide by the drive gain where that is not a
+torque). Gravity at the measured position is not known before; it becomes a part of the law.
 """
 
 from __future__ import annotations
@@ -12,8 +23,13 @@ from typing import Any, Literal, Protocol, get_args
 
 import numpy as np
 
+from pivident.dynamics.forward import mass_matrix
+from pivident.dynamics.parameters import Parameter, nominal_values, standard_parameters
+from pivident.dynamics.robot_regressor import regressor_of
 from pivident.errors import ExperimentError
-from pivident.simulation.controllers import Controller, FeedForward
+from pivident.robot.description import Robot
+from pivident.simulation.controllers import PD, PID, Controller, FeedForward
+from pivident.simulation.gravity_compensation import GravityCompensated, GravityModel
 
 
 class FoundInRecord(Protocol):
@@ -161,3 +177,104 @@ class Loop:
     def found(self) -> bool:
         """Whether law or reference were found from the record."""
         return self.identified is not None or bool(self.feedback or self.reconstructed)
+
+
+def virtual_pd(
+    robot: Robot, posture: np.ndarray, bandwidth: float = 10.0, damping: float = 0.7
+) -> PID:
+    """PD gains kp = J ω², kd = 2 ζ J ω with ω = 2π · bandwidth and J = diag M(posture).
+
+    A joint's inertia is that of the robot's nominal parameters, or one where they are not known.
+
+    Args:
+        robot: the robot.
+        posture: joint positions at which the inertia is taken [rad or m], shape (joints,); the
+            mean of the motion is a good one.
+        bandwidth: of each joint's loop [Hz]. A soft loop lets the model show in the simulated
+            motion, a stiff one makes it repeat the measured motion.
+        damping: ζ, 1 for critical damping.
+
+    Returns:
+        The law, its output in joint torques [N m or N].
+
+    Raises:
+        ExperimentError: bandwidth or damping is not positive.
+    """
+    if not (bandwidth > 0 and damping > 0):
+        raise ExperimentError(
+            f"a virtual PD law needs a positive bandwidth and damping, not {bandwidth:g} Hz and "
+            f"{damping:g}"
+        )
+    inertia = nominal_inertia(robot, posture)
+    omega = 2.0 * np.pi * bandwidth
+    return PD(inertia * omega**2, 2.0 * damping * inertia * omega)
+
+
+def nominal_inertia(robot: Robot, posture: np.ndarray) -> np.ndarray:
+    """Diagonal of M(posture) at the nominal parameters, one where that is not positive.
+
+    ``posture``: joint positions [rad or m], shape (joints,). Result: inertia of each joint
+    [kg m² or kg], shape (joints,).
+    """
+    parameters = standard_parameters(robot)
+    values = nominal_values(robot, parameters)
+    mass = mass_matrix(robot, parameters, values, np.atleast_2d(np.asarray(posture, float)))[0]
+    inertia = np.diag(mass).copy()
+    return np.where(np.isfinite(inertia) & (inertia > 0.0), inertia, 1.0)
+
+
+def loop_feed_forward(
+    robot: Robot, loop: Loop, reference: tuple[np.ndarray, np.ndarray, np.ndarray]
+) -> np.ndarray | None:
+    """Known inputs of a loop on its reference, (samples, joints) [unit of the controller's output].
+
+    ``reference``: q, dq, ddq, each (samples, joints).
+    """
+    if loop.feed_forward in ("none", "gravity_measured"):  # that one is a part of the law
+        return None
+    standard = standard_parameters(robot)
+    theta = nominal_values(robot, standard)
+    if loop.feed_forward == "gravity":
+        torque = gravity_feed_forward(robot, standard, theta, reference[0])
+    else:
+        torque = computed_torque_feed_forward(robot, standard, theta, *reference)
+    return torque / np.asarray(loop.drive_gain)
+
+
+def gravity_feed_forward(
+    robot: Robot, parameters: tuple[Parameter, ...], theta: np.ndarray, q_ref: np.ndarray
+) -> np.ndarray:
+    """Torque that holds the robot at rest on its reference, shape (samples, joints) [N m or N].
+
+    ``q_ref``: reference positions [rad or m], shape (samples, joints).
+    """
+    still = np.zeros_like(q_ref)
+    return computed_torque_feed_forward(robot, parameters, theta, q_ref, still, still)
+
+
+def computed_torque_feed_forward(
+    robot: Robot,
+    parameters: tuple[Parameter, ...],
+    theta: np.ndarray,
+    q_ref: np.ndarray,
+    dq_ref: np.ndarray,
+    ddq_ref: np.ndarray,
+) -> np.ndarray:
+    """Inverse dynamics of the reference, Φ(q_ref, dq_ref, ddq_ref) θ, shape (samples, joints).
+
+    ``q_ref``: reference positions [rad or m], shape (samples, joints). Result: torques or forces
+    [N m or N].
+    """
+    return regressor_of(robot, parameters).torque(q_ref, dq_ref, ddq_ref, theta)
+
+
+def with_measured_gravity(
+    controller: Controller, robot: Robot, drive_gain: np.ndarray | float, kind: FeedForward
+) -> Controller:
+    """The law with the nominal robot's gravity at the measured position, where ``kind`` says so.
+
+    ``drive_gain``: joint torque per controller output, shape (joints,) or a scalar.
+    """
+    if kind != "gravity_measured":
+        return controller
+    return GravityCompensated(controller, GravityModel.nominal(robot, drive_gain))

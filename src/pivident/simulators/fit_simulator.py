@@ -15,19 +15,26 @@ import numpy as np
 from pivident.dynamics.parameters import standard_parameters
 from pivident.errors import ExperimentError
 from pivident.estimation.auxiliary_model import loop_signals
+from pivident.estimation.output_error.record_stretches import Stretch
 from pivident.estimation.output_error.simulation_fit import SimulationFit
-from pivident.estimation.output_error.stretch import Stretch
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.robot.refusals import without_loops, without_wrenches
 from pivident.signals.random_walk import smooth_channels
 from pivident.simulation.closed_loop import LoopSignals
-from pivident.simulation.control_loop import Loop
+from pivident.simulation.control_loop import Loop, nominal_inertia, with_measured_gravity
 from pivident.simulation.controllers import Controller
 from pivident.simulation.direction import ParametrisedLoop
-from pivident.simulation.feed_forward import with_measured_gravity
-from pivident.simulation.virtual_pd import nominal_inertia
-from pivident.simulators.branches import branch_of, branches, can_be_divided, law_of, signals_of
+from pivident.simulators.branches import (
+    BranchEstimate,
+    SharedDelay,
+    branch_of,
+    branches,
+    can_be_divided,
+    law_of,
+    signals_of,
+    with_shared_delay,
+)
 from pivident.simulators.joint_quantities import (
     DEFAULT_QUANTITIES,
     JointQuantity,
@@ -37,7 +44,6 @@ from pivident.simulators.joint_quantities import (
     start_values,
 )
 from pivident.simulators.search import searched
-from pivident.simulators.shared_delay import BranchEstimate, SharedDelay, with_shared_delay
 from pivident.simulators.simulator_fit import LEVEL, FittedValue, SimulatorFit
 from pivident.threads import run_in_threads
 

@@ -13,8 +13,7 @@ from pivident.robot.description import Robot
 from pivident.robot.mjcf_model import read_spec
 from pivident.robot.naming import URDF_FILES
 from pivident.signals.random_walk import smooth_channels
-from pivident.simulation.control_loop import Loop
-from pivident.simulation.feed_forward import with_measured_gravity
+from pivident.simulation.control_loop import Loop, with_measured_gravity
 from pivident.simulators.fit_simulator import fitted_controller, in_whole_periods
 from pivident.simulators.mujoco_replay import Replay, fine_settings, held_spec, replay
 from pivident.simulators.simulator_fit import SimulatorFit

@@ -16,7 +16,7 @@ import numpy as np
 
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.errors import ExperimentError
-from pivident.estimation.output_error.unknowns import Unknown
+from pivident.estimation.output_error.loop_unknowns import Unknown
 from pivident.recording.checks import MAX_DRIVE_DELAY
 from pivident.robot.description import Robot
 from pivident.robot.friction import FrictionLaw, coulomb, viscous

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from pivident.errors import ExportError
-from pivident.export.robot_file import RobotFile, plain_content
+from pivident.export.differences import RobotFile, plain_content
 from pivident.export.urdf_new import dynamics_line
 from pivident.export.xml_edit import XmlText
 from pivident.export.xml_text import comment, number

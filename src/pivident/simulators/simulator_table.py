@@ -10,9 +10,9 @@ from pathlib import Path
 from pivident.check.actuators_check import check_actuators, controller_keys
 from pivident.errors import ExperimentError, PividentError
 from pivident.experiment.experiment import Experiment
+from pivident.experiment.explained import errors_name
 from pivident.experiment.recording_tables import loop_of
-from pivident.experiment.toml_file import errors_name
-from pivident.export.robot_file import RobotFile
+from pivident.export.differences import RobotFile
 from pivident.recording.recording import Recording
 from pivident.robot.mjcf_actuators import actuator_law
 from pivident.robot.naming import MJCF_FILES, ROBOT_FILES, URDF_FILES

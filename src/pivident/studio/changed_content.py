@@ -10,7 +10,7 @@ from typing import Any
 
 from pivident.errors import ExperimentError
 from pivident.experiment.explained import plain_form
-from pivident.init.experiment_text import comment
+from pivident.init.assumption import comment
 from pivident.studio.comments import BY_HAND, Comment, comments, next_line
 from pivident.studio.key_words import SHORT_FORMS, numbered
 from pivident.studio.rows import table_name

@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from pivident.init.experiment_text import SURE
+from pivident.init.assumption import SURE
 from pivident.text.toml import parse_toml
 from pivident.text.toml_places import Place, toml_items
 

@@ -17,7 +17,7 @@ from typing import Any
 
 from pivident.errors import ExperimentError
 from pivident.experiment.explained import every_problem, plain_form
-from pivident.init.experiment_text import SURE
+from pivident.init.assumption import SURE
 from pivident.studio.changed_content import (
     added_ways,
     called,

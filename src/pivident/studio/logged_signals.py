@@ -15,14 +15,13 @@ import numpy as np
 from pivident.check.file_check import file_problems
 from pivident.errors import PividentError
 from pivident.experiment.experiment import Experiment
-from pivident.experiment.explained import plain_form
+from pivident.experiment.explained import plain_form, toml_content
 from pivident.experiment.recording_tables import log_of
 from pivident.experiment.schema import RecordingEntry
-from pivident.experiment.toml_file import toml_content
 from pivident.logs.clocks.timestamps import mean_rate
 from pivident.logs.file_columns import read_columns
 from pivident.logs.log import CHANNELS, Log
-from pivident.logs.recognition.time_columns import clocks_in, is_clock
+from pivident.logs.recognition.log_clock import clocks_in, is_clock
 from pivident.robot.description import Robot
 from pivident.robot.gallery import load_robot
 from pivident.robot.naming import ROBOT_FILES

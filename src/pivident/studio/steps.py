@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pivident.consistency.method_names import CONSISTENT_METHODS
+from pivident.consistency.options import CONSISTENT_METHODS
 from pivident.estimation.methods import METHODS
 from pivident.export.formats import FORMATS
 from pivident.studio.projects import EXPERIMENT

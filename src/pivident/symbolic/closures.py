@@ -26,11 +26,10 @@ import numpy as np
 
 from pivident.dynamics.grouping.expressions import ZERO, Expression
 from pivident.robot.constraints import DIRECTIONS, Closure, Constraints, LinearConstraint
-from pivident.symbolic.joint_frame import JointFrame, exact
 from pivident.symbolic.link_motion import LinkMotion, link_motion, link_velocities
 from pivident.symbolic.model_symbols import ModelSymbols
 from pivident.symbolic.sums import Rotations, collected
-from pivident.symbolic.vectors import NULL, Vector, cross, dot, minus, plus
+from pivident.symbolic.vectors import NULL, JointFrame, Vector, cross, dot, exact, minus, plus
 
 
 @dataclass(frozen=True, eq=False)

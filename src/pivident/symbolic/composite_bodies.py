@@ -17,7 +17,6 @@ import numpy as np
 from pivident.dynamics.grouping.expressions import ZERO, Expression
 from pivident.robot.description import Robot
 from pivident.symbolic.assignments import Output, output_array
-from pivident.symbolic.joint_frame import JointFrame
 from pivident.symbolic.link_motion import link_motion
 from pivident.symbolic.model_symbols import Columns, LinkInertia, ModelSymbols
 from pivident.symbolic.newton_euler import Hints, cheapest, rigid_torques
@@ -27,7 +26,7 @@ from pivident.symbolic.robot_symbols import (
     on_given_joints,
     robot_symbols,
 )
-from pivident.symbolic.vectors import Tensor, Vector, cross, plus, scaled
+from pivident.symbolic.vectors import JointFrame, Tensor, Vector, cross, plus, scaled
 
 
 def mass_matrix(

@@ -18,11 +18,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from pivident.dynamics.grouping.expressions import ONE, ZERO, Expression, constant
-from pivident.symbolic.joint_frame import JointFrame, joint_frame, turn
 from pivident.symbolic.model_symbols import ModelSymbols
 from pivident.symbolic.sums import collected
 from pivident.symbolic.vectors import (
     NULL,
+    JointFrame,
     Turn,
     Vector,
     back_about_x,
@@ -30,7 +30,9 @@ from pivident.symbolic.vectors import (
     cross,
     dot,
     is_null,
+    joint_frame,
     plus,
+    turn,
 )
 
 Matrix = tuple[Vector, Vector, Vector]

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 from pivident.symbolic.assignments import Assignments
 from pivident.symbolic.print_c import c_source
 from pivident.symbolic.print_latex import latex_document
-from pivident.symbolic.print_python import python_function, python_module
-from pivident.symbolic.print_sympy import sympy_program
+from pivident.symbolic.print_python import python_function, python_module, sympy_program
 
 if TYPE_CHECKING:
     import sympy

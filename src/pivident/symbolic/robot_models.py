@@ -21,12 +21,10 @@ from pivident.symbolic.closed_symbols import closed_symbols
 from pivident.symbolic.closures import closing_equations, jacobian
 from pivident.symbolic.composite_bodies import gravity_vector, mass_matrix
 from pivident.symbolic.model_symbols import NOTHING, Columns, bare_symbols
-from pivident.symbolic.newton_euler import coriolis_vector, inverse_model
-from pivident.symbolic.observation_matrix import observation_matrix
+from pivident.symbolic.newton_euler import coriolis_vector, inverse_model, observation_matrix
 from pivident.symbolic.print_c import c_header, c_source
 from pivident.symbolic.print_latex import latex_document
-from pivident.symbolic.print_python import python_module
-from pivident.symbolic.print_sympy import sympy_module
+from pivident.symbolic.print_python import python_module, sympy_module
 from pivident.symbolic.program import Program
 from pivident.text.identifiers import identifier
 

@@ -19,8 +19,14 @@ from pivident.dynamics.grouping.expressions import (
 from pivident.errors import RobotDescriptionError
 from pivident.robot.description import Robot
 from pivident.symbolic.closed_symbols import closed_symbols
-from pivident.symbolic.joint_terms import depends_on_load, has_memory
-from pivident.symbolic.model_symbols import Columns, ModelSymbols, bare_symbols, with_parameters
+from pivident.symbolic.model_symbols import (
+    Columns,
+    ModelSymbols,
+    bare_symbols,
+    depends_on_load,
+    has_memory,
+    with_parameters,
+)
 from pivident.symbolic.sums import collected
 
 

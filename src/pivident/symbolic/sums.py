@@ -20,8 +20,15 @@ from pivident.dynamics.grouping.expressions import (
     Negate,
     constant,
 )
-from pivident.symbolic.joint_frame import JointFrame, turn
-from pivident.symbolic.vectors import Vector, about_x, about_z, back_about_x, back_about_z
+from pivident.symbolic.vectors import (
+    JointFrame,
+    Vector,
+    about_x,
+    about_z,
+    back_about_x,
+    back_about_z,
+    turn,
+)
 
 #: Terms above which a sum is left as it is.
 MAX_TERMS = 500

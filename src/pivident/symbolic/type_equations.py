@@ -38,8 +38,7 @@ from pivident.dynamics.grouping.expressions import (
 )
 from pivident.robot.description import Joint
 from pivident.symbolic.closures import LoopEnds, seen_from
-from pivident.symbolic.joint_frame import JointFrame, joint_frame
-from pivident.symbolic.vectors import Turn, dot, minus, plus
+from pivident.symbolic.vectors import JointFrame, Turn, dot, joint_frame, minus, plus
 
 #: Largest difference of a whole proportion from Newton's method at postures at random [rad or m],
 #: and of a type equation, which is right or far off but for rounding next to a singular posture.

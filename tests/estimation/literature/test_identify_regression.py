@@ -14,9 +14,9 @@ from pivident.estimation.literature.adaline import Adaline
 from pivident.estimation.literature.frequency_domain import FrequencyDomain
 from pivident.estimation.literature.hopfield import Hopfield
 from pivident.estimation.literature.prior_regression import PriorRegression
-from pivident.estimation.literature.regression import Regression
 from pivident.estimation.literature.ridge import Ridge
 from pivident.estimation.literature.robust_regression import RobustRegression
+from pivident.estimation.literature.rows import Regression
 from pivident.estimation.literature.set_membership import SetMembership
 from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Problem

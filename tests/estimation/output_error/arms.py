@@ -7,9 +7,9 @@ import numpy as np
 import pivident as pv
 from pivident.dynamics.forward import make_model
 from pivident.estimation.output_error import fit as fit_module
+from pivident.estimation.output_error.loop_unknowns import Unknown
+from pivident.estimation.output_error.record_stretches import Stretch
 from pivident.estimation.output_error.simulated_errors import SimulatedErrors
-from pivident.estimation.output_error.stretch import Stretch
-from pivident.estimation.output_error.unknowns import Unknown
 from pivident.simulation.closed_loop import LoopSignals, simulate
 from pivident.simulation.direction import Direction, ParametrisedLoop
 from tests.planar_arm import LAW, nominal_parameters, planar_motion, planar_record

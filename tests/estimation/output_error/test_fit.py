@@ -7,12 +7,12 @@ from scipy.optimize import least_squares
 from pivident.errors import IdentificationError, RankDeficientRegressor, SimulationDiverged
 from pivident.estimation.output_error import fit as fit_module
 from pivident.estimation.output_error.fit import FitOptions, fit_simulation
+from pivident.estimation.output_error.loop_unknowns import Unknown, with_values
 from pivident.estimation.output_error.simulated_errors import (
     POSITIONS,
     TORQUES,
     simulated_errors,
 )
-from pivident.estimation.output_error.unknowns import Unknown, with_values
 from pivident.simulation.direction import Direction
 from tests.estimation.output_error.arms import counted_simulations, loop, stretch, truth, unknowns
 from tests.planar_arm import nominal_parameters

@@ -19,7 +19,7 @@ from pivident.estimation.output_error.output_error import OutputError
 from pivident.experiment import simulated_tx40
 from pivident.simulation.closed_loop import simulate
 from pivident.simulation.controllers import PD
-from pivident.simulation.noise import Noise
+from pivident.simulation.simulated_record import Noise
 from tests.estimation.output_error.arms import (
     RATE,
     SAMPLES,

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pivident.estimation.output_error.loop_unknowns import Unknown, values_of, with_values
 from pivident.estimation.output_error.record_stretches import OpenLoop
 from pivident.estimation.output_error.simulated_errors import (
     POSITIONS,
@@ -12,7 +13,6 @@ from pivident.estimation.output_error.simulated_errors import (
     simulated_errors,
 )
 from pivident.estimation.output_error.thinning import means_at
-from pivident.estimation.output_error.unknowns import Unknown, values_of, with_values
 from pivident.simulation.closed_loop import simulate
 from pivident.simulation.direction import Direction
 from tests.estimation.output_error.arms import all_columns, loop, stretch, unknowns

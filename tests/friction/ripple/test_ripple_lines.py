@@ -9,11 +9,16 @@ from scipy.signal import lfilter
 
 from pivident.errors import ExperimentError
 from pivident.friction.ripple.order_spectrum import WhiteRows, order_grid, order_spectrum
-from pivident.friction.ripple.ripple_lines import remove_ripple, ripple_torque
-from pivident.friction.ripple.ripple_orders import NamedOrder, angles_of, relate
+from pivident.friction.ripple.ripple_lines import (
+    NamedOrder,
+    angles_of,
+    relate,
+    remove_ripple,
+    ripple_torque,
+)
 from pivident.friction.ripple.ripple_search import find_ripple
 from pivident.recording.recording import Recording
-from pivident.report.friction.ripple_figures import ripple_figures
+from pivident.report.friction.friction_figures import ripple_figures
 from pivident.robot.gallery import load_robot
 from pivident.robot.transmission import Transmission
 from tests.synthetic_identification import synthetic_identification

@@ -7,7 +7,7 @@ from rosbags.typesys import get_types_from_msg
 from pivident.errors import FileFormatError, RecordingError, UnknownColumn
 from pivident.logs.bags import joint_topics
 from pivident.logs.bags.read_bag import open_bag, read_bag
-from pivident.logs.bare_log import bare_log
+from pivident.logs.described_log import bare_log
 from pivident.logs.source_files import SourceFile
 from pivident.logs.tables.tables import names_in, read_table
 from pivident.recording.load import load_recording

@@ -6,7 +6,7 @@ import pytest
 from pivident.errors import GapInClock, MissingSamples
 from pivident.logs.clocks import timestamps
 from pivident.logs.clocks.clock_alignment import ClockedChannel, onto_one_clock
-from pivident.logs.clocks.gaps import stretches, stretches_of
+from pivident.logs.clocks.timestamps import stretches, stretches_of
 
 
 def holed(rate, *holes, start=0.0, samples=3000):

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from pivident.logs.recognition.column_series import column_series
-from pivident.logs.recognition.joint_columns import joint_map
-from pivident.logs.recognition.log_file import LogFile, Run
+from pivident.logs.recognition.log_file import LogFile, Run, joint_map
 
 
 def mapped(names, joints):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pivident.logs.clocks.gaps import stretches
+from pivident.logs.clocks.timestamps import stretches
 from pivident.logs.recognition.log_clock import read_clock, speed_rate
 
 T = np.arange(2000) / 250.0

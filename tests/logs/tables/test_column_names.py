@@ -9,7 +9,7 @@ from pivident.errors import ExperimentError, FileFormatError, RecordingError, Un
 from pivident.experiment.experiment import load_experiment
 from pivident.init.assumption import DraftError
 from pivident.init.draft import draft_experiment
-from pivident.logs.tables.column_names import named_columns, written_out
+from pivident.logs.tables.tables import named_columns, written_out
 from tests.planar_log import EXPERIMENT, planar_log, write_log
 
 NAMES = ["time", "q1..q2", "r1..r2", "tau1..tau2"]

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pivident
-from pivident.many.batch.fingerprint import NUMERICAL
+from pivident.many.batch.results_folder import NUMERICAL
 
 
 def test_every_numerical_package_has_code():
@@ -12,7 +12,7 @@ def test_every_numerical_package_has_code():
 
 
 def test_a_change_of_the_numerics_changes_it(tmp_path, monkeypatch):
-    from pivident.many.batch import fingerprint as module
+    from pivident.many.batch import results_folder as module
 
     place = tmp_path / "many" / "batch" / "fingerprint.py"
     code = tmp_path / "estimation" / "identify.py"

@@ -16,10 +16,9 @@ import pytest
 from pivident.errors import ExperimentError
 from pivident.many.fleet import identify_fleet as module
 from pivident.many.fleet.conclusion import ALARMS, PARAMETERS, conclude_fleet
-from pivident.many.fleet.fleet_store import FleetError, OtherFleet
-from pivident.many.fleet.identify_fleet import identify_fleet, identify_log
+from pivident.many.fleet.identify_fleet import FleetError, OtherFleet, identify_fleet, identify_log
 from pivident.many.fleet.judgement import judge
-from pivident.report.drawing_library import DrawingLibrary
+from pivident.report.plot_parts import DrawingLibrary
 from tests.many.fleet.planar_fleet import TEMPLATE, WARMTH, write_fleet
 
 ROBOTS, WORN = 6, {"arm_2": 1.1}

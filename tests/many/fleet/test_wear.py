@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import t
 
 from pivident.many.fleet.baseline import fit_baseline
-from pivident.many.fleet.wear import separate_wear
+from pivident.many.fleet.control_chart import separate_wear
 from tests.many.fleet.series import drawn
 
 

@@ -9,8 +9,8 @@ from pivident.many.study.bench import Bench
 from pivident.many.study.bound import efficiency_bounds
 from pivident.many.study.run import Task, execute
 from pivident.many.study.scenario import read_scenario
-from pivident.models.possible_values import is_possible
-from pivident.simulation.noise import Noise
+from pivident.models.runnable_model import is_possible
+from pivident.simulation.simulated_record import Noise
 from tests.many.study.small import TEXT, small
 
 

@@ -8,9 +8,9 @@ import pytest
 from pivident.errors import ExperimentError
 from pivident.estimation.methods import METHODS
 from pivident.many.study.bench import Bench
-from pivident.many.study.league_page import STANDINGS, render_league
 from pivident.many.study.run import Task, execute
 from pivident.many.study.scenario import league_methods, load_scenario, read_scenario
+from pivident.many.study.study_page import STANDINGS, render_league
 from pivident.many.study.summary import summarise
 from tests.many.study.small import TEXT, small
 

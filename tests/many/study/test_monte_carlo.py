@@ -200,7 +200,7 @@ def test_a_method_that_fails_leaves_the_others_their_rows(tmp_path):
 
 
 def test_an_error_of_the_disk_ends_the_study_with_its_name(tmp_path, monkeypatch):
-    from pivident.many.study.study_errors import StudyFolderError
+    from pivident.many.batch.batch_errors import StudyFolderError
 
     monkeypatch.setattr(runner, "PORTION", 1)
 

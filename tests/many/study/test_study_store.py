@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from pivident.many.study.study_errors import OtherScenario, StudyFolderError
+from pivident.many.batch.batch_errors import OtherScenario, StudyFolderError
 from pivident.many.study.study_store import MANIFEST, UNFINISHED, Store
 from tests.many.study.small import small
 

@@ -12,13 +12,13 @@ from pivident.many.study.bench import Bench
 from pivident.many.study.bound import efficiency_bounds
 from pivident.many.study.study_page import render_page
 from pivident.many.study.study_store import row_schema
-from pivident.many.study.study_text import summary_text
 from pivident.many.study.summary import (
     NOMINAL_COVERAGE,
     clustered_interval,
     geometric_mean,
     record_means,
     summarise,
+    summary_text,
     wilson_interval,
 )
 from tests.many.study.small import small

@@ -12,7 +12,7 @@ from pivident.audit.audit import audit_log
 from pivident.cli import main
 from pivident.errors import PividentError
 from pivident.report.audit.audit_files import render_page, write_audit
-from pivident.report.drawing_library import DrawingLibrary
+from pivident.report.plot_parts import DrawingLibrary
 from tests.audit.logs import planar, with_torque
 from tests.planar_log import write_experiment
 

@@ -13,8 +13,8 @@ from pivident.cli import main
 from pivident.errors import PividentError
 from pivident.friction.curves import curves_table
 from pivident.friction.friction_study import FrictionStudy, joint_friction
-from pivident.report.drawing_library import DrawingLibrary
 from pivident.report.friction.friction_files import render_page, write_friction
+from pivident.report.plot_parts import DrawingLibrary
 from tests.browser import needs_browser, seen_on_a_phone
 from tests.friction.made_up import friction_torque
 from tests.friction.ripple.test_ripple_lines import cosine, found_in, record

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from pivident.errors import ExperimentError, IdentificationError
 from pivident.estimation.identify import identify
 from pivident.estimation.least_squares import LeastSquares
+from pivident.estimation.method import AutoRegressive
 from pivident.estimation.methods import METHODS
-from pivident.estimation.noise_options import AutoRegressive
 from pivident.estimation.prefiltered_iv import PrefilteredIV
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import RandomWalk

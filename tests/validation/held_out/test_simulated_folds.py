@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 
 from pivident.errors import IdentificationError
+from pivident.estimation.output_error.loop_unknowns import with_values
 from pivident.estimation.output_error.reduced_equations import bounded_step
 from pivident.estimation.output_error.simulated_errors import simulated_errors
-from pivident.estimation.output_error.unknowns import with_values
+from pivident.validation.held_out.fold_estimates import (
+    _equations,
+    rows_of,
+    simulated_estimates_without,
+)
 from pivident.validation.held_out.folds import (
     Fold,
     JudgedMotion,
     Piece,
     contiguous_folds,
     moving_part,
-)
-from pivident.validation.held_out.simulated_folds import (
-    _equations,
-    rows_of,
-    simulated_estimates_without,
 )
 from tests.planar_simulations import planar_problem, simulated_results
 

@@ -8,13 +8,13 @@ from statsmodels.tsa.stattools import acf
 
 from pivident.signals.noise_models import fit_ar, lagged_sums, whiten
 from pivident.validation.residuals.autocorrelation import (
+    JointResidual,
     autocorrelation,
     durbin_watson,
     ljung_box,
     upper_tail,
     variance_factor,
 )
-from pivident.validation.residuals.whitened_residual import JointResidual
 
 
 def ar1(n, a=0.3, seed=0):

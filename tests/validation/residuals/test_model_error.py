@@ -8,7 +8,7 @@ import pytest
 from pivident.errors import IdentificationError
 from pivident.estimation.identify import identify
 from pivident.estimation.least_squares import LeastSquares
-from pivident.estimation.noise_options import Repetition
+from pivident.estimation.method import Repetition
 from pivident.estimation.prefiltered_iv import PrefilteredIV
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import RandomWalk

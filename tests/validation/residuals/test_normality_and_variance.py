@@ -7,7 +7,7 @@ from statsmodels.stats.stattools import jarque_bera
 from statsmodels.tools import add_constant
 
 from pivident.signals.noise_models import lagged_sums
-from pivident.validation.residuals.heteroscedasticity import variance_test
+from pivident.validation.residuals.cross_correlation import variance_test
 from pivident.validation.residuals.residual_tests import normality
 
 DRIVERS = np.abs(np.sin(np.linspace(0.0, 9.0, 500)[:, None] * [1.0, 1.7, 0.6]))

@@ -9,12 +9,12 @@ import pivident as pv
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.prefiltered_iv import PrefilteredIV
 from pivident.estimation.signal_recipes import RandomWalk
-from pivident.motion.kinematics import torque_of
+from pivident.motion.motion import torque_of
 from pivident.robot.gallery import load_robot
 from pivident.simulation.controllers import PD
+from pivident.validation.residuals.autocorrelation import joint_residuals
 from pivident.validation.residuals.cross_correlation import Stretches, cross_correlation_test
 from pivident.validation.residuals.residual_tests import residual_tests
-from pivident.validation.residuals.whitened_residual import joint_residuals
 from tests.planar_log import planar_log, planar_truth
 from tests.synthetic_identification import synthetic_identification
 

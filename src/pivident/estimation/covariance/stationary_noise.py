@@ -47,8 +47,7 @@ from pivident.dynamics.regressor import Regressor
 from pivident.estimation.covariance.sandwich import Jackknife
 from pivident.estimation.equation_record import EquationRecord
 from pivident.estimation.normal_equations import JointSums
-from pivident.motion.kinematics import MOTION_BAND
-from pivident.motion.motion import packed_stretch
+from pivident.motion.motion import MOTION_BAND, packed_stretch
 from pivident.signals.prefilter import Prefilter
 from pivident.threads import run_in_threads
 

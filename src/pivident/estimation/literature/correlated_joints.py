@@ -21,8 +21,7 @@ import numpy as np
 from pivident.estimation.covariance import inverse_gram
 from pivident.estimation.covariance.sandwich import jackknife_of
 from pivident.estimation.covariance.windows import windows_of
-from pivident.estimation.literature.regression import IteratedRegression, Noticed
-from pivident.estimation.literature.rows import Rows, Solved
+from pivident.estimation.literature.rows import IteratedRegression, Noticed, Rows, Solved
 from pivident.estimation.problem import Problem
 from pivident.text.finding import Finding, Quantity
 

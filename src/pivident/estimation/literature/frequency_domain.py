@@ -44,12 +44,16 @@ from pivident.estimation.literature.whole_periods import (
 from pivident.estimation.method import Handles, Method, Say
 from pivident.estimation.noise_identification import Prefilters
 from pivident.estimation.normal_equations import JointSums, relative_residual, solve
-from pivident.estimation.problem import Problem
+from pivident.estimation.problem import BIASED, Problem
 from pivident.estimation.signal_recipes import Bandpass
-from pivident.estimation.without_torque import BIASED
 from pivident.instruments.given_motion import InstrumentsUsed, agreement
-from pivident.motion.kinematics import Kinematics, residual_of
-from pivident.motion.motion import SimulatedMotion, packed_stretch, with_inner
+from pivident.motion.motion import (
+    Kinematics,
+    SimulatedMotion,
+    packed_stretch,
+    residual_of,
+    with_inner,
+)
 from pivident.options import option
 from pivident.recording.recording import Recording
 from pivident.signals.random_walk import half_power_frequencies

@@ -18,8 +18,14 @@ from typing import ClassVar
 import numpy as np
 
 from pivident.estimation.literature.adaline import NETWORK, error_variance
-from pivident.estimation.literature.regression import Noticed, Regression
-from pivident.estimation.literature.rows import NormalEquations, Rows, Solved, windows_covariance
+from pivident.estimation.literature.rows import (
+    NormalEquations,
+    Noticed,
+    Regression,
+    Rows,
+    Solved,
+    windows_covariance,
+)
 from pivident.estimation.problem import Problem
 from pivident.options import option
 

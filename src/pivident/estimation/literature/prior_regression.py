@@ -17,9 +17,8 @@ import numpy as np
 
 from pivident.errors import ExperimentError
 from pivident.estimation.covariance import inverse_gram
-from pivident.estimation.literature.regression import Noticed, Regression
 from pivident.estimation.literature.ridge import penalised_windows
-from pivident.estimation.literature.rows import NormalEquations, Rows, Solved
+from pivident.estimation.literature.rows import NormalEquations, Noticed, Regression, Rows, Solved
 from pivident.estimation.problem import Problem
 from pivident.options import option
 from pivident.robot.naming import nearest

@@ -18,8 +18,7 @@ from typing import ClassVar
 import numpy as np
 
 from pivident.estimation.covariance.sandwich import jackknife_of
-from pivident.estimation.literature.regression import Noticed, Regression
-from pivident.estimation.literature.rows import NormalEquations, Rows, Solved
+from pivident.estimation.literature.rows import NormalEquations, Noticed, Regression, Rows, Solved
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
 from pivident.options import option

@@ -21,8 +21,14 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from pivident.estimation.literature.regression import IteratedRegression, Noticed
-from pivident.estimation.literature.rows import NormalEquations, Rows, Solved, windows_covariance
+from pivident.estimation.literature.rows import (
+    IteratedRegression,
+    NormalEquations,
+    Noticed,
+    Rows,
+    Solved,
+    windows_covariance,
+)
 from pivident.estimation.problem import Problem
 from pivident.options import option
 from pivident.text.finding import Finding, Quantity

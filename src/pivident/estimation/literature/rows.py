@@ -1,21 +1,36 @@
-"""Rows of τ_j = Φ_j θ of all joints, in memory, each joint weighted by 1/√λ_j.
+"""Rows of τ_j = Φ_j θ of all joints, each weighted by 1/√λ_j, and the regressions on them.
 
 What sums over the record do not tell, rows do: how large each single error is, how those of two
 joints go together, in which order they came.
+
+Regressions: the equations of weighted least squares, solved otherwise.
+
+Filters, mask, weights 1/λ_j and the load of friction are those of least squares, whose estimate is
+where the methods begin. They share its bias: measured positions in the observation matrix, inside a
+feedback loop.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
+from pivident.estimation.answer import Covariances, answer
 from pivident.estimation.covariance import inverse_gram
 from pivident.estimation.covariance.sandwich import jackknife
 from pivident.estimation.covariance.windows import Share, windows_of
+from pivident.estimation.identification import Identification
+from pivident.estimation.iteration import Run, solved_otherwise
+from pivident.estimation.least_squares import least_squares_start
+from pivident.estimation.method import Method, Refit, Say
 from pivident.estimation.normal_equations import JointSums
+from pivident.estimation.problem import BIASED, Problem
 from pivident.estimation.solved_equations import Equations
+from pivident.options import option
+from pivident.text.finding import Finding
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,3 +215,71 @@ def windows_covariance(sums: Sequence[JointSums], theta: np.ndarray) -> np.ndarr
         Covariance, shape (parameters, parameters).
     """
     return jackknife(sums, theta, np.ones(len(sums))).covariance
+
+
+@dataclass(frozen=True, eq=False)
+class Noticed:
+    """A solution with what there is to say of it.
+
+    Attributes:
+        solved: the solution.
+        findings: what the result says of it.
+    """
+
+    solved: Solved
+    findings: tuple[Finding, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Regression(Method):
+    """A method of the rows of the equations alone."""
+
+    refit: ClassVar[Refit] = "rows"
+    of_computed_torque: ClassVar[tuple[Finding, ...]] = (BIASED,)
+
+    def solve(self, problem: Problem, rows: Rows, start: np.ndarray) -> Noticed:
+        """What the method makes of rows.
+
+        Args:
+            problem: what is estimated.
+            rows: the equations, weighted by 1/√λ_j.
+            start: least squares, shape (parameters,).
+
+        Raises:
+            IdentificationError: the method finds nothing; says why.
+            ExperimentError: an option names what is not there.
+        """
+        raise NotImplementedError(f"{type(self).__name__} has no solve()")
+
+    def estimate(self, problem: Problem, say: Say, *, test_gains: bool = True) -> Identification:
+        """Least squares, whose equations are solved once more by the method."""
+        _, start = least_squares_start(problem, self, say)
+        filters = start.prefilters.filters
+        equations = Equations(
+            problem.regressor, tuple(start.records), tuple(filters), start.variance
+        )
+        say(f"{self.label}: solving")
+        noticed = self.solve(problem, Rows.of(equations), start.theta)
+        solved = noticed.solved
+        estimate, history = solved_otherwise(
+            start, solved.theta, solved.covariance, solved.condition, solved.iterations
+        )
+        run = Run(history, solved.converged)
+        covariances = Covariances(solved.robust, solved.covariance)
+        return answer(problem, self, estimate, run, noticed.findings, covariances=covariances)
+
+
+@dataclass(frozen=True, kw_only=True)
+class IteratedRegression(Regression):
+    """A regression in passes.
+
+    Attributes:
+        tolerance: change of all parameters, in standard errors, at which the passes end.
+        max_iterations: give up after so many.
+    """
+
+    tolerance: float = option(
+        1e-2, "step in standard errors at which the passes end", unit="σ", above=0.0, below=1.0,
+        shared=True,
+    )  # fmt: skip
+    max_iterations: int = option(50, "largest number of passes", at_least=1, shared=True)

@@ -28,8 +28,7 @@ from pivident.estimation.literature.boxed_program import (
     lower_bound,
     minimise,
 )
-from pivident.estimation.literature.regression import Noticed, Regression
-from pivident.estimation.literature.rows import NormalEquations, Rows, Solved
+from pivident.estimation.literature.rows import NormalEquations, Noticed, Regression, Rows, Solved
 from pivident.estimation.problem import Problem
 from pivident.options import option
 from pivident.text.finding import Finding, Quantity

@@ -26,8 +26,7 @@ import numpy as np
 
 from pivident.errors import IdentificationError
 from pivident.estimation.covariance.sandwich import jackknife_of
-from pivident.estimation.literature.regression import Noticed, Regression
-from pivident.estimation.literature.rows import Rows, Solved
+from pivident.estimation.literature.rows import Noticed, Regression, Rows, Solved
 from pivident.estimation.problem import Problem
 from pivident.text.finding import Finding
 

@@ -22,10 +22,16 @@ from pivident.errors import (
     SimulationDiverged,
 )
 from pivident.estimation.output_error.fit_answer import fit_answer
+from pivident.estimation.output_error.loop_unknowns import (
+    Unknown,
+    start_directions,
+    values_of,
+    with_values,
+)
 from pivident.estimation.output_error.noise_weights import (
     NoiseWeights,
 )
-from pivident.estimation.output_error.record_stretches import OpenLoop
+from pivident.estimation.output_error.record_stretches import OpenLoop, Stretch
 from pivident.estimation.output_error.shaking import loop_noise, shaking
 from pivident.estimation.output_error.simulated_errors import (
     POSITIONS,
@@ -34,13 +40,6 @@ from pivident.estimation.output_error.simulated_errors import (
     simulated_errors,
 )
 from pivident.estimation.output_error.simulation_fit import FitOptions, FitPass, SimulationFit
-from pivident.estimation.output_error.stretch import Stretch
-from pivident.estimation.output_error.unknowns import (
-    Unknown,
-    start_directions,
-    values_of,
-    with_values,
-)
 from pivident.estimation.output_error.weighted_step import (
     Point,
     WeightedStep,

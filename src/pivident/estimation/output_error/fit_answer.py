@@ -24,13 +24,13 @@ from pivident.estimation.covariance.stationary_noise import (
     longest_lag,
 )
 from pivident.estimation.output_error.noise_weights import whitened_errors, whitened_rows
+from pivident.estimation.output_error.record_stretches import Stretch
 from pivident.estimation.output_error.reduced_equations import condition_of
 from pivident.estimation.output_error.simulation_fit import (
     FitOptions,
     FitPass,
     SimulationFit,
 )
-from pivident.estimation.output_error.stretch import Stretch
 from pivident.estimation.output_error.weighted_step import (
     Point,
     WeightedStep,

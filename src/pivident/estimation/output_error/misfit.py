@@ -25,7 +25,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pivident.estimation.output_error.loop_unknowns import loop_unknowns
+from pivident.estimation.output_error.loop_unknowns import Unknown, loop_unknowns, values_of
 from pivident.estimation.output_error.noise_weights import whitened_sums
 from pivident.estimation.output_error.reduced_equations import (
     ReducedEquations,
@@ -39,7 +39,6 @@ from pivident.estimation.output_error.simulated_errors import (
 )
 from pivident.estimation.output_error.simulation_fit import SimulationFit
 from pivident.estimation.output_error.thinning import means_at
-from pivident.estimation.output_error.unknowns import Unknown, values_of
 from pivident.estimation.problem import Problem
 from pivident.text.finding import Finding, Quantity
 

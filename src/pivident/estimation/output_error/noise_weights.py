@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pivident.estimation.covariance.windows import windows_of
-from pivident.estimation.noise_options import AutoRegressive
+from pivident.estimation.method import AutoRegressive
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.output_error.simulated_errors import SimulatedErrors
 from pivident.estimation.output_error.thinning import passed_power

@@ -30,21 +30,31 @@ from pivident.estimation.equation_record import accumulate
 from pivident.estimation.full_rate import records_without_instruments
 from pivident.estimation.identification import Identification, Iteration
 from pivident.estimation.iteration import Estimate, Run, Signals
-from pivident.estimation.method import Cost, Handles, IteratedMethod, Refit, Say
+from pivident.estimation.method import (
+    AutoRegressive,
+    Cost,
+    CovarianceKind,
+    Handles,
+    IteratedMethod,
+    Refit,
+    Say,
+)
 from pivident.estimation.noise_identification import DECIDES_ORDERS, Prefilters, Whitening
-from pivident.estimation.noise_options import AutoRegressive, CovarianceKind
 from pivident.estimation.normal_equations import Solution, joint_variances
 from pivident.estimation.output_error.fit import FitOptions, SimulationFit, fit_simulation
 from pivident.estimation.output_error.loop_unknowns import (
+    Unknown,
     loop_unknowns,
     model_unknowns,
     within_bounds,
 )
 from pivident.estimation.output_error.misfit import misfit_findings
-from pivident.estimation.output_error.record_stretches import closed_stretches, open_stretches
+from pivident.estimation.output_error.record_stretches import (
+    Stretch,
+    closed_stretches,
+    open_stretches,
+)
 from pivident.estimation.output_error.simulated_errors import POSITIONS, TORQUES
-from pivident.estimation.output_error.stretch import Stretch
-from pivident.estimation.output_error.unknowns import Unknown
 from pivident.estimation.prefiltered_iv import PrefilteredIV, full_rate_start
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import RandomWalk

@@ -3,6 +3,8 @@
 A closed loop forgets where it started, and is compared from then on. What forgets slowly, and an
 open loop, is compared from its first sample; its initial state is then sought with the unknowns.
 Long open loops may be cut into stretches, each with an initial state of its own.
+
+A stretch of a record beside the loop that simulates it.
 """
 
 from __future__ import annotations
@@ -20,17 +22,15 @@ from pivident.errors import (
     SimulationDiverged,
 )
 from pivident.estimation.auxiliary_model import loop_signals
-from pivident.estimation.output_error.stretch import Stretch
-from pivident.estimation.output_error.unknowns import start_directions
+from pivident.estimation.output_error.loop_unknowns import start_directions
 from pivident.estimation.problem import Problem
-from pivident.motion.kinematics import Kinematics, measured_samples
+from pivident.motion.motion import Kinematics, measured_samples
 from pivident.recording.recording import Recording
 from pivident.scratch import working_array
 from pivident.simulation.closed_loop import LoopSignals, simulate_blocks
-from pivident.simulation.control_loop import Loop
+from pivident.simulation.control_loop import Loop, with_measured_gravity
 from pivident.simulation.controllers import TAPS, SampledLaw
 from pivident.simulation.direction import ParametrisedLoop
-from pivident.simulation.feed_forward import with_measured_gravity
 from pivident.simulation.loop_kernel import TORQUE
 from pivident.simulation.tangents import tangent_blocks
 
@@ -64,24 +64,65 @@ class OpenLoop:
 #: The start is forgotten once its trace in the torque is this share of the torque's standard
 #: deviation.
 FORGOTTEN = 1e-4
-
 #: Share of a record that may pass until then; a loop that takes longer has its start sought.
 MAX_FORGETTING = 0.2
-
 #: Standard deviations of initial positions and speeds that are sought, in those of the smoothed
 #: record, σ of the encoder and 2π f50 σ: at its ends a record is known less well than inside.
 START_ERRORS = 10.0
-
 #: The least of them, as a share of range and largest speed.
 LEAST_START = 1e-6
-
 #: Growth of an error of the initial state at which an open loop is cut, and the shortest stretch
 #: [s].
 MAX_GROWTH, MIN_SECONDS = 5.0, 0.5
-
 #: Distance from the measured motion, in ranges of it, and speed, in largest speeds, at which an
 #: open loop counts as diverged.
 MAX_DISTANCE, MAX_SPEED = 10.0, 20.0
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """What was measured over some time, and the loop that is to give it.
+
+    Attributes:
+        name: name of the recording, for messages.
+        loop: the loop at its control rate, with the initial state that the record suggests.
+        q: measured positions, shape (samples, joints) [rad or m].
+        tau: measured torques, likewise [N m or N]; None: none were.
+        step: samples of the loop from one measured sample to the next.
+        tau_late: how many samples of the loop a measured torque is later than the one that acts,
+            a drive's delay not counted.
+        moving: samples of the record at which each joint is compared, (samples, joints): at
+            standstill dry friction follows no law. In an open loop positions are compared there.
+        start_time: time of the first sample [s].
+        start_std: how far initial positions and speeds may lie from those of ``loop``: standard
+            deviations, shape (2 joints,); None: they are not sought.
+        first: measured sample from which on is compared.
+    """
+
+    name: str
+    loop: ParametrisedLoop
+    q: np.ndarray
+    tau: np.ndarray | None
+    step: int
+    tau_late: int
+    moving: np.ndarray
+    start_time: float
+    start_std: np.ndarray | None
+    first: int = 0
+
+    @property
+    def rate(self) -> float:
+        """Rate of the measured samples [Hz]."""
+        return float(self.loop.signals.rate) / self.step
+
+    @property
+    def samples(self) -> int:
+        """Measured samples."""
+        return len(self.q)
+
+    def with_loop(self, loop: ParametrisedLoop) -> Stretch:
+        """The same record beside another loop."""
+        return replace(self, loop=loop)
 
 
 def closed_stretches(

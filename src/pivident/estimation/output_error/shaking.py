@@ -27,8 +27,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from pivident.estimation.output_error.record_stretches import Stretch
 from pivident.estimation.output_error.simulated_errors import POSITIONS, TORQUES
-from pivident.estimation.output_error.stretch import Stretch
 from pivident.estimation.output_error.thinning import Thinning
 from pivident.scratch import working_array
 from pivident.simulation.closed_loop import BLOCK, simulate_blocks

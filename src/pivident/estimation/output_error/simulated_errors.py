@@ -18,10 +18,9 @@ from typing import Protocol
 
 import numpy as np
 
-from pivident.estimation.output_error.record_stretches import OpenLoop
-from pivident.estimation.output_error.stretch import Stretch
+from pivident.estimation.output_error.loop_unknowns import Unknown, start_directions
+from pivident.estimation.output_error.record_stretches import OpenLoop, Stretch
 from pivident.estimation.output_error.thinning import Thinning, means_at
-from pivident.estimation.output_error.unknowns import Unknown, start_directions
 from pivident.scratch import Blocks
 from pivident.simulation.direction import Direction
 from pivident.simulation.tangents import TANGENT_BLOCK, TangentBlock, tangent_blocks

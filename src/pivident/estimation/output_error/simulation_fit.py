@@ -8,15 +8,15 @@ import numpy as np
 
 from pivident.estimation.covariance import rounded_away
 from pivident.estimation.covariance.sandwich import Jackknife
-from pivident.estimation.noise_options import AutoRegressive, CovarianceKind
+from pivident.estimation.method import AutoRegressive, CovarianceKind
+from pivident.estimation.output_error.loop_unknowns import Unknown
 from pivident.estimation.output_error.noise_weights import NoiseWeights
+from pivident.estimation.output_error.record_stretches import Stretch
 from pivident.estimation.output_error.simulated_errors import (
     POSITIONS,
     TORQUES,
     SimulatedErrors,
 )
-from pivident.estimation.output_error.stretch import Stretch
-from pivident.estimation.output_error.unknowns import Unknown
 
 
 @dataclass(frozen=True)

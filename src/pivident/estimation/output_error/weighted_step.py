@@ -15,6 +15,7 @@ import numpy as np
 
 from pivident.errors import RankDeficientRegressor
 from pivident.estimation.covariance import inverse_gram
+from pivident.estimation.output_error.loop_unknowns import Unknown
 from pivident.estimation.output_error.noise_weights import (
     HUBER_MEAN,
     NoiseWeights,
@@ -23,6 +24,7 @@ from pivident.estimation.output_error.noise_weights import (
     whitened_errors,
     whitened_sums,
 )
+from pivident.estimation.output_error.record_stretches import Stretch
 from pivident.estimation.output_error.reduced_equations import (
     BoundedStep,
     ReducedEquations,
@@ -34,8 +36,6 @@ from pivident.estimation.output_error.reduced_equations import (
 )
 from pivident.estimation.output_error.simulated_errors import SimulatedErrors
 from pivident.estimation.output_error.simulation_fit import FitOptions
-from pivident.estimation.output_error.stretch import Stretch
-from pivident.estimation.output_error.unknowns import Unknown
 
 #: Rounds of weights and step in a pass that makes noise models.
 ROUNDS = 2

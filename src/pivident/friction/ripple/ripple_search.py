@@ -20,14 +20,27 @@ from pivident.friction.ripple.order_spectrum import (
     HIGHEST_FREQUENCY,
     OrderSpectrum,
 )
-from pivident.friction.ripple.ripple_lines import DISTINGUISHABLE, JointRipple, Ripple, TimeLine
+from pivident.friction.ripple.ripple_lines import (
+    DISTINGUISHABLE,
+    Angle,
+    JointRipple,
+    NamedOrder,
+    Ripple,
+    TimeLine,
+    angles_of,
+)
 from pivident.friction.ripple.ripple_measures import (
+    LAGS,
+    best_lag,
+    highest_order,
+    joint_spectra,
     marked_beside,
     measured_line,
+    most_significant,
     named_findings,
     visibility_notes,
+    visited_grid,
 )
-from pivident.friction.ripple.ripple_orders import Angle, NamedOrder, angles_of
 from pivident.friction.ripple.ripple_series import (
     ResidualSeries,
     Wave,
@@ -37,14 +50,6 @@ from pivident.friction.ripple.ripple_series import (
     residual_series,
     settled_rows,
     whitened,
-)
-from pivident.friction.ripple.ripple_spectra import (
-    LAGS,
-    best_lag,
-    highest_order,
-    joint_spectra,
-    most_significant,
-    visited_grid,
 )
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot

@@ -1,15 +1,26 @@
-"""From the messages of a topic to columns by joint.
+"""From the messages of a topic and its sources to columns by joint.
 
 Messages are kept as bytes for a moment, a few thousand at a time, and then read together: those of
 the same structure are rows of one array. A column that is not in every message, because the topic
 has several publishers or its joints come in turns, keeps the rows in which it is. A bag does not
-say who published a message; `pivident.logs.bags.topic_sources` separates sources that contradict.
+say who published a message; `pivident.logs.bags.joint_topics` separates sources that contradict.
+
+The sources of one topic: messages that contradict each other come from different publishers.
+
+A driver sends positions, speeds and efforts; beside it a node for a display sends positions of the
+same joints, often zeros, in an order of its own. A bag does not say who sent a message. Messages
+with the same columns in the same order are taken for one source. Two of these are separate where
+they fill other arrays of the same joint, or say other values of it; joints that come in turns, or
+that change places, are not.
 """
 
 from __future__ import annotations
 
-from collections import deque
+import warnings
+from collections import defaultdict, deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -18,28 +29,31 @@ from pivident.errors import FileFormatError
 from pivident.logs.bags.bag_containers import MAX_MESSAGE, Topic
 from pivident.logs.bags.message_definitions import KNOWN, Definitions, parse_definition, short_name
 from pivident.logs.bags.message_layout import MAX_VISITS, Layout, layout_of
-from pivident.logs.bags.topic_sources import Part, one_source
 from pivident.logs.source_files import refuse_bomb
 from pivident.scratch import working_array
+from pivident.text.lists import listed, plural
 
 #: Messages that are read together, and the bytes that they may have.
 TOGETHER, BYTES_TOGETHER = 4096, 2**24
-
 #: Structures that are remembered for the next messages of a topic.
 REMEMBERED = 16
-
 #: Structures that may appear once before messages are no longer compared with the next ones.
 LONELY = 8
-
 #: Most columns of a topic.
 MAX_COLUMNS = 2_000
-
 #: Fields that may be visited in search of structures, in one bag and in one of its topics. Bags
 #: from recorders need some hundreds; one whose every message is built differently ends here.
 VISITS_OF_BAG, VISITS_OF_TOPIC = 2**23, 2**22
-
 #: What one walk costs beside its fields, in visits, and characters of a definition for one visit.
 WALK, READ_IN_A_VISIT = 40, 20
+#: Columns of messages of one structure, their rows in the topic, numbers, and stamps or None.
+Part = tuple[tuple[str, ...], np.ndarray, np.ndarray, np.ndarray | None]
+#: Share of the messages of the largest source from which on another can be the one that is used.
+SUBSTANTIAL = 0.05
+#: Median difference of two sources that agree, as share of the range of their values.
+AGREE = 0.05
+#: Most sources that are compared; messages that are built in more ways are left together.
+MAX_SOURCES = 32
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +82,92 @@ class WorkBudget:
     def spend(self, visits: int) -> None:
         """Take some of it; what is owed may go below zero."""
         self.left -= visits
+
+
+def one_source(parts: Sequence[Part], received: np.ndarray) -> tuple[list[Part], str]:
+    """The parts without what contradicts a better source, and what was left out in words.
+
+    Args:
+        parts: of one topic.
+        received: when each message was received, shape (messages,) [ns].
+    """
+    sources: dict[tuple[str, ...], list[Part]] = defaultdict(list)
+    for part in parts:
+        sources[part[0]].append(part)
+    if not 1 < len(sources) <= MAX_SOURCES:
+        return list(parts), ""
+    sizes = {names: sum(len(part[1]) for part in own) for names, own in sources.items()}
+    few = SUBSTANTIAL * max(sizes.values())
+
+    def merit(names: tuple[str, ...]) -> tuple[bool, int, int]:
+        changing = _fields(_changing(sources[names]))
+        return sizes[names] >= few, len(changing), sizes[names] * len(names)
+
+    taken: list[list[Part]] = []
+    left_out: list[str] = []
+    for names in sorted(sources, key=merit, reverse=True):
+        others = [own for own in taken if not _alike(own, sources[names], received)]
+        rest = [k for k, name in enumerate(names) if not any(name in own[0][0] for own in others)]
+        if len(rest) < len(names):
+            what = listed(sorted(_fields(names)), 4)
+            left_out.append(f"{sizes[names]} ({what} of {plural(_joints(names), 'joint')})")
+        if rest:
+            own = tuple(names[k] for k in rest)
+            taken.append([(own, rows, x[:, rest], t) for _, rows, x, t in sources[names]])
+    if not left_out:
+        return list(parts), ""
+    return list(chain.from_iterable(taken)), (
+        f"{listed(left_out, 4)} of {len(received)} messages come from other sources of the same "
+        "joints and are left out"
+    )
+
+
+def _changing(parts: Sequence[Part]) -> list[str]:
+    """The columns whose finite values are not all the same."""
+    names, numbers = parts[0][0], [numbers for _, _, numbers, _ in parts]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # a column may have no number at all
+        low = np.nanmin([np.nanmin(x, axis=0) for x in numbers], axis=0)
+        high = np.nanmax([np.nanmax(x, axis=0) for x in numbers], axis=0)
+    return [name for name, changes in zip(names, low < high, strict=True) if changes]
+
+
+def _fields(names: Sequence[str]) -> set[str]:
+    """The arrays that are filled."""
+    return {name.rpartition("/")[0] or name for name in names}
+
+
+def _joints(names: Sequence[str]) -> int:
+    return len({name.rpartition("/")[2] for name in names})
+
+
+def _alike(first: Sequence[Part], second: Sequence[Part], received: np.ndarray) -> bool:
+    """Whether two sources fill the same arrays of the joints that both have, with values alike."""
+    one, other = first[0][0], second[0][0]
+    shared = sorted(set(one) & set(other))
+    joints = {name.rpartition("/")[2] for name in shared}
+    if any(n.rpartition("/")[2] in joints for n in set(one) ^ set(other)):
+        return False
+    agreeing = 0
+    for name in shared:
+        (t, x), (s, y) = (_values(parts, name, received) for parts in (first, second))
+        if not (t.size and s.size):
+            agreeing += 1
+            continue
+        span = max(float(x.max()), float(y.max())) - min(float(x.min()), float(y.min()))
+        agreeing += float(np.median(np.abs(np.interp(s, t, x) - y))) <= AGREE * span
+    return 2 * agreeing >= len(shared)
+
+
+def _values(
+    parts: Sequence[Part], name: str, received: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Times and finite values of a column, in the order of time."""
+    t = np.concatenate([received[rows] for _, rows, _, _ in parts]).astype(float)
+    x = np.concatenate([numbers[:, names.index(name)] for names, _, numbers, _ in parts])
+    order = np.argsort(t, kind="stable")
+    order = order[np.isfinite(x[order])]
+    return t[order], x[order]
 
 
 @dataclass

@@ -22,7 +22,7 @@ import numpy as np
 from pivident.errors import ClocksDisagree, GapInClock, RecordingError
 from pivident.logs.bad_samples import LARGEST
 from pivident.logs.clocks import timestamps
-from pivident.logs.clocks.gaps import bridged_interval, stretches_of
+from pivident.logs.clocks.timestamps import bridged_interval, stretches_of
 
 #: A channel that is faster than the grid by this factor is low-passed before it is reduced.
 REDUCED = 1.1

@@ -1,8 +1,10 @@
-"""What a column holds, by the words of its name: ``actual_qd_0``, ``J1 (deg)``, ``I_A1``.
+"""What a column holds, and how sure it is, by its name: ``actual_qd_0``, ``J1 (deg)``, ``I_A1``.
 
 The vocabulary of all that reads names of columns stands here. Plain words are trusted in the name
 of a single column, as an audit or a check of an experiment file meets it; the others only where
 `pivident.logs.recognition.column_series` has found columns that differ in the joint alone.
+
+How sure it is what a column, a clock or a unit was taken for.
 """
 
 from __future__ import annotations
@@ -10,6 +12,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 #: Words that name a quantity wherever they stand.
 PLAIN_QUANTITIES = {
@@ -19,7 +22,6 @@ PLAIN_QUANTITIES = {
     "tau": "tau torque torques effort efforts trq force",
     "current": "current curr",
 }
-
 #: Words that do so too; one alone may mean something else, a column for each joint does not.
 OTHER_QUANTITIES = {
     "q": "θ angles encoder encoders enc jointangle jpos lage winkel",
@@ -28,17 +30,14 @@ OTHER_QUANTITIES = {
     "tau": "τ moment moments forces drehmoment",
     "current": "currents i iq amp amps ampere strom",
 }
-
 #: Words of a reference: what the controller was commanded. The first line wherever they stand.
 PLAIN_REFERENCE = set("ref reference des desired cmd command target setpoint r".split())
 REFERENCE = PLAIN_REFERENCE | set(
     "cmds commands commanded targets setpoints set sp soll goal demand demanded d planned".split()
 )
-
 #: Words of a measurement. The first line wherever they stand.
 PLAIN_MEASURED = set("measured meas actual act".split())
 MEASURED = PLAIN_MEASURED | set("msr fbk feedback ist state states".split())
-
 #: Words of things that are no joint signal, or not the one that is looked for.
 FOREIGN = set(
     "tcp tool pose cartesian cart ee flange temperature temperatures temp temps voltage error"
@@ -46,11 +45,9 @@ FOREIGN = set(
     " accelerometer diff deviation variance covariance wrench friction gravity coriolis momentum"
     " payload power io quat orientation euler imu odom odometry safety scaling".split()
 )
-
 #: Words that say nothing about quantity or joint. The first line wherever they stand.
 PLAIN_FILLING = set("joint j axis motor link".split())
 FILLING = PLAIN_FILLING | set("joints axes jnt a robot data value values column actuator".split())
-
 #: Units as people write them after a name, with the quantity that they imply.
 UNITS: dict[str, tuple[str, str]] = {
     "deg": ("deg", "q"), "degs": ("deg", "q"), "degree": ("deg", "q"), "degrees": ("deg", "q"),
@@ -64,7 +61,6 @@ UNITS: dict[str, tuple[str, str]] = {
     "kn": ("kN", "tau"), "a": ("A", "current"), "amp": ("A", "current"),
     "ma": ("mA", "current"), "v": ("V", "tau"),
 }  # fmt: skip
-
 #: Words that name the unit of time stamps.
 TIME_UNITS: dict[str, set[str]] = {
     "s": {"s", "sec", "secs", "seconds", "second"},
@@ -72,15 +68,12 @@ TIME_UNITS: dict[str, set[str]] = {
     "us": {"us", "µs", "usec", "usecs", "microseconds", "micros"},
     "ns": {"ns", "nsec", "nsecs", "nanosec", "nanosecs", "nanoseconds", "nanos"},
 }
-
 #: Words of a column that holds time stamps.
 TIME_WORDS = set("t time timestamp stamp clock rosbagtimestamp ts zeit uptime".split()).union(
     *TIME_UNITS.values()
 )
-
 #: Units that stand as a word of their own, without brackets around them.
 BARE_UNITS = {"deg", "degs", "degree", "degrees", "rad", "rads", "nm", "mnm", "mm", "rpm", "°"}
-
 #: Words of a name that mean a unit where the quantity is known, which ``deg`` alone does not.
 UNIT_WORDS: dict[str, dict[str, set[str]]] = {
     "angle": {
@@ -105,7 +98,6 @@ UNIT_WORDS: dict[str, dict[str, set[str]]] = {
     },
     "time": {unit: words for unit, words in TIME_UNITS.items() if unit != "s"},
 }
-
 _CHANNELS = {
     word: key
     for quantities in (PLAIN_QUANTITIES, OTHER_QUANTITIES)
@@ -119,6 +111,9 @@ _BRACKETS = re.compile(
 )
 _HUMPS = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 _WORD = re.compile(r"[^\W\d_]+|\d+|°")
+#: ``certain``: the log or the robot says so. ``likely``: all that was seen agrees. ``assumed``:
+#: something else is possible.
+Sureness = Literal["certain", "likely", "assumed"]
 
 
 @dataclass(frozen=True)

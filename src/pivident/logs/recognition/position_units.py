@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.logs.recognition.sureness import Sureness
+from pivident.logs.recognition.channel_words import Sureness
 from pivident.logs.units import POSITION
 from pivident.robot.description import Robot
 

@@ -1,29 +1,34 @@
-"""One way to read every kind of file: names first, then only the arrays that are needed."""
+"""One way to read every kind of file: names first, given or read, then only the needed arrays.
+
+Names that somebody gives to the columns of a table without a header.
+
+Such a table calls its columns column_1, column_2 … The names are given in the order of the columns,
+``-`` for one that needs none; ``q1..q7`` stands for q1, q2 … q7.
+"""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
-from pivident.errors import FileFormatError, UnknownColumn
+from pivident.errors import FileFormatError, RecordingError, UnknownColumn
 from pivident.logs.bags.read_bag import BAG, is_bag
 from pivident.logs.reader import Reader
 from pivident.logs.source_files import existing_file
 from pivident.registry import Registry
-from pivident.robot.naming import near_names
+from pivident.robot.naming import near_names, repeated
 from pivident.text.printable import is_printable
 
 #: Longest name of a column or an array, in characters.
 MAX_NAME = 500
-
 #: Endings of spreadsheets, which are not read.
 SPREADSHEETS = (".xlsx", ".xls", ".xlsm", ".ods")
-
 #: All readers by name.
 READERS = Registry(
     "pivident.readers",
@@ -37,10 +42,13 @@ READERS = Registry(
         "bag": "pivident.logs.bags.read_bag:BAG",
     },
 )
-
 #: Files that a message about a folder names, levels of folders in which they are looked for, and
 #: entries of a level that are looked at.
 MAX_FILES, FOLDERS, MAX_ENTRIES = 3, 3, 10_000
+#: What stands for a column without a name.
+UNNAMED = "-"
+_NUMBERED = re.compile(r"column_\d+")
+_RANGE = re.compile(r"(.*?)(\d+)\.\.(.*?)(\d+)")
 
 
 @cache
@@ -153,3 +161,76 @@ def reader_of(path: Path) -> Reader:
         f"{path.name}: no reader for this kind of file",
         advice=f"use one of {', '.join(endings())} or a gzipped text table",
     )
+
+
+def named_columns(path: Path, names: Sequence[str]) -> dict[str, str]:
+    """The column of a table without a header that each name means, in their order.
+
+    Raises:
+        RecordingError: the file has a header, or not as many columns as there are names.
+    """
+    names, own = written_out(names), names_in(path)
+    if own[:1] != ("column_1",):
+        listed = ", ".join(own[:6]) + (" …" if len(own) > 6 else "")
+        raise RecordingError(
+            f"{path.name} names its columns itself ({listed})",
+            advice="column names are for text tables without a header: leave them out",
+        )
+    if len(own) != len(names):
+        raise RecordingError(
+            f"{path.name} has {len(own)} columns, but {len(names)} are named "
+            f"({', '.join(names[:4])} …)",
+            advice=f"name all in their order, {UNNAMED} for those that are not needed",
+        )
+    twice = repeated([name for name in names if name != UNNAMED])
+    if twice:
+        raise RecordingError(
+            f"the column name {twice[0]!r} is given twice", advice="give each its own"
+        )
+    pairs = zip(names, own, strict=True)
+    return {column if name == UNNAMED else name: column for name, column in pairs}
+
+
+def header_advice(columns: Mapping[str, Sequence[str]]) -> str:
+    """What to do about tables without names of columns, by file; empty where they have names."""
+    bare = {
+        file: own for file, own in columns.items() if own and all(map(_NUMBERED.fullmatch, own))
+    }
+    if not bare:
+        return ""
+    several = len(bare) > 1
+    has = "have no headers" if several else "has no header"
+    counts = " + ".join(str(len(own)) for own in bare.values())
+    return (
+        f"{', '.join(bare)} {has}, so nothing says what {'their' if several else 'its'} {counts} "
+        "columns hold; name them in their order"
+        + (", file after file" if several else "")
+        + ", such as --columns t,q1..q6,tau1..tau6 (- for one that is not needed), or "
+        + (
+            "column_1, column_2 … of each file under columns of an experiment file"
+            if several
+            else 'column_names = ["t", "q1", …] under [recording] of an experiment file'
+        )
+    )
+
+
+def written_out(names: Iterable[str]) -> list[str]:
+    """Names with those of ranges written out: ``q1..q3`` is q1, q2, q3.
+
+    Raises:
+        RecordingError: a range whose ends differ in more than a number that grows.
+    """
+    found = []
+    for name in names:
+        match = _RANGE.fullmatch(name)
+        if match is None:
+            found.append(name)
+            continue
+        first, low, last, high = match.groups()
+        if last not in (first, "") or int(low) > int(high) or int(high) - int(low) > 1000:
+            raise RecordingError(
+                f"{name!r} is no range of columns",
+                advice="it has the form q1..q7, from the lower number on",
+            )
+        found += [f"{first}{k}" for k in range(int(low), int(high) + 1)]
+    return found

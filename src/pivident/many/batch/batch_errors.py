@@ -1,4 +1,7 @@
-"""Errors of batches of tasks; each names the folder or address, and the next step."""
+"""Errors of batches and of studies; each names the folder or address, and the next step.
+
+Errors of the results folder of a study.
+"""
 
 from __future__ import annotations
 
@@ -58,3 +61,13 @@ class WorkersDiffer(BatchError):
             f"the workers have pivident {', '.join(self.found)}, but {expected} is required; "
             "install the same version on all of them"
         )
+
+
+class StudyFolderError(ResultsFolderError):
+    """A results folder of a study that cannot be used or written to."""
+
+
+class OtherScenario(OtherContents, StudyFolderError):
+    """A results folder that holds the runs of another scenario."""
+
+    rows, owner = "runs", "scenario"

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from pivident.extras import require
 from pivident.many.batch.batch_errors import BatchError, SchedulerUnreachable, WorkersDiffer
-from pivident.many.batch.fingerprint import fingerprint
+from pivident.many.batch.results_folder import fingerprint
 from pivident.threads import thread_count
 
 if TYPE_CHECKING:

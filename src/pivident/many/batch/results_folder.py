@@ -1,41 +1,59 @@
-"""Results on disk: a manifest, and Parquet shards that are only added.
+"""Results on disk: a manifest with the program's fingerprint, and Parquet shards only added to.
 
 A shard is written under another name, synchronised to disk and then renamed, so it exists either
 completely or not at all. The shards themselves are the only list of finished tasks.
+
+Fingerprint of the program: the version alone does not identify code under development.
 """
 
 from __future__ import annotations
 
+import hashlib
 import io
 import json
 import os
 import secrets
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from pivident.extras import require
 from pivident.files import regular_file
 from pivident.many.batch.batch_errors import OtherContents, ResultsFolderError
-from pivident.many.batch.fingerprint import fingerprint
 
 if TYPE_CHECKING:
     import polars as pl
 
 #: A row of a shard by column.
 Row = dict[str, Any]
-
 #: Version of the layout of the folder.
 LAYOUT = 1
-
 MANIFEST, LOCK = "manifest.json", "lock"
-
 #: Largest manifest that is read [bytes].
 MAX_MANIFEST = 2**22
-
 #: Names of files that are being written.
 UNFINISHED = ".unfinished-"
+#: Packages whose code affects the numbers of a result.
+NUMERICAL = (
+    "control_law", "drives", "dynamics", "estimation", "experiment", "friction", "many/fleet",
+    "many/study", "recording", "robot", "signals", "simulation",
+)  # fmt: skip
+
+
+@cache
+def fingerprint() -> str:
+    """Version of pivident with the first digits of the SHA-256 of its numerical code."""
+    from pivident.version import __version__
+
+    package = Path(__file__).resolve().parents[2]
+    digest = hashlib.sha256()
+    for name in NUMERICAL:
+        for file in sorted((package / name).rglob("*.py")):
+            digest.update(file.relative_to(package).as_posix().encode())
+            digest.update(file.read_bytes())
+    return f"{__version__} ({digest.hexdigest()[:12]})"
 
 
 class ResultsFolder:

@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from pivident.many.fleet.control_chart import Alarm, Chart
+from pivident.many.fleet.control_chart import Alarm, Chart, Rate
 from pivident.many.fleet.identify_fleet import Fleet
 from pivident.many.fleet.judgement import Judgement, judge, parameter_table, promise
-from pivident.many.fleet.wear import Rate
 from pivident.report.builder import page_environment, page_of
 from pivident.report.plot_parts import LEGEND, Plot
 from pivident.report.plotly_figures import ERROR, MEASURED, SHADE, Figure, colour, empty_plot

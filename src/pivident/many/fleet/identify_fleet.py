@@ -1,6 +1,8 @@
-"""Identification of the new and changed logs of a fleet, one row for each parameter of a log.
+"""Identification of the new and changed logs of a fleet, kept as a row for each parameter.
 
 A failed log has a row too: error class and message in place of estimates.
+
+Results of a fleet on disk, one row per log and parameter; see `batch.results_folder`.
 """
 
 from __future__ import annotations
@@ -8,8 +10,9 @@ from __future__ import annotations
 import os
 import pickle
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,9 +24,10 @@ from pivident.errors import ExperimentError, PividentError
 from pivident.estimation.identification import Identification
 from pivident.estimation.problem import Problem
 from pivident.experiment.temperature import TEMPERATURE, without_temperature
-from pivident.many.batch.results_folder import Row, failure
+from pivident.extras import require
+from pivident.many.batch.batch_errors import OtherContents, ResultsFolderError
+from pivident.many.batch.results_folder import ResultsFolder, Row, failure
 from pivident.many.batch.runner import CHANGED, GivenExecutor, Pool, Processes, Runner
-from pivident.many.fleet.fleet_store import FleetStore
 from pivident.many.fleet.logs import FleetLog, TimeAxis, find_logs
 from pivident.many.fleet.template import FILE, Template, load_template
 from pivident.recording.recording import Recording
@@ -32,9 +36,9 @@ from pivident.threads import thread_count
 if TYPE_CHECKING:
     import polars as pl
 
+
 #: Friction of a motor that also turns with a second joint.
 COUPLED_FRICTION = ("fvm", "fcm")
-
 #: The template that this process used last: robot and options are the same for all logs.
 _last_template: dict[str, Template] = {}
 
@@ -145,6 +149,97 @@ def _parameters(found: Identification, temperatures: np.ndarray | None) -> list[
 
 
 Say = Callable[[str], None]
+
+
+class FleetError(PividentError):
+    """A fleet that cannot be identified or judged."""
+
+
+class FleetFolderError(ResultsFolderError):
+    """A results folder of a fleet that cannot be used or written to."""
+
+
+class OtherFleet(OtherContents, FleetFolderError):
+    """A results folder that holds the results of another fleet."""
+
+    rows, owner = "results", "fleet"
+
+
+def row_schema() -> dict[str, Any]:
+    """Columns of a shard."""
+    pl = require("polars", extra="tables", purpose="the study of a fleet")
+    text, number = pl.String, pl.Float64
+    return {
+        "task": text,
+        "sha256": text,
+        "method": text,
+        "computed": number,
+        "converged": pl.Boolean,
+        "iterations": pl.Int64,
+        "samples": pl.Int64,
+        "relative_error": number,
+        "condition": number,
+        "seconds": number,
+        "joint": text,
+        "parameter": text,
+        "unit": text,
+        "value": number,
+        "std": number,
+        "robust_std": number,
+        "friction": pl.Boolean,
+        "temperature": number,
+        "error": text,
+        "message": text,
+    }
+
+
+class FleetStore(ResultsFolder):
+    """The results folder of a fleet."""
+
+    shards_name, owner, work, rows_name = "logs", "fleet", "fleet", "results"
+    error, other = FleetFolderError, OtherFleet
+
+    def schema(self) -> dict[str, Any]:
+        """Columns of a shard."""
+        return row_schema()
+
+    @contextmanager
+    def opened(self, template: Template) -> Iterator[FleetStore]:
+        """Lock the folder for a fleet, after creating it or checking that it belongs to it."""
+        wanted = {
+            "name": template.experiment.title,
+            "hash": template.hash,
+            "fleet": template.identity,
+        }
+        with self.taken(wanted):
+            yield self
+
+    def known(self) -> dict[str, set[str]]:
+        """Hashes of the content of each log at identification."""
+        table = self.read(["task", "sha256"]).unique()
+        found: dict[str, set[str]] = {}
+        for task, digest in table.iter_rows():
+            if digest is not None:
+                found.setdefault(task, set()).add(digest)
+        return found
+
+    def rows(self, digests: Mapping[str, str | None]) -> pl.DataFrame:
+        """The rows of logs with the content named by ``digests``; None: the latest of a log."""
+        pl = require("polars", extra="tables", purpose="the study of a fleet")
+        meant = pl.DataFrame(
+            {"task": list(digests), "meant": list(digests.values())},
+            schema={"task": pl.String, "meant": pl.String},
+        )
+        table = self.read().join(meant, on="task", how="inner")
+        table = table.filter(
+            pl.col("meant").is_null() | (pl.col("sha256").fill_null("") == pl.col("meant"))
+        )
+        table = table.filter(pl.col("computed") == pl.col("computed").max().over("task"))
+        return table.unique(["task", "parameter"], keep="first", maintain_order=True).drop("meant")
+
+    def shard_name(self, rows: Sequence[Row]) -> str:
+        """Time of writing."""
+        return f"{time.time_ns():020d}"
 
 
 @dataclass(frozen=True, eq=False)

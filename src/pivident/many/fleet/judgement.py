@@ -8,10 +8,16 @@ from typing import TYPE_CHECKING
 
 from pivident.extras import require
 from pivident.many.fleet.baseline import Baseline, fit_baseline
-from pivident.many.fleet.control_chart import Alarm, Chart, draw_charts, find_alarms
+from pivident.many.fleet.control_chart import (
+    Alarm,
+    Chart,
+    Wear,
+    draw_charts,
+    find_alarms,
+    separate_wear,
+)
 from pivident.many.fleet.identify_fleet import Fleet
 from pivident.many.fleet.series import Series, watched_series
-from pivident.many.fleet.wear import Wear, separate_wear
 
 if TYPE_CHECKING:
     import polars as pl

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pivident.extras import require
-from pivident.many.fleet.fleet_store import FleetError
+from pivident.many.fleet.identify_fleet import FleetError
 from pivident.many.fleet.logs import FleetLog
 from pivident.robot.naming import nearest
 

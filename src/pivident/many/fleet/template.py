@@ -13,10 +13,9 @@ from typing import Any
 from pivident.estimation.method import Method
 from pivident.estimation.methods import WITHOUT_TORQUE
 from pivident.experiment.experiment import Experiment
-from pivident.experiment.explained import checked, plain_form
+from pivident.experiment.explained import checked, errors_name, plain_form, toml_content
 from pivident.experiment.missing_torque import is_without_torque
 from pivident.experiment.temperature import with_temperature
-from pivident.experiment.toml_file import errors_name, toml_content
 from pivident.many.fleet.fleet_schema import FleetEntry, FleetFile, as_template
 from pivident.many.fleet.logs import FleetLog
 from pivident.robot.naming import ROBOT_FILES

@@ -1,7 +1,9 @@
-"""The simulated test bench of a scenario: true robot, control loop, motion and noise.
+"""The simulated test bench of a scenario: true robot, loop, motion, noise, and perturbed starts.
 
 A run is identified by its number. Its noise depends only on (run, scenario seed), so any worker
 simulates the same record.
+
+Starts of the iteration: robots with perturbed but physically possible parameters.
 """
 
 from __future__ import annotations
@@ -19,24 +21,45 @@ from pivident.dynamics.regressor import Regressor
 from pivident.dynamics.robot_regressor import regressor_of
 from pivident.errors import ExperimentError
 from pivident.estimation.problem import Problem
-from pivident.many.study.motion import per_joint, reference_of
-from pivident.many.study.scenario_tables import ScenarioTables
-from pivident.many.study.starts import perturbed_values
+from pivident.many.study.scenario_tables import ScenarioTables, per_joint, reference_of
+from pivident.models.runnable_model import is_possible
 from pivident.recording.recording import Recording
 from pivident.robot.naming import nearest
 from pivident.simulation.closed_loop import Trajectory
-from pivident.simulation.control_loop import Loop
+from pivident.simulation.control_loop import Loop, with_measured_gravity
 from pivident.simulation.controllers import Controller
 from pivident.simulation.excitation import FourierSeries
-from pivident.simulation.feed_forward import with_measured_gravity
-from pivident.simulation.noise import Noise, Spread, stream
-from pivident.simulation.simulated_record import loop_motion
+from pivident.simulation.simulated_record import Noise, Spread, loop_motion, stream
 
 if TYPE_CHECKING:
     from pivident.linear.free_law import FreeLaw
 
 #: Random stream of the starts, beside those of the noise.
 STARTS = 3
+#: Maximum number of draws of a physically possible link.
+DRAWS = 1000
+
+
+def perturbed_values(base: BaseParameters, spread: float, rng: np.random.Generator) -> np.ndarray:
+    """Base parameters of a robot with perturbed standard parameters, shape (base,).
+
+    Each is multiplied by 1 + spread · N(0, 1). Links that are physical in the description are
+    drawn again until they are.
+    """
+    nominal = nominal_values(base.robot, base.standard)
+    drawn = nominal.copy()
+    links: dict[tuple[int, bool], list[int]] = {}
+    for k, p in enumerate(base.standard):
+        links.setdefault((p.joint, p.is_inertial), []).append(k)
+    for (_, inertial), own in links.items():
+        wanted = inertial and is_possible(nominal[own])
+        for _ in range(DRAWS):
+            drawn[own] = nominal[own] * (1.0 + spread * rng.standard_normal(len(own)))
+            if not wanted or is_possible(drawn[own]):
+                break
+        else:
+            drawn[own] = nominal[own]
+    return base.values(drawn)
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,12 +6,11 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
+from pivident.many.batch.batch_errors import StudyFolderError
 from pivident.many.study.bench import Bench
-from pivident.many.study.league_page import render_league
-from pivident.many.study.motion import optimised_series
 from pivident.many.study.scenario import Scenario
-from pivident.many.study.study_errors import StudyFolderError
-from pivident.many.study.study_page import render_page
+from pivident.many.study.scenario_tables import optimised_series
+from pivident.many.study.study_page import render_league, render_page
 from pivident.many.study.study_store import Store
 from pivident.many.study.summary import Summary, summarise
 

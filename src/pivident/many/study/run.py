@@ -22,11 +22,11 @@ from pivident.many.batch.results_folder import Row as Row
 from pivident.many.batch.results_folder import failure
 from pivident.many.batch.runner import CHANGED, GivenExecutor, Pool, Processes, Runner, Say
 from pivident.many.study.bench import Bench
-from pivident.many.study.merit import figures_of_merit
-from pivident.many.study.motion import FILE as TRAJECTORY
-from pivident.many.study.motion import as_json, optimised_series
 from pivident.many.study.scenario import Scenario
+from pivident.many.study.scenario_tables import FILE as TRAJECTORY
+from pivident.many.study.scenario_tables import as_json, optimised_series
 from pivident.many.study.study_store import Store
+from pivident.many.study.summary import figures_of_merit
 from pivident.simulation.excitation import FourierSeries
 from pivident.threads import thread_count
 from pivident.validation.residuals.autocorrelation import correlated_shares

@@ -41,8 +41,13 @@ from pivident.errors import ExperimentError
 from pivident.estimation.methods import METHODS
 from pivident.files import regular_file
 from pivident.many.study.bench import Bench
-from pivident.many.study.motion import reach_of
-from pivident.many.study.scenario_tables import ScenarioTables, file_named, merged, short_forms
+from pivident.many.study.scenario_tables import (
+    ScenarioTables,
+    file_named,
+    merged,
+    reach_of,
+    short_forms,
+)
 from pivident.robot.naming import nearest
 from pivident.robot.refusals import without_loops
 from pivident.text.toml import MAX_FILE, parse_toml

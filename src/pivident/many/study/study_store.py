@@ -9,10 +9,10 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from pivident.extras import require
+from pivident.many.batch.batch_errors import OtherScenario, StudyFolderError
 from pivident.many.batch.results_folder import MANIFEST as MANIFEST
 from pivident.many.batch.results_folder import UNFINISHED as UNFINISHED
 from pivident.many.batch.results_folder import ResultsFolder, Row
-from pivident.many.study.study_errors import OtherScenario, StudyFolderError
 
 if TYPE_CHECKING:
     import polars as pl

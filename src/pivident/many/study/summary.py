@@ -1,7 +1,17 @@
-"""Summary of a study: bias, coverage of the intervals, and efficiency.
+"""Summary of a study: bias, coverage, efficiency and figures of merit, as numbers and as text.
 
 Shares and relative errors are fractions of one; standard errors, biases and bounds have the unit of
 their parameter; figures of merit are percentages, as in the literature.
+
+Figures of merit of BIRDy (Leboutet et al. 2021), on a motion not used for identification.
+
+    d_τ = 100 mean_j ‖τ̂_j - τ_j‖/‖τ_j‖        torque along the true second motion
+    d_q = 100 mean_j ‖q̂_j - q_j‖/‖q_j‖        positions of the simulated loop
+    d_β = 100 (2/b) Σ_i |β̂_i - β_i| / (|β̂_i| + |β_i|)
+
+All in percent, without noise; d_q is NaN if the loop cannot be simulated with the estimates.
+
+The summary of a study as plain text, for terminals.
 """
 
 from __future__ import annotations
@@ -19,21 +29,22 @@ from pivident.errors import IdentificationError
 from pivident.extras import require
 from pivident.many.study.bench import Bench
 from pivident.many.study.bound import Bounds, efficiency_bounds
-from pivident.many.study.merit import Merit, figures_of_merit
+from pivident.text.plain_table import plain_table
 from pivident.text.plain_values import plain
 
 if TYPE_CHECKING:
     import polars as pl
 
 Interval = tuple[float, float]
-
 #: Coverage of ±2 standard deviations of a normal distribution.
 NOMINAL_COVERAGE = math.erf(2.0 / math.sqrt(2.0))
-
 #: Confidence of the intervals of the summary itself.
 CONFIDENCE = 0.95
-
 NAN = float("nan")
+HEADINGS = (
+    "method", "runs", "covered", "interval", "median error", "predicted/found", "efficiency",
+    "iterations", "simulations", "time",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -62,6 +73,40 @@ class ParameterSummary:
     def bias_over_spread(self) -> float:
         """|bias| over spread."""
         return abs(self.bias) / self.spread if self.spread > 0 else NAN
+
+
+@dataclass(frozen=True)
+class Merit:
+    """Figures of merit of a set of parameters [%]."""
+
+    d_tau: float  # error of the torque
+    d_q: float  # error of the simulated positions, NaN if they diverge
+    d_beta: float  # distance of the parameters
+
+
+def figures_of_merit(bench: Bench, theta: np.ndarray) -> Merit:
+    """Figures of merit on the bench's second motion."""
+    true, regressor = bench.second_motion, bench.regressor
+    torque = regressor.torque(true.q, true.dq, true.ddq, theta)
+    try:
+        made = bench.simulated(regressor.parameters, theta, bench.second_reference, clip=True)
+        d_q = _distance(made.q, true.q)
+    except IdentificationError:
+        d_q = float("nan")
+    return Merit(_distance(torque, true.tau), d_q, _parameter_distance(theta, bench.expected))
+
+
+def _distance(estimated: np.ndarray, true: np.ndarray) -> float:
+    """100 mean_j ‖x̂_j - x_j‖/‖x_j‖ of signals (samples, joints), over joints with a signal."""
+    size = np.linalg.norm(true, axis=0)
+    error = np.linalg.norm(estimated - true, axis=0)
+    return float(100.0 * np.mean(error[size > 0] / size[size > 0]))
+
+
+def _parameter_distance(estimated: np.ndarray, true: np.ndarray) -> float:
+    size = np.abs(estimated) + np.abs(true)
+    share = np.divide(np.abs(estimated - true), size, out=np.zeros(size.shape), where=size > 0)
+    return float(100.0 * 2.0 / size.size * share.sum())
 
 
 @dataclass(frozen=True)
@@ -291,3 +336,53 @@ def _normal_quantile() -> float:
     from statistics import NormalDist
 
     return NormalDist().inv_cdf(0.5 + CONFIDENCE / 2)
+
+
+def summary_text(summary: Summary) -> str:
+    """A table with one line per method, errors, and a note on the intervals."""
+    rows = []
+    for name, m in summary.methods.items():
+        low, high = m.coverage_interval
+        rows.append(
+            (
+                name,
+                str(m.runs),
+                percent(m.coverage, 1),
+                f"{percent(low, 1, '')}–{percent(high, 1)}" if math.isfinite(low) else "–",
+                percent(m.median_relative_error, 5),
+                number(m.predicted_over_empirical),
+                number(m.efficiency),
+                number(m.iterations[0]),
+                number(m.simulations),
+                "–" if math.isnan(m.seconds) else f"{m.seconds:.2f} s",
+            )
+        )
+    table = [
+        (heading, ">" if k else "<", [row[k] for row in rows]) for k, heading in enumerate(HEADINGS)
+    ]
+    lines = [plain_table(table)]
+    for name, m in summary.methods.items():
+        for error, count in m.errors.items():
+            lines.append(f"{name}: {count} run(s) ended with {error}: {m.messages[error]}")
+        if m.not_converged:
+            lines.append(f"{name}: {m.not_converged} estimate(s) did not converge")
+    note = (
+        f"A 2σ interval should cover the truth in {100 * NOMINAL_COVERAGE:.1f} % of the cases; "
+        "the interval of the coverage is a 95 % interval over the runs."
+    )
+    return "\n".join([f"{summary.scenario}: {summary.description}".rstrip(": "), *lines, note])
+
+
+def percent(share: float, digits: int, unit: str = " %") -> str:
+    """A fraction as percentage, with this many decimals; more if it is small."""
+    if not math.isfinite(share):
+        return "–"
+    value = 100.0 * share
+    if 0 < abs(value) < 10.0**-digits:
+        return f"{value:.2g}{unit}"
+    return f"{value:.{digits}f}{unit}"
+
+
+def number(value: float) -> str:
+    """Three digits, or a dash."""
+    return f"{value:.3g}" if math.isfinite(value) else "–"

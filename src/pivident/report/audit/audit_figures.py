@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pivident.audit.audit import Audit
-from pivident.report.drawing_library import colour_scale
-from pivident.report.plot_parts import LEGEND, Plot, kept_samples
+from pivident.report.plot_parts import LEGEND, Plot, colour_scale, kept_samples
 from pivident.report.plotly_figures import ERROR, MEASURED, METHOD_COLOURS, Figure, empty_plot
 from pivident.text.numbers import with_spread
 

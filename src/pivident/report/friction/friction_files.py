@@ -12,8 +12,7 @@ from pivident.friction.curves import as_json, curves_table
 from pivident.friction.friction_findings import FrictionFinding, headline
 from pivident.friction.friction_study import FrictionStudy
 from pivident.report.builder import page_environment, page_of, write_page
-from pivident.report.friction.friction_figures import gain_figure, joint_figures
-from pivident.report.friction.ripple_figures import ripple_figures
+from pivident.report.friction.friction_figures import gain_figure, joint_figures, ripple_figures
 
 
 def write_friction(study: FrictionStudy, folder: str | Path, title: str | None = None) -> Path:

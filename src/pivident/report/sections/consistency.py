@@ -15,15 +15,14 @@ from pivident.consistency.consistent_estimate import (
     interval_text,
 )
 from pivident.consistency.consistent_tables import millimetres, moments_text
-from pivident.consistency.ellipsoid import outline
-from pivident.consistency.pseudo_inertia import link_body
-from pivident.consistency.significance import HALF_INTERVAL
+from pivident.consistency.metric import HALF_INTERVAL
+from pivident.consistency.pseudo_inertia import link_body, outline
 from pivident.dynamics.closed_chains.closed_motion import ClosedChains
 from pivident.estimation.equation_record import FittedRecording
 from pivident.report.plot_parts import Plot
 from pivident.report.plotly_figures import MEASURED, Figure, colour, empty_plot
 from pivident.report.sections.base import Section
-from pivident.robot.assembly import link_frames
+from pivident.robot.closed_chains import link_frames
 from pivident.robot.description import Robot
 from pivident.robot.frames import Pose
 from pivident.text.numbers import format_significant

@@ -12,7 +12,7 @@ from pivident.estimation.output_error.simulated_errors import POSITIONS, TORQUES
 from pivident.estimation.output_error.simulation_fit import SimulationFit
 from pivident.estimation.output_error.thinning import Thinning, means_at
 from pivident.estimation.simulation_result import SimulationResult
-from pivident.estimation.simulation_tables import held_lines, parameter_texts, simulation_heading
+from pivident.estimation.summary_tables import held_lines, parameter_texts, simulation_heading
 from pivident.report.plotly_figures import ERROR, MEASURED, Figure, colour, empty_plot, line
 from pivident.report.sections.base import Gallery, Section
 from pivident.text.numbers import format_significant

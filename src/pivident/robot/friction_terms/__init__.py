@@ -15,7 +15,7 @@ from functools import cache
 
 from pivident.registry import Registry
 from pivident.robot.friction_column import FrictionColumn
-from pivident.robot.term_kind import TermKind
+from pivident.robot.friction_term import TermKind
 
 #: Terms by the name that robot files give them.
 TERM_KINDS: Registry[TermKind] = Registry(

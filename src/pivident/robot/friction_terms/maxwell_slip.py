@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from pivident.robot.friction_column import Constant, FrictionColumn, Key
-from pivident.robot.friction_term import FrictionTerm
+from pivident.robot.friction_term import Candidate, FrictionTerm, TermKind
 from pivident.robot.friction_terms.stribeck import EXCESS, EXPONENT, SPEED, weakening
-from pivident.robot.term_kind import Candidate, TermKind
 
 MAXWELL = FrictionColumn(
     name="maxwell",

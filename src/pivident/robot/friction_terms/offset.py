@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from pivident.robot.friction_column import FrictionColumn
-from pivident.robot.friction_term import FrictionTerm
-from pivident.robot.term_kind import TermKind
+from pivident.robot.friction_term import FrictionTerm, TermKind
 
 OFFSET = FrictionColumn(
     name="offset",

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from pivident.robot.friction_column import NAME_MEANING, Constant, FrictionColumn, Key, Smoothing
-from pivident.robot.friction_term import FrictionTerm
-from pivident.robot.term_kind import Candidate, TermKind
+from pivident.robot.friction_term import Candidate, FrictionTerm, TermKind
 
 POWER = FrictionColumn(
     name="power",

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 
 from pivident.robot.friction_column import Constant, FrictionColumn
-from pivident.robot.friction_term import FrictionTerm
-from pivident.robot.term_kind import TermKind
+from pivident.robot.friction_term import FrictionTerm, TermKind
 
 SPRING = FrictionColumn(
     name="spring",

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from pivident.robot.friction_column import FrictionColumn
-from pivident.robot.friction_term import FrictionTerm
-from pivident.robot.term_kind import Candidate, TermKind
+from pivident.robot.friction_term import Candidate, FrictionTerm, TermKind
 
 VISCOUS = FrictionColumn(
     name="viscous",

@@ -27,6 +27,7 @@ from pivident.validation.held_out.fold_estimates import (
     estimates_without,
     filters_without,
     regressions_without,
+    simulated_estimates_without,
 )
 from pivident.validation.held_out.folds import JudgedMotion, Piece, contiguous_folds, equal_blocks
 from pivident.validation.held_out.prediction import Judge, PredictionError, pooled
@@ -37,7 +38,6 @@ from pivident.validation.held_out.replay import (
     pooled_replay,
     pooled_simulation,
 )
-from pivident.validation.held_out.simulated_folds import simulated_estimates_without
 
 #: What has to be said where nothing was held out.
 TRAINING_ONLY = (

@@ -16,7 +16,7 @@ import numpy as np
 
 from pivident.errors import ExperimentError, PividentError
 from pivident.estimation.problem import Problem
-from pivident.motion.kinematics import Kinematics
+from pivident.motion.motion import Kinematics
 from pivident.recording.recording import Recording
 from pivident.validation.held_out.prediction import Judge, motion_band
 from pivident.validation.held_out.replay import Replay

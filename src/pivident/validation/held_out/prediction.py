@@ -17,8 +17,7 @@ import numpy as np
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.problem import LOW_SPEED, rated_speeds
 from pivident.estimation.signal_recipes import RandomWalk
-from pivident.motion.kinematics import MOTION_BAND, measured_samples
-from pivident.motion.motion import SpeedLimits
+from pivident.motion.motion import MOTION_BAND, SpeedLimits, measured_samples
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.robot.measured_base import BASE_JOINTS

@@ -22,12 +22,10 @@ import numpy as np
 
 from pivident.estimation.auxiliary_model import AuxiliaryModel, mean_until_next
 from pivident.estimation.identification import Identification
-from pivident.estimation.output_error.loop_unknowns import loop_unknowns
+from pivident.estimation.output_error.loop_unknowns import loop_unknowns, with_values
 from pivident.estimation.output_error.record_stretches import closed_stretches, open_stretches
-from pivident.estimation.output_error.unknowns import with_values
 from pivident.estimation.problem import Problem, position_units, torque_units
-from pivident.motion.kinematics import Kinematics
-from pivident.motion.motion import SimulatedMotion
+from pivident.motion.motion import Kinematics, SimulatedMotion
 from pivident.recording.recording import Recording
 from pivident.simulation.closed_loop import Trajectory, simulate
 from pivident.simulation.direction import ParametrisedLoop

@@ -1,4 +1,4 @@
-"""Is the residual white? Autocorrelations with bands, Ljung and Box, Durbin and Watson.
+"""Is the whitened residual white? Autocorrelations, Ljung and Box, Durbin and Watson.
 
     r_k = (Σ x_i x_{i+k} / n_k) / (Σ x_i² / n),   band ±2/√n_k              (Figure 5 of the paper)
     Q = (n + 2)/n Σ_{k≤K} n_k r_k²  ~  χ²(K - p),   K = p + 40                  (Ljung and Box 1978)
@@ -22,6 +22,11 @@ as the alignment with the positions does, is a moving average with a zero at the
 which no AR model of finite order whitens, and AIC stops where a further coefficient would cost
 more than it explains. So the share of the variance that the past predicts stands beside p. High
 orders on short records also distort the test: the ends of the record add about 1.5 p²/n to Q.
+
+The residual that is tested: one joint's, over all recordings, with its gaps.
+
+Rows that were not used are NaN. A correlation at lag k is made of the pairs of samples k apart of
+which both are used and which lie in the same recording; their number n_k takes the place of n - k.
 """
 
 from __future__ import annotations
@@ -33,36 +38,29 @@ from functools import lru_cache
 import numpy as np
 
 from pivident.estimation.identification import Identification
+from pivident.estimation.method import Arma, AutoRegressive
 from pivident.signals.noise_models import LaggedSums, lagged_sums
-from pivident.validation.residuals.whitened_residual import (
-    MIN_PAIRS,
-    SIGNIFICANCE,
-    JointResidual,
-    joint_residuals,
-    probability,
-    reading,
-)
 
 #: Lags tested beyond the order of the noise model.
 EXTRA_LAGS = 40
-
 #: Lags drawn, at least.
 MIN_LAGS = 100
-
 #: Lags of which the share beyond the band is counted, and that figures for papers show.
 COUNTED_LAGS = 50
-
 #: Correlation below which a single lag does not matter.
 PRACTICAL_CORRELATION = 0.05
-
 #: Share of the residual's variance, predicted from its past, below which it does not matter.
 PRACTICAL_SHARE = 0.01
-
 #: Step of the grid on which the distribution of Q is computed.
 _STEP = 0.05
-
 #: A correlation this many of its standard errors large is not there by chance, at any of many lags.
 BEYOND_CHANCE = 4.5
+#: Results with a smaller probability count as significant. There are as many tests as joints, so
+#: one in twenty would be too often a false alarm.
+SIGNIFICANCE = 0.01
+#: Fewest samples that are tested, and fewest pairs that a lag needs.
+MIN_SAMPLES = 50
+MIN_PAIRS = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +76,70 @@ class Autocorrelation:
         """Share of the autocorrelations outside the band, 0 to 1."""
         known = np.isfinite(self.rho)
         return float(np.mean(np.abs(self.rho[known]) > self.band[known])) if known.any() else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class JointResidual:
+    """Whitened residual of one joint."""
+
+    name: str  # joint
+    #: Residual of each recording on consecutive rows, NaN where a row was not used.
+    pieces: tuple[np.ndarray, ...]
+    order: int = 0  # number of coefficients of the noise model that was fitted to it; 0 without one
+    rate: float = 1.0  # rate of its rows [Hz]
+    prefiltered: bool = False  # whether the equations were filtered before they were solved
+    #: What each coefficient costs in the criterion that chose the order (AIC: 2, BIC: ln n); None:
+    #: the order was given.
+    penalty: float | None = None
+
+    @property
+    def values(self) -> np.ndarray:
+        """The residual on the rows in use, one recording behind the other."""
+        joined = np.concatenate(self.pieces) if self.pieces else np.empty(0)
+        return joined[np.isfinite(joined)]
+
+
+def joint_residuals(identification: Identification) -> tuple[JointResidual, ...]:
+    """Whitened residuals of all joints."""
+    if not identification.recordings:
+        return tuple(JointResidual(fit.name, ()) for fit in identification.joints)
+    return tuple(
+        JointResidual(
+            fit.name,
+            tuple(r.whitened[:, j] for r in identification.recordings),
+            fit.ar_order,
+            float(identification.recordings[0].whitened_rate),
+            fit.ar_order > 0 or fit.noise_unit != fit.torque_unit,
+            None if fit.ar_at_bound else _penalty(identification, fit.rows),
+        )
+        for j, fit in enumerate(identification.joints)
+    )
+
+
+def _penalty(identification: Identification, rows: int) -> float | None:
+    """Penalty per coefficient of the noise model's order; None where no order was searched."""
+    method = identification.method_used
+    return None if method is None else penalty_of(method.noise, rows)
+
+
+def penalty_of(noise: AutoRegressive | Arma | None, rows: int) -> float | None:
+    """The same of a recipe of noise models."""
+    criterion = noise.criterion if isinstance(noise, AutoRegressive) else None
+    if criterion in ("aic", "aicc"):
+        return 2.0
+    return round(math.log(max(rows, 8)), 1) if criterion == "bic" else None
+
+
+def probability(p: float) -> str:
+    """``p = 0.034`` or ``p < 0.001``."""
+    return "p < 0.001" if p < 1e-3 else f"p = {p:.2g}"
+
+
+def reading(significant: bool, matters: bool) -> str:
+    """Significance and practical size, in words."""
+    if not significant:
+        return "not significant"
+    return f"significant{' and of' if matters else ', but of no'} practical size"
 
 
 @dataclass(frozen=True)

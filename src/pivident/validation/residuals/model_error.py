@@ -32,7 +32,7 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.problem import Problem, torque_units
 from pivident.estimation.signal_recipes import RandomWalk
-from pivident.motion.kinematics import torque_of, usable_samples
+from pivident.motion.motion import torque_of, usable_samples
 from pivident.recording.repeated_motion import RepeatedMotion, repeated_motion
 from pivident.signals.bandpass import butterworth
 from pivident.text.lists import listed

@@ -26,27 +26,26 @@ from pivident.threads import run_in_threads
 from pivident.validation.residuals.autocorrelation import (
     EXTRA_LAGS,
     MIN_LAGS,
+    MIN_SAMPLES,
+    SIGNIFICANCE,
     Autocorrelation,
     DurbinWatsonTest,
+    JointResidual,
     LjungBoxTest,
     autocorrelation,
     durbin_watson,
+    joint_residuals,
     ljung_box,
+    penalty_of,
+    probability,
+    reading,
     variance_factor,
 )
 from pivident.validation.residuals.cross_correlation import (
     CrossCorrelationTest,
+    VarianceTest,
     cross_correlation_tests,
-)
-from pivident.validation.residuals.heteroscedasticity import VarianceTest, variance_test
-from pivident.validation.residuals.whitened_residual import (
-    MIN_SAMPLES,
-    SIGNIFICANCE,
-    JointResidual,
-    joint_residuals,
-    penalty_of,
-    probability,
-    reading,
+    variance_test,
 )
 
 #: Skewness and excess kurtosis below which a distribution is as good as normal.

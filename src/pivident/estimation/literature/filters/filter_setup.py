@@ -27,7 +27,7 @@ from pivident.estimation.literature.filters.online import KalmanFilter, KalmanSt
 from pivident.estimation.method import Handles, Method, Refit, Start
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import RandomWalk
-from pivident.motion.kinematics import Kinematics
+from pivident.motion.motion import Kinematics
 from pivident.options import option
 from pivident.recording.recording import Recording
 from pivident.signals.alignment import torque_shift
