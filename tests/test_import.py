@@ -29,10 +29,11 @@ def test_import_loads_nothing_heavy():
     assert run_python(code).strip() == "[]"
 
 
-def test_command_line_help_loads_no_numerics():
+def test_command_line_help_loads_neither_numerics_nor_markdown():
     code = (
         "import sys; from pivident.cli import main; main(['--help']); "
-        "print([m for m in ('numpy', 'scipy', 'numba', 'pydantic') if m in sys.modules])"
+        "heavy = ('numpy', 'scipy', 'numba', 'pydantic', 'markdown_it'); "
+        "print([m for m in heavy if m in sys.modules])"
     )
     assert run_python(code).strip().endswith("[]")
 
