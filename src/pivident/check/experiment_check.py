@@ -14,6 +14,7 @@ from typing import Any
 
 from pivident.audit.audit import Audit
 from pivident.audit.audit_file import excited_together
+from pivident.audit.timing import MISSING_SAMPLES
 from pivident.check.file_check import file_problems
 from pivident.check.log_check import check_log
 from pivident.check.plan import Plan
@@ -110,7 +111,7 @@ def check_experiment(
         replace(remark, line=lines.line(remark.place))
         for remark in merged(reversed(unique.values()))
     ]
-    stops = any(remark.refused and remark.kind != "gap" for remark in placed)
+    stops = any(remark.refused and remark.kind != MISSING_SAMPLES.name for remark in placed)
     found = tuple(gravest_first(placed))
     return ExperimentCheck(path, found, tuple(looked_at), None if stops else plan, audits)
 

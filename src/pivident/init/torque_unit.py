@@ -16,7 +16,7 @@ from pivident.audit.description_factors import BLUNT, description_factors
 from pivident.audit.flange_load import FlangeLoad, flange_load
 from pivident.audit.inverse_model import build_inverse_model
 from pivident.audit.power import check_power
-from pivident.audit.scale import check_positions
+from pivident.audit.scale import ANGLE_UNIT, check_positions
 from pivident.audit.timing import check_timing
 from pivident.check.torque_side import TorqueSideEvidence, torque_side_evidence
 from pivident.errors import PividentError
@@ -97,7 +97,7 @@ def compare(robot: Robot, q: np.ndarray, tau: np.ndarray, seconds: np.ndarray) -
             return Comparison(nothing, nothing, trouble="the sampling rate could not be determined")
         model = build_inverse_model(log, timing)
         findings, better = check_positions(log, timing, model)
-        if any(f.kind == "angle unit" for f in findings):
+        if any(f.declared is ANGLE_UNIT for f in findings):
             return Comparison(nothing, nothing, angle_unit=True)
         model = better or model
         power = check_power(log, model)

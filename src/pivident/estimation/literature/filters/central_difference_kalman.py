@@ -5,10 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
-from pivident.estimation.literature.filters.filter_state import FilterNoise, FilterState
-from pivident.estimation.literature.filters.robot_equations import RobotEquations
+from pivident.estimation.literature.filters.filter_state import FilterRun
 from pivident.estimation.literature.filters.sigma_points import sigma_samples
 from pivident.estimation.literature.filters.state_filter import KalmanMethod
 from pivident.estimation.method import Cost
@@ -32,18 +29,9 @@ class CentralDifferenceKalman(KalmanMethod):
     cost: ClassVar[Cost] = Cost(0.1, 3e-6)
     needs_points: ClassVar[bool] = True
 
-    def advance(
-        self,
-        equations: RobotEquations,
-        state: FilterState,
-        noise: FilterNoise,
-        period: float,
-        tau: np.ndarray,
-        q: np.ndarray,
-        innovations: np.ndarray,
-    ) -> tuple[int, int, int]:
+    def advance(self, run: FilterRun) -> tuple[int, int, int]:
         """Take samples; status, joint and sample at which it ended."""
         return sigma_samples(
-            equations, state, noise, period, tau, q, innovations,
+            *run,
             self.step, True, 1.0, 2.0, self.square_root,
         )  # fmt: skip

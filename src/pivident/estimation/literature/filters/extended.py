@@ -12,20 +12,16 @@ parameters: their estimates converge where the noises are as assumed, and may di
 
 from __future__ import annotations
 
-import numpy as np
-
 from pivident.compiled import kernel, summing
 from pivident.estimation.literature.filters.filter_state import (
     DONE,
-    FilterNoise,
-    FilterState,
+    FilterRun,
     refused,
     torque_variance,
     update_positions,
     worst,
 )
 from pivident.estimation.literature.filters.midpoint_step import midpoint_step, step_tangent
-from pivident.estimation.literature.filters.robot_equations import RobotEquations
 
 
 @summing
@@ -125,15 +121,6 @@ class ExtendedSteps:
     needs_points = False
     square_root = False
 
-    def advance(
-        self,
-        equations: RobotEquations,
-        state: FilterState,
-        noise: FilterNoise,
-        period: float,
-        tau: np.ndarray,
-        q: np.ndarray,
-        innovations: np.ndarray,
-    ) -> tuple[int, int, int]:
+    def advance(self, run: FilterRun) -> tuple[int, int, int]:
         """Take samples; status, joint and sample at which it ended."""
-        return extended_samples(equations, state, noise, period, tau, q, innovations)
+        return extended_samples(*run)

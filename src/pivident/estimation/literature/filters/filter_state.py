@@ -65,6 +65,29 @@ class FilterState(NamedTuple):
     step: StepWork
 
 
+class FilterRun(NamedTuple):
+    """A filter and the samples that it takes.
+
+    Attributes:
+        equations: of the robot.
+        state: of the filter, which is changed.
+        noise: variances of torques and positions.
+        period: time between two samples [s].
+        tau: torques before each sample, shape (samples, joints) [N m or N].
+        q: measured positions, shape (samples, joints) [rad or m].
+        innovations: takes them in standard deviations and in [rad or m], shape (2, samples,
+            joints).
+    """
+
+    equations: RobotEquations
+    state: FilterState
+    noise: FilterNoise
+    period: float
+    tau: np.ndarray
+    q: np.ndarray
+    innovations: np.ndarray
+
+
 def filter_state(equations: RobotEquations, sigma_points: bool) -> FilterState:
     """Empty state for a robot; sigma points take most of its memory."""
     n, p = equations.joints, len(equations.floor)

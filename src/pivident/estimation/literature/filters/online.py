@@ -20,11 +20,11 @@ from pivident.estimation.literature.filters.filter_state import (
     NOT_POSITIVE,
     OPEN,
     FilterNoise,
-    FilterState,
+    FilterRun,
     filter_state,
 )
 from pivident.estimation.literature.filters.midpoint_step import step_work
-from pivident.estimation.literature.filters.robot_equations import RobotEquations, robot_equations
+from pivident.estimation.literature.filters.robot_equations import robot_equations
 from pivident.robot.description import Robot
 
 
@@ -39,16 +39,7 @@ class KalmanSteps(Protocol):
     def square_root(self) -> bool:
         """Whether factors of the covariance are carried."""
 
-    def advance(
-        self,
-        equations: RobotEquations,
-        state: FilterState,
-        noise: FilterNoise,
-        period: float,
-        tau: np.ndarray,
-        q: np.ndarray,
-        innovations: np.ndarray,
-    ) -> tuple[int, int, int]:
+    def advance(self, run: FilterRun) -> tuple[int, int, int]:
         """Take samples; status, joint and sample at which it ended."""
 
 
@@ -200,7 +191,9 @@ class KalmanFilter:
     def _advance(self, tau: np.ndarray, q: np.ndarray, innovations: np.ndarray) -> None:
         """By the compiled filter."""
         status, joint, sample = self.method.advance(
-            self._equations, self._state, self._noise, 1.0 / self.rate, tau, q, innovations
+            FilterRun(
+                self._equations, self._state, self._noise, 1.0 / self.rate, tau, q, innovations
+            )
         )
         if status != DONE:
             raise FilterDiverged(

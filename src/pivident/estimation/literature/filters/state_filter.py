@@ -37,8 +37,8 @@ from pivident.estimation.literature.filters.filter_setup import (
     filter_setup,
     stretches_of,
 )
-from pivident.estimation.literature.filters.filter_state import FilterNoise, FilterState
-from pivident.estimation.literature.filters.robot_equations import RobotEquations, robot_equations
+from pivident.estimation.literature.filters.filter_state import FilterRun
+from pivident.estimation.literature.filters.robot_equations import robot_equations
 from pivident.estimation.method import Say
 from pivident.estimation.problem import Problem
 from pivident.text.finding import Finding, Quantity
@@ -164,27 +164,11 @@ class KalmanMethod(StateFilter):
     needs_points: ClassVar[bool] = False
     square_root: ClassVar[bool] = False
 
-    def advance(
-        self,
-        equations: RobotEquations,
-        state: FilterState,
-        noise: FilterNoise,
-        period: float,
-        tau: np.ndarray,
-        q: np.ndarray,
-        innovations: np.ndarray,
-    ) -> tuple[int, int, int]:
+    def advance(self, run: FilterRun) -> tuple[int, int, int]:
         """Take samples.
 
         Args:
-            equations: of the robot.
-            state: of the filter, which is changed.
-            noise: variances of torques and positions.
-            period: time between two samples [s].
-            tau: torques before each sample, shape (samples, joints) [N m or N].
-            q: measured positions, likewise [rad or m].
-            innovations: takes them in standard deviations and in [rad or m], shape (2, samples,
-                joints).
+            run: the filter and its samples.
 
         Returns:
             Status, and joint and sample at which it ended.

@@ -7,8 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from pivident.estimation.literature.filters.filter_state import FilterNoise, FilterState
-from pivident.estimation.literature.filters.robot_equations import RobotEquations
+from pivident.estimation.literature.filters.filter_state import FilterRun
 from pivident.estimation.literature.filters.sigma_points import sigma_samples
 from pivident.estimation.literature.filters.state_filter import KalmanMethod
 from pivident.estimation.method import Cost
@@ -36,19 +35,10 @@ class UnscentedKalman(KalmanMethod):
     cost: ClassVar[Cost] = Cost(0.1, 3e-6)
     needs_points: ClassVar[bool] = True
 
-    def advance(
-        self,
-        equations: RobotEquations,
-        state: FilterState,
-        noise: FilterNoise,
-        period: float,
-        tau: np.ndarray,
-        q: np.ndarray,
-        innovations: np.ndarray,
-    ) -> tuple[int, int, int]:
+    def advance(self, run: FilterRun) -> tuple[int, int, int]:
         """Take samples; status, joint and sample at which it ended."""
-        scale = self.alpha * float(np.sqrt(state.x.size + self.kappa))
+        scale = self.alpha * float(np.sqrt(run.state.x.size + self.kappa))
         return sigma_samples(
-            equations, state, noise, period, tau, q, innovations,
+            *run,
             scale, False, self.alpha, self.beta, self.square_root,
         )  # fmt: skip
