@@ -10,12 +10,11 @@ import pytest
 from pivident.consistency.metric import is_far
 from pivident.diagnostics.consistency_statements import consistency
 from pivident.diagnostics.diagnostics import diagnose, diagnose_one
-from pivident.diagnostics.estimate_statements import further_warnings
+from pivident.diagnostics.estimate_statements import further_warnings, wanted_motions
 from pivident.diagnostics.prediction_statements import prediction, simulated_loop
 from pivident.diagnostics.residual_statements import friction_law
 from pivident.diagnostics.verdict import Verdict, beside_verdict, verdict
 from pivident.diagnostics.verdict_file import held_out_errors, recommended_method, save_verdict
-from pivident.diagnostics.wanted_motion import wanted_motions
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS
 from pivident.estimation.parameter_rows import parameter_rows

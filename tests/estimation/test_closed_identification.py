@@ -7,7 +7,7 @@ import pytest
 
 import pivident as pv
 from pivident.comparison.groups import difference_of_geometry
-from pivident.diagnostics.wanted_motion import wanted_motions
+from pivident.diagnostics.estimate_statements import wanted_motions
 from pivident.errors import RobotDescriptionError
 from pivident.estimation.identification_file import save_identification
 from pivident.models.model_json import read_model, to_json

@@ -1,38 +1,46 @@
-"""What the verdict says about the estimate: which to take, whether it converged, what is known."""
+"""What the verdict says about the estimate: which to take, whether it converged, what is known.
+
+Of a parameter that is not known it says how much torque it can make at most, and which motion would
+determine it.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
 
+import numpy as np
+
 from pivident.diagnostics.diagnostics import Diagnostics
-from pivident.diagnostics.torque_shares import torque_shares
-from pivident.diagnostics.wanted_motion import wanted_motions
 from pivident.dynamics.signs import negative_parameters
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import ParameterRow, parameter_rows, shown_std
 from pivident.logs.torque_scale import marked_scales, scale_sentences
+from pivident.motion.wanted_motion import (
+    SENTENCES,
+    FullMotion,
+    MotionLimits,
+    motions_for,
+)
 from pivident.text.finding import Finding, Quantity, Severity
 from pivident.text.lists import listed
 from pivident.text.numbers import format_significant, percent
 
 #: A parameter whose 2σ is below this share of its value is well determined [%].
 WELL = 10.0
-
 #: Share of any joint's torque below which a parameter that may be zero makes no difference.
 SLIGHT = 0.01
-
 #: Most warnings about an identified law that are reported one by one.
 MAX_OF_LAW = 3
-
 #: Topics of an estimator's warnings that have a statement of their own in the verdict.
 RESTATED = (
     "iteration", "exogeneity", "torque scale", "instruments", "torque side", "correction",
     "intervals",
 )  # fmt: skip
-
 #: The same for single negative parameters; reversed signs are said by the estimator alone.
 NEGATIVE = ("signs", "negative")
+#: Samples of the record at which the columns are looked at.
+SAMPLES = 400
 
 
 def choice(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
@@ -78,6 +86,30 @@ def convergence(result: Identification) -> Iterator[Finding]:
         )
         severity, kind = "error", "not converged"
     yield Finding(severity, "iteration", kind, text, evidence=evidence, basis=last)
+
+
+def wanted_motions(identification: Identification, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Motions that would determine some parameters, one sentence for each kind of motion."""
+    if not names or not identification.recordings:
+        return ()
+    robot, records = identification.robot, identification.recordings
+    motion = (np.vstack([getattr(r, name) for r in records]) for name in ("q", "dq", "ddq"))
+    limits = MotionLimits.of(robot, *motion)
+    heads = [identification.parameters[identification.names.index(name)] for name in names]
+    wanted = motions_for(heads, FullMotion.within(robot, limits), limits)
+    groups: dict[int, tuple[list[str], set[str]]] = {}
+    for name, motion_of_one in zip(names, wanted, strict=True):
+        members, moved = groups.setdefault(motion_of_one.kind, ([], set()))
+        members.append(name)
+        moved.update(motion_of_one.joints)
+
+    def in_order(joints: set[str]) -> str:
+        return ", ".join(name for name in robot.joint_names if name in joints)
+
+    return tuple(
+        f"For {', '.join(members)}: {SENTENCES[kind].format(joints=in_order(moved))}."
+        for kind, (members, moved) in sorted(groups.items())
+    )
 
 
 def determined(result: Identification) -> Iterator[Finding]:
@@ -138,6 +170,40 @@ def open_parameters(result: Identification) -> tuple[str, ...]:
     rows = parameter_rows(result)
     zero, slight = zero_and_slight(result, rows)
     return zero or tuple(r.name for r in rows if not is_known(r) and r.name not in slight)
+
+
+def torque_shares(result: Identification, names: Sequence[str]) -> np.ndarray:
+    """Largest share of a joint's torque that each parameter makes at the far end of its interval.
+
+        max_j  (|θ_i| + 2σ_i) rms φ_ji / rms (Φθ)_j
+
+    It is the larger one of the shares in the record and in motion within the robot's limits: a
+    parameter of little torque here may have much there, and the other way round.
+
+    Args:
+        result: the estimate.
+        names: parameters of it.
+
+    Returns:
+        Shares, shape (names,); NaN where the result has no record.
+    """
+    if not names or not result.recordings:
+        return np.full(len(names), np.nan)
+    robot, records = result.robot, result.recordings
+    q, dq, ddq = (np.vstack([getattr(r, name) for r in records]) for name in ("q", "dq", "ddq"))
+    full = FullMotion.within(robot, MotionLimits.of(robot, q, dq, ddq))
+    some = np.unique(np.linspace(0, len(q) - 1, min(SAMPLES, len(q))).astype(int))
+    places = [result.names.index(name) for name in names]
+    reach = (np.abs(result.theta) + 2.0 * shown_std(result))[places]
+    shares = np.zeros(len(names))
+    for motion in (full, FullMotion(robot, q[some], dq[some], ddq[some])):
+        columns = motion.columns(result.parameters)
+        torque = np.sqrt(np.mean((columns @ result.theta) ** 2, axis=0))
+        own = np.sqrt(np.mean(columns[:, :, places] ** 2, axis=0)) * reach
+        share = np.divide(own, torque[:, None], out=np.where(own > 0.0, np.inf, 0.0),
+                          where=torque[:, None] > 0.0)  # fmt: skip
+        shares = np.maximum(shares, share.max(axis=0))
+    return shares
 
 
 def zero_and_slight(
