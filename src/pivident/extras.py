@@ -21,8 +21,8 @@ class MissingExtra(PividentError, ImportError):
     def __init__(self, library: str, extra: str, purpose: str) -> None:
         self.library, self.extra = library, extra
         super().__init__(
-            f"{purpose} needs {library}, which is not installed; run "
-            f"pip install 'pivident[{extra}]'"
+            f"{purpose} needs {library}, which is not installed",
+            advice=f"run pip install 'pivident[{extra}]'",
         )
 
 

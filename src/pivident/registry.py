@@ -41,7 +41,8 @@ class BrokenExtension(PividentError):
         self.name, self.group, self.distribution = name, group, distribution
         super().__init__(
             f"{name!r} of the distribution {distribution} (entry points {group}) cannot be used: "
-            f"{why}; mend it, or run pip uninstall {distribution}"
+            f"{why}",
+            advice=f"mend it, or run pip uninstall {distribution}",
         )
 
 

@@ -1,11 +1,24 @@
 """Errors carry what was seen and what to do apart: nothing takes them from a sentence."""
 
 import ast
+import copy
 import pickle
 
 import pytest
 
-from pivident.errors import ExperimentError, RecordingError, RobotDescriptionError, UnusableValue
+from pivident.errors import (
+    ExperimentError,
+    IdentificationFileError,
+    LoopOpened,
+    MissingSamples,
+    NonFiniteSamples,
+    RecordingError,
+    RobotDescriptionError,
+    UnknownColumn,
+    UnusableValue,
+)
+from pivident.errors.recordings import Stretches
+from pivident.extras import MissingExtra
 from pivident.robot.naming import nearest
 from tests.conftest import REPOSITORY
 
@@ -32,14 +45,28 @@ def literal_parts(node):
     return [p.value for p in parts if isinstance(p, ast.Constant) and isinstance(p.value, str)]
 
 
-def test_no_error_is_raised_with_both_in_one_sentence():
+def pieces(node):
+    """The strings that a text is put together from: both of a sum, both of a choice."""
+    if isinstance(node, ast.BinOp):
+        return [*pieces(node.left), *pieces(node.right)]
+    if isinstance(node, ast.IfExp):
+        return [*pieces(node.body), *pieces(node.orelse)]
+    return [node]
+
+
+def is_error(called):
+    """Whether a call makes an error, of its kind or of that of its parent, or raises its part."""
+    makers = ("Error", "Error.__init__", "Error.of_part", "UnusableValue", "super().__init__")
+    return called.endswith(makers) and called != "KeyError"  # whose text is a repr
+
+
+def test_no_error_is_made_with_both_in_one_sentence():
     joined = [
         f"{name}:{node.lineno}"
         for name, tree in trees()
         for node in ast.walk(tree)
-        if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call) and node.exc.args
-        if ast.unparse(node.exc.func) != "KeyError"  # whose text is a repr
-        if any("; " in text for text in literal_parts(node.exc.args[0]))
+        if isinstance(node, ast.Call) and node.args and is_error(ast.unparse(node.func))
+        if any("; " in text for part in pieces(node.args[0]) for text in literal_parts(part))
     ]
     assert joined == []
 
@@ -79,6 +106,58 @@ def test_both_survive_another_process(kind):
     assert str(again) == str(error) == "it has no p; did you mean 'pp'?"
     assert (again.fact, again.advice) == ("it has no p", "did you mean 'pp'?")
     assert again.meant == ("p", "pp")
+
+
+def stretches():
+    return Stretches(((0.0, 1.0), (2.0, 5.0)), 5.0, 1.0, 0.0, resample=True)
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        NonFiniteSamples("tau", "elbow", 3, 2),
+        MissingSamples(1, 1, 1, 0.1, 0.2, stretches()),
+        UnknownColumn("log.csv", "q1", ["q_1"], ["q_1"]),
+        LoopOpened(1, [0.0, 1.0], ["shoulder", "elbow"], 0.3),
+        IdentificationFileError("identification.json", "is empty", advice="identify again"),
+        MissingExtra("plotly", "report", "the report"),
+        ExperimentError("it has no p", advice="drop it").within("identify.piv", "p").headed("a:"),
+    ],
+    ids=lambda error: type(error).__name__,
+)
+@pytest.mark.parametrize("again", [lambda e: pickle.loads(pickle.dumps(e)), copy.copy])
+def test_every_kind_survives_another_process(error, again):
+    error.add_note("of the second log")
+    other = again(error)
+    assert type(other) is type(error)
+    assert str(other) == str(error)
+    assert error.advice and str(error).endswith(error.advice)
+    assert vars(other).keys() == vars(error).keys()
+    for name in ("fact", "advice", "sentence", "place", "table", "headings", "__notes__"):
+        assert getattr(other, name) == getattr(error, name)
+
+
+def test_headings_stand_in_front_of_the_message_but_not_of_what_was_seen():
+    bare = ExperimentError("it has no p", advice="drop it")
+    headed = bare.headed("[piv]").headed("arm.toml:", "[identify]")
+    assert str(headed) == "arm.toml: [identify] [piv] it has no p; drop it"
+    assert headed.headings == ("arm.toml:", "[identify]", "[piv]")
+    assert (headed.fact, headed.advice) == ("it has no p", "drop it")
+    whole = ExperimentError.of_part("fleet: ", headed)
+    assert str(whole) == f"fleet: {headed}"
+    assert (whole.fact, whole.advice) == (
+        "fleet: arm.toml: [identify] [piv] it has no p",
+        "drop it",
+    )
+
+
+def test_what_to_do_about_a_file_stands_behind_what_to_do_about_its_content():
+    content = UnusableValue("it has no p", advice="drop it")
+    error = IdentificationFileError.of_content("a.json", content, "identify again")
+    assert str(error) == "a.json: it has no p; drop it; identify again"
+    assert (error.reason, error.advice) == ("it has no p", "drop it; identify again")
+    error = IdentificationFileError.of_content("a.json", ValueError("bad"), "identify again")
+    assert (error.reason, error.advice) == ("bad", "identify again")
 
 
 def test_the_error_of_a_part_keeps_its_advice():

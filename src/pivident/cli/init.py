@@ -60,7 +60,7 @@ def init(
     """
     if not logs:
         if robot is None or yes or not sys.stdin.isatty() or not design_first(robot):
-            raise UsageError(without_log(robot))
+            raise without_log(robot)
         return excite(robot)
     done = run_init(
         logs,
@@ -115,12 +115,13 @@ def run_init(
     return not draft.troubles
 
 
-def without_log(robot: str | None) -> str:
+def without_log(robot: str | None) -> UsageError:
     """What to do where there is no log yet, as far as the robot is known."""
     arm = shlex.quote(robot or "my_arm.urdf")
-    return (
+    return UsageError(
         f"init needs a log: pivident init LOG --robot {arm}. Where there is none yet, design a "
-        f"motion first: pivident excite {arm} --out motion; run it on the robot, and log it"
+        f"motion first: pivident excite {arm} --out motion",
+        advice="run it on the robot, and log it",
     )
 
 

@@ -298,8 +298,8 @@ def link_shapes(robot: Robot, without: Collection[int] = ()) -> list[LinkShape]:
                 try:
                     mesh = files.found(own.mesh) if own.shape == "mesh" else None
                 except RobotDescriptionError as error:
-                    raise RobotDescriptionError(
-                        f"link {owner!r}: {error}, or give the link a capsule by hand: {BY_HAND}"
+                    raise RobotDescriptionError.of_part(f"link {owner!r}: ", error).followed_by(
+                        f", or give the link a capsule by hand: {BY_HAND}"
                     ) from error
                 shapes.append(LinkShape(owner, link, pose @ own.origin, own, mesh))
     return shapes

@@ -259,16 +259,16 @@ def _consistent(model: RunnableModel, content: dict[str, Any], label: str, sourc
     except (KeyError, TypeError, ValueError) as found:
         raise IdentificationFileError(
             str(source.path),
-            f"its base parameters cannot be read ({found!r}); make it again with "
-            "`pivident consistent`",
+            f"its base parameters cannot be read ({found!r})",
+            advice="make it again with `pivident consistent`",
         ) from None
     every = base_of(model.robot, names)
     unknown = sorted(set(names) - set(every.names))
     if unknown:
         raise IdentificationFileError(
             str(source.path),
-            f"{unknown[0]!r} is not a base parameter of its robot; make it again with "
-            "`pivident consistent`",
+            f"{unknown[0]!r} is not a base parameter of its robot",
+            advice="make it again with `pivident consistent`",
         )
     values = dict(zip(every.names, every.values(model.values).tolist(), strict=True))
     value = np.array([values[name] for name in names])

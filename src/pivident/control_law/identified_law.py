@@ -170,7 +170,7 @@ def identify_controller(
         if all(own.believable for own in setpoints):
             return _with_setpoints(recordings, channels, setpoints)
         if wrong:
-            raise IdentificationError(_refusal(laws, setpoints))
+            raise _refusal(laws, setpoints)
     law = _law_of(laws, robot, gain)
     output = np.stack([own[0].u for own in channels], axis=1)
     model = np.stack([own[1] for own in found if own is not None], axis=1)
@@ -260,7 +260,9 @@ def _setpoint_warnings(laws: Sequence[JointLaw], setpoints: Sequence[SpeedSetpoi
     ]
 
 
-def _refusal(refused: Sequence[JointLaw], setpoints: Sequence[SpeedSetpoint]) -> str:
+def _refusal(
+    refused: Sequence[JointLaw], setpoints: Sequence[SpeedSetpoint]
+) -> IdentificationError:
     """Why neither kind of law is one."""
     law, term = next((law, t) for law in refused for t in ALWAYS if law.gain(t) < 0.0)
     j, own = next((j, s) for j, s in enumerate(setpoints) if not s.believable)
@@ -271,12 +273,13 @@ def _refusal(refused: Sequence[JointLaw], setpoints: Sequence[SpeedSetpoint]) ->
         worst = int(np.argmin(np.array(gains) / own.std[:4]))
         which = ("position gain", "speed gain", "speed gain beyond the motion's band", "integrator")
         cause = f"leaves its {which[worst]} at {plus_minus(gains[worst], 2 * own.std[worst])}"
-    return (
+    return IdentificationError(
         f"the law found for joint {law.name!r} has {term} = {law.gain(term):.4g} and would push "
-        f"away from the reference; {100 * law.relative_error:.3g} % of the output stay "
-        f"unexplained. A speed setpoint does not make up for it: for joint {refused[j].name!r} it "
-        f"{cause}. Check the torque's sign, that q_ref belongs to q and that all known inputs "
-        'are mapped; if the law cannot be known, declare type = "virtual_pd"'
+        "away from the reference",
+        advice=f"{100 * law.relative_error:.3g} % of the output stay unexplained. A speed setpoint "
+        f"does not make up for it: for joint {refused[j].name!r} it {cause}. Check the torque's "
+        "sign, that q_ref belongs to q and that all known inputs are mapped; if the law cannot be "
+        'known, declare type = "virtual_pd"',
     )
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import copyreg
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Self
+from typing import Any, Self
 
 from pivident.text.nearest import NearestNames
 from pivident.text.printable import shortened
@@ -22,9 +23,11 @@ class Advised(Exception):
     Attributes:
         fact: what was seen, without the file and the table in front.
         advice: what to do.
+        headings: file and table in front of what was seen, the outermost first.
         meant: a name that is not known, and the nearest one that is; None where there is none.
     """
 
+    headings: tuple[str, ...] = ()
     meant: tuple[str, str] | None = None
 
     def __init__(self, fact: str = "", *, advice: str = "") -> None:
@@ -38,21 +41,26 @@ class Advised(Exception):
         """An error of a part as one of the whole, with a heading in front of what was seen."""
         if not isinstance(error, Advised):
             return cls(f"{heading}{error}")
-        made = cls(f"{heading}{error.fact}", advice=error.advice)
-        made.meant = error.meant
-        return made
-
-
-class UnusableValue(Advised, ValueError):
-    """A value that cannot be used, as its type or a table of a file finds."""
+        headings = "".join([heading, *(f"{each} " for each in error.headings)])
+        whole = cls(f"{headings}{error.fact}", advice=error.advice)
+        whole.meant = error.meant
+        return whole
 
     def followed_by(self, more: str) -> Self:
-        """The same with something behind it."""
+        """The same with something behind its text."""
         if not self.advice:
             return type(self)(f"{self.fact}{more}")
         whole = type(self)(self.fact, advice=f"{self.advice}{more}")
         whole.meant = self.meant
         return whole
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Text and attributes for another process: a kind cannot be made again of its text."""
+        return copyreg.__newobj__, (type(self), *self.args), vars(self)  # type: ignore[attr-defined]
+
+
+class UnusableValue(Advised, ValueError):
+    """A value that cannot be used, as its type or a table of a file finds."""
 
 
 class PividentError(Advised):
@@ -104,27 +112,20 @@ class FileFormatError(RecordingError):
 
 
 class ExperimentError(PividentError, ValueError):
-    """An experiment file with unknown keys, bad values or contradictory options.
+    """An experiment file with unknown keys, bad values or contradictory options."""
 
-    Attributes:
-        headings: file and table in front of what was seen.
-    """
-
-    headings = ""
-
-    def headed(self, heading: str) -> Self:
-        """The error with a file or a table in front of its message; its place stays."""
-        headings = f"{heading} {self.headings}"
-        made = type(self).of_part(headings, self)
-        made.fact, made.headings = self.fact, headings
-        made.table, made.place = self.table, self.place
-        return made
+    def headed(self, *headings: str) -> Self:
+        """The error with a file, a table or both in front of its message; its place stays."""
+        whole = type(self).of_part("".join(f"{each} " for each in headings), self)
+        whole.fact, whole.headings = self.fact, (*headings, *self.headings)
+        whole.table, whole.place = self.table, self.place
+        return whole
 
     def within(self, table: str, *keys: str) -> Self:
         """The error about keys of this table, such as ``identify.piv``, with its name in front."""
-        made = self.headed(f"[{table}]").about(*keys)
-        made.table = tuple(table.split("."))
-        return made
+        whole = self.headed(f"[{table}]").about(*keys)
+        whole.table = tuple(table.split("."))
+        return whole
 
 
 class IdentificationError(PividentError):
@@ -136,12 +137,18 @@ class IdentificationFileError(PividentError, ValueError):
 
     Attributes:
         file: the file.
-        reason: what is wrong with it, and the next step.
+        reason: what is wrong with it.
     """
 
-    def __init__(self, file: str, reason: str) -> None:
+    def __init__(self, file: str, reason: str, *, advice: str = "") -> None:
         self.file, self.reason = file, reason
-        super().__init__(f"{file}: {reason}")
+        super().__init__(f"{file}: {reason}", advice=advice)
+
+    @classmethod
+    def of_content(cls, file: str, error: Exception, advice: str) -> Self:
+        """An error of its content as one of the file, with what to do about the file behind."""
+        said = error if isinstance(error, Advised) else UnusableValue(str(error))
+        return cls(file, said.fact, advice="; ".join(filter(None, (said.advice, advice))))
 
 
 class ExportError(PividentError, ValueError):

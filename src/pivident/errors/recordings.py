@@ -110,15 +110,14 @@ class PositionsBeyondLimits(RecordingError):
         advice: str,
     ) -> None:
         self.channel, self.joint, self.position = channel, joint, position
-        self.likely_unit = likely_unit
-        self.limits, self.unit = limits, unit
+        self.limits, self.unit, self.likely_unit = limits, unit, likely_unit
         self.about("columns", *channel.split("."))
         low, high = limits
-        self.fact = (
+        super().__init__(
             f"{channel} of joint {joint!r} reaches {position:.4g} {unit}, far beyond its limits "
-            f"{low:.4g} to {high:.4g} {unit}"
+            f"{low:.4g} to {high:.4g} {unit}",
+            advice=advice,
         )
-        super().__init__(self.fact, advice=advice)
 
 
 class ShapeMismatch(RecordingError):
@@ -259,11 +258,12 @@ class MissingSamples(IrregularSampling):
         self.sample, self.time, self.interval = sample, time, interval
         self.stretches = stretches
         where = "in one gap" if gaps == 1 else f"in {gaps} gaps, the largest"
-        self.fact = (
+        RecordingError.__init__(
+            self,
             f"{missing} sample(s) are missing {where} of {_duration(interval)} after sample "
-            f"{sample} (t = {time:.6f} s)"
+            f"{sample} (t = {time:.6f} s)",
+            advice=stretches.advice(),
         )
-        RecordingError.__init__(self, self.fact, advice=stretches.advice())
 
 
 class GapInClock(IrregularSampling):
@@ -292,11 +292,12 @@ class GapInClock(IrregularSampling):
         self.channel, self.clock, self.time, self.interval = channel, clock, time, interval
         self.gaps, self.stretches, self.kind = gaps, stretches, "gap"
         others = "" if gaps == 1 else f", the longest of {gaps} gaps"
-        self.fact = (
+        RecordingError.__init__(
+            self,
             f"{channel} has no samples for {_duration(interval)} after {time:.3f} s on the clock "
-            f"{clock}{others}, and nothing is interpolated over that"
+            f"{clock}{others}, and nothing is interpolated over that",
+            advice=stretches.advice(),
         )
-        RecordingError.__init__(self, self.fact, advice=stretches.advice())
 
 
 class BrokenMotion(IrregularSampling):
@@ -317,8 +318,8 @@ class BrokenMotion(IrregularSampling):
         self.sample, self.time, self.breaks, self.stretches = sample, time, breaks, stretches
         self.kind = "break"
         others = "" if breaks == 1 else f", the first of {breaks} such places"
-        self.fact = f"{what} at sample {sample} (t = {time:.6f} s){others}"
-        RecordingError.__init__(self, self.fact, advice=stretches.advice())
+        fact = f"{what} at sample {sample} (t = {time:.6f} s){others}"
+        RecordingError.__init__(self, fact, advice=stretches.advice())
 
 
 class ClocksDisagree(RecordingError):

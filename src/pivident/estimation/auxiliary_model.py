@@ -39,11 +39,6 @@ from pivident.simulation.control_loop import Loop, with_measured_gravity
 from pivident.simulation.loop_kernel import TORQUE
 from pivident.threads import run_in_threads
 
-#: Why a floating base is not simulated.
-NOT_SIMULATED = (
-    "robot {name!r} has a floating base, which the simulated loop does not handle; leave out "
-    'instruments = "loop", other instruments are made from the record'
-)
 #: How often a step may be halved before the loop is declared impossible to simulate.
 HALVINGS = 6
 #: Speed that a joint at rest may reach, as a share of the fastest one's: those that move shake it.
@@ -78,7 +73,11 @@ class AuxiliaryModel:
                 "its gains ([controller] in an experiment file), or use a least-squares method"
             )
         if problem.robot.base_motion == "measured":
-            raise ExperimentError(NOT_SIMULATED.format(name=problem.robot.name))
+            raise ExperimentError(
+                f"robot {problem.robot.name!r} has a floating base, which the simulated loop does "
+                "not handle",
+                advice='leave out instruments = "loop", other instruments are made from the record',
+            )
         self.problem = problem
         self.differences = differences
         self.torque = torque

@@ -30,7 +30,7 @@ from pivident.instruments.given_motion import InstrumentsUsed
 from pivident.instruments.kinds import KINDS
 from pivident.robot.description import Robot, TorqueSide
 from pivident.robot.naming import nearest
-from pivident.robot.robot_schema import Finite, Name, RobotValues, Values, problem_text
+from pivident.robot.robot_schema import Finite, Name, RobotValues, Values, first_problem
 from pivident.robot.robot_values import made_robot
 from pivident.text.finding import Finding, Quantity, Severity
 
@@ -192,12 +192,14 @@ def load_identification(path: str | PathLike[str], robot: Robot | None = None) -
         return _identification(_content(file, robot), robot)
     except IdentificationFileError:
         raise
-    except ValidationError as error:
-        raise IdentificationFileError(str(file), _repair(problem_text(error))) from None
-    except PividentError as error:
-        raise IdentificationFileError(str(file), _repair(str(error))) from error
+    except (ValidationError, PividentError) as error:
+        raise IdentificationFileError.of_content(
+            str(file),
+            first_problem(error),
+            "the file is damaged or was changed by hand, identify again",
+        ) from (None if isinstance(error, ValidationError) else error)
     except (ValueError, OverflowError) as error:
-        raise IdentificationFileError(str(file), str(error)) from error
+        raise IdentificationFileError.of_content(str(file), error, "") from error
 
 
 def json_of_file(file: Path) -> dict[str, Any]:
@@ -210,12 +212,13 @@ def json_of_file(file: Path) -> dict[str, Any]:
         if several:
             advice = f"there is one for each method: {', '.join(map(repr, several))}; name one"
         raise IdentificationFileError(
-            str(file), f"cannot be read ({error.strerror}); {advice}"
+            str(file), f"cannot be read ({error.strerror})", advice=advice
         ) from error
     except ValueError as error:
         raise IdentificationFileError(
             str(file),
-            f"{error}; give the file identification.json of a result, or write it again with "
+            str(error),
+            advice="give the file identification.json of a result, or write it again with "
             "`pivident identify`",
         ) from None
 
@@ -227,27 +230,28 @@ def _content(file: Path, robot: Robot | None) -> FileContent:
     if type(schema) is not int or "covariance" not in content:
         raise IdentificationFileError(
             str(file),
-            "is not an identification: it has no schema number or covariance; give the file "
-            "identification.json of a result",
+            "is not an identification: it has no schema number or covariance",
+            advice="give the file identification.json of a result",
         )
     if schema > SCHEMA:
         raise IdentificationFileError(
             str(file),
-            f"has layout {schema}, this version reads up to {SCHEMA}; install a newer pivident",
+            f"has layout {schema}, this version reads up to {SCHEMA}",
+            advice="install a newer pivident",
         )
     if schema <= WITHOUT_ROBOT and robot is None:
         raise IdentificationFileError(
             str(file),
-            f"has layout {schema}, written by an older version, which did not keep the robot; "
-            "identify again, or give the robot: load_identification(path, robot=…)",
+            f"has layout {schema}, written by an older version, which did not keep the robot",
+            advice="identify again, or give the robot: load_identification(path, robot=…)",
         )
     if schema > WITHOUT_ROBOT and robot is not None:
         raise IdentificationFileError(
-            str(file), "holds its robot already; leave the argument robot out"
+            str(file), "holds its robot already", advice="leave the argument robot out"
         )
     if schema > WITHOUT_ROBOT and not isinstance(content.get("robot_description"), dict):
         raise IdentificationFileError(
-            str(file), "the key 'robot_description' is missing; identify again"
+            str(file), "the key 'robot_description' is missing", advice="identify again"
         )
     return FileContent.model_validate(content)
 
@@ -409,10 +413,6 @@ def _motion(values: dict[str, list[float]] | None, joints: int) -> MotionRange |
 
 def _number(value: float | None, unknown: float = math.nan) -> float:
     return unknown if value is None else float(value)
-
-
-def _repair(problem: str) -> str:
-    return f"{problem}; the file is damaged or was changed by hand, identify again"
 
 
 def _warning(stored: WarningValues | str) -> Finding:

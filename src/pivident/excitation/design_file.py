@@ -44,7 +44,7 @@ from pivident.robot.robot_schema import (
     RobotValues,
     Values,
     Vector3,
-    problem_text,
+    first_problem,
 )
 from pivident.robot.robot_values import made_robot, robot_values
 from pivident.text.plain_values import json_of_entries, plain
@@ -65,7 +65,7 @@ class DesignFileError(IdentificationFileError):
 
     Attributes:
         file: the file.
-        reason: what is wrong with it, and the next step.
+        reason: what is wrong with it.
     """
 
 
@@ -216,24 +216,23 @@ def load_design(path: str | PathLike[str]) -> Design:
     if content.get("format") != FORMAT:
         raise DesignFileError(
             str(file),
-            f"is no design: its format is {content.get('format')!r}, not {FORMAT!r}; give "
-            "design.json of a folder that `pivident excite` wrote",
+            f"is no design: its format is {content.get('format')!r}, not {FORMAT!r}",
+            advice="give design.json of a folder that `pivident excite` wrote",
         )
     schema = content.get("schema")
     if type(schema) is not int or schema != SCHEMA:
         newer = type(schema) is int and schema > SCHEMA
         advice = "install a newer pivident" if newer else "design it again with `pivident excite`"
         raise DesignFileError(
-            str(file), f"has layout {schema!r}, this version reads {SCHEMA}; {advice}"
+            str(file), f"has layout {schema!r}, this version reads {SCHEMA}", advice=advice
         )
     try:
         return _design(DesignValues.model_validate(content))
     except (ValidationError, PividentError, ValueError) as error:
-        text = problem_text(error) if isinstance(error, ValidationError) else str(error)
-        raise DesignFileError(
+        raise DesignFileError.of_content(
             str(file),
-            f"{text}; the file is damaged or was changed by hand, design it again with "
-            "`pivident excite`",
+            first_problem(error),
+            "the file is damaged or was changed by hand, design it again with `pivident excite`",
         ) from None
 
 
@@ -243,12 +242,15 @@ def _json_of(file: Path) -> dict[str, Any]:
         return json_object(file, MAX_FILE)
     except OSError as error:
         raise DesignFileError(
-            str(file), f"cannot be read ({error.strerror}); check the path and its permissions"
+            str(file),
+            f"cannot be read ({error.strerror})",
+            advice="check the path and its permissions",
         ) from error
     except ValueError as error:
         raise DesignFileError(
             str(file),
-            f"{error}; give a design.json, or design the motion again with `pivident excite`",
+            str(error),
+            advice="give a design.json, or design the motion again with `pivident excite`",
         ) from None
 
 

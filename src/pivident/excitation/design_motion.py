@@ -362,7 +362,7 @@ def _designed(
     )
     best = search.run(first)
     if best.coefficients is None:
-        raise ExperimentError(why_none(task, allowed, duration)).about("duration")
+        raise why_none(task, allowed, duration).about("duration")
     coefficients = _kept(search.objective, fine, best)
     if coefficients is None:
         raise ExperimentError(

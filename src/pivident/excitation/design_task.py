@@ -134,8 +134,8 @@ def check_start(task: DesignTask) -> None:
     """
     start = task.request.start
     if start is None:
-        if message := _crowded(task, 0):
-            raise ExperimentError(message)
+        if crowded := _crowded(task, 0):
+            raise crowded
         return
     posture, limits = np.array(start, dtype=float), task.limits.within(PLANNED_SHARE)
     if posture.shape != (task.robot.size,) or not np.isfinite(posture).all():
@@ -188,10 +188,10 @@ def check_travel(task: DesignTask) -> None:
         ).about("duration")
 
 
-def why_none(task: DesignTask, allowed: Constraints, duration: float) -> str:
+def why_none(task: DesignTask, allowed: Constraints, duration: float) -> ExperimentError:
     """Why no motion was found."""
-    if message := _crowded(task, FEW_POSTURES * TRIED_POSTURES):
-        return message
+    if crowded := _crowded(task, FEW_POSTURES * TRIED_POSTURES):
+        return crowded
     postures = _postures(task)
     if task.torques:
         still = np.zeros_like(postures)
@@ -199,22 +199,23 @@ def why_none(task: DesignTask, allowed: Constraints, duration: float) -> str:
         over = (np.abs(torque) + margin > task.limits.torque).mean(axis=0)
         if over.max() > MOST_POSTURES:
             joint = task.robot.joints[int(np.argmax(over))].name
-            return (
+            return ExperimentError(
                 f"the torque limit of {joint} does not hold the arm against gravity in "
-                f"{100 * over.max():.0f} % of its postures; check the limit and the masses"
+                f"{100 * over.max():.0f} % of its postures",
+                advice="check the limit and the masses",
             )
     if names := _never_identified(task):
-        return (
-            f"no motion of this robot identifies {listed(names)}, whatever its limits and "
-            "duration; ask for something else, or with another load"
+        return ExperimentError(
+            f"no motion of this robot identifies {listed(names)}, whatever its limits and duration",
+            advice="ask for something else, or with another load",
         )
     quantities = ["position", "speed", "acceleration"]
     quantities += ["jerk"] if np.isfinite(task.limits.jerk).any() else []
     quantities += ["torque"] if task.torques else []
-    return (
+    return ExperimentError(
         f"no motion of {duration:g} s within the limits of {listed(quantities)} determines all "
-        f"{task.question.size} parameters ({allowed.family.size} functions for each joint); give "
-        f"it more time, such as --duration {2 * duration:g}, or relax the limits"
+        f"{task.question.size} parameters ({allowed.family.size} functions for each joint)",
+        advice=f"give it more time, such as --duration {2 * duration:g}, or relax the limits",
     )
 
 
@@ -225,18 +226,18 @@ def _postures(task: DesignTask) -> np.ndarray:
     return task.limits.middle + rng.uniform(-0.9, 0.9, shape) * task.limits.half
 
 
-def _crowded(task: DesignTask, most: float) -> str:
-    """What is too near in most postures where at most so many random ones are free; else empty."""
+def _crowded(task: DesignTask, most: float) -> ExperimentError | None:
+    """What is too near in most postures where at most so many random ones are free; else None."""
     if task.clearances is None or not task.clearances.needed.size:
-        return ""
+        return None
     distances = task.clearances.distances(_postures(task))
     near = distances < task.clearances.with_more(ROOM).needed[:, None]
     free = int(np.sum(~near.any(axis=0)))
     if free > most:
-        return ""
+        return None
     worst = task.clearances.names[int(np.argmax(near.mean(axis=1)))]
     origin = "".join(f" {remark}" for remark in task.clearances.remarks[:1])  # of the bodies
-    return (
+    return ExperimentError(
         f"{free or 'none'} of {TRIED_POSTURES} random postures keep{'' if free else 's'} all "
         f"clearances: what is too near most often is {worst}.{origin} Check the bodies, "
         "obstacles, floor, tool box and clearance, all in metres, or begin at a free posture, "

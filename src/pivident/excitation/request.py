@@ -116,21 +116,25 @@ def chosen_parameters(base: BaseParameters, names: Sequence[str]) -> np.ndarray 
         try:
             found.append(base.index(name))
         except KeyError:
-            raise ExperimentError(_unknown(base, name)).about("for") from None
+            raise _unknown(base, name).about("for") from None
     return np.array(sorted(set(found)))
 
 
-def _unknown(base: BaseParameters, name: str) -> str:
+def _unknown(base: BaseParameters, name: str) -> ExperimentError:
     """Why a name is none of a base parameter."""
     own = {p.name.lower(): i for i, p in enumerate(base.standard)}
     index = own.get(name.lower())
     if index is None:
-        return f"the robot has no parameter {name!r}; {nearest(name, base.names)}"
+        return ExperimentError(
+            f"the robot has no parameter {name!r}", advice=nearest(name, base.names)
+        )
     if index in base.without_effect:
-        return f"{name} has no effect on any torque: no motion identifies it"
+        return ExperimentError(f"{name} has no effect on any torque: no motion identifies it")
     column = list(base.dropped).index(index)
     heads = [base.names[k] for k in np.flatnonzero(base.regrouping[:, column])]
-    return f"{name} is identifiable only as a part of {', '.join(heads)}; ask for that"
+    return ExperimentError(
+        f"{name} is identifiable only as a part of {', '.join(heads)}", advice="ask for that"
+    )
 
 
 def motion_family(kind: MotionKind, duration: float, limits: JointLimits) -> MotionFamily:

@@ -180,7 +180,7 @@ def errors_name(path: Path, table: str) -> Iterator[None]:
     try:
         yield
     except ExperimentError as error:
-        raise error.headed(f"{path}: {table}".rstrip()) from error
+        raise error.headed(f"{path}:", *filter(None, [table])) from error
     except PividentError as error:
         error.add_note(f"{path}: {table.rstrip(':')}".rstrip(": "))
         raise

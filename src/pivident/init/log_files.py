@@ -14,7 +14,7 @@ from pivident.logs.clocks.clock_alignment import ClockedChannel, at_instants
 from pivident.logs.clocks.timestamps import mean_rate
 from pivident.logs.recognition.log_clock import LogClock, names_time, read_clock
 from pivident.logs.recognition.log_file import LogFile, Run, file_reading, read_log_file
-from pivident.logs.tables.tables import header_advice, names_in, written_out
+from pivident.logs.tables.tables import names_in, without_header, written_out
 
 
 def read_runs(
@@ -31,8 +31,8 @@ def read_runs(
         for path, own in zip(paths, names, strict=True)
     ]
     unnamed = {f.shown: list(f.columns) for f in files if not (f.titles or _is_named(f.path))}
-    if len(files) > 1 and (advice := header_advice(unnamed)):
-        raise DraftError(advice)
+    if len(files) > 1 and (refused := without_header(unnamed)):
+        raise DraftError.of_part("", refused)
     kinds = {reading.channel for f in files if (reading := file_reading(f.path)).channel}
     called = {tuple(f.title(n) for n in f.columns if n not in f.own_clocks) for f in files}
     if len(files) > 1 and len(called) == 1 and len(kinds) < 2:

@@ -50,7 +50,7 @@ from pivident.logs.recognition.log_clock import (
 )
 from pivident.logs.recognition.log_file import ChannelColumns, JointMap, LogFile, Run, joint_map
 from pivident.logs.recognition.position_units import AssumedUnits, following_unit, position_unit
-from pivident.logs.tables.tables import header_advice
+from pivident.logs.tables.tables import without_header
 from pivident.logs.units import POSITION, SPEED, TORQUE
 from pivident.robot.description import Robot
 from pivident.robot.mjcf_actuators import ActuatorLaw, actuator_law
@@ -95,7 +95,7 @@ def recording_lines(
     """Everything that is assumed about one log."""
     joints = _of_its_joints(joint_map(run, machine.joint_names))
     if "q" not in joints.channels:
-        raise DraftError(_not_found("position", run))
+        raise _not_found("position", run)
     run = _without_bad_samples(run, joints)
     kept = kept_joints(run, joints, machine, wanted)
     clock, clock_file = _clock(run, joints, kept, answers)
@@ -161,7 +161,7 @@ def recording_lines(
         run, joints, kept, si[:, own], clock.seconds, rows, [unit.units[j] for j in own]
     )
     if torque is None and "q_ref" not in references:
-        raise DraftError(_not_found("torque", run))
+        raise _not_found("torque", run)
     besides = references | speeds
     keys = _file_keys(joints, ("q", *logged_torque, "q_ref", "dq_ref", *speeds))
     if clock.column is not None and clock_file not in keys.values():
@@ -219,24 +219,24 @@ def _like_torques(run: Run) -> list[str]:
     return [name for file in run.files for name in file.columns if plain_channel(name) == "tau"]
 
 
-def _not_found(what: str, run: Run) -> str:
+def _not_found(what: str, run: Run) -> DraftError:
     """That no column seems to hold a channel, and what columns there are."""
     called = {f.shown: [f.title(name) for name in f.columns] for f in run.files}
-    if advice := header_advice(called):
-        return advice
+    if refused := without_header(called):
+        return DraftError.of_part("", refused)
     names = [name for own in called.values() for name in own]
     near = nearest(what, names)
-    hint = f"; {near}" if near.startswith("did you mean") else ""
+    hint = f"; {near}" if near.meant else ""
     if what == "torque":
         hint += ", nor references of the positions, from which a known control law would give them"
     if not _like_torques(run):
         hint += ". Without torques, and without the gains of a control law, only delays and ratios "
         hint += "of gains can be had"
     beside = "".join(beside_text(file.beside) for file in run.files)
-    return (
-        f"no column of {', '.join(called)} seems to hold {what}s of joints; there are "
-        f"{listed(_families(names), 12)}{beside}{hint}. Rename the columns (q_1, tau_1 …), or "
-        "write the experiment file by hand"
+    return DraftError(
+        f"no column of {', '.join(called)} seems to hold {what}s of joints",
+        advice=f"there are {listed(_families(names), 12)}{beside}{hint}. Rename the columns "
+        "(q_1, tau_1 …), or write the experiment file by hand",
     )
 
 

@@ -170,7 +170,7 @@ def _candidate(
     except (UnusableSignal, DelayTooLong):
         raise
     except IdentificationError as error:
-        return OrderCandidate(m, n, delay, None, str(error).partition(";")[0])
+        return OrderCandidate(m, n, delay, None, error.fact)
     return OrderCandidate(m, n, delay, estimate, _objection(estimate))
 
 

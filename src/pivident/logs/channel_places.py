@@ -241,12 +241,13 @@ def body_channels(tables: Mapping[str, Any]) -> dict[str, Any]:
         own = tables.get(table) or {}
         if not isinstance(own, Mapping):
             raise RecordingError(
-                f"{table} is {own!r}; it is a table, such as {table} = "
+                f"{table} is {own!r}",
+                advice=f"it is a table, such as {table} = "
                 + (
                     '{floor = ["fx", …]}'
                     if table == "wrench"
                     else '{position = ["x", "y", "z"], …}'
-                )
+                ),
             ).about("columns", table)
         for name, said in own.items():
             if table == "base" and name not in BASE_COLUMNS:

@@ -43,7 +43,7 @@ from pivident.logs.recognition.log_file import (
     read_log_file,
 )
 from pivident.logs.source_files import SourceFile
-from pivident.logs.tables.tables import header_advice, names_in
+from pivident.logs.tables.tables import names_in, without_header
 from pivident.logs.torque_scale import torque_scales
 from pivident.logs.units import UNITS_OF
 from pivident.robot.description import Robot
@@ -209,8 +209,8 @@ def bare_log(path: str | Path, robot: Robot | None = None, column_names: Sequenc
             torques of these joints.
     """
     file = read_log_file(Path(path), robot.joint_names if robot else (), column_names)
-    if advice := header_advice({file.shown: list(file.columns)}):
-        raise FileFormatError(advice)
+    if refused := without_header({file.shown: list(file.columns)}):
+        raise refused
     run = Run((file,))
     found = joint_map(run, file.joint_names)
     if is_bag(file.path):

@@ -30,7 +30,7 @@ from pivident.models.exported import ExportedText, Verification, compared
 from pivident.models.runnable_model import Origin, RunnableModel, impossible_value, runnable_model
 from pivident.robot.description import INERTIAL, Robot
 from pivident.robot.inertia import from_center_of_mass, tensor
-from pivident.robot.robot_schema import Finite, Name, RobotValues, Values, problem_text
+from pivident.robot.robot_schema import Finite, Name, RobotValues, Values, first_problem
 from pivident.robot.robot_values import made_robot, robot_values
 from pivident.text.plain_values import json_of_entries
 
@@ -64,6 +64,9 @@ CONVENTIONS = (
     "Intervals are 95 %; an end that is null has no bound, an interval that is null was not "
     "computed.",
 )
+
+#: What to do about a file whose content contradicts itself.
+DAMAGED = "the file is damaged or was changed by hand, export again"
 
 
 class KnownKeys(BaseModel):
@@ -200,22 +203,23 @@ def _model_of(content: dict[str, Any], file: str) -> RunnableModel:
     if content.get("format") != FORMAT or content.get("schema") != SCHEMA:
         raise IdentificationFileError(
             file,
-            f"is no model of layout {SCHEMA}; make one with `pivident export … --to json`",
+            f"is no model of layout {SCHEMA}",
+            advice="make one with `pivident export … --to json`",
         )
     try:
         known = _ModelFile.model_validate(content)
         nominal = runnable_model(made_robot(known.robot))
     except (ValidationError, PividentError) as error:
-        text = problem_text(error) if isinstance(error, ValidationError) else str(error)
-        raise _damaged(file, text) from None
+        raise IdentificationFileError.of_content(file, first_problem(error), DAMAGED) from None
     values = {entry.name: entry.value for entry in known.parameters}
     own = {p.name: v for p, v in zip(nominal.parameters, nominal.values.tolist(), strict=True)}
     for name in (*own, *values):
         if values.get(name) != own.get(name):
-            raise _damaged(
+            raise IdentificationFileError(
                 file,
                 f"the parameter {name} is {values.get(name)!r} in 'parameters' and "
                 f"{own.get(name)!r} in 'robot'",
+                advice=DAMAGED,
             )
     model = replace(
         nominal,
@@ -224,14 +228,10 @@ def _model_of(content: dict[str, Any], file: str) -> RunnableModel:
         notes=tuple(known.notes),
     )
     if known.consistent and (wrong := impossible_value(model)):
-        raise _damaged(file, f"it is marked as physically consistent, but {wrong}")
+        raise IdentificationFileError(
+            file, f"it is marked as physically consistent, but {wrong}", advice=DAMAGED
+        )
     return model
-
-
-def _damaged(file: str, problem: str) -> IdentificationFileError:
-    return IdentificationFileError(
-        file, f"{problem}; the file is damaged or was changed by hand, export again"
-    )
 
 
 def _link_values(model: RunnableModel, joint: int) -> dict[str, Any]:

@@ -22,7 +22,7 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.stored_identification import json_of_file, load_identification
 from pivident.models.model_json import KnownKeys
 from pivident.models.runnable_model import Origin, RunnableModel, impossible_value, runnable_model
-from pivident.robot.robot_schema import Finite, Name, RobotValues, problem_text
+from pivident.robot.robot_schema import Finite, Name, RobotValues, first_problem
 from pivident.robot.robot_values import made_robot
 
 
@@ -72,7 +72,8 @@ def stored_model(
         if free:
             raise IdentificationFileError(
                 str(path),
-                "holds consistent parameters; the free estimate is in identification.json",
+                "holds consistent parameters",
+                advice="the free estimate is in identification.json",
             )
         return _consistent_of(path, content), (path,)
     estimate = load_identification(path)
@@ -130,23 +131,24 @@ def _consistent_of(
     if content.get("schema") != CONSISTENT_SCHEMA:
         raise IdentificationFileError(
             str(path),
-            f"has layout {content.get('schema')!r}, this version reads {CONSISTENT_SCHEMA}; make "
-            "it again with `pivident consistent`",
+            f"has layout {content.get('schema')!r}, this version reads {CONSISTENT_SCHEMA}",
+            advice="make it again with `pivident consistent`",
         )
     try:
         known = _ConsistentFile.model_validate(content)
         robot = made_robot(known.robot_description)
     except (ValidationError, PividentError) as error:
-        text = problem_text(error) if isinstance(error, ValidationError) else str(error)
-        raise IdentificationFileError(
-            str(path), f"{text}; the file is damaged, make it again with `pivident consistent`"
+        raise IdentificationFileError.of_content(
+            str(path),
+            first_problem(error),
+            "the file is damaged, make it again with `pivident consistent`",
         ) from None
     parameters = standard_parameters(robot)
     if [p.name for p in parameters] != [entry.name for entry in known.standard]:
         raise IdentificationFileError(
             str(path),
-            "its standard parameters are not those of its robot; make it again with "
-            "`pivident consistent`",
+            "its standard parameters are not those of its robot",
+            advice="make it again with `pivident consistent`",
         )
     ends = [
         (
@@ -168,7 +170,8 @@ def _consistent_of(
     if wrong := impossible_value(model):
         raise IdentificationFileError(
             str(path),
-            f"its parameters are not physically consistent: {wrong}; the file is damaged or was "
-            "changed by hand, make it again with `pivident consistent`",
+            f"its parameters are not physically consistent: {wrong}",
+            advice="the file is damaged or was changed by hand, make it again with `pivident "
+            "consistent`",
         )
     return model

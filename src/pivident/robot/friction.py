@@ -51,8 +51,10 @@ class FrictionLaw:
         if repeated:
             advice = ""
             if "fc" in repeated and any(t.has_memory for t in self.terms):
-                advice = "; 'dahl' and 'lugre' take the place of 'coulomb': drop that term"
-            raise ValueError(f"friction terms named twice: {', '.join(sorted(repeated))}{advice}")
+                advice = "'dahl' and 'lugre' take the place of 'coulomb': drop that term"
+            raise UnusableValue(
+                f"friction terms named twice: {', '.join(sorted(repeated))}", advice=advice
+            )
         if {"fc", "fcp"} <= set(stems) or {"off", "fcp"} <= set(stems):
             raise ValueError(
                 "asymmetric Coulomb friction (fcp, fcn) already contains fc and off: "

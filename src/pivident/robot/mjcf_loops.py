@@ -219,10 +219,11 @@ def closures(
         if apart > MEETING or (one.kind == "full" and turned > MEETING):
             raise RobotDescriptionError(
                 f"equality {one.name!r}: its joints stand still, and its ends are {apart:.3g} m "
-                "apart; freeze them at positions where it is closed"
+                "apart"
                 if held
                 else f"equality {one.name!r}: its ends are {apart:.3g} m apart, and no joint of it "
-                "moves"
+                "moves",
+                advice="freeze them at positions where it is closed" if held else "",
             )
     return made
 

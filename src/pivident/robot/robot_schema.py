@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, ValidationError
 from pydantic.functional_validators import AfterValidator, BeforeValidator
 
-from pivident.errors import RobotDescriptionError, UnusableValue
+from pivident.errors import Advised, RobotDescriptionError, UnusableValue
 from pivident.robot.constraints import ClosureKind
 from pivident.robot.description import MAX_JOINTS, JointMotion, TorqueSide
 from pivident.robot.friction_column import ShapeUnit, Smoothing
@@ -218,16 +218,25 @@ def checked(model: type[Root], content: Any) -> Root:
     try:
         return model.model_validate(content)
     except ValidationError as error:
-        raise RobotDescriptionError(problem_text(error)) from None
+        raise RobotDescriptionError.of_part("", first_problem(error)) from None
 
 
-def problem_text(error: ValidationError) -> str:
-    """The first problem that pydantic found: location, value, what was expected."""
+def first_problem(error: Exception) -> Exception:
+    """The first problem that pydantic found: location, value, what was expected, what to do.
+
+    Other errors say themselves what is wrong.
+    """
+    if not isinstance(error, ValidationError):
+        return error
     problems = error.errors(include_url=False)
     first = problems[0]
     where = ".".join(str(part) for part in first["loc"]) or "the content"
     value = repr(first["input"])
     shown = f" = {value}" if len(value) <= 60 and first["type"] != "missing" else ""
-    message = first["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
+    said = first.get("ctx", {}).get("error")
+    if not isinstance(said, Advised):
+        message = first["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
+        said = UnusableValue(f"{message[:1].lower()}{message[1:]}")
+    fact = f"{where}{shown}: {said.fact}"
     more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-    return f"{where}{shown}: {message[:1].lower()}{message[1:]}{more}"
+    return UnusableValue(fact, advice=said.advice).followed_by(more)

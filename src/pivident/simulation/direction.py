@@ -104,15 +104,17 @@ class ParametrisedLoop:
         lowest = 0 if kind in _OF_ONE_JOINT else -1
         if not lowest <= joint < n:
             raise ExperimentError(
-                f"direction {kind} has joint = {joint}; give a joint's index from 0 to {n - 1}"
-                + ("" if lowest == 0 else ", or -1 for all")
+                f"direction {kind} has joint = {joint}",
+                advice=f"give a joint's index from 0 to {n - 1}"
+                + ("" if lowest == 0 else ", or -1 for all"),
             )
         if (kind in _NAMED) != bool(name):
             raise ExperimentError(
-                f"direction {kind} has name = {name!r}; "
-                + ("name what is meant, as Direction('parameter', 'fv1')"
-                   if kind in _NAMED else "this kind has no name")
-            )  # fmt: skip
+                f"direction {kind} has name = {name!r}",
+                advice="name what is meant, as Direction('parameter', 'fv1')"
+                if kind in _NAMED
+                else "this kind has no name",
+            )
         if kind == "parameter" and name not in self._names:
             raise ExperimentError(
                 f"the simulated model has no parameter {name!r}",
@@ -122,8 +124,8 @@ class ParametrisedLoop:
             known = sorted(self._shapes(joint))
             if name not in known:
                 raise ExperimentError(
-                    f"the friction of joint {joint + 1} has no constant {name!r}; it has "
-                    + (", ".join(known) or "none")
+                    f"the friction of joint {joint + 1} has no constant {name!r}",
+                    advice=f"it has {', '.join(known) or 'none'}",
                 )
         if kind == "law":
             self.law_value(name, joint)

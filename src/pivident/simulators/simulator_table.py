@@ -105,8 +105,10 @@ def _material(
     if law is None or law.type not in ("pd", "pid", "cascade"):
         raise ExperimentError(
             f"{experiment.path.name}: a simulator is fitted by a loop with known gains, and "
-            + ("[controller] is missing" if law is None else f"a law of type {law.type!r} has none")
-            + f"; {_law_to_declare(experiment)}"
+            + (
+                "[controller] is missing" if law is None else f"a law of type {law.type!r} has none"
+            ),
+            advice=_law_to_declare(experiment),
         )
     runs = experiment.recordings()
     with errors_name(experiment.path, "[controller]"):

@@ -79,7 +79,7 @@ async def receive(path: Path, parts: AsyncIterator[bytes], declared: int | None)
             async for part in parts:
                 size += len(part)
                 if size > MAX_BYTES:
-                    raise ProjectError(_too_large(path))
+                    raise _too_large(path)
                 file.write(part)
         if declared is not None and size != declared:
             raise ProjectError(
@@ -115,7 +115,7 @@ def remove(project: Project, relative: str) -> None:
 def _check_room(path: Path, size: int) -> None:
     """Refuse what is too large, or would fill the disk."""
     if size > MAX_BYTES:
-        raise ProjectError(_too_large(path))
+        raise _too_large(path)
     existing = next(p for p in path.parents if p.exists())
     free = shutil.disk_usage(existing).free
     if size > max(free - RESERVE, 0):
@@ -125,8 +125,8 @@ def _check_room(path: Path, size: int) -> None:
         )
 
 
-def _too_large(path: Path) -> str:
-    return (
-        f"{path.name} has more than {MAX_BYTES / 1e9:.0f} GB; copy it into the project's folder "
-        "instead"
+def _too_large(path: Path) -> ProjectError:
+    return ProjectError(
+        f"{path.name} has more than {MAX_BYTES / 1e9:.0f} GB",
+        advice="copy it into the project's folder instead",
     )

@@ -77,7 +77,7 @@ def test_files_of_one_record_belong_together_and_a_missing_one_is_a_fault(made):
     pattern = {"q": "{robot}/{day}/q.csv", "tau": "{robot}/{day}/tau.csv"}
     whole, half = find_logs(folder, pattern)[0]
     assert [key for key, _ in whole.records[0]] == ["q", "tau"] and not whole.fault
-    assert "no file for 'tau'" in half.fault and "day 2" in half.fault
+    assert "no file for 'tau'" in half.fault.fact and "day 2" in half.fault.fact
 
 
 def test_the_digest_follows_the_content(made):
@@ -91,7 +91,7 @@ def test_the_digest_follows_the_content(made):
 def test_one_day_that_is_none_is_a_fault_of_its_own(made):
     folder = made("a/2026-03-01.csv", "a/2026-03-02.csv", "a/old.csv")
     faults = {log.name: log.fault for log in find_logs(folder, "{robot}/{day}.csv")[0]}
-    assert "'old' is not a date" in faults["a/old"]
+    assert "'old' is not a date" in faults["a/old"].fact
     assert not faults["a/2026-03-01"]
 
 

@@ -129,8 +129,8 @@ def test_a_time_in_the_wrong_unit_is_named_where_nothing_can_be_held_out(made):
     record = axis.recording(made)
     thousandfold = replace(record, rate=1000.0 * record.rate)  # stamps in seconds taken for ms
     division = nearest_division([thousandfold], [(0, 4000)], 5, 0.1)
-    assert division.count == 0 and "at 500000 Hz" in division.reason
-    assert "check the unit of the time" in division.reason
+    assert division.count == 0 and "at 500000 Hz" in division.reason.fact
+    assert "check the unit of the time" in division.reason.advice
 
 
 def test_blocks_that_a_motion_has_no_room_for_cost_a_line(problem):

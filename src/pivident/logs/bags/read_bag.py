@@ -156,23 +156,27 @@ def _opened(path: Path, states: tuple[tuple[Path, int, int, int], ...]) -> Bag:
             if table.left_out:
                 passed_over[topic.name] = table.left_out
     if not tables:
-        raise FileFormatError(_nothing(path, readers, passed_over))
+        raise _nothing(path, readers, passed_over)
     first = min(int(table.received[0]) for table in tables.values())
     return Bag(tables, first // _DAY * _DAY, passed_over)
 
 
-def _nothing(path: Path, readers: dict[Topic, TopicReader], reasons: dict[str, str]) -> str:
+def _nothing(
+    path: Path, readers: dict[Topic, TopicReader], reasons: dict[str, str]
+) -> FileFormatError:
     """Why a bag gave no columns."""
     if not readers:
-        return f"{path.name} holds no messages; record the topic of the joint states"
+        return FileFormatError(
+            f"{path.name} holds no messages", advice="record the topic of the joint states"
+        )
     shown = [
         f"{ascii(topic.name[:60])[1:-1]} ({ascii(topic.type[:60])[1:-1]}): "
         f"{escaped(reasons.get(topic.name, ''))[:120]}"
         for topic in list(readers)[:3]
     ]
-    return (
-        f"{path.name} has no topic whose messages hold joint states or other numbers; "
-        f"{'; '.join(shown)}{'; …' if len(readers) > 3 else ''}"
+    return FileFormatError(
+        f"{path.name} has no topic whose messages hold joint states or other numbers",
+        advice=f"{'; '.join(shown)}{'; …' if len(readers) > 3 else ''}",
     )
 
 

@@ -191,26 +191,27 @@ def named_columns(path: Path, names: Sequence[str]) -> dict[str, str]:
     return {column if name == UNNAMED else name: column for name, column in pairs}
 
 
-def header_advice(columns: Mapping[str, Sequence[str]]) -> str:
-    """What to do about tables without names of columns, by file; empty where they have names."""
+def without_header(columns: Mapping[str, Sequence[str]]) -> FileFormatError | None:
+    """Why columns of tables, by file, say nothing; None where they have names."""
     bare = {
         file: own for file, own in columns.items() if own and all(map(_NUMBERED.fullmatch, own))
     }
     if not bare:
-        return ""
+        return None
     several = len(bare) > 1
     has = "have no headers" if several else "has no header"
     counts = " + ".join(str(len(own)) for own in bare.values())
-    return (
+    return FileFormatError(
         f"{', '.join(bare)} {has}, so nothing says what {'their' if several else 'its'} {counts} "
-        "columns hold; name them in their order"
+        "columns hold",
+        advice="name them in their order"
         + (", file after file" if several else "")
         + ", such as --columns t,q1..q6,tau1..tau6 (- for one that is not needed), or "
         + (
             "column_1, column_2 … of each file under columns of an experiment file"
             if several
             else 'column_names = ["t", "q1", …] under [recording] of an experiment file'
-        )
+        ),
     )
 
 

@@ -19,7 +19,7 @@ class ResultsFolderError(BatchError):
 
     def __init__(self, folder: object, problem: str, advice: str) -> None:
         self.folder = str(folder)
-        super().__init__(f"{self.folder}: {problem}; {advice}")
+        super().__init__(f"{self.folder}: {problem}", advice=advice)
 
 
 class OtherContents(ResultsFolderError):
@@ -46,9 +46,9 @@ class SchedulerUnreachable(BatchError):
     def __init__(self, address: str, reason: str) -> None:
         self.address = address
         super().__init__(
-            f"there is no Dask scheduler at {address} ({reason}); start one with 'dask scheduler' "
-            "and workers with 'dask worker', check the address (tcp://host:8786), or use "
-            "--workers on this machine"
+            f"there is no Dask scheduler at {address} ({reason})",
+            advice="start one with 'dask scheduler' and workers with 'dask worker', check the "
+            "address (tcp://host:8786), or use --workers on this machine",
         )
 
 
@@ -58,8 +58,8 @@ class WorkersDiffer(BatchError):
     def __init__(self, found: Sequence[str], expected: str) -> None:
         self.found, self.expected = tuple(found), expected
         super().__init__(
-            f"the workers have pivident {', '.join(self.found)}, but {expected} is required; "
-            "install the same version on all of them"
+            f"the workers have pivident {', '.join(self.found)}, but {expected} is required",
+            advice="install the same version on all of them",
         )
 
 

@@ -76,7 +76,7 @@ def identify_log(task: Task, log: FleetLog) -> list[Row]:
         template = task.template
         common["method"] = template.method_name
         if log.fault:
-            raise PividentError(log.fault)
+            raise log.fault
         common["sha256"] = log.digest()
         problem, temperatures = _problem(template, log)
         found = identify(problem, template.method)
@@ -310,7 +310,7 @@ def identify_fleet(
             folder, template.pattern, entry.together, entry.time, without=store.folder
         )
     except ExperimentError as error:
-        raise ExperimentError(f"{template.path}: {error}") from error
+        raise error.headed(f"{template.path}:") from error
     if pool is None:
         at_a_time = workers or thread_count()
         pool = Processes(at_a_time) if executor is None else GivenExecutor(executor, at_a_time)

@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
-from pivident.errors import ExperimentError
+from pivident.errors import ExperimentError, PividentError
 from pivident.logs.source_files import existing_file, sha256
 from pivident.logs.tables.tables import is_log
 from pivident.many.fleet.fleet_schema import EVERY_LOG
@@ -50,7 +50,7 @@ class FleetLog:
     time: str = ""  # an ISO date or a number; empty if only the order is known
     # position on the time axis: days since 1970, or that number, or its rank
     position: float = 0.0
-    fault: str = ""  # why it cannot be read, else empty
+    fault: PividentError | None = None  # why it cannot be read
 
     @property
     def robot(self) -> str:
@@ -313,7 +313,7 @@ def _grouped(
         canonical[key] = {frozenset(captures): file for captures, file in found.items()}
         every |= dict.fromkeys(tuple(sorted(captures)) for captures in found)
     problems: dict[Captures, list[tuple[tuple[str, str], ...]]] = {}
-    faults: dict[Captures, str] = {}
+    faults: dict[Captures, PividentError] = {}
     for captures in sorted(every):
         values = dict(captures)
         problem = tuple((name, values[name]) for name in chosen)
@@ -321,14 +321,15 @@ def _grouped(
         missing = [key for key, file in files.items() if file is None]
         if missing:
             said = ", ".join(f"{name} {value}" for name, value in captures)
-            faults[problem] = (
+            faults[problem] = PividentError(
                 f"there is no file for {missing[0]!r} of {said}, but one for "
-                f"{next(f for f in files.values() if f)!r}; add it, or remove the other"
+                f"{next(f for f in files.values() if f)!r}",
+                advice="add it, or remove the other",
             )
         record = tuple((key, str(folder / file)) for key, file in files.items() if file)
         problems.setdefault(problem, []).append(record)
     return [
-        FleetLog("/".join(v for _, v in p), p, tuple(records), fault=faults.get(p, ""))
+        FleetLog("/".join(v for _, v in p), p, tuple(records), fault=faults.get(p))
         for p, records in problems.items()
     ]
 
@@ -352,9 +353,9 @@ def _in_time(logs: Sequence[FleetLog], name: str | None) -> tuple[list[FleetLog]
     for log in logs:
         value = read(said[log.name])
         if value is None:
-            fault = (
-                f"{name} = {said[log.name]!r} is not a {kind}, unlike those of the other logs; "
-                "rename the file, or name another part as time under [fleet]"
+            fault = PividentError(
+                f"{name} = {said[log.name]!r} is not a {kind}, unlike those of the other logs",
+                advice="rename the file, or name another part as time under [fleet]",
             )
             made.append(replace(log, fault=log.fault or fault))
         else:

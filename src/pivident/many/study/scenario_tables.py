@@ -184,9 +184,9 @@ def file_named(source: str) -> Iterator[None]:
     try:
         yield
     except ExperimentError as error:
-        if str(error).startswith(f"{source}: "):
+        if f"{source}:" in error.headings[:1]:
             raise
-        raise ExperimentError(f"{source}: {error}") from error
+        raise error.headed(f"{source}:") from error
 
 
 def reference_of(

@@ -14,7 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from pivident.errors import ExperimentError, PividentError
+from pivident.errors import Advised, ExperimentError, PividentError, UnusableValue
 from pivident.estimation.problem import Problem
 from pivident.motion.motion import Kinematics
 from pivident.recording.recording import Recording
@@ -67,7 +67,7 @@ class Division:
     count: int  # nearest to what was asked for; 0: no motion is held out
     gap: float  # left out on either side of a block [s]
     wanted: int  # what was asked for
-    reason: str = ""  # why it is another number, without a period; empty where it is not
+    reason: Advised | None = None  # why it is another number; None where it is not
 
     @property
     def line(self) -> str:
@@ -84,7 +84,7 @@ def nearest_division(
 
     Arguments as of :func:`contiguous_folds`; with ``wanted`` below 2 nothing is held out.
     """
-    refused = _refusal(recordings, moving, wanted, gap) if wanted > 1 else ""
+    refused = _refusal(recordings, moving, wanted, gap) if wanted > 1 else None
     if wanted < 2 or not refused:
         return Division(wanted if wanted > 1 else 0, gap, wanted)
     samples, rate = sum(stop - start for start, stop in moving), recordings[0].rate
@@ -92,35 +92,37 @@ def nearest_division(
     for count in sorted(range(2, samples // shortest + 1), key=lambda n: (abs(n - wanted), n)):
         if not _refusal(recordings, moving, count, gap):
             return Division(count, gap, wanted, refused)
-    reason = (
+    refused = UnusableValue(
         f"the motion of {samples / rate:.3g} s ({samples} samples at {rate:.6g} Hz) has no room "
         f"for blocks of {shortest / rate:.2g} s and as much to fit beside their gaps of {gap:.2g} "
-        "s; log for longer, give a second recording, or check the unit of the time"
+        "s",
+        advice="log for longer, give a second recording, or check the unit of the time",
     )
-    return Division(0, gap, wanted, reason)
+    return Division(0, gap, wanted, refused)
 
 
 def _refusal(
     recordings: Sequence[Recording], moving: Sequence[tuple[int, int]], count: int, gap: float
-) -> str:
-    """Why the motion cannot be cut into so many blocks, without a period; empty if it can."""
+) -> UnusableValue | None:
+    """Why the motion cannot be cut into so many blocks; None if it can."""
     lengths = [stop - start for start, stop in moving]
     samples, rate = sum(lengths), recordings[0].rate
     shortest = min(shortest_block(r) for r in recordings)
     if samples // count < shortest:
-        return (
+        return UnusableValue(
             f"{count} folds of a motion of {samples / rate:.3g} s are blocks of "
-            f"{samples / count / rate:.2g} s, too short to be judged on; at least "
-            f"{shortest / rate:.2g} s are needed; ask for fewer folds, or check the unit of the "
-            f"time: the log has {samples} samples of motion at {rate:.6g} Hz"
+            f"{samples / count / rate:.2g} s, too short to be judged on",
+            advice=f"at least {shortest / rate:.2g} s are needed; ask for fewer folds, or check "
+            f"the unit of the time: the log has {samples} samples of motion at {rate:.6g} Hz",
         )
     folds = _divided(recordings, moving, count, gap)
     if samples - max(sum(p.stop - p.start for p in f.left_out) for f in folds) < shortest:
-        return (
+        return UnusableValue(
             f"{count} folds with gaps of {gap:.2g} s leave less than {shortest / rate:.2g} s to "
-            "fit; ask for more folds, a shorter gap, or give a second recording"
+            "fit",
+            advice="ask for more folds, a shorter gap, or give a second recording",
         )
-    return ""
+    return None
 
 
 def contiguous_folds(
@@ -139,7 +141,7 @@ def contiguous_folds(
     if not (np.isfinite(gap) and gap >= 0.0):
         raise ExperimentError(f"gap is {gap!r} s", advice="it must not be negative")
     if refused := _refusal(recordings, moving, count, gap):
-        raise ExperimentError(refused)
+        raise ExperimentError.of_part("", refused)
     return _divided(recordings, moving, count, gap)
 
 
@@ -235,7 +237,7 @@ def division_of(problem: Problem, wanted: int, gap: float | None = None) -> Divi
     try:
         return JudgedMotion.of(problem).division(wanted, gap)
     except PividentError as error:  # too short to be smoothed
-        return Division(0, gap or 0.0, wanted, str(error))
+        return Division(0, gap or 0.0, wanted, error)
 
 
 def _check_unseen(problem: Problem, others: Sequence[Recording]) -> None:

@@ -317,7 +317,7 @@ def compare_out_of_sample(
     motion = JudgedMotion.of(problem, recording)
     division = motion.division(0 if motion.unseen else folds, gap)
     if division.reason and not division.count:
-        raise IdentificationError(division.reason)
+        raise IdentificationError.of_part("", division.reason)
     count = folds if motion.unseen else division.count
     for name, method in chosen.items():
         known = (identifications or {}).get(name)
