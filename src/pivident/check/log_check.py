@@ -52,7 +52,7 @@ EARLY = 3
 
 
 @dataclass(frozen=True, eq=False)
-class LogCheck:
+class CheckedLog:
     """What was found out about one log."""
 
     remarks: tuple[Remark, ...]  # what is wrong with it
@@ -67,7 +67,7 @@ def check_log(
     robot: Robot | None,
     folder: Path,
     controller: ControllerEntry | None,
-) -> LogCheck:
+) -> CheckedLog:
     """Everything about one log."""
     remarks: list[Remark] = []
     if entry.columns is not None:
@@ -79,10 +79,10 @@ def check_log(
         log = log_of(entry, robot, folder)
     except PividentError as error:
         remarks.append(of_error(failure or error, "recording", place))
-        return LogCheck(tuple(remarks), recordings)
+        return CheckedLog(tuple(remarks), recordings)
     if isinstance(failure, BadCell) and failure.column is None and failure.line <= EARLY:
         remarks.append(of_error(failure, "recording", place))
-        return LogCheck(tuple(remarks))  # the columns are not what they are called
+        return CheckedLog(tuple(remarks))  # the columns are not what they are called
     audit = audit_log(log)
     # that there is no torque concerns the control law, which is looked at later
     grave = [f for f in audit.findings if f.severity != "ok" and f.declared is not NO_TORQUE]
@@ -111,7 +111,7 @@ def check_log(
             remarks += _placed(check_unnamed_torque(named, every.columns), place)
         remarks += _placed(_motion(stretch, timing, audit, controller, has_inputs), place)
     looked_at = _looked_at(log, audit, entry) if robot is not None or not remarks else ""
-    return LogCheck(tuple(remarks), recordings, audit, looked_at)
+    return CheckedLog(tuple(remarks), recordings, audit, looked_at)
 
 
 def _recordings(
