@@ -182,3 +182,12 @@ def test_a_delay_is_judged_by_stretches_of_motion_not_of_rest():
     model = build_inverse_model(log, check_timing(log))
     counts = np.bincount(model.block[model.moving.any(axis=1)])
     assert len(counts) == BLOCKS and counts.max() < 1.2 * counts.min()
+
+
+def test_what_fills_left_out_samples_is_no_frozen_torque():
+    """A constant keeps the filters from ringing there; nobody has measured it."""
+    tau, valid = planar().channels["tau"].copy(), np.ones((len(planar().channels["tau"]), 2), bool)
+    tau[:1000, 1] = tau[1000, 1]
+    assert ("error", "frozen", "tau of elbow") in faults(recording(tau=tau))
+    valid[:1000, 1] = False
+    assert faults(replace(recording(tau=tau), valid=valid)) == []

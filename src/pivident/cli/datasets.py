@@ -6,7 +6,7 @@ import os
 
 from cyclopts import App
 
-from pivident.cli.console import DONE
+from pivident.cli.console import DONE, Progress
 from pivident.errors import DatasetUnavailable, PividentError
 
 app = App(
@@ -51,7 +51,6 @@ def fetch(name: str, /) -> int:
     name
         Name of the record.
     """
-    from pivident.cli.console import Progress
     from pivident.recording.datasets import fetch as fetch_files
 
     with Progress() as progress:

@@ -24,7 +24,7 @@ from pivident.estimation.equation_record import MotionRange
 from pivident.estimation.identification import Identification, Iteration, JointFit
 from pivident.estimation.identification_file import SCHEMA, method_of_options
 from pivident.estimation.simulation_result import SimulationResult
-from pivident.estimation.solved_equations import EquationNoise
+from pivident.estimation.solved_equations import EquationNoise, TorqueSums
 from pivident.files import json_object
 from pivident.instruments.given_motion import InstrumentsUsed
 from pivident.instruments.kinds import KINDS
@@ -387,8 +387,6 @@ def _joint_fit(values: JointFitValues) -> JointFit:
 def _torque_sums(values: dict[str, Any] | None, base: BaseParameters) -> Any:
     if values is None:
         return None
-    from pivident.estimation.solved_equations import TorqueSums
-
     return TorqueSums.from_values(values, base)
 
 

@@ -24,7 +24,7 @@ from pivident.dynamics.base_parameters import base_parameters
 from pivident.errors import ExperimentError
 from pivident.files import regular_file
 from pivident.many.batch.batch_errors import StudyFolderError
-from pivident.robot.naming import ROBOT_FILES
+from pivident.robot.naming import ROBOT_FILES, nearest
 from pivident.simulation import excitation
 from pivident.simulation.excitation import FourierSeries, motion_limits, random_series
 from pivident.simulation.reference import point_to_point, trapezoidal_moves
@@ -105,8 +105,6 @@ class ScenarioTables:
 
     def chosen_conditions(self, patterns: Sequence[str]) -> tuple[Self, ...]:
         """The conditions whose name matches one of the patterns (``tx40-*``); all without any."""
-        from pivident.robot.naming import nearest
-
         known = [c.condition for c in self.conditions]
         for pattern in patterns:
             if not any(fnmatchcase(name, pattern) for name in known):
