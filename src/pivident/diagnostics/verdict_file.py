@@ -56,7 +56,7 @@ def result_of(path: Path) -> Path:
     there = sorted(p.parent.name for p in path.glob(f"*/{RESULT}"))
     advice = f"name one of {', '.join(there)}" if there else "name the folder of a result"
     raise IdentificationFileError(
-        str(path), f"holds no {RESULT} and no {VERDICT_FILE} that recommends one; {advice}"
+        str(path), f"holds no {RESULT} and no {VERDICT_FILE} that recommends one", advice=advice
     )
 
 
