@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 
 from pivident.audit.description_factors import BLUNT, description_factors
+from pivident.audit.examination import Examination, in_turn
 from pivident.audit.flange_load import FlangeLoad, flange_load
 from pivident.audit.inverse_model import build_inverse_model
-from pivident.audit.power import check_power
-from pivident.audit.scale import ANGLE_UNIT, check_positions
+from pivident.audit.log_checks import CHECKS
+from pivident.audit.scale import ANGLE_UNIT, PositionUnitCheck
 from pivident.audit.timing import check_timing
 from pivident.check.torque_side import TorqueSideEvidence, torque_side_evidence
 from pivident.errors import PividentError
@@ -96,11 +97,10 @@ def compare(robot: Robot, q: np.ndarray, tau: np.ndarray, seconds: np.ndarray) -
         if not timing.rate:
             return Comparison(nothing, nothing, trouble="the sampling rate could not be determined")
         model = build_inverse_model(log, timing)
-        findings, better = check_positions(log, timing, model)
-        if any(f.declared is ANGLE_UNIT for f in findings):
+        examined = in_turn(Examination(log, timing, model), (PositionUnitCheck(), CHECKS["power"]))
+        if any(finding.declared is ANGLE_UNIT for finding in examined.findings):
             return Comparison(nothing, nothing, angle_unit=True)
-        model = better or model
-        power = check_power(log, model)
+        model, power = examined.model, examined.results["power"]
         factors, standard_errors = description_factors(log, model, power.right)
         side = torque_side_evidence(log, timing, model)
         load = flange_load(model, factors)
