@@ -31,7 +31,7 @@ MODULES = {
     "estimation/prefiltered_iv.py": ["tests/estimation/test_simulated_tx40.py"],
     "dynamics/base_parameters.py": ["tests/dynamics/test_base_parameters.py"],
     "dynamics/regressor.py": ["tests/dynamics/test_regressor.py"],
-    "audit/delay.py": ["tests/audit/test_planted_faults.py", "tests/audit/test_sticking.py"],
+    "audit/delay.py": ["tests/audit/test_planted_faults.py", "tests/audit/test_recording_audit.py"],
     "audit/order.py": ["tests/audit/test_planted_faults.py", "tests/studio/test_fixes.py"],
     "audit/power.py": ["tests/audit/test_planted_faults.py", "tests/audit/test_slide_weight.py"],
     "experiment/repairs.py": ["tests/experiment/test_repairs.py", "tests/studio/test_fixes.py"],
@@ -71,7 +71,7 @@ def change(node: ast.AST) -> str:
     elif isinstance(node, ast.BinOp):
         node.op = OTHER[type(node.op)]()
     elif isinstance(node, ast.Constant):
-        node.value = node.value * 1.5 if isinstance(node.value, float) else node.value + 1
+        node.value = node.value * 1.5 or 1.0 if isinstance(node.value, float) else node.value + 1
     elif isinstance(node, (ast.If, ast.IfExp)):
         node.test = ast.UnaryOp(ast.Not(), node.test)
     elif isinstance(node, ast.AugAssign):

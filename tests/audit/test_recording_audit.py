@@ -191,3 +191,15 @@ def test_what_fills_left_out_samples_is_no_frozen_torque():
     assert ("error", "frozen", "tau of elbow") in faults(recording(tau=tau))
     valid[:1000, 1] = False
     assert faults(replace(recording(tau=tau), valid=valid)) == []
+
+
+@pytest.mark.parametrize(("samples", "side"), [(2, "later"), (-2, "earlier")])
+def test_a_delay_says_its_side_and_its_repair_declares_it(samples, side):
+    tau = np.column_stack([delayed(x, samples) for x in planar().channels["tau"].T])
+    (fault,) = recording_faults(load_robot("planar_2r"), [recording(tau=tau)])
+    assert f"samples) {side} than the positions" in fault.message
+    edit = fault.repairs[0].edits[0]
+    assert edit.place == ("recording", "delay")
+    assert edit.value == pytest.approx(samples * 1e-3, abs=5e-5)
+    more = [repair.edits[0].place[-1] for repair in fault.repairs[1:]]
+    assert more == ([] if samples > 0 else ["drive_delay"])

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pivident.dynamics.base_parameters import base_parameters
-from pivident.dynamics.parameters import nominal_values
+from pivident.dynamics.base_parameters import base_parameters, preference
+from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.robot.gallery import load_robot
 from pivident.robot.urdf import parse_urdf
@@ -117,3 +117,13 @@ def test_a_coupling_of_another_ratio_keeps_its_columns_apart(tx40):
         *np.random.default_rng(0).normal(size=(3, 90, 6))
     )
     assert np.linalg.matrix_rank(phi.reshape(-1, 61)) == 61
+
+
+def test_what_others_take_up_comes_last(tx40):
+    """Friction and first moments are kept, yy, mz and m regrouped, rotor inertias with them."""
+    standard = standard_parameters(tx40)
+    order = [standard[k] for k in preference(tx40, standard)]
+    kept, last = order[: len(order) // 2], order[-6:]
+    assert {"fv", "fc", "mx", "my", "xx"} <= {p.stem for p in kept}
+    late = {p.stem for p in order[-4 * 6 :]}
+    assert late == {"yy", "mz", "m", "ia"} and all(p.stem in late for p in last)
