@@ -3,8 +3,8 @@
 The observation matrix, the simulation in a closed loop and its tangents of the TX40, each with
 several laws of friction. One process for each checkout, one thread; they take turns, so that what
 else the machine does hits both alike. Each pair gives a ratio; printed are the median of all pairs
-and the interval that holds the median with 95 % (order statistics). `compare_speed.py` runs whatever
-benchmarks each of two trees has; this one the same work on both, law by law.
+and the interval that holds the median with 95 % (order statistics). `compare_speed.py` runs the
+benchmarks that each of two trees has; this one the same work on both, law by law.
 
     python -m benchmarks.kernel_ratios ../other/checkout [--pairs 30]
 """
