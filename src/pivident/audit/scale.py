@@ -29,7 +29,7 @@ from pivident.recording.checks import check_within_reach
 from pivident.robot.description import Robot
 from pivident.text.finding import Finding, FindingKind, Quantity, Severity, Topic
 from pivident.text.numbers import plus_minus
-from pivident.text.repair import Gain, Repair, setting
+from pivident.text.repair import Gain, Repair, in_unit, setting
 from pivident.text.sentences import capital
 
 #: What these checks look at, and the units of positions and torques.
@@ -195,7 +195,7 @@ def check_reach(log: Log, timing: Timing) -> list[Finding]:
             bound = error.limits[int(error.position > error.limits[1])]
             step = capital(error.advice)
             evidence = {"position": Quantity(error.position, error.unit, bound=bound)}
-            repairs = [_in_unit("q", error.likely_unit), _MOTOR_SIDE] if error.likely_unit else []
+            repairs = [in_unit("q", error.likely_unit), _MOTOR_SIDE] if error.likely_unit else []
             findings.append(
                 REACH.finding(
                     "error", f"{error.fact}.", joint.name, step, evidence, repairs=repairs
@@ -245,7 +245,7 @@ def another_position_unit(log: Log, model: InverseModel) -> tuple[Finding, Inver
             )
             step = f'Set units = {{q = "{meant}"}} under [recording].'
             evidence = {"unexplained": Quantity(100 * here, "%", bound=100 * here * BETTER)}
-            repairs = [_in_unit("q", meant)]
+            repairs = [in_unit("q", meant)]
             return ANGLE_UNIT.finding("error", text, "q", step, evidence, repairs=repairs), other
     return _joint_in_another_unit(log, model)
 
@@ -302,12 +302,6 @@ def _joint_side_already(log: Log, model: InverseModel) -> tuple[Finding, Inverse
     evidence = {"unexplained": Quantity(100 * here, "%", bound=100 * here * BETTER)}
     repairs = [_on_side("q", "joint")]
     return SIDE.finding("error", text, "q", step, evidence, repairs=repairs), other
-
-
-def _in_unit(channel: str, unit: str) -> Repair:
-    """Another unit of a channel."""
-    words = f'Change the unit: units = {{{channel} = "{unit}"}}.'
-    return setting("units", channel, value=unit, words=words)
 
 
 #: Positions and torques of the motors.

@@ -16,7 +16,7 @@ from pivident.logs.recognition.channel_words import (
 from pivident.robot.description import Robot
 from pivident.text.finding import Finding, FindingKind, Severity, Topic
 from pivident.text.lists import listed
-from pivident.text.repair import Repair, setting
+from pivident.text.repair import Repair, in_unit, setting
 
 #: What these checks look at, and the table of the columns.
 COLUMNS, TABLE = Topic("columns"), ("recording", "columns")
@@ -189,8 +189,7 @@ def _another_unit(channel: str, names: Sequence[str], given: Any) -> Iterator[Fi
             continue
         how = "is given as" if declared else "is not given and taken for"
         advice = f'Set units = {{{channel} = "{found[0]}"}} if the name is right.'
-        said = f'Change the unit: units = {{{channel} = "{found[0]}"}}.'
-        repairs = [setting("units", channel, value=found[0], words=said)]
+        repairs = [in_unit(channel, found[0])]
         if quantity == "torque" and found[0] in ("A", "mA", "V"):
             repairs = []
             advice = (

@@ -9,7 +9,7 @@ import numpy as np
 from pivident.check.channels import usable_rows
 from pivident.logs.log import Log
 from pivident.text.finding import Finding, FindingKind, Quantity, Topic
-from pivident.text.repair import Reordered, Repair, Reversed, setting
+from pivident.text.repair import Reordered, Repair, Reversed, in_unit
 
 #: What this check looks at, and the columns of the reference.
 REFERENCE, COLUMNS = Topic("reference"), ("recording", "columns", "q_ref")
@@ -100,10 +100,10 @@ def _reference(log: Log, q: np.ndarray, q_ref: np.ndarray) -> Iterator[Finding]:
                 repairs = [Repair((Reversed(channel="q_ref", joints=(names[j],)),))]
             elif 0.9 < factor * np.pi / 180 < 1.1:
                 step = 'It seems to be in degrees: set units = {q_ref = "deg"}.'
-                repairs = [_in_degrees("q_ref")]
+                repairs = [in_unit("q_ref", "deg")]
             elif 0.9 < factor * 180 / np.pi < 1.1:
                 step = 'The positions seem to be in degrees: set units = {q = "deg"}.'
-                repairs = [_in_degrees("q")]
+                repairs = [in_unit("q", "deg")]
             text = f"The reference of {names[j]} is {cause}."
             evidence = {"factor": Quantity(factor)}
             yield UNIT.finding("error", text, names[j], step, evidence, repairs=repairs)
@@ -126,12 +126,6 @@ def _reference(log: Log, q: np.ndarray, q_ref: np.ndarray) -> Iterator[Finding]:
             "the loop along it.",
             {"distance": Quantity(100 * float(distance[j]), "%", digits=3)},
         )
-
-
-def _in_degrees(channel: str) -> Repair:
-    """Degrees as the unit of a channel."""
-    words = f'Change the unit: units = {{{channel} = "deg"}}.'
-    return setting("units", channel, value="deg", words=words)
 
 
 def _correlations(x: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -17,6 +17,7 @@ from pivident.robot.description import Robot
 from pivident.text.finding import Finding, Quantity, Severity
 from pivident.text.lists import listed
 from pivident.text.numbers import format_significant, percent
+from pivident.text.sentences import capital
 
 #: What to do about causes that no size corrects.
 STEPS = {
@@ -120,7 +121,7 @@ def _of_kind(found: ModelErrors, named: Sequence[NamedCause]) -> Finding:
     """The causes of one kind."""
     first = named[0]
     sizes = listed([_size(one) for one in named], 3)
-    text = f"{_capital(first.cause.kind)}: {sizes}"
+    text = f"{capital(first.cause.kind)}: {sizes}"
     most, matters = max(named, key=lambda one: one.shift), any(one.matters for one in named)
     if matters:
         text += (
@@ -274,7 +275,3 @@ def intervals(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     larger = "the model error is the larger part" if ratio > np.sqrt(2.0) else "noise is the larger"
     evidence = {"ratio": Quantity(ratio)}
     yield Finding("note", "intervals", "model error", f"{text}; {larger}.", evidence=evidence)
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]

@@ -25,6 +25,7 @@ from pivident.report.report_data import DesignAccount, ReportData
 from pivident.report.sections import SECTIONS, Section
 from pivident.text.numbers import format_exact, format_significant, percent, with_spread
 from pivident.text.plain_values import write_json
+from pivident.text.sentences import capital
 from pivident.version import __version__
 
 #: Scripts of the page, in the order in which they build on each other.
@@ -177,7 +178,7 @@ def page_environment(*packages: str) -> Environment:
         "script_json": _script_json,
         "powers": _powers,
         "sentence": _sentence,
-        "capitalised": _capitalised,
+        "capitalised": capital,
     }
     environment.globals |= {
         "with_spread": with_spread,
@@ -216,11 +217,6 @@ def _with_powers(text: str) -> Markup:
     """Text whose numbers in powers of ten are written as such."""
     parts = re.split(r"(?<![\w.])(-?\d+(?:\.\d+)?e[+-]\d+)(?!\w)", text)
     return Markup("").join(_powers(part) if k % 2 else part for k, part in enumerate(parts))
-
-
-def _capitalised(text: str) -> str:
-    """A text that begins with a capital; the rest stays as it is, units among it."""
-    return text[:1].upper() + text[1:]
 
 
 def _powers(number: str) -> Markup:

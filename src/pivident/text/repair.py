@@ -264,6 +264,12 @@ def setting(*place: int | str, value: Any = None, words: str = "") -> Repair:
     return Repair((Edit((*RECORDING, *place), value),), words)
 
 
+def in_unit(channel: str, unit: str) -> Repair:
+    """Another unit of a channel."""
+    words = f'Change the unit: units = {{{channel} = "{unit}"}}.'
+    return setting("units", channel, value=unit, words=words)
+
+
 def joined_repairs(several: Sequence[Sequence[Repair]]) -> tuple[Repair, ...]:
     """Repairs of findings that differ in their joints only, each as one for all of them."""
     first, *others = several
