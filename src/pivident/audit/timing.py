@@ -27,7 +27,7 @@ from pivident.logs.clocks.timestamps import (
     usual_interval,
 )
 from pivident.logs.log import Log
-from pivident.logs.units import TIME
+from pivident.logs.units import factor_to_si
 from pivident.text.finding import Finding, FindingKind, Quantity, Severity, at_sample
 from pivident.text.repair import Repair, setting
 from pivident.text.sentences import capital
@@ -261,7 +261,7 @@ def _one_clock(
     if not LIKELY_RATES[0] <= rate <= LIKELY_RATES[1]:
         text = f"The stamps advance at {rate:.4g} Hz, unlike any robot's log."
         step = 'Give the unit of the stamps: units = {t = "ms"} or "us", "ns".'
-        units = likely_time_units(1.0 / (rate * TIME[log.clock_unit]))
+        units = likely_time_units(1.0 / (rate * factor_to_si("t", log.clock_unit)[0]))
         repairs = [
             setting("units", "t", value=unit, words=f"The stamps are in {unit}.") for unit in units
         ]

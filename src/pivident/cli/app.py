@@ -46,6 +46,7 @@ GROUPS = {
         "init": "pivident.cli.init:init",
         "check": "pivident.cli.check:check",
         "identify": "pivident.cli.identify:identify",
+        "apply": "pivident.cli.apply:apply",
         "studio": "pivident.cli.studio:studio",
         "demo": "pivident.cli.identify:demo",
     },

@@ -25,6 +25,7 @@ def identify(
     folds: Annotated[int | None, Parameter(show_default=False)] = None,
     free: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)] = (),
     out: Path | None = None,
+    details: Annotated[bool, Parameter(negative=())] = False,
 ) -> int:
     """Identify the record that an experiment file (TOML) describes.
 
@@ -46,6 +47,8 @@ def identify(
         by commas. Default: those of the file, or else none.
     out
         Folder for the results. Default: that of the file, or else NAME-results for NAME.toml.
+    details
+        Print all statements of the verdict and all tables before it.
     """
     from pivident.cli.workflow import run_experiment
 
@@ -56,7 +59,7 @@ def identify(
         raise UsageError(
             f"--folds {folds} leaves nothing to fit", advice="use 2 or more, or 0 for none"
         )
-    return code_of(run_experiment(experiment, names, out, folds, separated(free)))
+    return code_of(run_experiment(experiment, names, out, folds, separated(free), details))
 
 
 def demo(*, out: Path = Path("pivident-demo"), seed: int = 0) -> int:

@@ -31,6 +31,7 @@ from pivident.consistency.consistent_files import write_consistent
 from pivident.consistency.options import PREFIX, free_methods
 from pivident.diagnostics.diagnostics import Diagnostics, diagnose
 from pivident.diagnostics.failed_simulation import identify
+from pivident.diagnostics.summary import Summary
 from pivident.diagnostics.verdict import Verdict, beside_verdict, verdict
 from pivident.diagnostics.verdict_file import VERDICT_FILE, save_verdict
 from pivident.errors import Attempts
@@ -52,6 +53,7 @@ from pivident.extras import is_installed
 from pivident.files import atomic_folder, check_output
 from pivident.friction.bearing_friction import bearing_friction
 from pivident.friction_laws.shapes import identify_shapes
+from pivident.logs.source_files import sha256
 from pivident.model_errors.corrections import (
     Corrections,
     corrections,
@@ -99,6 +101,8 @@ class Results:
     #: what designs predicted of the records, beside what the recommended method reached
     designs: tuple[ReachedErrors, ...] = ()
     attempts: Attempts = field(default_factory=Attempts)  # by which all that follows is made
+    path: Path | None = None  # the experiment file
+    hash: str = ""  # its SHA-256 when it was read
 
 
 def run_experiment(
@@ -107,8 +111,9 @@ def run_experiment(
     out: Path | None,
     folds: int | None = None,
     free: Sequence[str] = (),
+    details: bool = False,
 ) -> Outcome:
-    """Read an experiment file, identify, judge, print verdict and tables, write the results.
+    """Read an experiment file, identify, judge, print the verdict, write the results.
 
     A method that fails does not take the results of the others with it, nor does anything that
     judges them. Without names, the methods are those of the file, and so are the kinds of causes
@@ -118,7 +123,7 @@ def run_experiment(
 
     with Progress() as progress:
         attempts = Attempts(progress.keep)
-        experiment = load_experiment(path)
+        experiment, hashed = load_experiment(path), sha256(path)
         methods = experiment.methods(free_methods(names))
         consistent = experiment.made_consistent(names)
         options = experiment.consistency()
@@ -188,9 +193,11 @@ def run_experiment(
             "The design is not compared",
             designs_beside, experiment, problem.recordings, best, progress, otherwise=(),
         )  # fmt: skip
-        results = Results(diagnostics.identifications, diagnostics, essential, designs, attempts)
+        results = Results(
+            diagnostics.identifications, diagnostics, essential, designs, attempts, path, hashed
+        )
         whole = write_results(results, folder, experiment.title, report=report)
-    _print_results(results, folder, report=report)
+    _print_results(results, folder, report=report, details=details)
     if shaped is not None:
         print("\n".join(["", "Constants of the friction laws:", shaped.table(), *shaped.notes]))
     return replace(outcome, unjudged=attempts.unexpected or not whole)
@@ -314,7 +321,8 @@ def write_results(
         every = list(found.values())
         failed = "What the names in the verdict stand for is not written"
         terms = attempts.of(failed, lambda: [*label_lines(every), *name_lines(every)], otherwise=[])
-        save_verdict(judged, build / VERDICT_FILE, terms)
+        screen = screen_of(judged, folder, results.path)
+        save_verdict(judged, build / VERDICT_FILE, terms, screen, results.hash)
         if results.essential is not None:
             text = f"{results.essential}\n"
             (build / "essential_parameters.txt").write_text(text, encoding="utf-8")
@@ -381,15 +389,26 @@ def _print_results(
     truth: Mapping[str, float] | None = None,
     *,
     report: bool = True,
+    details: bool = False,
 ) -> None:
-    """Verdict and tables on standard output, warnings and places after them."""
+    """The verdict on one screen, or with all of its statements and tables, and places after it."""
     judged = verdict(results.diagnostics)
-    results.attempts.of("Tables could not be printed", _print_tables, results, judged, truth)
-    print(f"\nResults: {folder}")
-    if report:
-        print(f"Report:  {folder / REPORT}")
-    if next_motion := judged.next_motion(folder):
-        print(f"Next:    {next_motion}")
+    screen = screen_of(judged, folder, results.path)
+    if details or screen is None:
+        results.attempts.of("Tables could not be printed", _print_tables, results, judged, truth)
+        print()
+    if screen is not None:
+        print(screen.text())
+    elif next_motion := judged.next_motion(folder):
+        print(f"Next       {next_motion}")
+    print(f"Details    {folder / REPORT if report else folder}, or --details")
+
+
+def screen_of(judged: Verdict, folder: Path, experiment: Path | None) -> Summary | None:
+    """The verdict on one screen, with the commands of a folder of results."""
+    if judged.summary is None:
+        return None
+    return judged.summary.in_folder(folder, experiment, judged.next_motion(folder))
 
 
 def _print_tables(results: Results, judged: Verdict, truth: Mapping[str, float] | None) -> None:

@@ -16,7 +16,9 @@ import numpy as np
 
 from pivident.audit.recording_audit import recording_faults
 from pivident.consistency.consistent_model import ConsistentModel, make_consistent
+from pivident.diagnostics.baselines import Baselines, baselines
 from pivident.diagnostics.other_readings import Reading, better_readings
+from pivident.diagnostics.trials import Trial, consequences, tried
 from pivident.errors import Attempts, ExperimentError, PividentError
 from pivident.estimation.identification import Identification, torque_sums
 from pivident.estimation.identify import narrowed
@@ -29,6 +31,7 @@ from pivident.recording.recording import Recording
 from pivident.text.finding import Finding
 from pivident.threads import linear_algebra_in_one_thread
 from pivident.validation.held_out.cross_validation import CrossValidation
+from pivident.validation.held_out.folds import JudgedMotion
 from pivident.validation.held_out.out_of_sample import OutOfSample, compare_out_of_sample
 from pivident.validation.held_out.prediction import JOINT_MISSES
 from pivident.validation.instruments.instrument_tests import InstrumentTests, instrument_tests
@@ -68,6 +71,8 @@ class Diagnostics:
             were not looked for: on measured bases, and from torques whose scales nobody knows.
         readings: the log's joints as they are read, then as they fit the description better; empty
             where nothing made one ask, or no other reading does.
+        trials: repairs of the log that were tried, the winners first.
+        baselines: errors of simpler models on the same held-out motion.
     """
 
     identifications: Mapping[str, Identification]
@@ -84,6 +89,8 @@ class Diagnostics:
     log: tuple[Finding, ...] = ()
     nearest: ConsistentModel | None = None
     readings: tuple[Reading, ...] = ()
+    trials: tuple[Trial, ...] = ()
+    baselines: Baselines = field(default_factory=Baselines)
 
     @property
     def recommended(self) -> str:
@@ -155,8 +162,11 @@ def _diagnose(
     say("asking for lost samples, delays and signs")
     failed, robot = "The recordings could not be audited", problem.robot
     log = attempts.of(failed, recording_faults, robot, problem.recordings, otherwise=())
-    out_of_sample = None
+    out_of_sample = motion = None
+    least_squares = methods["ls"] if "ls" in methods else METHODS["ls"]
     if folds or recordings:
+        motion = attempts.of("Nothing could be held out", JudgedMotion.of, problem, recordings or None)
+    if motion is not None:
         compared = partial(
             compare_out_of_sample,
             problem,
@@ -167,6 +177,7 @@ def _diagnose(
             identifications=identifications,
             progress=say,
             attempts=attempts,
+            motion=motion,
         )
         out_of_sample = attempts.of("Nothing could be held out", compared)
     say("testing residuals and instruments")
@@ -174,6 +185,13 @@ def _diagnose(
     name = tested.recommended
     own = widened = identifications[name]
     validation = None if out_of_sample is None else out_of_sample.results.get(name)
+    others = Baselines()
+    if validation is not None and motion is not None and not is_ratio(validation.identification.torque_scale):
+        failed, count = "The estimate is compared with nothing else", validation.blocks or folds
+        simpler = partial(
+            baselines, problem, motion, validation, least_squares, count, validation.gap or None
+        )
+        others = attempts.of(failed, simpler, otherwise=others)
     problem = narrowed(problem, own)
     failed = "Noise and model error could not be separated"
     split = attempts.of(failed, model_error, problem, own, validation)
@@ -182,12 +200,18 @@ def _diagnose(
     if causes is not None:
         failed = "Intervals do not contain what model errors may add"
         widened = attempts.of(failed, with_model_errors, own, causes, otherwise=own)
+    trials: tuple[Trial, ...] = ()
+    if out_of_sample is not None and all(r.torque_source == "measured" for r in problem.recordings):
+        say("trying repairs")
+        suspected = partial(tried, problem, log, least_squares, folds, gap)
+        trials = attempts.of("Repairs could not be tried", suspected, otherwise=())
+    log = consequences(log, trials)
     say("asking whether a machine can have these parameters")
     failed = "Whether a machine can have these parameters could not be asked"
     widened, nearest = attempts.of(failed, _nearest_machine, widened, otherwise=(widened, None))
     readings: tuple[Reading, ...] = ()
     doubtful = _misses(validation) or (nearest is not None and nearest.is_far)
-    if doubtful and not any(finding.severity == "error" for finding in log):
+    if doubtful and not any(trial.wins for trial in trials):
         say("reading the joints of the log in other ways")
         failed = "Other readings of the log's joints could not be tried"
         readings = attempts.of(failed, better_readings, problem, otherwise=())
@@ -202,6 +226,8 @@ def _diagnose(
         log=log,
         nearest=nearest,
         readings=readings,
+        trials=trials,
+        baselines=others,
     )
 
 

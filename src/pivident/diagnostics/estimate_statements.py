@@ -59,7 +59,7 @@ def choice(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
         f"{r.method} {percent(r.prediction.total_in_band)}" for r in compared.results.values()
     )
     yield Finding(
-        "warning" if compared.piv_is_worse or contradicted else "ok",
+        "warning" if contradicted else "note" if compared.piv_is_worse else "ok",
         "estimate",
         "compared",
         " ".join(compared.advice()),
@@ -149,9 +149,8 @@ def determined(result: Identification) -> Iterator[Finding]:
         )
     if held:
         parts.append(f"not determined, held where they were: {listed(held)}")
-    severity: Severity = "warning" if len(zero) + len(held) > len(rows) // 4 else "note"
     text = "; ".join(parts) + "."
-    yield Finding(severity, "parameters", "partly known", text, evidence=evidence, basis=basis)
+    yield Finding("note", "parameters", "partly known", text, evidence=evidence, basis=basis)
     for sentence in wanted_motions(result, zero or middle):
         yield Finding("note", "motion", "wanted", sentence)
 
@@ -241,8 +240,9 @@ def torque_side(result: Identification) -> Iterator[Finding]:
     yield from (w for w in result.warnings if w.topic == "torque side")
 
 
-def signs(result: Identification) -> Iterator[Finding]:
-    """Friction and rotor inertias cannot be negative."""
+def signs(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
+    """Friction and rotor inertias cannot be negative; where they make hardly any torque, so be it."""
+    result = diagnostics.identifications[name]
     negative = negative_parameters(result.parameters, result.names, result.theta, shown_std(result))
     if not negative:
         return
@@ -250,7 +250,13 @@ def signs(result: Identification) -> Iterator[Finding]:
     if certain := [p.name for p in negative if p.is_certain]:
         text = f"Negative, which friction and rotor inertia cannot be: {', '.join(certain)}."
         basis = "; ".join(map(str, negative))
-        yield Finding("error", "physics", "negative", text, evidence=evidence, basis=basis)
+        severity: Severity = "warning"
+        if (torque_shares(result, certain) < SLIGHT).all():
+            severity = "note"
+            text += f" They make less than {100 * SLIGHT:g} % of any joint's torque."
+        elif diagnostics.nearest is not None and not diagnostics.nearest.is_far:
+            text += " The consistent set has none, and predicts about as well."
+        yield Finding(severity, "physics", "negative", text, evidence=evidence, basis=basis)
     else:
         values = listed([str(p) for p in negative])
         text = f"Negative, but not significantly different from zero: {values} (2σ)."
@@ -284,7 +290,7 @@ def further_warnings(result: Identification) -> Iterator[Finding]:
             f"{of_law[0].message}"
         )
         step = 'Give the law where it is known, or compare with instruments = "response".'
-        yield Finding("warning", "law", "uncertain", text, next_step=step)
+        yield Finding("note", "law", "uncertain", text, next_step=step)
     if wrong := _many(further, "wrong gain"):
         text = (
             f"The simulation error contradicts {len(wrong)} declared gains, "

@@ -30,7 +30,7 @@ def feedback_bias(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     )
     if tests is None:
         yield Finding(
-            "warning",
+            "note",
             "feedback",
             "no instruments",
             "Without instruments it is not known whether the feedback loop biases least squares.",
@@ -119,14 +119,14 @@ def strength(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
         severity, kind = "warning", "not exogenous"
         text = f"The instruments may share the noise of the record: {used.shares_noise}."
     elif used is not None and not KINDS[used.kind].exogenous:
-        severity, kind = "warning", "partly exogenous"
+        severity, kind = "note", "partly exogenous"
         text = "The instruments are relevant, but no more than partly free of the record's noise."
     else:
         kind, text = "strong", "The instruments are strong."
     if used is not None:
         text += f" {_what_they_cure(used)}"
     step = ""
-    if severity == "warning" and used is not None and used.kind != "loop":
+    if kind != "strong" and used is not None and used.kind != "loop":
         step = "Log the reference of the motion, or repeat the motion."
     yield Finding(severity, "instruments", kind, text, "", step, evidence, basis)
     if used is not None and used.others:

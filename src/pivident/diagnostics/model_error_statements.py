@@ -14,9 +14,10 @@ from pivident.model_errors.coupling_errors import COUPLED
 from pivident.model_errors.named_causes import MATTERS, ModelErrors, NamedCause
 from pivident.model_errors.unchecked_causes import UncheckedCause
 from pivident.robot.description import Robot
-from pivident.text.finding import Finding, Quantity, Severity
+from pivident.text.finding import Finding, FindingKind, Quantity, Severity, Topic
 from pivident.text.lists import listed
 from pivident.text.numbers import format_significant, percent
+from pivident.text.repair import RECORDING
 from pivident.text.sentences import capital
 
 #: What to do about causes that no size corrects.
@@ -29,6 +30,9 @@ STEPS = {
     "payload": "Identify the recordings apart, or take the load off; see `pivident payload`.",
     "missing parameter": "Estimate it, too ([identify] parameters).",
 }
+
+#: A fault of the log, or of how it is read, whose repair was tried.
+REPAIRED = FindingKind(Topic("log", "Faults of the log"), "repaired", RECORDING)
 
 #: Kind of the note on errors that the record would not show.
 NOT_CHECKED = "not checked"
@@ -68,6 +72,21 @@ def log_faults(diagnostics: Diagnostics) -> Iterator[Finding]:
     for finding in diagnostics.log:
         if not (measured and finding.topic == "delay"):
             yield finding
+
+
+def repairs(diagnostics: Diagnostics) -> Iterator[Finding]:
+    """Repairs that were tried and won, each upon those before it."""
+    for trial in diagnostics.trials:
+        if not trial.wins:
+            continue
+        text = f"{trial.cause} Tried: {trial.effect}."
+        if trial.alike:
+            text += f" As well explained by: {' Or: '.join(trial.alike)}"
+        evidence = {
+            "as logged": Quantity(trial.before, "%"),
+            "repaired": Quantity(trial.after, "%"),
+        }
+        yield REPAIRED.finding("error", text, evidence=evidence, repairs=[trial.repair])
 
 
 def another_reading(diagnostics: Diagnostics) -> Iterator[Finding]:

@@ -32,10 +32,9 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Problem
-from pivident.logs.log import factors_of, gains_of, sides_of
+from pivident.experiment.repaired_problem import worth_of_units
 from pivident.logs.torque_scale import BASES
 from pivident.recording.recording import Recording
-from pivident.robot.description import Robot
 
 #: Samples of the record that is read again, at most.
 MOST_SAMPLES = 40_000
@@ -136,7 +135,7 @@ class _Search:
         self.problem = problem
         self.kinds = [joint.kind for joint in problem.robot.joints]
         self.record = max(problem.recordings, key=lambda r: r.samples)
-        self.worth = _worth_of_units(problem.robot, self.record)
+        self.worth = worth_of_units(problem.robot, self.record)
         scales = {s.joint for s in self.record.torque_scale if s.basis in BASES}
         #: Joints whose gain nobody knows but the masses of the description.
         self.weighed = np.array([name in scales for name in self.record.joint_names])
@@ -213,18 +212,3 @@ class _Search:
         except (PividentError, np.linalg.LinAlgError):
             return np.ones(len(self.weighed))
         return np.where(self.weighed & (factors > 0.0), factors, 1.0)
-
-
-def _worth_of_units(robot: Robot, recording: Recording) -> dict[str, np.ndarray]:
-    """What a unit of the log is worth at each joint's place, of positions and torques."""
-    units, sides = recording.reading.get("units") or {}, sides_of(recording.reading.get("side"))
-    turns = np.abs(np.diag(robot.transmission.reduction))
-    turns = np.where(turns > 0.0, turns, 1.0)  # a motor may turn another joint alone
-    worth = {}
-    for channel, of_gear in (("q", 1.0 / turns), ("tau", turns)):
-        spec = units.get(channel)
-        listed = list(spec) if isinstance(spec, (list, tuple)) else [spec] * robot.size
-        factors, commands = factors_of(channel, listed)
-        gains, _ = gains_of(commands, robot.transmission)
-        worth[channel] = np.abs(factors * gains * (of_gear if sides[channel] == "motor" else 1.0))
-    return worth

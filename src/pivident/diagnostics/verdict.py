@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -32,11 +32,11 @@ from pivident.diagnostics.estimate_statements import (
 )
 from pivident.diagnostics.instrument_statements import feedback_bias, strength
 from pivident.diagnostics.model_error_statements import (
-    NOT_CHECKED,
     another_reading,
     intervals,
     log_faults,
     model_errors,
+    repairs,
 )
 from pivident.diagnostics.prediction_statements import (
     prediction,
@@ -44,6 +44,9 @@ from pivident.diagnostics.prediction_statements import (
     simulated_positions,
     unmeasured_forces,
 )
+from pivident.diagnostics.summary import Summary, summary_of
+from pivident.diagnostics.trials import Trial
+from pivident.diagnostics.uses import Answer, Use, answers, uses
 from pivident.diagnostics.residual_statements import (
     friction_law,
     model_or_noise,
@@ -74,6 +77,9 @@ class Verdict(Displayed):
         open: parameters that another motion would determine.
         designable: whether such a motion can be designed: not yet for closed loops and measured
             bases.
+        uses: what the estimate is good for.
+        trials: repairs of the log that were tried, the winners first.
+        summary: the verdict on one screen.
     """
 
     method: str
@@ -83,31 +89,36 @@ class Verdict(Displayed):
     held_out: Mapping[str, HeldOutErrors] = field(default_factory=dict)
     open: tuple[str, ...] = ()
     designable: bool = True
+    uses: tuple[Use, ...] = ()
+    trials: tuple[Trial, ...] = ()
+    summary: Summary | None = None
 
     @property
     def severity(self) -> Severity:
-        """The gravest of all statements; a note is no reservation."""
+        """``error`` where it is not good for torque prediction; a note is no reservation."""
+        if self.answer("torque") == "no":
+            return "error"
         gravest = worst(self.statements)
-        return "ok" if gravest == "note" else gravest
+        return "ok" if gravest == "note" else "warning" if gravest == "error" else gravest
+
+    def answer(self, use: str) -> Answer:
+        """Whether the estimate is good for a use."""
+        return next((own.answer for own in self.uses if own.name == use), "care")
+
+    @property
+    def repairs(self) -> tuple[Trial, ...]:
+        """Repairs that were tried and won, in the order in which they are applied."""
+        return tuple(trial for trial in self.trials if trial.wins)
+
+    @property
+    def reservations(self) -> tuple[Finding, ...]:
+        """Statements that are reservations."""
+        return tuple(s for s in self.statements if s.severity in ("warning", "error"))
 
     @property
     def headline(self) -> str:
-        """The verdict in one sentence, and another one where the parameters are not in SI."""
-        return f"{self._advice()} {self.scale}".rstrip()
-
-    def _advice(self) -> str:
-        """Whether to take the estimate."""
-        reservations = sum(s.severity == "warning" for s in self.statements)
-        if self.severity == "error":
-            wrong = (s.topic for s in self.statements if s.severity == "error")
-            topics = ", ".join(dict.fromkeys(wrong))
-            return f"Do not use this result as it is: {topics} (marked ×)."
-        if self.severity == "warning":
-            many = "one reservation" if reservations == 1 else f"{reservations} reservations"
-            return f"Take the estimate of {self.method}, with {many} (marked !)."
-        unchecked = any(s.kind == NOT_CHECKED for s in self.statements)
-        provided = ", provided that the robot is as described" if unchecked else ""
-        return f"Take the estimate of {self.method}: no reservations{provided}."
+        """What the estimate is good for, and in what units where the parameters are not in SI."""
+        return " ".join(filter(None, [*answers(self.uses), self.scale]))
 
     def next_motion(self, folder: str | Path) -> str:
         """The command that designs the motion that would determine what is open.
@@ -152,6 +163,7 @@ def verdict(diagnostics: Diagnostics | Identification, attempts: Attempts | None
     both, own, every = (diagnostics, name), (result,), (diagnostics,)
     makers: dict[Callable[..., Iterable[Finding]], tuple[Any, ...]] = {
         choice: both,
+        repairs: every,
         log_faults: every,
         another_reading: every,
         corrected: own,
@@ -159,7 +171,7 @@ def verdict(diagnostics: Diagnostics | Identification, attempts: Attempts | None
         torque_side: own,
         convergence: own,
         determined: own,
-        signs: own,
+        signs: both,
         feedback_bias: both,
         noise: (result, diagnostics.residuals[name]),
         spectral_lines: own,
@@ -189,10 +201,11 @@ def verdict(diagnostics: Diagnostics | Identification, attempts: Attempts | None
     }
     failed = "No motion is designed for what is open"
     wanted = attempts.of(failed, open_parameters, result, otherwise=())
+    judged_uses = attempts.of("Uses are not judged", uses, diagnostics, name, otherwise=())
     statements += (Finding("note", "not tested", "not tested", t) for t in diagnostics.notes)
     lines = attempts.lines[start:]
     statements += (Finding("warning", "not tested", "failed", text) for text in lines)
-    return Verdict(
+    found = Verdict(
         result.method,
         name,
         tuple(statements),
@@ -200,7 +213,11 @@ def verdict(diagnostics: Diagnostics | Identification, attempts: Attempts | None
         {key: errors for key, errors in held_out.items() if errors is not None},
         wanted,
         result.robot.constraints is None and not result.robot.base_joints,
+        judged_uses,
+        diagnostics.trials,
     )
+    failed = "The verdict is not summed up"
+    return replace(found, summary=attempts.of(failed, summary_of, found, diagnostics))
 
 
 def _listed(make: Callable[..., Iterable[Finding]], *given: Any) -> list[Finding]:

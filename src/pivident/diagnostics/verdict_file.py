@@ -7,33 +7,89 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from pivident.diagnostics.summary import Summary
+from pivident.diagnostics.trials import Trial
 from pivident.diagnostics.verdict import Verdict
 from pivident.errors import IdentificationFileError, PividentError
 from pivident.estimation.stored_identification import json_of_file
 from pivident.text.plain_values import plain
+from pivident.text.repair import Repair
 from pivident.validation.held_out.held_out_errors import HeldOutErrors
 
 #: Its name in a folder of results, and the number of its layout.
-VERDICT_FILE, SCHEMA = "verdict.json", 2
+VERDICT_FILE, SCHEMA = "verdict.json", 3
 
 #: The file of a result.
 RESULT = "identification.json"
 
 
-def save_verdict(found: Verdict, path: Path, terms: Sequence[str] = ()) -> None:
-    """Write a verdict as JSON; ``terms``: what names and signs in it stand for, line by line."""
+def save_verdict(
+    found: Verdict,
+    path: Path,
+    terms: Sequence[str] = (),
+    summary: Summary | None = None,
+    experiment: str = "",
+) -> None:
+    """Write a verdict as JSON.
+
+    ``terms``: what names and signs in it stand for, line by line; ``summary``: the verdict on one
+    screen, with the commands of its folder; ``experiment``: SHA-256 of the experiment file.
+    """
+    shown = summary or found.summary
     content = {
         "schema": SCHEMA,
+        "experiment": experiment,
         "method": found.method,
         "name": found.name,
         "severity": found.severity,
         "headline": found.headline,
+        "uses": {use.name: use.as_json() for use in found.uses},
+        "summary": None if shown is None else shown.as_json(),
+        "repairs": [
+            _trial(trial) | {"number": number, "repair": trial.repair.as_json()}
+            for number, trial in enumerate(found.repairs, start=1)
+        ],
+        "tried": [_trial(trial) for trial in found.trials],
         "statements": [s.as_json() for s in found.statements],
         "terms": list(terms),
         "open": list(found.open),
         "held_out": {name: plain(errors.to_values()) for name, errors in found.held_out.items()},
     }
     path.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def _trial(trial: Trial) -> dict[str, Any]:
+    """One repair that was tried, as plain values; errors in percent."""
+    return plain(
+        {
+            "cause": trial.cause,
+            "outcome": trial.outcome,
+            "before": trial.before,
+            "after": trial.after,
+            "evidence": trial.evidence,
+            "alike": list(trial.alike),
+        }
+    )
+
+
+def repairs_of(folder: Path) -> list[tuple[Repair, str]]:
+    """Repairs that the verdict of a folder recommends, in order, each with what was wrong.
+
+    Raises:
+        IdentificationFileError: the folder has no verdict, or one of an earlier version.
+    """
+    stored = json_of_file(folder / VERDICT_FILE).get("repairs")
+    try:
+        return [(Repair.of_json(one["repair"]), str(one["cause"])) for one in stored]
+    except (TypeError, KeyError, ValueError):
+        raise IdentificationFileError(
+            str(folder / VERDICT_FILE), "holds no repairs that can be read", advice="identify again"
+        ) from None
+
+
+def stored_experiment(folder: Path) -> str:
+    """SHA-256 of the experiment file that the verdict of a folder is about; empty without one."""
+    return str(_content(folder).get("experiment", ""))
 
 
 def recommended_method(folder: Path) -> str:

@@ -250,7 +250,7 @@ class Whitening:
         step = (
             "Raise p_max or cap the smoother (f50_max) to see whether the estimate depends on it."
         )
-        return [Finding("warning", "noise model", "order at its bound", text, next_step=step)]
+        return [Finding("note", "noise model", "order at its bound", text, next_step=step)]
 
     def _refuse_slow_filters(self, kinematics: Sequence[Kinematics]) -> None:
         """Refuse filters that forget their start no faster than half a record."""

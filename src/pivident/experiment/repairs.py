@@ -14,19 +14,21 @@ from functools import singledispatch
 from typing import Any
 
 from pivident.errors import ExperimentError
-from pivident.logs.units import COMMAND, UNITS_OF
+from pivident.logs.units import COMMAND, TIME, UNITS_OF
 from pivident.robot.naming import URDF_FILES
 from pivident.text.repair import (
     Change,
     Edit,
     Gain,
     LeftOut,
+    Multiplied,
     NotRead,
     Place,
     Renamed,
     Reordered,
     Repair,
     Respelt,
+    Retimed,
     Reversed,
     Scaled,
     Shifted,
@@ -197,51 +199,88 @@ def _scaled(edit: Scaled, file: FileContent) -> FileEdits:
 @_resolved.register
 def _reversed(edit: Reversed, file: FileContent) -> FileEdits:
     """Factors with the other sign, for one channel or all that are read."""
-    joints = [file.number_of(name) for name in edit.joints]
-    names = ", ".join(edit.joints)
+    factors, names = {file.number_of(name): -1.0 for name in edit.joints}, ", ".join(edit.joints)
     if edit.channel:
-        called = CALLED.get(edit.channel, edit.channel)
-        words = f"Reverse the sign of the {called} of {names}."
-        return FileEdits(words, (_turned(edit.table, edit.channel, joints, file),))
-    read = [c for c in COUNTED if file.value(*edit.table, "columns", c) is not None]
+        words = f"Reverse the sign of the {_named(edit.channel)} of {names}."
+        return FileEdits(words, (_times(edit.table, edit.channel, factors, file),))
     words = f"Reverse the signs of all channels of {names}."
-    return FileEdits(words, tuple(_turned(edit.table, c, joints, file) for c in read))
+    read = _read(edit.table, COUNTED, file)
+    return FileEdits(words, tuple(_times(edit.table, c, factors, file) for c in read))
 
 
-def _turned(
-    table: Place, channel: str, joints: Sequence[int], file: FileContent
+@_resolved.register
+def _multiplied(edit: Multiplied, file: FileContent) -> FileEdits:
+    """Factors to SI that are so many times the present ones."""
+    factors = {file.number_of(joint): factor for joint, factor in edit.factors}
+    said = ", ".join(f"{factor:.4g} for {joint}" for joint, factor in edit.factors)
+    words = f"Multiply the {_named(edit.channel)} by {said}."
+    return FileEdits(words, (_times(edit.table, edit.channel, factors, file),))
+
+
+def _named(channel: str) -> str:
+    """A channel in words."""
+    return CALLED.get(channel, channel)
+
+
+def _read(table: Place, channels: Sequence[str], file: FileContent) -> list[str]:
+    """Those of some channels that the file names columns for."""
+    return [c for c in channels if file.value(*table, "columns", c) is not None]
+
+
+def _times(
+    table: Place, channel: str, factors: Mapping[int, float], file: FileContent
 ) -> tuple[Place, Any]:
-    """Units of a channel with the other sign for some joints; SI where nothing was said."""
+    """Units of a channel with factors for some joints; SI where nothing was said."""
     units = [
-        _negative(channel, unit) if j in joints else 1.0 if unit is None else unit
+        _unit_times(channel, unit, factors[j]) if j in factors else 1.0 if unit is None else unit
         for j, unit in enumerate(file.units(table, channel))
     ]
     return (*table, "units", channel), _one_for_all(units)
 
 
-def _negative(channel: str, unit: Any) -> Any:
-    """A unit with the other sign, as a factor to SI."""
+def _unit_times(channel: str, unit: Any, factor: float) -> Any:
+    """So many times a unit, as a factor to SI, or in the gain of a command; six digits."""
     if isinstance(unit, dict) and "gain" in unit:
-        return unit | {"gain": -unit["gain"]}
+        return unit | {"gain": float(f"{factor * unit['gain']:.6g}")}
     is_command = isinstance(unit, str) and unit in COMMAND
-    factor = UNITS_OF[channel].get(unit) if isinstance(unit, str) else unit
-    if isinstance(unit, dict) or is_command or (unit is not None and factor is None):
+    known = UNITS_OF[channel].get(unit) if isinstance(unit, str) else unit
+    if isinstance(unit, dict) or is_command or (unit is not None and known is None):
         raise _contradiction(
-            f"the unit {unit!r} of {channel} has no sign of its own",
-            "reverse the gain of the drive, drive_gain under [robot]",
+            f"the unit {unit!r} of {channel} has no sign or size of its own",
+            "change the gain of the drive, drive_gain under [robot]",
         )
-    return -float(1.0 if factor is None else factor)
+    return float(f"{factor * (1.0 if known is None else known):.6g}")
+
+
+@_resolved.register
+def _retimed(edit: Retimed, file: FileContent) -> FileEdits:
+    """Another unit of the stamps, or another rate."""
+    if file.value(*edit.table, "columns", "t") is not None:
+        unit = file.value(*edit.table, "units", "t")
+        seconds = TIME.get(unit, 1.0) if isinstance(unit, str) or unit is None else float(unit)
+        worth = float(f"{edit.factor * seconds:.6g}")
+        words = f"Take {worth:g} s for a unit of the stamps."
+        return FileEdits(words, (((*edit.table, "units", "t"), worth),))
+    place = (*edit.table, "rate")
+    rate = file.value(*place)
+    if not isinstance(rate, (int, float)):
+        raise _contradiction("the file has neither stamps nor a rate")
+    rate = float(f"{rate / edit.factor:.6g}")
+    return FileEdits(f"Take {rate:g} Hz for the rate.", ((place, rate),))
 
 
 @_resolved.register
 def _reordered(edit: Reordered, file: FileContent) -> FileEdits:
     """The same columns, each with the joint that it belongs to."""
-    names = file.columns(edit.table, edit.channel)
-    if sorted(edit.order) != list(range(len(names))):
-        raise _contradiction(f"{edit.channel} has {len(names)} columns, not {len(edit.order)}")
-    right = [names[k] for k in edit.order]
-    words = f"Name the columns of {edit.channel} as {', '.join(right)}."
-    return FileEdits(words, (((*edit.table, "columns", edit.channel), right),))
+    edits: list[tuple[Place, Any]] = []
+    channels = [edit.channel] if edit.channel else _read(edit.table, COUNTED, file)
+    for channel in channels:
+        names = file.columns(edit.table, channel)
+        if sorted(edit.order) != list(range(len(names))):
+            raise _contradiction(f"{channel} has {len(names)} columns, not {len(edit.order)}")
+        edits.append(((*edit.table, "columns", channel), [names[k] for k in edit.order]))
+    said = " and ".join(f"of {place[-1]} as {', '.join(right)}" for place, right in edits)
+    return FileEdits(f"Name the columns {said}.", tuple(edits))
 
 
 @_resolved.register

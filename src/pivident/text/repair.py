@@ -148,11 +148,36 @@ class Reversed(OfLog):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Multiplied(OfLog):
+    """A channel of single joints in another unit.
+
+    Attributes:
+        channel: such as ``tau``.
+        factors: joints and what their values are multiplied by.
+    """
+
+    each: ClassVar[str] = "factors"
+    channel: str
+    factors: tuple[tuple[str, float], ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Retimed(OfLog):
+    """A clock that runs too fast or too slowly.
+
+    Attributes:
+        factor: what the times of the log are multiplied by.
+    """
+
+    factor: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class Reordered(OfLog):
     """Columns of a channel, dealt out to the joints in another way.
 
     Attributes:
-        channel: such as ``tau``.
+        channel: such as ``tau``; empty: every channel that is read.
         order: number of the column that belongs to each joint.
     """
 
@@ -254,7 +279,8 @@ class Repair:
 CHANGES = {
     kind.__name__: kind
     for kind in (
-        Edit, Renamed, Respelt, Scaled, Reversed, Reordered, Shifted, Gain, NotRead, LeftOut
+        Edit, Renamed, Respelt, Scaled, Reversed, Multiplied, Retimed, Reordered, Shifted, Gain,
+        NotRead, LeftOut,
     )
 }  # fmt: skip
 

@@ -302,10 +302,12 @@ def compare_out_of_sample(
     identifications: Mapping[str, Identification] | None = None,
     progress: Callable[[str], None] | None = None,
     attempts: Attempts | None = None,
+    motion: JudgedMotion | None = None,
 ) -> OutOfSample:
     """Cross-validate several methods on the same stretches and say which estimate to take.
 
-    ``gap``: left out on either side of a block [s]; ``attempts``: what judges each method.
+    ``gap``: left out on either side of a block [s]; ``attempts``: what judges each method;
+    ``motion``: the smoothed recordings, where they are there already.
     """
     chosen = dict(methods) if isinstance(methods, Mapping) else {m: METHODS[m] for m in methods}
     if not chosen:
@@ -314,7 +316,7 @@ def compare_out_of_sample(
     results: dict[str, CrossValidation] = {}
     attempts, failures = attempts or Attempts(), dict[str, str]()
     say("smoothing the held-out motion")
-    motion = JudgedMotion.of(problem, recording)
+    motion = motion or JudgedMotion.of(problem, recording)
     division = motion.division(0 if motion.unseen else folds, gap)
     if division.reason and not division.count:
         raise IdentificationError.of_part("", division.reason)
@@ -410,8 +412,10 @@ def is_worse(ratio: Ratio) -> bool:
     return ratio.value > TOLERATED and not ratio.could_be_chance
 
 
-def error_ratio(a: CrossValidation, b: CrossValidation) -> Ratio:
+def error_ratio(a: CrossValidation, b: CrossValidation, level: float = 0.05) -> Ratio:
     """Held-out error of a over that of b, in the motion's band, with an interval.
+
+    ``level``: chance of a ratio outside of it; smaller where it is one of many comparisons.
 
     The interval is Student's, from the logarithms of the stretches' ratios; blocks of one motion
     have their easy and hard parts in common, which the ratio takes out.
@@ -426,7 +430,7 @@ def error_ratio(a: CrossValidation, b: CrossValidation) -> Ratio:
     value = a.prediction.total_in_band / b.prediction.total_in_band
     if len(logs) < MIN_STRETCHES:
         return Ratio(value, np.nan, np.nan)
-    reach = student.ppf(0.975, len(logs) - 1) * np.std(logs, ddof=1) / np.sqrt(len(logs))
+    reach = student.isf(0.5 * level, len(logs) - 1) * np.std(logs, ddof=1) / np.sqrt(len(logs))
     return Ratio(value, float(value * np.exp(-reach)), float(value * np.exp(reach)))
 
 

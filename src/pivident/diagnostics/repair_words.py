@@ -1,0 +1,95 @@
+"""What was wrong where a repair helps, in words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from pivident.text.lists import listed
+from pivident.text.numbers import format_significant
+from pivident.text.repair import (
+    Change,
+    Edit,
+    Multiplied,
+    NotRead,
+    Reordered,
+    Repair,
+    Retimed,
+    Reversed,
+    Shifted,
+)
+
+#: Channels as they are called.
+CALLED = {"tau": "torque", "q": "position"}
+
+#: Directions of the base.
+AXES = ("x", "y", "z")
+
+
+def cause_of(repair: Repair) -> str:
+    """What was wrong, one sentence for each edit; empty where its edits do not say.
+
+    Args:
+        repair: which helps.
+    """
+    return " ".join(filter(None, map(_of, repair.edits)))
+
+
+def _of(edit: Change) -> str:
+    """One edit."""
+    match edit:
+        case Reversed(channel="", joints=joints):
+            return f"{listed(joints)} {_turns(joints)} the other way than described."
+        case Reversed(channel=channel, joints=joints):
+            return f"The {CALLED.get(channel, channel)} of {listed(joints)} has the other sign."
+        case Multiplied(channel="q", factors=factors):
+            return " ".join(_unit(*pair) for pair in factors)
+        case Multiplied(channel=channel, factors=factors):
+            said = [f"of {j} {format_significant(1.0 / f)} times as large" for j, f in factors]
+            return f"The {CALLED.get(channel, channel)} {listed(said)} as it should be."
+        case Reordered(channel=channel, order=order):
+            whose = CALLED.get(channel, "column") if channel else "column"
+            moved = [str(k + 1) for k, own in enumerate(order) if own != k]
+            return f"The {whose}s of joints {' and '.join(moved)} are exchanged."
+        case Shifted(offsets=offsets):
+            said = [f"of {j} is off by {_angle(x)}" for j, x in offsets]
+            return f"The zero position {listed(said)}."
+        case Retimed(factor=factor):
+            times = factor if factor > 1.0 else 1.0 / factor
+            faster = "fast" if factor > 1.0 else "slowly"
+            return f"The clock runs {format_significant(times)} times as {faster} as it should."
+        case NotRead(channel=channel):
+            return f"{channel} is not what its name says."
+        case Edit(place=("robot", "gravity"), value=value):
+            return f"Gravity points along {_axis(value)} of the base."
+        case Edit(place=(*_, "delay"), value=value):
+            return f"The torques were logged {1e3 * (value or 0.0):.3g} ms later than the positions."
+        case Edit(place=(*_, "torque_timing"), value=value):
+            return f"The torques are {value}, see torque_timing."
+    return ""
+
+
+def _turns(joints: Sequence[str]) -> str:
+    return "turns" if len(joints) == 1 else "turn"
+
+
+def _unit(joint: str, factor: float) -> str:
+    """Degrees among radians, or a factor."""
+    if math.isclose(factor, math.pi / 180.0, rel_tol=1e-3):
+        return f"The position of {joint} is in degrees."
+    if math.isclose(factor, 180.0 / math.pi, rel_tol=1e-3):
+        return f"The position of {joint} is in radians."
+    return f"The position of {joint} is {format_significant(1.0 / factor)} times as large."
+
+
+def _angle(radians: float) -> str:
+    return f"{math.degrees(-radians):.4g}°"
+
+
+def _axis(gravity: Sequence[float]) -> str:
+    """``-z``, or the components."""
+    size = math.hypot(*gravity)
+    for axis, x in zip(AXES, gravity, strict=True):
+        if abs(x) > 0.99 * size:
+            return f"{'+' if x > 0 else '-'}{axis}"
+    return str(list(gravity))
