@@ -19,7 +19,7 @@ from pivident.audit.examination import Examination, LogCheck, in_turn
 from pivident.audit.inverse_model import build_inverse_model
 from pivident.audit.log_checks import CHECKS
 from pivident.audit.saturation import CLIPPED, check_channels
-from pivident.audit.scale import ALIKE, GAIN, PositionUnitCheck, check_scale
+from pivident.audit.scale import ALIKE, GAIN, LOAD, PositionUnitCheck, check_scale
 from pivident.audit.timing import Timing, check_timing
 from pivident.errors import PividentError
 from pivident.logs.log import Log
@@ -94,7 +94,7 @@ def _allowed(finding: Finding) -> Finding:
 
 
 class GainsCheck(LogCheck):
-    """Joints whose torque is that of the description but for a factor: a reservation at most.
+    """Joints whose torque is that of the description but for a factor or a load: a reservation.
 
     A torque of another shape speaks of wrong masses, which an estimate replaces. So may a factor,
     which is then no fault of the log. Wrong orders and signs spoil all factors.
@@ -109,8 +109,12 @@ class GainsCheck(LogCheck):
         scale = check_scale(seen.log, seen.model, seen.results["power"].right)
         alike = np.abs(scale.likeness) >= ALIKE
         same_shape = dict(zip(seen.model.robot.joint_names, alike, strict=True))
-        gains = serious(f for f in scale.findings if f.declared is GAIN and same_shape[f.subject])
-        return seen.after(self.name, [replace(f, severity="warning") for f in gains], scale)
+        kept = (
+            f
+            for f in scale.findings
+            if f.declared is LOAD or (f.declared is GAIN and same_shape[f.subject])
+        )
+        return seen.after(self.name, [replace(f, severity="warning") for f in serious(kept)], scale)
 
 
 def log_of(robot: Robot, recording: Recording) -> Log:

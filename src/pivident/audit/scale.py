@@ -48,7 +48,7 @@ JOINT_ANGLE_UNIT = FindingKind(
 )
 SIDE = FindingKind(SCALE, "side", ("recording", "side"), spoils=COMPARISONS)
 GAIN = FindingKind(SCALE, "gain", TORQUES, reservation=True)
-LOAD = FindingKind(SCALE, "load", ("robot", "model"))
+LOAD = FindingKind(SCALE, "load", ("robot", "model"), reservation=True)
 
 #: A gain that differs from 1 by this factor gets a warning, by that one it is wrong.
 WARNING, ERROR = 1.3, 3.0
@@ -156,10 +156,15 @@ def check_scale(log: Log, model: InverseModel, signs_right: Container[int] = ())
 
 
 def _gains_agree(load: FlangeLoad, commands: list[int]) -> bool:
-    """Whether all torques are those of description and load; a command has no gain to agree."""
-    off = np.abs(load.factors - 1.0)
-    near = (load.factors > 1.0 / WARNING) & (load.factors < WARNING)
-    return not commands and bool(np.all(near | (off < CLEAR * load.standard_errors)))
+    """Whether all torques are those of description and load, but for one and the same factor.
+
+    A command has no gain to agree.
+    """
+    typical = float(np.median(load.factors))
+    relative, spread = load.factors / typical, load.standard_errors / abs(typical)
+    near = (relative > 1.0 / WARNING) & (relative < WARNING)
+    agree = bool(np.all(near | (np.abs(relative - 1.0) < CLEAR * spread)))
+    return not commands and 1.0 / ERROR < typical < ERROR and agree
 
 
 def _load_finding(robot: Robot, load: FlangeLoad) -> Finding:
@@ -167,15 +172,19 @@ def _load_finding(robot: Robot, load: FlangeLoad) -> Finding:
     last = robot.joints[-1].name
     half = 2 * load.standard_error
     low, high = load.mass - half, load.mass + half
+    typical = float(np.median(load.factors))
+    scale = "the scale of the torques is right"
+    if not 1.0 / WARNING < typical < WARNING:
+        scale = f"all torques are about {typical:.2g} times those of the description"
     text = (
-        f"The torques indicate a body of {plus_minus(load.mass, half)} kg (2σ of the "
-        f"fit, if the masses of the description are exact) on the link of {last} that the "
-        "description lacks; with it their scale is right."
+        f"The description seems to lack a body of {plus_minus(load.mass, half)} kg on the link of "
+        f"{last}, such as a tool. With it {scale} (2σ of the fit, if the masses of the description "
+        "are exact)."
     )
     step = (
-        f"A tool or a payload? Add its mass, centre of mass and inertia to the link of {last} in "
-        "the file that model names under [robot]. Left as it is, its parameters become part of "
-        "those of this link, which is right for torques of the arm with it."
+        f"Add its mass, centre of mass and inertia to the link of {last} in the file that model "
+        "names under [robot]. Left as it is, its parameters become part of those of this link, "
+        "which is right for torques of the arm with it."
     )
     evidence = {"mass": Quantity(load.mass, "kg", interval=(low, high))}
     return LOAD.finding("warning", text, last, step, evidence)

@@ -339,6 +339,7 @@ def write_results(
                     title=title,
                     diagnostics=results.diagnostics,
                     folder=folder.name,
+                    experiment="" if results.path is None else results.path.name,
                     designs=design_accounts(results.designs),
                     attempts=attempts,
                 )

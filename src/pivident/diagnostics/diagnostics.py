@@ -165,7 +165,8 @@ def _diagnose(
     out_of_sample = motion = None
     least_squares = methods["ls"] if "ls" in methods else METHODS["ls"]
     if folds or recordings:
-        motion = attempts.of("Nothing could be held out", JudgedMotion.of, problem, recordings or None)
+        failed = "Nothing could be held out"
+        motion = attempts.of(failed, JudgedMotion.of, problem, recordings or None)
     if motion is not None:
         compared = partial(
             compare_out_of_sample,
@@ -186,7 +187,7 @@ def _diagnose(
     own = widened = identifications[name]
     validation = None if out_of_sample is None else out_of_sample.results.get(name)
     others = Baselines()
-    if validation is not None and motion is not None and not is_ratio(validation.identification.torque_scale):
+    if validation is not None and motion is not None and not is_ratio(own.torque_scale):
         failed, count = "The estimate is compared with nothing else", validation.blocks or folds
         simpler = partial(
             baselines, problem, motion, validation, least_squares, count, validation.gap or None

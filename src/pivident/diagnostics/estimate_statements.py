@@ -241,7 +241,7 @@ def torque_side(result: Identification) -> Iterator[Finding]:
 
 
 def signs(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
-    """Friction and rotor inertias cannot be negative; where they make hardly any torque, so be it."""
+    """Friction and rotor inertias cannot be negative; of no consequence without torque."""
     result = diagnostics.identifications[name]
     negative = negative_parameters(result.parameters, result.names, result.theta, shown_std(result))
     if not negative:

@@ -5,8 +5,8 @@ A logged speed that is a times the derivative of its position by the stamps of t
     dq_j = a_j d(q_j)/dt,
 
 has another clock than they have if all joints have the same a, and another unit or gear ratio if
-one joint has it alone. No torque is asked, and none need show it: least squares puts up with a wrong
-clock by wrong inertias and viscous frictions.
+one joint has it alone. No torque is asked, and none need show it: least squares puts up with a
+wrong clock by wrong inertias and viscous frictions.
 """
 
 from __future__ import annotations

@@ -77,7 +77,7 @@ def log_faults(diagnostics: Diagnostics) -> Iterator[Finding]:
 def repairs(diagnostics: Diagnostics) -> Iterator[Finding]:
     """Repairs that were tried and won, each upon those before it."""
     for trial in diagnostics.trials:
-        if not trial.wins:
+        if not trial.wins or trial.repair is None:
             continue
         text = f"{trial.cause} Tried: {trial.effect}."
         if trial.alike:
@@ -141,6 +141,9 @@ def _of_kind(found: ModelErrors, named: Sequence[NamedCause]) -> Finding:
     first = named[0]
     sizes = listed([_size(one) for one in named], 3)
     text = f"{capital(first.cause.kind)}: {sizes}"
+    if first.cause.kind == "friction":
+        whose = listed(list(dict.fromkeys(one.cause.subject for one in named)), 3)
+        text = f"Friction of {whose} has another law than assumed. Its residual has {sizes}"
     most, matters = max(named, key=lambda one: one.shift), any(one.matters for one in named)
     if matters:
         text += (

@@ -11,7 +11,12 @@ from pivident.robot.measured_base import BASE_JOINTS
 from pivident.text.finding import Finding, Quantity, Severity
 from pivident.text.numbers import format_significant, percent
 from pivident.validation.held_out.cross_validation import CrossValidation
-from pivident.validation.held_out.prediction import JOINT_MISSES, MOSTLY, at_rest
+from pivident.validation.held_out.prediction import (
+    JOINT_MISSES,
+    MOSTLY,
+    PredictionError,
+    at_rest,
+)
 
 #: A simulated loop whose torque misses more than this of the measured one explains less than three
 #: quarters of its power (1 - 0.5²) and is a reservation [%].
@@ -22,6 +27,12 @@ BASE_MISSES = 10.0
 
 #: … where noise is at most this share of the rms error.
 LITTLE_NOISE = 0.2
+
+#: Error of a joint's torque, without standstill, from which on it is used with care [%].
+MISSES = 25.0
+
+#: Share of the error's power from which on it is mostly noise.
+NOISE = 0.5
 
 #: Error in the band beyond which predicted torques are farther off than none [%].
 NOTHING = 100.0
@@ -86,6 +97,38 @@ def prediction(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
         evidence["largest of a joint"] = Quantity(largest, "%")
     yield Finding(severity, "prediction", kind, f"{text}.", "", step, evidence, basis)
     yield from _missed_joints(judged)
+
+
+def unexplained(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
+    """Joints whose held-out error is large, mostly no noise, and has no named cause."""
+    compared, found = diagnostics.out_of_sample, diagnostics.model_errors
+    judged = None if compared is None else compared.results.get(name)
+    if judged is None or any(trial.wins for trial in diagnostics.trials):
+        return
+    named = {one.cause.subject for one in (() if found is None else found.matter)}
+    for joint, share in unexplained_joints(judged.prediction).items():
+        if joint in named or share > JOINT_MISSES:  # said beside its cause, or as one missed
+            continue
+        text = (
+            f"{percent(share)} of the torque of {joint} is unexplained: no noise, and no cause "
+            "that was tried."
+        )
+        step = f"`pivident friction` shows it over speed, position and load of {joint}."
+        evidence = {"torque error": Quantity(share, "%")}
+        yield Finding("warning", "prediction", "unexplained", text, joint, step, evidence)
+
+
+def unexplained_joints(e: PredictionError) -> dict[str, float]:
+    """Joints whose error is large and mostly no noise, with that of motion in percent.
+
+    Args:
+        e: errors on held-out motion.
+    """
+    modelled = np.maximum(e.rms_in_band**2 - e.rest_in_band**2 - e.noise_in_band**2, 0.0)
+    share = 100.0 * np.sqrt(modelled) / np.maximum(e.torque_in_band, 1e-300)
+    is_noise = e.noise_in_band**2 > NOISE * e.rms_in_band**2
+    large = np.where(is_noise, e.moving_in_band > JOINT_MISSES, share > MISSES)
+    return {e.joint_names[j]: float(e.moving_in_band[j]) for j in np.flatnonzero(large)}
 
 
 def unmeasured_forces(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:

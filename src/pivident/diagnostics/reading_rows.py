@@ -123,9 +123,7 @@ class ReadingRows:
         moving = np.abs(channels_after(edit, {"tau": 1.0 * self.moving}, names)["tau"]) > 0.0
         changed = channels_after(edit, self.channels, names)
         same = all(changed[c] is self.channels[c] for c in MOTION)
-        return replace(
-            self, channels=changed, moving=moving, known=self.matrix if same else None
-        )
+        return replace(self, channels=changed, moving=moving, known=self.matrix if same else None)
 
     def scores(self) -> np.ndarray:
         """Mean logarithm of the joints' relative errors in each stretch, from all others."""
@@ -195,9 +193,7 @@ def _solved(gram: np.ndarray, right: np.ndarray, weights: np.ndarray) -> np.ndar
     return np.linalg.solve(a, weights @ right / size) / size
 
 
-def _left(
-    theta: np.ndarray, gram: np.ndarray, right: np.ndarray, square: np.ndarray
-) -> np.ndarray:
+def _left(theta: np.ndarray, gram: np.ndarray, right: np.ndarray, square: np.ndarray) -> np.ndarray:
     """‖τ_j - Φ_j θ‖² of each joint."""
     explained = np.einsum("i,jik,k->j", theta, gram, theta) - 2.0 * right @ theta
     return np.maximum(square + explained, 0.0)

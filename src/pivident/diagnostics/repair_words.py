@@ -63,7 +63,7 @@ def _of(edit: Change) -> str:
         case Edit(place=("robot", "gravity"), value=value):
             return f"Gravity points along {_axis(value)} of the base."
         case Edit(place=(*_, "delay"), value=value):
-            return f"The torques were logged {1e3 * (value or 0.0):.3g} ms later than the positions."
+            return f"The torques were logged {1e3 * (value or 0.0):.3g} ms after the positions."
         case Edit(place=(*_, "torque_timing"), value=value):
             return f"The torques are {value}, see torque_timing."
     return ""

@@ -1,7 +1,7 @@
 """The verdict on one screen: answer, evidence, what is wrong, what to take away, what next.
 
-Terminal, report, studio and ``verdict.json`` show the same five parts. Everything else that is known
-of a result stands below: ``--details``, and the sections of the report.
+Terminal, report, studio and ``verdict.json`` show the same five parts. Everything else that is
+known of a result stands below: ``--details``, and the sections of the report.
 """
 
 from __future__ import annotations
@@ -284,9 +284,7 @@ def _aligned(cells: Sequence[str]) -> list[str]:
 
 def _item_lines(number: int, item: Item) -> list[str]:
     """An item on two lines at most."""
-    tail = "   ".join(
-        filter(None, [item.command, f"tried: {item.effect}" if item.effect else ""])
-    )
+    tail = "   ".join(filter(None, [item.command, f"tried: {item.effect}" if item.effect else ""]))
     lines = [own for part in item.text.splitlines() for own in textwrap.wrap(part, WIDTH - 3)]
     room = ITEM_LINES - bool(tail)
     if len(lines) > room:

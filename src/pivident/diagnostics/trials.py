@@ -1,8 +1,8 @@
 """Repairs that were tried: applied, solved again, compared on motion that was not fitted.
 
-Every repair that an audit suggests, that a search finds or that the logged speeds ask for is carried
-out on the samples. Least squares is solved again, and its torque error on held-out blocks compared,
-block by block, with that of the log as it is read. A repair is shown
+Every repair that an audit suggests, that a search finds or that the logged speeds ask for is
+carried out on the samples. Least squares is solved again, and its torque error on held-out blocks
+compared, block by block, with that of the log as it is read. A repair is shown
 
 - if the error falls by more than chance, corrected for the number that was tried, or
 - if it does not move, and something else says so: the logged speeds, or friction that would give
@@ -13,10 +13,14 @@ One that makes the error larger, or leaves nothing to be solved, is never shown.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
+import numpy as np
+
+from pivident.audit.steps import LOST, REPEATED_SAMPLE, unsteady_steps
 from pivident.diagnostics.logged_speeds import speed_evidence
 from pivident.diagnostics.repair_search import joined, search
 from pivident.diagnostics.repair_words import cause_of
@@ -24,18 +28,23 @@ from pivident.errors import PividentError
 from pivident.estimation.method import Method
 from pivident.estimation.problem import Problem
 from pivident.experiment.repaired_problem import repaired
+from pivident.recording.recording import Recording
 from pivident.text.finding import Finding
 from pivident.text.numbers import percent
-from pivident.text.repair import Change, Repair
+from pivident.text.repair import Change, Repair, Retimed
 from pivident.validation.held_out.cross_validation import CrossValidation, judged_on
 from pivident.validation.held_out.folds import JudgedMotion
 from pivident.validation.held_out.out_of_sample import error_ratio
+from pivident.validation.held_out.prediction import Judge
 
 #: Ratio of two held-out errors within which they are the same.
 SAME = 0.02
 
 #: Level of the interval of a ratio, for all repairs together.
 LEVEL = 0.05
+
+#: Samples on either side of a gap that are left out.
+BESIDE = 3
 
 #: Repairs that are carried out at most.
 MAX_TRIALS = 8
@@ -48,27 +57,30 @@ class Trial:
     """One repair with what it did.
 
     Attributes:
-        repair: what was changed.
+        repair: what was changed; None where it is nothing that a file can say.
         cause: what was wrong then, a sentence.
         outcome: of the held-out torque error.
-        before: held-out torque error of least squares [%].
+        before: held-out torque error of least squares in motion, without standstill [%].
         after: the same with the repair [%]; NaN where it left nothing to be solved.
         evidence: what else says so, a sentence; empty for nothing.
         alike: other repairs that do as well, in words.
+        finding: what an audit said, where that was why it was tried.
     """
 
-    repair: Repair
+    repair: Repair | None
     cause: str
     outcome: Outcome
     before: float
     after: float
     evidence: str = ""
     alike: tuple[str, ...] = ()
+    finding: Finding | None = None
 
     @property
     def wins(self) -> bool:
         """Whether the log is better read with it."""
-        return self.outcome == "better" or (self.outcome == "same" and bool(self.evidence))
+        by_evidence = self.outcome == "same" and bool(self.evidence)
+        return self.repair is not None and (self.outcome == "better" or by_evidence)
 
     @property
     def effect(self) -> str:
@@ -77,19 +89,26 @@ class Trial:
             return "nothing can be solved with it"
         before, after = percent(self.before), percent(self.after)
         if before == after:
-            return f"the error stays {after}"
-        return f"error {before} → {after}"
+            return f"the error in motion stays {after}"
+        return f"error in motion {before} → {after}"
 
 
 @dataclass(frozen=True, eq=False)
 class _Suspicion:
     """A repair that is to be tried, and why."""
 
-    repair: Repair
+    repair: Repair | None
     cause: str
     evidence: str = ""
     alike: tuple[str, ...] = ()
     is_found: bool = False  # whether a search has found that it lowers the error
+    finding: Finding | None = None
+
+    def carried_out(self, problem: Problem) -> Problem:
+        """The problem with the repair; without one, that of samples that are lost or repeated."""
+        if self.repair is None:
+            return without_unsteady_steps(problem)
+        return repaired(problem, self.repair)
 
 
 def tried(
@@ -128,7 +147,7 @@ def tried(
         done += [trial for one, trial in results if one is not first[0] and not trial.wins]
         waiting = [one for one, _ in won if one is not first[0] and _apart(one, first[0])]
         try:
-            problem = repaired(problem, first[0].repair)
+            problem = first[0].carried_out(problem)
             given = _judged(problem, method, folds, gap)
         except PividentError:
             break
@@ -146,11 +165,35 @@ def _suspicions(problem: Problem, log: Iterable[Finding]) -> list[_Suspicion]:
     for said in speed_evidence(problem):
         found.append(_Suspicion(said.repair, said.sentence, said.sentence))
     for finding in log:
+        if finding.declared in (LOST, REPEATED_SAMPLE):
+            found.append(_Suspicion(None, finding.message, finding=finding))
         direct = finding.message if finding.severity == "error" else ""
         for repair in finding.repairs:
-            if not any(repair.edits == other.repair.edits for other in found):
-                found.append(_Suspicion(repair, cause_of(repair) or finding.message, direct))
+            if not any(own.repair and repair.edits == own.repair.edits for own in found):
+                cause = cause_of(repair) or finding.message
+                found.append(_Suspicion(repair, cause, direct, finding=finding))
     return found[:MAX_TRIALS]
+
+
+def without_unsteady_steps(problem: Problem) -> Problem:
+    """The problem with new samples for those that repeat others, and without those beside a gap."""
+
+    def without(recording: Recording) -> Recording:
+        places = unsteady_steps(recording.q).astype(int)
+        repeated = places[places[:, 1] < 0, 0] + 1
+        repeated = repeated[repeated < recording.samples - 1]
+        filled: dict[str, Any] = {}
+        for channel in ("q", "tau"):
+            values = getattr(recording, channel).copy()
+            values[repeated] = 0.5 * (values[repeated - 1] + values[repeated + 1])
+            filled[channel] = values
+        valid = np.ones(recording.q.shape, bool) if recording.valid is None else recording.valid
+        valid = valid.copy()
+        for sample in places[places[:, 1] > 0, 0]:
+            valid[max(sample - BESIDE, 0) : sample + BESIDE + 1] = False
+        return replace(recording, valid=None if valid.all() else valid, **filled)
+
+    return replace(problem, recordings=tuple(map(without, problem.recordings)), loop=None)
 
 
 def _trial(
@@ -158,34 +201,42 @@ def _trial(
     gap: float | None, number: int,
 ) -> Trial:  # fmt: skip
     """One repair carried out."""
-    before = given.prediction.total_in_band
+    before = given.prediction.total_moving_in_band
+    trial = Trial(
+        one.repair, one.cause, "unsolvable", before, float("nan"), one.evidence, one.alike,
+        one.finding,
+    )  # fmt: skip
     try:
-        other = _judged(repaired(problem, one.repair), method, folds, gap)
+        slower = math.prod(e.factor for e in _edits(one.repair) if isinstance(e, Retimed))
+        band = given.prediction.band / slower
+        other = _judged(one.carried_out(problem), method, folds, gap, band)
     except PividentError:
-        nothing = float("nan")
-        return Trial(one.repair, one.cause, "unsolvable", before, nothing, one.evidence, one.alike)
-    ratio = error_ratio(other, given, LEVEL / number)
+        return trial
+    ratio = error_ratio(other, given, LEVEL / number, "total_moving_in_band")
     outcome: Outcome = "same"
     if ratio.value < 1.0 - SAME and (one.is_found or ratio.high < 1.0):
         outcome = "better"
     elif ratio.value > 1.0 + SAME:
         outcome = "worse"
-    after = other.prediction.total_in_band
-    return Trial(one.repair, one.cause, outcome, before, after, one.evidence, one.alike)
+    return replace(trial, outcome=outcome, after=other.prediction.total_moving_in_band)
 
 
 def _judged(
-    problem: Problem, method: Method, folds: int, gap: float | None
+    problem: Problem, method: Method, folds: int, gap: float | None, band: float | None = None
 ) -> CrossValidation:
-    """Held-out errors of least squares."""
-    return judged_on(JudgedMotion.of(problem), method, folds, gap, None, lambda line: None)
+    """Held-out errors of least squares; ``band``: highest frequency that is judged [Hz]."""
+    motion = JudgedMotion(problem, tuple(Judge(r, band) for r in problem.recordings))
+    return judged_on(motion, method, folds, gap, None, lambda line: None)
+
+
+def _edits(repair: Repair | None) -> tuple[Change, ...]:
+    return () if repair is None else repair.edits
 
 
 def _apart(one: _Suspicion, other: _Suspicion) -> bool:
     """Whether two repairs change different things."""
-    return not {_thing(edit) for edit in one.repair.edits} & {
-        _thing(edit) for edit in other.repair.edits
-    }
+    mine, others = ({_thing(edit) for edit in _edits(own.repair)} for own in (one, other))
+    return not mine & others
 
 
 def _thing(edit: Change) -> tuple[str, ...]:
@@ -202,16 +253,19 @@ def consequences(log: Sequence[Finding], trials: Iterable[Trial]) -> tuple[Findi
     A finding whose repairs were all tried in vain is left out where they make the result worse, and
     a note where they change nothing; one that nobody can try is a reservation at most.
     """
-    outcome = {id(trial.repair): trial for trial in trials}
-    left = []
+    done, left = list(trials), []
     for finding in log:
-        own = [outcome[id(repair)] for repair in finding.repairs if id(repair) in outcome]
-        if any(trial.wins for trial in own) or (
-            own and all(trial.outcome in ("worse", "unsolvable") for trial in own)
-        ):
+        own = [trial for trial in done if trial.finding is finding]
+        lost = [trial.outcome in ("worse", "unsolvable") for trial in own if trial.repair]
+        if any(trial.wins for trial in own) or (lost and all(lost)):
             continue
-        if own:
-            effect = next(trial.effect for trial in own if trial.outcome == "same")
+        same = [
+            trial.effect
+            for trial in own
+            if trial.outcome == "same" or (trial.repair is None and trial.outcome == "worse")
+        ]
+        if same:
+            effect = same[0]
             text = f"{finding.message} Of no consequence: repaired, {effect}."
             left.append(replace(finding, severity="note", message=text, next_step="", repairs=()))
         elif finding.severity == "error":

@@ -19,28 +19,21 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-import numpy as np
-
 from pivident.diagnostics.diagnostics import Diagnostics
 from pivident.diagnostics.estimate_statements import is_known
+from pivident.diagnostics.prediction_statements import unexplained_joints
 from pivident.dynamics.signs import negative_parameters
 from pivident.estimation.parameter_rows import parameter_rows, shown_std
 from pivident.text.finding import Quantity
 from pivident.text.lists import listed, plural
 from pivident.text.numbers import format_significant, percent
 from pivident.text.sentences import half_sentence
-from pivident.validation.held_out.prediction import JOINT_MISSES, PredictionError
+from pivident.validation.held_out.prediction import PredictionError
 
 Answer = Literal["yes", "care", "no"]
 
 #: Ratio to the plain law's error up to which an estimate is as good, and from which it is worse.
 AS_GOOD, WORSE = 1.05, 1.25
-
-#: Error of a joint's torque, without standstill, from which on it is used with care [%].
-MISSES = 25.0
-
-#: Share of the error's power that noise explains, below which the rest is model error.
-NOISE = 0.5
 
 #: Share of parameters that are known, from which on single values may be used.
 MOSTLY_KNOWN, HARDLY_KNOWN = 0.75, 0.1
@@ -127,15 +120,6 @@ def _against_baselines(
     return "yes", ""
 
 
-def unexplained_joints(e: PredictionError) -> dict[str, float]:
-    """Joints whose error is large and mostly no noise, with that of motion in percent."""
-    modelled = np.maximum(e.rms_in_band**2 - e.rest_in_band**2 - e.noise_in_band**2, 0.0)
-    share = 100.0 * np.sqrt(modelled) / np.maximum(e.torque_in_band, 1e-300)
-    is_noise = e.noise_in_band**2 > NOISE * e.rms_in_band**2
-    large = np.where(is_noise, e.moving_in_band > JOINT_MISSES, share > MISSES)
-    return {e.joint_names[j]: float(e.moving_in_band[j]) for j in np.flatnonzero(large)}
-
-
 def simulation(diagnostics: Diagnostics, name: str) -> Use:
     """Simulation and control design: a machine can have the parameters."""
     result, model = diagnostics.identifications[name], diagnostics.nearest
@@ -177,9 +161,7 @@ def parameters(diagnostics: Diagnostics, name: str) -> Use:
     evidence = {"known to 10 %": Quantity(known), "parameters": Quantity(len(rows))}
     why = f"{known} of {plural(len(rows), 'value')} known to 10 %"
     share = known / max(len(rows), 1)
-    answer: Answer = (
-        "yes" if share >= MOSTLY_KNOWN else "care" if share >= HARDLY_KNOWN else "no"
-    )
+    answer: Answer = "yes" if share >= MOSTLY_KNOWN else "care" if share >= HARDLY_KNOWN else "no"
     return Use("parameters", answer, why, evidence)
 
 
@@ -221,4 +203,4 @@ def answers(judged: Sequence[Use]) -> list[str]:
         first = f"Good for torque prediction{also}."
     if also:
         return [first]
-    return [first, f"{'Not for simulation' if loop.answer == 'no' else 'For simulation'}: {loop.why}."]
+    return [first, f"{'Not for' if loop.answer == 'no' else 'For'} simulation: {loop.why}."]

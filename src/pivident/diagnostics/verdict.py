@@ -42,17 +42,18 @@ from pivident.diagnostics.prediction_statements import (
     prediction,
     simulated_loop,
     simulated_positions,
+    unexplained,
     unmeasured_forces,
 )
-from pivident.diagnostics.summary import Summary, summary_of
-from pivident.diagnostics.trials import Trial
-from pivident.diagnostics.uses import Answer, Use, answers, uses
 from pivident.diagnostics.residual_statements import (
     friction_law,
     model_or_noise,
     noise,
     spectral_lines,
 )
+from pivident.diagnostics.summary import Summary, summary_of
+from pivident.diagnostics.trials import Trial
+from pivident.diagnostics.uses import Answer, Use, answers, uses
 from pivident.errors import Attempts
 from pivident.estimation.identification import Identification
 from pivident.logs.torque_scale import scale_headline
@@ -177,6 +178,7 @@ def verdict(diagnostics: Diagnostics | Identification, attempts: Attempts | None
         spectral_lines: own,
         strength: both,
         prediction: both,
+        unexplained: both,
         unmeasured_forces: both,
         simulated_positions: both,
         simulated_loop: both,

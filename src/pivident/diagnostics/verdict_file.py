@@ -48,6 +48,7 @@ def save_verdict(
         "repairs": [
             _trial(trial) | {"number": number, "repair": trial.repair.as_json()}
             for number, trial in enumerate(found.repairs, start=1)
+            if trial.repair is not None
         ],
         "tried": [_trial(trial) for trial in found.trials],
         "statements": [s.as_json() for s in found.statements],
@@ -78,7 +79,7 @@ def repairs_of(folder: Path) -> list[tuple[Repair, str]]:
     Raises:
         IdentificationFileError: the folder has no verdict, or one of an earlier version.
     """
-    stored = json_of_file(folder / VERDICT_FILE).get("repairs")
+    stored: Any = json_of_file(folder / VERDICT_FILE).get("repairs")
     try:
         return [(Repair.of_json(one["repair"]), str(one["cause"])) for one in stored]
     except (TypeError, KeyError, ValueError):

@@ -118,12 +118,13 @@ def instead_of_loop(error: SimulationDiverged | MassMatrixNotPositiveDefinite) -
     return f"The simulated loop cannot make the instruments: {error}."
 
 
-def _rank(given: GivenMotions) -> tuple[bool, bool, int]:
-    """What is best comes first: exogenous, following the motion, and the order of `KINDS`."""
+def _rank(given: GivenMotions) -> tuple[bool, bool, bool, int]:
+    """What is best comes first: exogenous, following the motion, without noise, as in `KINDS`."""
     weakest = float(given.agreement.min())
     return (
         not given.exogenous or weakest < USEFUL,
         weakest < GOOD,
+        bool(given.shares_noise),
         list(KINDS).index(given.kind.name),
     )
 

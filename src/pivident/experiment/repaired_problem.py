@@ -103,7 +103,8 @@ def _after(edit: Change, problem: Problem) -> Problem:
     def changed(recording: Recording) -> Recording:
         names = ("q", "tau", "q_ref", "dq_ref", "ddq_ref", "dq")
         read = {c: x for c in names if (x := getattr(recording, c)) is not None}
-        return replace(recording, **channels_after(edit, read, recording.joint_names))
+        after: dict[str, Any] = {**channels_after(edit, read, recording.joint_names)}
+        return replace(recording, **after)
 
     return replace(problem, recordings=tuple(map(changed, problem.recordings)))
 
@@ -118,7 +119,8 @@ def _reordered(edit: Reordered, problem: Problem) -> Problem:
         worth |= {c: worth["q"] for c in ("q_ref", "dq_ref", "ddq_ref", "dq")}
         picked = [edit.channel] if edit.channel else [*worth]
         read = {c: x for c in picked if (x := getattr(recording, c)) is not None}
-        moved = {c: x[:, order] * (worth[c] / worth[c][order]) for c, x in read.items()}
+        factor = {c: worth[c] / worth[c][order] for c in read}
+        moved: dict[str, Any] = {c: x[:, order] * factor[c] for c, x in read.items()}
         return replace(recording, **moved)
 
     return replace(problem, recordings=tuple(map(changed, problem.recordings)))
@@ -146,8 +148,8 @@ def _not_read(edit: NotRead, problem: Problem) -> Problem:
     """A channel that is left out."""
     if edit.channel in ("q", "tau"):
         raise _not_here(edit)
-    without = tuple(replace(r, **{edit.channel: None}) for r in problem.recordings)
-    return replace(problem, recordings=without)
+    none: dict[str, Any] = {edit.channel: None}
+    return replace(problem, recordings=tuple(replace(r, **none) for r in problem.recordings))
 
 
 @_after.register
@@ -162,11 +164,12 @@ def _edit(edit: Edit, problem: Problem) -> Problem:
         case (*table, "part") if table[:1] == list(RECORDING):
             parts = tuple(r.slice(*value) for r in problem.recordings)
             return replace(problem, recordings=parts)
-        case (*table, "delay" | "drive_delay" | "torque_timing" as key) if (
-            table[:1] == list(RECORDING)
+        case (*table, "delay" | "drive_delay" | "torque_timing" as key) if table[:1] == list(
+            RECORDING
         ):
-            set_ = tuple(replace(r, **{key: value or 0.0}) for r in problem.recordings)
-            return replace(problem, recordings=set_)
+            changed: dict[str, Any] = {key: value or 0.0}
+            recordings = tuple(replace(r, **changed) for r in problem.recordings)
+            return replace(problem, recordings=recordings)
     raise _not_here(edit)
 
 

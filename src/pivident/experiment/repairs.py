@@ -257,7 +257,7 @@ def _retimed(edit: Retimed, file: FileContent) -> FileEdits:
     """Another unit of the stamps, or another rate."""
     if file.value(*edit.table, "columns", "t") is not None:
         unit = file.value(*edit.table, "units", "t")
-        seconds = TIME.get(unit, 1.0) if isinstance(unit, str) or unit is None else float(unit)
+        seconds = TIME.get(unit, 1.0) if isinstance(unit, str) else float(unit or 1.0)
         worth = float(f"{edit.factor * seconds:.6g}")
         words = f"Take {worth:g} s for a unit of the stamps."
         return FileEdits(words, (((*edit.table, "units", "t"), worth),))

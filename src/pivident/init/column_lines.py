@@ -2,7 +2,7 @@
 
 Logged speeds with noise of their own: columns for instruments of kind ``sensor``.
 
-Most speeds of a log are differences of its positions. They add nothing, and are left out. Those of
+Most speeds of a log are differences of its positions, by which its clock is checked. Those of
 another sensor do, and those that a drive makes of fine counts between the samples of the log.
 
 Torques and references under names that say nothing, found by what the joints do.
@@ -158,7 +158,7 @@ def column_lines(
     if speed is not None and "dq" not in besides:
         first = next(iter(speed.columns.values()), "dq")
         lines[0] = _with_note(
-            lines[0], f"Logged speeds ({first} …) are not needed: they follow from the positions"
+            lines[0], f"Logged speeds ({first} …) cannot be read beside the positions"
         )
     return lines
 
@@ -208,7 +208,10 @@ def measured_speeds(
     rows: np.ndarray,
     units: Sequence[str],
 ) -> dict[str, tuple[Any, str]]:
-    """Unit of ``dq`` and what was seen, where its noise is not that of the positions; else nothing.
+    """Unit of ``dq`` and what was seen; nothing where the log has none that can be read beside q.
+
+    Speeds that were computed from the positions are no second sensor, but they know the clock and
+    the units of the positions.
 
     ``q``: positions of the joints that are kept, shape (samples, joints) [rad or m];
     ``seconds``: their stamps; ``rows``: samples that are used; ``units``: of each joint's
@@ -223,19 +226,29 @@ def measured_speeds(
         return {}
     first = max(0, (int(rows.sum()) - COMPARED) // 2)
     t, x, y = (a[rows][first : first + COMPARED] for a in (seconds, q, values))
-    found = [_unit(q, dq, t, own) for q, dq, own in zip(x.T, y.T, units, strict=True)]
-    if None in found:
+    if not np.ptp(y, axis=0).all():
         return {}
+    known = [_unit(q, dq, t, own) for q, dq, own in zip(x.T, y.T, units, strict=True)]
+    if None in known:
+        plain = ["m/s" if own in ("m", "mm") else "rad/s" for own in units]
+        seen = "their unit is not known: they are not the derivative of the positions by the stamps"
+        return {"dq": (_one_for_all(plain), seen)}
+    found = [str(unit) for unit in known]
     even = np.linspace(t[0], t[-1], len(t))
     x, y = (resample_smooth(t, values, even) for values in (x, y))
     share = float(explained_noise(x, y, (len(t) - 1) / (t[-1] - t[0])).max())
-    if share > SAME_SENSOR:
-        return {}
     seen = (
         "its noise is not that of the positions, which explains at most "
         f"{percent(100 * max(share, 0.0))} of it: instruments may come from it"
     )
-    return {"dq": (found[0] if len(set(found)) == 1 else found, seen)}
+    if share > SAME_SENSOR:
+        seen = "they follow from the positions; clock and units of these are checked against them"
+    return {"dq": (_one_for_all(found), seen)}
+
+
+def _one_for_all(units: Sequence[str]) -> Any:
+    """One unit where all joints have the same, else a list."""
+    return units[0] if len(set(units)) == 1 else list(units)
 
 
 def _unit(q: np.ndarray, dq: np.ndarray, t: np.ndarray, unit: str) -> str | None:

@@ -52,6 +52,7 @@ def write_report(
     diagnostics: Diagnostics | None = None,
     *,
     folder: str = "",
+    experiment: str = "",
     designs: Sequence[DesignAccount] = (),
     attempts: Attempts | None = None,
 ) -> Path:
@@ -64,8 +65,9 @@ def write_report(
         truth: known values by parameter name, with or without the trailing ``r``.
         title: title of the page; None: robot and methods.
         diagnostics: what was found out about the results; None: the tests that need nothing else.
-        folder: name of the folder that holds the results, for the command of the next motion;
-            empty: no command is shown.
+        folder: name of the folder that holds the results, for the commands of the verdict; empty:
+            none are shown.
+        experiment: name of the experiment file, for the command that applies a repair.
         designs: what designs predicted of the motions that were recorded.
         attempts: what each section is attempted by; one that fails says so on the page.
 
@@ -86,6 +88,7 @@ def write_report(
         title,
         diagnostics,
         folder=folder,
+        experiment=experiment,
         designs=designs,
         attempts=attempts,
     )
@@ -101,6 +104,7 @@ def render_report(
     diagnostics: Diagnostics | None = None,
     *,
     folder: str = "",
+    experiment: str = "",
     designs: Sequence[DesignAccount] = (),
     attempts: Attempts | None = None,
 ) -> str:
@@ -114,7 +118,13 @@ def render_report(
         names = method_labels(identifications)
         diagnostics = diagnose_one(dict(zip(names, identifications, strict=True)))
     data = ReportData(
-        tuple(identifications), dict(truth or {}), title, diagnostics, folder, tuple(designs)
+        tuple(identifications),
+        dict(truth or {}),
+        title,
+        diagnostics,
+        folder,
+        experiment,
+        tuple(designs),
     )
     environment, attempts, sections = _report_environment(), attempts or Attempts(), []
     for kind in SECTIONS:

@@ -8,6 +8,7 @@ from functools import cached_property
 
 from pivident.consistency.consistent_estimate import NoConsistentEstimate
 from pivident.diagnostics.diagnostics import Diagnostics
+from pivident.diagnostics.summary import Summary
 from pivident.diagnostics.verdict import Verdict, verdict
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
@@ -55,6 +56,7 @@ class ReportData:
     title: str
     diagnostics: Diagnostics
     folder: str = ""  # name of the folder of the results, empty where they are in none
+    experiment: str = ""  # name of the experiment file, likewise
     designs: tuple[DesignAccount, ...] = ()  # of the motions that were recorded
 
     @cached_property
@@ -77,6 +79,15 @@ class ReportData:
     def verdict(self) -> Verdict:
         """Which estimate to take, what supports it, and the reservations."""
         return verdict(self.diagnostics)
+
+    @property
+    def summary(self) -> Summary | None:
+        """The verdict on one screen, with commands where there is a folder of results."""
+        summary, folder = self.verdict.summary, self.folder
+        if summary is None or not folder:
+            return summary
+        motion = self.verdict.next_motion(folder)
+        return summary.in_folder(folder, self.experiment or None, motion)
 
     @property
     def recommended(self) -> int:

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from pivident.diagnostics.estimate_statements import WELL
 from pivident.diagnostics.verdict import beside_verdict
 from pivident.dynamics.signs import NegativeParameter, negative_parameters
 from pivident.estimation.identification import Identification
@@ -18,11 +17,11 @@ from pivident.estimation.parameter_rows import (
     parameter_rows,
     shown_std,
 )
-from pivident.estimation.summary_tables import ending, error_rows, label_lines, rows_kind
+from pivident.estimation.summary_tables import ending, error_rows, label_lines
 from pivident.report.sections.base import Section
 from pivident.text.finding import Finding, Quantity
 from pivident.text.lists import listed
-from pivident.text.numbers import format_significant, percent
+from pivident.text.numbers import percent
 from pivident.validation.residuals.residual_tests import ResidualTests
 
 #: Robust standard errors larger than the method's own by this factor contradict them.
@@ -140,7 +139,6 @@ class VerdictSection(Section):
         against = [s for s in found.statements if s.severity in ("error", "warning")]
         return {
             "verdict": found,
-            "next_motion": found.next_motion(data.folder) if data.folder else "",
             "robots": list({i.robot.name: i.robot for i in data.identifications}.values()),
             "recordings": [
                 (name, len(r.t), float(r.t[-1] - r.t[0])) for name, r in recordings.items()
@@ -149,7 +147,7 @@ class VerdictSection(Section):
             "labels": data.labels,
             "label_lines": label_lines(data.identifications),
             "several": data.several,
-            "key_figures": self._key_figures(best),
+            "summary": data.summary,
             "groups": [
                 (title, statements)
                 for title, statements in (
@@ -160,40 +158,6 @@ class VerdictSection(Section):
             ],
             "files": [file for file in data.downloads if file.method == best],
         }
-
-    def _key_figures(self, best: int) -> list[tuple[str, str, str]]:
-        """What it is, its value, and a remark, of the estimate to take."""
-        data = self.data
-        identification = data.identifications[best]
-        relative = 2.0 * np.array([r.shown_percent for r in parameter_rows(identification)])
-        well = int((relative <= WELL).sum())
-        compared_with = f"of {len(data.labels)} compared" if data.several else ""
-        figures = [
-            ("Estimate to take", data.labels[best], compared_with),
-            (
-                "Parameters known to 10 % or better (2σ)".replace("10", f"{WELL:g}"),
-                f"{well} of {relative.size}",
-                f"best {percent(float(np.nanmin(relative)))}"
-                if np.isfinite(relative).any()
-                else "",
-            ),
-        ]
-        compared = data.diagnostics.out_of_sample
-        name = list(data.diagnostics.identifications)[best]
-        if compared is None or name not in compared.results:
-            misses = percent(100.0 * identification.relative_error)
-            return [*figures, ("Torque error, fitted motion", misses, rows_kind(identification))]
-        result = compared.results[name]
-        error = result.prediction
-        below = f"below {format_significant(error.band)} Hz"
-        worst = int(np.argmax(error.relative_in_band))
-        by_joint = f"{percent(error.relative_in_band[worst])} on {error.joint_names[worst]}"
-        remark = f"{below}, at most {by_joint}" if len(error.joint_names) > 1 else below
-        return [
-            *figures,
-            ("Torque error, motion not fitted", percent(error.total_in_band), remark),
-            ("Torque error, fitted motion", percent(result.training.total_in_band), below),
-        ]
 
 
 class SummarySection(Section):

@@ -412,10 +412,13 @@ def is_worse(ratio: Ratio) -> bool:
     return ratio.value > TOLERATED and not ratio.could_be_chance
 
 
-def error_ratio(a: CrossValidation, b: CrossValidation, level: float = 0.05) -> Ratio:
+def error_ratio(
+    a: CrossValidation, b: CrossValidation, level: float = 0.05, error: str = "total_in_band"
+) -> Ratio:
     """Held-out error of a over that of b, in the motion's band, with an interval.
 
-    ``level``: chance of a ratio outside of it; smaller where it is one of many comparisons.
+    ``level``: chance of a ratio outside of it; smaller where it is one of many comparisons;
+    ``error``: which error of a `PredictionError`.
 
     The interval is Student's, from the logarithms of the stretches' ratios; blocks of one motion
     have their easy and hard parts in common, which the ratio takes out.
@@ -423,11 +426,11 @@ def error_ratio(a: CrossValidation, b: CrossValidation, level: float = 0.05) -> 
     from scipy.stats import t as student
 
     logs = [
-        np.log(x.prediction.total_in_band / y.prediction.total_in_band)
+        np.log(getattr(x.prediction, error) / getattr(y.prediction, error))
         for x, y in zip(a.held_out, b.held_out, strict=False)
         if x.prediction is not None and y.prediction is not None
     ]
-    value = a.prediction.total_in_band / b.prediction.total_in_band
+    value = getattr(a.prediction, error) / getattr(b.prediction, error)
     if len(logs) < MIN_STRETCHES:
         return Ratio(value, np.nan, np.nan)
     reach = student.isf(0.5 * level, len(logs) - 1) * np.std(logs, ddof=1) / np.sqrt(len(logs))
