@@ -75,6 +75,9 @@ def test_a_resting_joint_holds_its_weight_within_friction_and_half_of_it(held, s
     assert (rest.subject, rest.severity) == ("slide", severity)
     assert rest.quantity.value == pytest.approx(WEIGHT + held, abs=0.8)
     assert bool(rest.next_step) == (severity != "ok")
+    allowed = np.sign(held) * (found.static[2] + 0.5 * WEIGHT)
+    assert rest.quantity.bound == pytest.approx(WEIGHT + allowed)
+    assert rest.quantity.interval is None
 
 
 def test_a_weight_of_the_wrong_sign_is_not_named_again_at_rest():
