@@ -10,7 +10,7 @@ from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.identify import identify
 from pivident.estimation.instrumental_variables import DecimatedSteps, InstrumentalVariables
 from pivident.estimation.iteration import Pass, Signals, Simulated
-from pivident.estimation.method import AutoRegressive
+from pivident.estimation.method import Arma, AutoRegressive
 from pivident.estimation.noise_identification import Prefilters
 from pivident.estimation.prefiltered_iv import PIV, PIV_AS_PRINTED, PrefilteredIV
 from pivident.estimation.problem import Problem
@@ -37,9 +37,13 @@ def test_iv_says_whether_its_equations_are_decimated(signals, label, decimated):
 
 
 def test_as_printed_is_for_comparison():
-    """λ⁻¹ on both sides of (P-22) and (P-28), instruments of the loop, and never recommended."""
+    """λ⁻¹ on both sides of (P-22) and (P-28), and what the paper says of smoother and noise."""
     assert (PIV.whitens, PIV_AS_PRINTED.whitens) == (True, None)
     assert (PIV.weight_power, PIV_AS_PRINTED.weight_power) == (1.0, 2.0)
+    assert PIV_AS_PRINTED.signals == RandomWalk(order=2, passes=2, align=False)
+    assert (PIV_AS_PRINTED.covariance, PIV_AS_PRINTED.start) == ("formula", "initial")
+    assert PIV_AS_PRINTED.noise == AutoRegressive(on_unmasked=False, motion_band=None)
+    assert PrefilteredIV(as_printed=True, noise=Arma(8, 4)).noise == Arma(8, 4, on_unmasked=False)
     with pytest.raises(ExperimentError, match="'virtual', but IDIM-PIV"):
         PrefilteredIV(as_printed=True, instruments="virtual")
 
