@@ -22,10 +22,11 @@ VISCOUS, DRY, WEIGHT = 2.0, 4.0, 2.0 * 9.81
 MOVES, SLOWS, RESTS = 12.0, 1.0, 3.0
 
 
-def power(held=WEIGHT, sign=1.0):
+def power(held=WEIGHT, sign=1.0, friction=1.0):
     """What is said of a SCARA that moves and then rests, of its rows, and its speeds.
 
-    ``held``: force of the resting slide [N]; ``sign``: of its logged force.
+    ``held``: force of the resting slide [N]; ``sign``: of its logged force; ``friction``: share of
+    it that there is.
     """
     robot, t = arm("0 0 1"), np.arange(int((MOVES + SLOWS + RESTS) * RATE)) / RATE
     pace = 0.5 + 0.5 * np.cos(np.pi * np.clip((t - MOVES) / SLOWS, 0.0, 1.0))
@@ -37,7 +38,7 @@ def power(held=WEIGHT, sign=1.0):
     base = base_parameters(robot)
     theta = base.values(nominal_values(robot, base.standard))
     tau = regressor_of(robot, base.parameters).torque(q, dq, ddq, theta)
-    tau += VISCOUS * dq + DRY * np.tanh(100.0 * dq)
+    tau += friction * (VISCOUS * dq + DRY * np.tanh(100.0 * dq))
     tau[:, 2] += (held - WEIGHT) * (1.0 - pace)
     tau += 0.02 * np.random.default_rng(1).standard_normal(tau.shape)
     made = Recording(
@@ -62,6 +63,14 @@ def test_friction_takes_the_power_of_its_law():
     assert [f.quantity.bound for f in signs] == [0.0, 0.0, 0.0]
     (weight,) = (f for f in found.findings if f.kind == "weight")
     assert weight.quantity.value == pytest.approx(WEIGHT, rel=5e-3)
+
+
+def test_a_motion_without_friction_determines_no_sign():
+    found, *_ = power(friction=0.0)
+    signs = [f for f in found.findings if f.kind == "sign"]
+    assert found.right == found.reversed == () and len(signs) == 3
+    assert all("does not determine its sign" in f.message for f in signs)
+    assert not any("does not determine" in f.message for f in power()[0].findings)
 
 
 @pytest.mark.parametrize(
