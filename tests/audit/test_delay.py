@@ -1,5 +1,6 @@
 """How long a delay has to be before anything is done about it, and which timing explains it."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -27,8 +28,12 @@ def test_only_a_long_delay_is_made_good(late, severity, repaired):
     (finding,) = (f for f in audit.of("delay") if not f.subject)
     assert finding.severity == severity
     assert [repair.edits[0].place[-1] for repair in finding.repairs] == repaired
-    assert 1e3 * audit.delay.common[0] == pytest.approx(late, abs=0.05)
-    made_good = 1e3 * audit.delay.common[0] if severity == "error" else 0.0
+    mean, error = (1e3 * x for x in audit.delay.common)
+    assert mean == pytest.approx(late, abs=0.05)
+    assert finding.quantity.interval == pytest.approx((mean - 2.0 * error, mean + 2.0 * error))
+    size, spread = re.search(r"is (\S+) ± (\S+) ms", finding.message).groups()
+    assert (float(size), float(spread)) == pytest.approx((abs(mean), 2.0 * error), abs=5e-4)
+    made_good = mean if severity == "error" else 0.0
     assert audit.model.shift == pytest.approx(0.5 - made_good, abs=1e-3)
 
 
