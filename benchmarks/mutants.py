@@ -27,13 +27,36 @@ ROOT = Path(__file__).resolve().parents[1]
 #: Core modules, and the tests of each.
 MODULES = {
     "estimation/normal_equations.py": ["tests/estimation/test_normal_equations.py"],
-    "estimation/instrumental_variables.py": ["tests/estimation/test_simulated_tx40.py"],
-    "estimation/prefiltered_iv.py": ["tests/estimation/test_simulated_tx40.py"],
+    "estimation/instrumental_variables.py": [
+        "tests/estimation/test_instrumental_methods.py",
+        "tests/friction_laws/test_friction_laws.py",
+        "tests/estimation/test_instrument_kinds.py",
+        "tests/estimation/test_simulated_tx40.py",
+    ],
+    "estimation/prefiltered_iv.py": [
+        "tests/estimation/test_instrumental_methods.py",
+        "tests/experiment/test_experiment.py",
+        "tests/estimation/test_problem.py",
+        "tests/estimation/test_instrument_kinds.py",
+        "tests/estimation/test_simulated_tx40.py",
+    ],
     "dynamics/base_parameters.py": ["tests/dynamics/test_base_parameters.py"],
-    "dynamics/regressor.py": ["tests/dynamics/test_regressor.py"],
-    "audit/delay.py": ["tests/audit/test_planted_faults.py", "tests/audit/test_recording_audit.py"],
+    "dynamics/regressor.py": [
+        "tests/dynamics/test_regressor.py",
+        "tests/dynamics/test_friction_columns.py",
+    ],
+    "audit/delay.py": [
+        "tests/audit/test_delay.py",
+        "tests/audit/test_sticking.py",
+        "tests/audit/test_planted_faults.py",
+        "tests/audit/test_recording_audit.py",
+    ],
     "audit/order.py": ["tests/audit/test_planted_faults.py", "tests/studio/test_fixes.py"],
-    "audit/power.py": ["tests/audit/test_planted_faults.py", "tests/audit/test_slide_weight.py"],
+    "audit/power.py": [
+        "tests/audit/test_power.py",
+        "tests/audit/test_planted_faults.py",
+        "tests/audit/test_slide_weight.py",
+    ],
     "experiment/repairs.py": ["tests/experiment/test_repairs.py", "tests/studio/test_fixes.py"],
     "text/repair.py": ["tests/experiment/test_repairs.py", "tests/studio/test_fixes.py"],
 }
@@ -46,21 +69,15 @@ OTHER = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mul
 
 def places(tree: ast.Module) -> Iterator[ast.AST]:
     """Nodes that can be changed, inside of functions, without docstrings and annotations."""
-    for function in ast.walk(tree):
-        if not isinstance(function, ast.FunctionDef):
-            continue
-        for statement in function.body:
-            for node in ast.walk(statement):
-                number = isinstance(node, ast.Constant) and type(node.value) in (int, float)
-                turned = isinstance(node, ast.Compare) and type(node.ops[0]) in TURNED
-                other = isinstance(node, ast.BinOp) and type(node.op) in OTHER
-                if (
-                    number
-                    or turned
-                    or other
-                    or isinstance(node, (ast.If, ast.IfExp, ast.AugAssign))
-                ):
-                    yield node
+    functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    statements = [statement for function in functions for statement in function.body]
+    nodes = (node for statement in statements for node in ast.walk(statement))
+    for node in {id(node): node for node in nodes}.values():  # nested functions are met twice
+        number = isinstance(node, ast.Constant) and type(node.value) in (int, float)
+        turned = isinstance(node, ast.Compare) and type(node.ops[0]) in TURNED
+        other = isinstance(node, ast.BinOp) and type(node.op) in OTHER
+        if number or turned or other or isinstance(node, (ast.If, ast.IfExp, ast.AugAssign)):
+            yield node
 
 
 def change(node: ast.AST) -> str:

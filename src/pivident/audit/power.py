@@ -289,12 +289,9 @@ def _gravity_at_rest(
             else "Check the sign of the torque, the direction of gravity, the zero of the "
             "position and the gain."
         )
+        worse = weight + float(np.copysign(allowed, held - weight))
         evidence = {
-            "torque": Quantity(
-                held,
-                unit,
-                interval=(weight - allowed, weight + allowed) if severity != "ok" else None,
-            ),
+            "torque": Quantity(held, unit, bound=worse),
             **at_sample(sample, log.time_of(sample)),
         }
         findings.append(GRAVITY_AT_REST.finding(severity, text, joint.name, step, evidence))
