@@ -30,7 +30,7 @@ JUDGES = {
     "diagnostics.diagnostics.instrument_tests": "IDIM-PIV: the instruments could not be tested: ",
     "diagnostics.diagnostics.model_error": "Noise and model error could not be separated: ",
     "diagnostics.diagnostics.named_causes": "Causes of model error were not looked for: ",
-    "diagnostics.diagnostics.with_model_errors": "Intervals do not contain what model errors may",
+    "diagnostics.diagnostics.block_ranges": "The range of the estimates is not given: ",
     "diagnostics.diagnostics.make_consistent": "Whether a machine can have these parameters could",
     "diagnostics.verdict.determined": "Nothing is said about determined: ",
     "diagnostics.verdict.noise": "Nothing is said about noise: ",

@@ -51,13 +51,19 @@ Matrix = list[list[Known]]
 
 
 class ParameterValues(Values):
-    """One estimate."""
+    """One estimate; its standard errors are those of the covariances.
+
+    Up to schema 3 ``std`` was by the method's covariance, and ``robust_std`` stood beside it.
+    """
 
     name: Name
     value: Finite
     std: Known
-    robust_std: Known
+    low: Known = None
+    high: Known = None
+    robust_std: Known = None
     relative_std: Known
+    method_std: Known = None
     unit: str
     expression: str
 
