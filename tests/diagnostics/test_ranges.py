@@ -121,7 +121,7 @@ def test_what_is_much_wider_is_a_note_with_the_worst_three(tmp_path):
     (first, *_) = stored = json.loads((tmp_path / "verdict.json").read_text("utf-8"))["ranges"]
     assert first == {
         "name": whole.names[0], "low": ranges[0].low, "high": ranges[0].high,
-        "by": "friction laws", "estimates": 3,
+        "by": "friction laws", "estimates": 3, "by_noise": 0.0,
     }  # fmt: skip
     assert len(stored) == 13
 

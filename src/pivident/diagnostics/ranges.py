@@ -10,13 +10,17 @@ delete-one jackknife (Efron and Stein 1981)
 and the range θ ± 2σ_J. With five blocks it has four degrees of freedom: σ_J itself is uncertain by
 a third. Noise models, weights and instruments are those of the whole record in all n estimates.
 
+Where one block alone shows a parameter, noise makes the range wider than the interval: without it
+the estimate is poor. An estimate with the variance V₍₋ᵢ₎ then differs from the one of the whole
+record by V₍₋ᵢ₎ - V (Hausman 1978), and σ_J² is expected to be (n - 1)/n Σᵢ (V₍₋ᵢ₎ - V).
+
 Where the record does not distinguish between friction laws, the range of the estimates by all of
 them, from the least to the largest, says how much of a value is the choice of the law.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -29,7 +33,7 @@ from pivident.validation.held_out.cross_validation import CrossValidation
 MIN_BLOCKS = 3
 #: Width of a range over that of the interval from which on it is much wider …
 MUCH_WIDER = 2.0
-#: … unless so few blocks reach it by chance, all parameters together, with this probability.
+#: … unless noise alone reaches it, all parameters together, with this probability.
 CHANCE = 0.01
 
 
@@ -62,13 +66,33 @@ def block_ranges(validation: CrossValidation) -> tuple[ParameterRange, ...]:
     pairs = {(recording, id(own)) for recording, own in made}
     apart = len(pairs) == len({recording for recording, _ in pairs})  # each in one block only
     reach = 2.0 * jackknife_std(np.array(list(estimates.values())))
+    by_noise = _width_by_noise(whole.std, {id(own): own.std for _, own in made})
     return tuple(
         ParameterRange(
             name, float(value - half), float(value + half),
-            "recordings" if apart else "blocks", len(estimates),
+            "recordings" if apart else "blocks", len(estimates), float(width),
         )
-        for name, value, half in zip(whole.names, whole.theta, reach, strict=True)
+        for name, value, half, width in zip(
+            whole.names, whole.theta, reach, by_noise, strict=True
+        )
     )  # fmt: skip
+
+
+def _width_by_noise(std: np.ndarray, without: Mapping[int, np.ndarray]) -> np.ndarray:
+    """Width that noise alone makes with the probability `CHANCE`, shape (parameters,).
+
+    ``std``: standard errors of the whole record; ``without``: of the estimate without each block.
+    """
+    from scipy.stats import chi2
+
+    count = len(without)
+    least = std**2 / (count - 1.0)  # of blocks that tell as much each
+    excess = np.maximum(np.array(list(without.values())) ** 2 - std**2, least)
+    total = np.sum(excess, axis=0)
+    share = 1.0 - 1.0 / count
+    freedom = np.maximum(share * total**2 / np.maximum(np.sum(excess**2, axis=0), 1e-300), 1.0)
+    by_chance = chi2.isf(CHANCE / std.size, freedom) / freedom
+    return np.asarray(4.0 * np.sqrt(share * total * by_chance))
 
 
 def friction_ranges(result: Identification, errors: ModelErrors) -> tuple[ParameterRange, ...]:
@@ -110,16 +134,12 @@ def much_wider(
     Returns:
         Width over that of the interval, and the range.
     """
-    from scipy.stats import chi2
-
-    std = dict(zip(result.names, result.std, strict=True))
+    interval = dict(zip(result.names, 4.0 * np.maximum(result.std, 1e-300), strict=True))
     wide: dict[str, tuple[float, ParameterRange]] = {}
     for own in ranges:
-        ratio, least = (own.high - own.low) / (4.0 * max(std[own.name], 1e-300)), MUCH_WIDER
-        if own.by != "friction laws":
-            freedom = own.estimates - 1.0
-            by_chance = chi2.isf(CHANCE / len(std), freedom) / freedom
-            least = max(least, float(np.sqrt(by_chance)))
-        if ratio > max(least, wide.get(own.name, (0.0, own))[0]):
+        width = own.high - own.low
+        ratio = width / interval[own.name]
+        least = wide.get(own.name, (MUCH_WIDER, own))[0]
+        if width > own.by_noise and ratio > least:
             wide[own.name] = ratio, own
     return sorted(wide.values(), key=lambda one: -one[0])

@@ -89,6 +89,7 @@ class ParameterRange:
     high: float  # largest value
     by: str  # over what: ``blocks``, ``recordings`` or ``friction laws``
     estimates: int  # how many estimates it comes from
+    by_noise: float = 0.0  # width that noise alone exceeds in one of a hundred results [unit]
 
 
 def range_texts(names: Sequence[str], ranges: Sequence[ParameterRange]) -> list[str]:
