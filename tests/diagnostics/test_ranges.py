@@ -86,12 +86,12 @@ def test_range_over_friction_laws_is_that_of_the_corrected_estimates():
         friction_cause(delay, kind="delay"),
         friction_cause(second),
     )
-    ranges = friction_ranges(whole, ModelErrors(named, 3, first, 0.1, 0.1))
+    ranges = friction_ranges(whole, ModelErrors(named, 3, 0.1, 0.1))
     all_estimates = whole.theta + np.array([0.0 * first, first, other, first + second])
     np.testing.assert_allclose([r.low for r in ranges], all_estimates.min(axis=0))
     np.testing.assert_allclose([r.high for r in ranges], all_estimates.max(axis=0))
     assert {(r.by, r.estimates) for r in ranges} == {("friction laws", 4)}
-    assert friction_ranges(whole, ModelErrors(named[1:2], 3, first, 0.1, 0.1)) == ()
+    assert friction_ranges(whole, ModelErrors(named[1:2], 3, 0.1, 0.1)) == ()
 
 
 def test_scatter_that_chance_explains_is_not_wider():

@@ -106,7 +106,6 @@ class ModelErrors:
     Attributes:
         named: causes in the order in which they were found.
         tried: how many were tried.
-        shift: change of each parameter by correcting all of them, shape (parameters,).
         explained: share of the residual's sum of squares, below the motion's highest frequency,
             that they explain.
         unseen: the same on blocks that were not fitted.
@@ -115,7 +114,6 @@ class ModelErrors:
 
     named: tuple[NamedCause, ...]
     tried: int
-    shift: np.ndarray
     explained: float
     unseen: float
     unchecked: tuple[UncheckedCause, ...] = ()
@@ -273,11 +271,9 @@ def _named_causes(tests: ScoreTests, found: Identification) -> ModelErrors:
         named.append(_named(found, candidates[best], candidates, torques))
         corrected.append(best)
         base, scores = tests.all_scores(corrected)
-    size = found.theta.size
     return ModelErrors(
         tuple(named),
         tests.tried,
-        base.theta[:size] - start.theta[:size],
         1.0 - base.residual / max(start.residual, 1e-300),
         1.0 - base.unseen / max(start.unseen, 1e-300),
         unchecked_causes(tests, scores.values(), found, MATTERS),
