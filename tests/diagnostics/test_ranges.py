@@ -49,7 +49,7 @@ def friction_cause(shift, *alternatives, kind="friction"):
 
 
 def test_jackknife_of_a_mean_is_its_standard_error():
-    """σ_J² = s²/n, exactly (Efron and Stein 1981)."""
+    """σ_J² = s²/n, exactly."""
     sample = np.random.default_rng(0).normal(size=(12, 3)) * [1.0, 10.0, 0.1]
     without = np.array([np.delete(sample, k, axis=0).mean(axis=0) for k in range(12)])
     expected = sample.std(axis=0, ddof=1) / np.sqrt(12)

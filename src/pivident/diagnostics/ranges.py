@@ -3,7 +3,7 @@
 An interval describes what noise does to an estimate of a right model. Where the model is wrong, the
 estimate also depends on the motion that it is fitted to. Held-out validation has left one block of
 the motion, or one recording, out in turn; the n estimates θ₍₋ᵢ₎ and their mean θ̄ give the
-delete-one jackknife (Efron and Stein 1981)
+delete-one jackknife (Efron and Tibshirani 1993)
 
     σ_J² = (n - 1)/n Σᵢ (θ₍₋ᵢ₎ - θ̄)²
 
