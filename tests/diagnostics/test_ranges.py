@@ -104,6 +104,17 @@ def test_scatter_that_chance_explains_is_not_wider():
     assert named <= 5
 
 
+def test_a_block_that_alone_shows_a_parameter_is_no_model_error():
+    """Without it the estimate is off by 6 σ, and has five times the σ."""
+    whole = synthetic_identification()
+    made = validation(whole, [6.0, 0.1, -0.1, 0.0, 0.2], "aaaaa")
+    assert len(much_wider(whole, block_ranges(made))) == whole.theta.size
+    first, *others = made.held_out
+    poor = replace(first.identification, robust_covariance=25.0 * whole.robust_covariance)
+    made = replace(made, held_out=(replace(first, identification=poor), *others))
+    assert much_wider(whole, block_ranges(made)) == []
+
+
 def test_what_is_much_wider_is_a_note_with_the_worst_three(tmp_path):
     whole = synthetic_identification()
     half = 2.0 * np.array([1.0, 9.0, 2.2, 4.0, 6.0, 5.0, *np.ones(7)]) * whole.std
