@@ -115,7 +115,7 @@ CASES: dict[str, Callable[[int], Case]] = {
 def figures(results: list, truth: np.ndarray, names: tuple[str, ...]) -> dict[str, float]:
     """One row: errors, coverage, bias of friction, iterations and time of one method."""
     theta = np.array([r.theta for r, _ in results])
-    std = np.array([r.std for r, _ in results])
+    std = np.array([r.method_std for r, _ in results])
     robust = np.array([r.robust_std for r, _ in results])
     error = theta - truth
     friction = [k for k, name in enumerate(names) if name.startswith(("fv", "fc"))]

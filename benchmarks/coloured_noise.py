@@ -49,7 +49,7 @@ def run(frequency: float, radius: float, runs: int) -> dict[str, dict[str, float
 def figures(results: list, truth: np.ndarray) -> dict[str, float]:
     """Coverage, errors and deviations of one method."""
     theta = np.array([r.theta for r, _ in results])
-    std = np.array([r.std for r, _ in results])
+    std = np.array([r.method_std for r, _ in results])
     robust = np.array([r.robust_std for r, _ in results])
     error = theta - truth
     return {

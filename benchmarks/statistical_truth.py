@@ -69,7 +69,7 @@ def run_scenario(scenario: str, seeds: range, names: list[str]) -> dict[str, dic
 def figures(results: list, truth: np.ndarray, least: np.ndarray) -> dict[str, float]:
     """Coverage, errors and standard errors of one estimator; ``least``: their bound."""
     theta = np.array([r.theta for r, _ in results])
-    std = np.array([r.std for r, _ in results])
+    std = np.array([r.method_std for r, _ in results])
     robust = np.array([r.robust_std for r, _ in results])
     error = theta - truth
     spread = theta.std(axis=0, ddof=1)

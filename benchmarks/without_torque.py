@@ -16,7 +16,6 @@ import numpy as np
 
 from pivident.errors import IdentificationError
 from pivident.estimation.identify import identify
-from pivident.estimation.parameter_rows import shown_std
 from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
 from pivident.robot.gallery import load_robot
@@ -58,7 +57,7 @@ def scores(made: SimulatedRecord, recording: Recording, method: str) -> tuple[fl
     known = truth != 0.0
     return (
         float(np.median(error[known] / np.abs(truth[known]))),
-        float(np.mean(error < 2.0 * shown_std(found))),
+        float(np.mean(error < 2.0 * found.std)),
     )
 
 

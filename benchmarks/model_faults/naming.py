@@ -10,7 +10,6 @@ import numpy as np
 import pivident as pv
 from pivident.audit.recording_audit import recording_faults
 from pivident.model_errors import ModelErrors, corrections, named_causes, with_corrections
-from pivident.model_errors.named_causes import with_model_errors
 from pivident.text.finding import Finding
 
 from .cases import Case, make_case
@@ -25,14 +24,13 @@ WRONG = 5.0
 
 @dataclass(frozen=True)
 class Named:
-    """One case: what was named, and the errors with and without intervals for it."""
+    """One case: what was named, and the errors with and without the named causes corrected."""
 
     case: Case
     found: ModelErrors
     log: tuple[Finding, ...]  # what an audit has against the recordings
-    before: np.ndarray  # errors over the standard errors of the noise
-    wider: np.ndarray  # over those with model error
-    after: np.ndarray  # with the named causes corrected, where that can be; else as ``wider``
+    before: np.ndarray  # errors over the standard errors
+    after: np.ndarray  # with the named causes corrected, where that can be; else as ``before``
     seconds: float  # processor time of the causes over that of the estimate
 
     @property
@@ -77,9 +75,8 @@ def name_causes(case: Case) -> Named:
     found = named_causes(case.problem, piv)
     seconds = (time.process_time() - middle) / (middle - begin)
     log = recording_faults(case.problem.robot, case.problem.recordings)
-    wider = with_model_errors(piv, found)
-    after = corrected(case, found) or wider
-    return Named(case, found, log, *(errors(case, own) for own in (piv, wider, after)), seconds)
+    after = corrected(case, found) or piv
+    return Named(case, found, log, errors(case, piv), errors(case, after), seconds)
 
 
 def errors(case: Case, found: pv.Identification) -> np.ndarray:
@@ -97,8 +94,7 @@ def corrected(case: Case, found: ModelErrors) -> pv.Identification | None:
         return None
     try:
         made = corrections(case.problem, "piv", list(kinds))
-        own = with_corrections(pv.identify(made.problem, "piv"), made)
-        return with_model_errors(own, named_causes(made.problem, own))
+        return with_corrections(pv.identify(made.problem, "piv"), made)
     except pv.PividentError:
         return None
 
@@ -125,8 +121,7 @@ def line(row: Named) -> str:
     said = "; ".join(f"{one} ({one.shift:.1f} σ)" for one in row.found.named[:3]) or "nothing"
     return (
         f"{case.arm:7s} {case.fault:18s} {case.seed:3d} {case.size:8.3g} {case.unit:8s} "
-        f"largest {np.abs(row.before).max():6.1f} σ, wider {np.abs(row.wider).max():5.1f}, "
-        f"corrected {np.abs(row.after).max():5.1f}; "
+        f"largest {np.abs(row.before).max():6.1f} σ, corrected {np.abs(row.after).max():5.1f}; "
         f"place {row.place}; {said}{'; said not to be shown' * (row.is_silent and row.is_presumed)}"
     )
 
@@ -137,15 +132,15 @@ def summary(fault: str, rows: list[Named]) -> str:
     silent = [row for row in wrong if row.is_silent]
     early = sum(0 < row.place <= 2 for row in rows)
     told = sum(0 < row.place <= 2 for row in wrong)
-    plain, wider, after = (
+    plain, after = (
         100.0 * np.mean(np.abs(np.concatenate(own)) <= 2.0)
-        for own in ([r.before for r in rows], [r.wider for r in rows], [r.after for r in rows])
+        for own in ([r.before for r in rows], [r.after for r in rows])
     )
     return (
         f"{fault}: among the first two {early} of {len(rows)} ({told} of {len(wrong)} with an "
         f"error above {WRONG:g} σ); wrong and silent {len(silent)}, of which "
         f"{sum(row.is_presumed for row in silent)} said not to be shown; coverage {plain:.1f} %, "
-        f"with model error {wider:.1f} %, corrected {after:.1f} %; a reservation "
+        f"corrected {after:.1f} %; a reservation "
         f"{sum(not r.is_silent for r in rows)}; "
         f"causes take {np.median([r.seconds for r in rows]):.2f} times the estimate"
     )

@@ -74,8 +74,8 @@ def oracle(free, reference, prior=None, near=None):
     else:
         least, at = near
         conditions.append(squared <= least * (1 + 1e-4) + ROOM)
-        relative = np.clip(free.std / np.abs(free.theta), 0.1, 1.0)
-        conditions.append(cvxpy.abs(beta - at) <= relative * free.std)
+        relative = np.clip(free.method_std / np.abs(free.theta), 0.1, 1.0)
+        conditions.append(cvxpy.abs(beta - at) <= relative * free.method_std)
         rest = pulled(base)
         error = cvxpy.multiply(phi[rest] - reference.values[rest], 1 / reference.scales[rest])
         objective = 0.5 * squared + 0.5 * cvxpy.sum_squares(error)

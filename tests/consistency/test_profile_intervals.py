@@ -17,10 +17,10 @@ def test_far_from_all_limits_they_are_those_of_the_estimate():
     free = synthetic_identification(relative_std=1e-3)
     found = make_consistent(free).intervals()
     assert found.names == free.names
-    assert found.low == pytest.approx(free.theta - 1.959964 * free.std, rel=1e-4)
-    assert found.high == pytest.approx(free.theta + 1.959964 * free.std, rel=1e-4)
+    assert found.low == pytest.approx(free.theta - 1.959964 * free.method_std, rel=1e-4)
+    assert found.high == pytest.approx(free.theta + 1.959964 * free.method_std, rel=1e-4)
     narrow = make_consistent(free).intervals(confidence=0.5)
-    assert narrow.high - narrow.low == pytest.approx(2 * 0.67449 * free.std, rel=1e-4)
+    assert narrow.high - narrow.low == pytest.approx(2 * 0.67449 * free.method_std, rel=1e-4)
 
 
 def test_the_truth_is_inside_as_often_as_promised():
@@ -34,7 +34,7 @@ def test_the_truth_is_inside_as_often_as_promised():
         own = make_consistent(replace(free, recordings=()), accept_far=True).intervals()
         inside.append((own.low <= truth + 1e-9) & (truth <= own.high + 1e-9))
         # consistency takes away what no machine has, never more than the estimate's own interval
-        assert np.all(own.high - own.low <= 2.2 * 1.96 * free.std + 1e-9)
+        assert np.all(own.high - own.low <= 2.2 * 1.96 * free.method_std + 1e-9)
     assert 0.88 <= np.mean(inside) <= 1.0
 
 
@@ -49,7 +49,8 @@ def test_standard_parameters_against_cvxpy():
     phi = cvxpy.Variable(len(base.standard))
     beta = phi[base.kept] + base.regrouping @ phi[base.dropped]
     conditions = [
-        cvxpy.norm((beta - free.theta) / free.std) <= np.sqrt(model.least_distance**2 + 3.841459)
+        cvxpy.norm((beta - free.theta) / free.method_std)
+        <= np.sqrt(model.least_distance**2 + 3.841459)
     ]
     masses = []
     for i in range(2):

@@ -31,7 +31,7 @@ def test_keys_and_values():
     identification = synthetic_identification()
     content = to_dict(identification)
     assert list(content) == KEYS
-    assert content["schema"] == 3
+    assert content["schema"] == 4
     assert content["robot"] == identification.robot.name
     assert list(content["parameters"][0]) == list(export.CSV_COLUMNS)
     assert content["joints"][0]["masked"] == identification.joints[0].masked
@@ -114,7 +114,7 @@ def test_csv_survives_names_with_commas_and_quotes():
 def test_saved_files_can_be_read(tmp_path):
     synthetic_identification().save(tmp_path / "out")
     assert sorted(os.listdir(tmp_path / "out")) == ["identification.json", "parameters.csv"]
-    assert strict((tmp_path / "out" / "identification.json").read_text("utf-8"))["schema"] == 3
+    assert strict((tmp_path / "out" / "identification.json").read_text("utf-8"))["schema"] == 4
 
 
 def test_bytes_in_file_names_do_not_break_the_files(tmp_path):

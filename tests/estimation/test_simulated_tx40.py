@@ -66,11 +66,11 @@ def test_methods_rank_as_the_theory_says(fine, results):
     assert error["ls"] > error["iv"] > error["piv-as-printed"] > error["iv-full-rate"]
     assert error["piv"] < 1.2 * error["iv-full-rate"]
     # the prefilter's merit is the interval: the i.i.d. one of full-rate IV is far too wide
-    wide = results["iv-full-rate"].std / results["piv"].std
+    wide = results["iv-full-rate"].method_std / results["piv"].method_std
     assert np.exp(np.mean(np.log(wide))) > 2.5
     # and as printed, with standstill, it is far too narrow
     printed = identify(dataclasses.replace(fine[0], mask=None), "piv-as-printed")
-    assert np.mean(np.abs(printed.theta - truth) > 2 * printed.std) > 0.3
+    assert np.mean(np.abs(printed.theta - truth) > 2 * printed.method_std) > 0.3
 
 
 def test_dropping_the_ends_of_the_filters_improves_least_squares_several_times(fine):

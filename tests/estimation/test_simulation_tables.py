@@ -60,7 +60,7 @@ def test_what_was_held_has_no_standard_error():
     names = synthetic_identification().names
     result = synthetic_identification(simulation=made(held=(names[1],)))
     row = parameter_rows(result)[1]
-    assert np.isnan(row.shown_std) and not row.includes_zero
+    assert np.isnan(row.std) and not row.includes_zero
     assert f"does not determine them: {names[1]}" in " ".join(
         simulation_text(result).replace("do not", "does not").split()
     )

@@ -149,6 +149,20 @@ def test_report_of_a_loaded_result_has_its_tables(tmp_path):
     assert "zz1r" in (tmp_path / "report.html").read_text("utf-8")
 
 
+def test_a_file_of_the_third_layout_shows_the_robust_standard_errors(tmp_path):
+    """There ``std`` was by the method's covariance, and ``robust_std`` stood beside it."""
+    found = synthetic_identification()
+    content = to_dict(found) | {"schema": 3}
+    for row, robust in zip(content["parameters"], found.robust_std.tolist(), strict=True):
+        del row["low"], row["high"]
+        row["std"], row["robust_std"] = row.pop("method_std"), robust
+    (tmp_path / "identification.json").write_text(json.dumps(content), encoding="utf-8")
+    loaded = load_identification(tmp_path)
+    np.testing.assert_array_equal(loaded.std, found.robust_std)
+    np.testing.assert_array_equal(loaded.method_std, found.method_std)
+    assert not np.array_equal(loaded.std, loaded.method_std)
+
+
 def test_file_of_the_first_layout_needs_its_robot(tmp_path):
     identification = synthetic_identification()
     old = to_dict(identification) | {"schema": 1}
@@ -182,7 +196,7 @@ def written(tmp_path, path, value):
 @pytest.mark.parametrize(
     ("path", "value", "message"),
     [
-        (["schema"], 4, "layout 4, this version reads up to 3; install a newer"),
+        (["schema"], 5, "layout 5, this version reads up to 4; install a newer"),
         (["schema"], "2", "is not an identification"),
         (["covariance"], KeyError, "is not an identification"),
         (["robot_description"], KeyError, "'robot_description' is missing"),

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from pivident.estimation.stored_identification import load_identification
 from pivident.text.finding import Finding, Quantity
+from pivident.text.repair import Edit, Repair
 from tests.synthetic_identification import synthetic_identification
 
 
@@ -13,3 +14,15 @@ def test_intervals_come_back(tmp_path):
     warning = Finding("warning", "physics", "negative", "fc1 is negative.", evidence=size)
     replace(synthetic_identification(), warnings=(warning,)).save(tmp_path)
     assert load_identification(tmp_path).warnings == (warning,)
+
+
+def test_places_come_back(tmp_path):
+    """Where a warning is about a key of the experiment file; such results could not be loaded."""
+    place = ("recording", 0, "units", "tau")
+    warning = Finding("warning", "methods", "median", "It acts on ls only.", place=place)
+    repair = Repair((Edit(("identify", "bandpass", "median"), 1),))
+    made = replace(
+        synthetic_identification(), warnings=(warning, replace(warning, repairs=(repair,)))
+    )
+    made.save(tmp_path)
+    assert load_identification(tmp_path).warnings == (warning, warning)

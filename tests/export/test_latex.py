@@ -60,6 +60,7 @@ def test_parameters_that_were_left_out_are_not_in_the_table():
         expressions=free.expressions[:3],
         theta=free.theta[:3],
         covariance=free.covariance[:3, :3],
+        robust_covariance=free.robust_covariance[:3, :3],
     )
     assert len(cells(to_latex(runnable_model(part)).text, 0)) == 3
 

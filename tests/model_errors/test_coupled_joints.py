@@ -177,15 +177,14 @@ def test_a_loop_that_is_not_described_is_a_reservation(five_bar, name, method):
     diagnostics = diagnose(problem, {method: result}, folds=0)
     said = verdict(diagnostics)
     (finding,) = (s for s in said.statements if s.kind == COUPLED)
-    assert (said.severity, finding.severity) == ("warning", "warning")
+    assert said.severity in ("warning", "error") and finding.severity == "warning"
     assert "left, right" in finding.message
     assert finding.evidence["torque"].value > 1.0 and finding.evidence["explained"].value > 50.0
     if problem.robot.constraints is None:
         assert "[[loops]]" in finding.next_step
     else:
         assert finding.next_step.startswith("Check the loops and gears")
-    wider = diagnostics.identifications[method]
-    assert np.mean(wider.std / result.std) > 1.2
+    assert np.array_equal(diagnostics.identifications[method].covariance, result.covariance)
 
 
 def test_three_arms_of_a_delta_are_named_together():

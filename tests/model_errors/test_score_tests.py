@@ -23,7 +23,7 @@ def made(seed=0, size=0.0):
             y = rng.standard_normal((own.size, ROWS))
             x = y + 0.01 * rng.standard_normal(y.shape)
             tau = theta[own] @ y + 0.1 * rng.standard_normal(ROWS)
-            record.append(JointRows(own, x, y, tau, np.arange(ROWS) * 6 // ROWS))
+            record.append(JointRows(own, x, y, tau))
         records.append(record)
     variance = np.array([0.01, 0.02])
     tests = score_tests(records, variance)
@@ -123,8 +123,7 @@ def test_a_cause_that_is_corrected_already_hides_its_like():
     x[3] = x[2] + 0.5 * x[0] + 0.01 * x[3]
     x[4] = x[3]  # causes a and b are the same torque
     tau = x[0] + 0.3 * x[3] + 0.1 * rng.standard_normal(ROWS)
-    places = np.arange(ROWS) * 6 // ROWS
-    tests = score_tests([[JointRows(np.arange(6), x, x.copy(), tau, places)]], np.array([0.01]))
+    tests = score_tests([[JointRows(np.arange(6), x, x.copy(), tau)]], np.array([0.01]))
     assert set(tests.all_scores([])[1]) == {0, 1, 2}
     assert set(tests.all_scores([0])[1]) == {2}
     assert tests.columns([0, 1]).tolist() == [0, 1, 2, 3]

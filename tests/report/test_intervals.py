@@ -7,17 +7,17 @@ from pivident.report.intervals import MARKERS, ConsistentValue, interval_drawing
 from pivident.report.plotly_figures import METHOD_COLOURS
 
 
-def row(value, std, robust_std=math.nan, truth=math.nan):
-    return ParameterRow("zz1r", value, std, robust_std, 0.0, "kg m²", "zz1", truth)
+def row(value, std, truth=math.nan):
+    return ParameterRow("zz1r", value, std, std, "kg m²", "zz1", truth)
 
 
 def test_intervals_keep_their_proportions():
-    drawing = interval_drawing([row(1.0, 0.2, 0.1), row(1.5, 0.05)], ["LS", "PIV"], with_zero=False)
+    drawing = interval_drawing([row(1.0, 0.1), row(1.5, 0.05)], ["LS", "PIV"], with_zero=False)
     first, second = drawing.intervals
-    assert first.method_left < first.left < first.middle < first.right < first.method_right
+    assert first.left < first.middle < first.right
     assert (first.middle - first.left) == pytest.approx(2 * (second.middle - second.left), abs=0.05)
     assert drawing.zero is None
-    assert (drawing.low, drawing.high) == ("0.60", "1.60")
+    assert (drawing.low, drawing.high) == ("0.800", "1.600")
 
 
 def test_zero_and_truth_have_their_places():

@@ -15,7 +15,7 @@ def correlated(pairs):
     rho = np.eye(n)
     for i, k, value in pairs:
         rho[i, k] = rho[k, i] = value
-    return replace(found, covariance=rho * np.outer(found.std, found.std))
+    return replace(found, covariance=rho * np.outer(found.method_std, found.method_std))
 
 
 def test_correlations_are_those_of_the_covariance():

@@ -419,9 +419,10 @@ def _print_tables(results: Results, judged: Verdict, truth: Mapping[str, float] 
         print(f"{results.essential}\n")
     found = list(results.identifications.values())
     if len(found) == 1 and truth is None:
-        print(identification_table(found[0], with_warnings=False))  # they are in the verdict
+        # warnings are in the verdict
+        print(identification_table(found[0], with_warnings=False, ranges=judged.ranges))
     else:
-        print(comparison_table(found, truth))
+        print(comparison_table(found, truth, judged.ranges, judged.method))
         if truth is not None:
             print(f"\n{truth_lines(found, truth)}")
         warnings = {n: i.warnings for n, i in results.identifications.items() if n != judged.name}

@@ -157,7 +157,7 @@ def interval_drawing(comparison: ComparedResults, p: ComparedParameter) -> Inter
     for k, e in present:
         middle = place(e.value, e.value)
         left, right = place(e.low, e.value), place(e.high, e.value)
-        intervals.append(Interval(k, middle, left, right, middle, middle))
+        intervals.append(Interval(k, middle, left, right))
     words = "; ".join(f"{comparison.labels[k]} {estimate_text(e)} {p.unit}" for k, e in present)
     return IntervalDrawing(
         intervals=tuple(intervals),

@@ -22,6 +22,7 @@ from pivident.consistency.metric import HALF_INTERVAL
 from pivident.diagnostics.verdict_file import RESULT
 from pivident.errors import IdentificationFileError, PividentError
 from pivident.estimation.identification import Identification
+from pivident.estimation.parameter_rows import parameter_rows
 from pivident.estimation.stored_identification import json_of_file, load_identification
 from pivident.models.model_json import FORMAT, read_model
 from pivident.models.runnable_model import RunnableModel
@@ -49,8 +50,7 @@ class Source:
 class Entry:
     """One result.
 
-    Intervals are ±2σ with the robust σ, which allows for residuals that are correlated and of
-    changing variance; with IDIM-PIV it is the method's own. Those of consistent parameters are
+    Intervals are ±2σ as in all tables, see `Identification.std`. Those of consistent parameters are
     profile intervals, drawn from 95 % to 2σ.
     """
 
@@ -122,17 +122,16 @@ def entry_of(identification: Identification, label: str, source: Source | None =
         )
     if not identification.converged:
         notes.append(f"{label} has not converged; its values and intervals are provisional.")
-    spread = 2.0 * np.sqrt(np.diag(covariance))
-    theta = identification.theta
+    ends = np.array([row.interval() for row in parameter_rows(identification)])
     return Entry(
         label=label,
         kind="identification",
         method=identification.method,
         robot=identification.robot,
         names=identification.names,
-        value=theta,
-        low=theta - spread,
-        high=theta + spread,
+        value=identification.theta,
+        low=ends[:, 0],
+        high=ends[:, 1],
         covariance=covariance,
         relative_error=identification.relative_error,
         version=identification.version,

@@ -12,21 +12,21 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from pivident.audit.recording_audit import recording_faults
 from pivident.consistency.consistent_model import ConsistentModel, make_consistent
 from pivident.diagnostics.baselines import Baselines, baselines
 from pivident.diagnostics.other_readings import Reading, better_readings
+from pivident.diagnostics.ranges import block_ranges, friction_ranges
 from pivident.diagnostics.trials import Trial, consequences, tried
 from pivident.errors import Attempts, ExperimentError, PividentError
 from pivident.estimation.identification import Identification, torque_sums
 from pivident.estimation.identify import narrowed
 from pivident.estimation.method import Method
 from pivident.estimation.methods import METHODS
+from pivident.estimation.parameter_rows import ParameterRange
 from pivident.estimation.problem import Problem
 from pivident.logs.torque_scale import is_ratio
-from pivident.model_errors.named_causes import ModelErrors, named_causes, with_model_errors
+from pivident.model_errors.named_causes import ModelErrors, named_causes
 from pivident.recording.recording import Recording
 from pivident.text.finding import Finding
 from pivident.threads import linear_algebra_in_one_thread
@@ -60,9 +60,8 @@ class Diagnostics:
         model_error: noise and model error of the recommended result apart; None where neither
             a motion repeats nor anything was held out.
         model_errors: causes of model error that its residual shows; None where none were sought.
-            Where some change the estimate, its intervals in ``identifications`` contain them.
-        noise_std: standard errors of the recommended result from the noise alone, shape
-            (parameters,).
+        ranges: of the parameters of each result that was judged on held-out blocks, over these
+            blocks; of the recommended one also over friction laws that fit about as well.
         notes: why something could not be found out, whole sentences.
         consistent: estimates that were made physically consistent, by short name of their method,
             or why they could not be.
@@ -81,7 +80,7 @@ class Diagnostics:
     out_of_sample: OutOfSample | None = None
     model_error: ModelError | None = None
     model_errors: ModelErrors | None = None
-    noise_std: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    ranges: Mapping[str, tuple[ParameterRange, ...]] = field(default_factory=dict)
     notes: tuple[str, ...] = field(default=())
     consistent: Mapping[str, ConsistentEstimate | NoConsistentEstimate] = field(
         default_factory=dict
@@ -184,7 +183,7 @@ def _diagnose(
     say("testing residuals and instruments")
     tested = replace(diagnose_one(identifications, attempts), out_of_sample=out_of_sample)
     name = tested.recommended
-    own = widened = identifications[name]
+    own = identifications[name]
     validation = None if out_of_sample is None else out_of_sample.results.get(name)
     others = Baselines()
     if validation is not None and motion is not None and not is_ratio(own.torque_scale):
@@ -198,9 +197,8 @@ def _diagnose(
     split = attempts.of(failed, model_error, problem, own, validation)
     say("looking for causes of model error")
     causes = attempts.of("Causes of model error were not looked for", named_causes, problem, own)
-    if causes is not None:
-        failed = "Intervals do not contain what model errors may add"
-        widened = attempts.of(failed, with_model_errors, own, causes, otherwise=own)
+    failed = "The range of the estimates is not given"
+    ranges = attempts.of(failed, _ranges, tested, causes, otherwise={})
     trials: tuple[Trial, ...] = ()
     if out_of_sample is not None and all(r.torque_source == "measured" for r in problem.recordings):
         say("trying repairs")
@@ -209,7 +207,7 @@ def _diagnose(
     log = consequences(log, trials)
     say("asking whether a machine can have these parameters")
     failed = "Whether a machine can have these parameters could not be asked"
-    widened, nearest = attempts.of(failed, _nearest_machine, widened, otherwise=(widened, None))
+    own, nearest = attempts.of(failed, _nearest_machine, own, otherwise=(own, None))
     readings: tuple[Reading, ...] = ()
     doubtful = _misses(validation) or (nearest is not None and nearest.is_far)
     if doubtful and not any(trial.wins for trial in trials):
@@ -219,10 +217,10 @@ def _diagnose(
     fewer = () if out_of_sample is None or not out_of_sample.fewer else (out_of_sample.fewer,)
     return replace(
         tested,
-        identifications={**identifications, name: widened},
+        identifications={**identifications, name: own},
         model_error=split,
         model_errors=causes,
-        noise_std=own.std,
+        ranges=ranges,
         notes=(*fewer, *dict.fromkeys(attempts.lines[start:])),
         log=log,
         nearest=nearest,
@@ -230,6 +228,19 @@ def _diagnose(
         trials=trials,
         baselines=others,
     )
+
+
+def _ranges(
+    tested: Diagnostics, causes: ModelErrors | None
+) -> dict[str, tuple[ParameterRange, ...]]:
+    """Ranges of all results that were judged, and over friction laws of the recommended one."""
+    judged = {} if tested.out_of_sample is None else tested.out_of_sample.results
+    ranges = {name: block_ranges(own) for name, own in judged.items()}
+    if causes is not None:
+        name = tested.recommended
+        by_law = friction_ranges(tested.identifications[name], causes)
+        ranges[name] = (*ranges.get(name, ()), *by_law)
+    return ranges
 
 
 def _misses(validation: CrossValidation | None) -> bool:

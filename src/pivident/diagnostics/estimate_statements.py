@@ -14,7 +14,7 @@ import numpy as np
 from pivident.diagnostics.diagnostics import Diagnostics
 from pivident.dynamics.signs import negative_parameters
 from pivident.estimation.identification import Identification
-from pivident.estimation.parameter_rows import ParameterRow, parameter_rows, shown_std
+from pivident.estimation.parameter_rows import ParameterRow, parameter_rows
 from pivident.logs.torque_scale import marked_scales, scale_sentences
 from pivident.motion.wanted_motion import (
     SENTENCES,
@@ -117,19 +117,19 @@ def determined(result: Identification) -> Iterator[Finding]:
     rows = parameter_rows(result)
     well = [r for r in rows if is_known(r)]
     zero, slight = zero_and_slight(result, rows)
-    held = tuple(r.name for r in rows if math.isnan(r.shown_std))
+    held = tuple(r.name for r in rows if math.isnan(r.std))
     middle = tuple(r.name for r in rows if not (is_known(r) or r.includes_zero or r.name in held))
     estimated = [r for r in rows if r.name not in held] or list(rows)
-    best = min(estimated, key=lambda r: r.shown_percent)
-    worst = max(estimated, key=lambda r: r.shown_percent)
+    best = min(estimated, key=lambda r: r.relative_std)
+    worst = max(estimated, key=lambda r: r.relative_std)
     evidence = {
         "well known": Quantity(len(well)),
         "parameters": Quantity(len(rows)),
         "condition number": Quantity(result.condition),
     }
     basis = (
-        f"2σ from {percent(2 * best.shown_percent)} ({best.name}) to "
-        f"{percent(2 * worst.shown_percent)} ({worst.name}); condition number "
+        f"2σ from {percent(2 * best.relative_std)} ({best.name}) to "
+        f"{percent(2 * worst.relative_std)} ({worst.name}); condition number "
         f"{format_significant(result.condition)}"
     )
     known = f"{len(rows)} parameters are known to {WELL:g} % or better (2σ)"
@@ -157,7 +157,7 @@ def determined(result: Identification) -> Iterator[Finding]:
 
 def is_known(row: ParameterRow) -> bool:
     """Whether a parameter is well determined."""
-    return 2.0 * row.shown_percent <= WELL
+    return 2.0 * row.relative_std <= WELL
 
 
 def open_parameters(result: Identification) -> tuple[str, ...]:
@@ -193,7 +193,7 @@ def torque_shares(result: Identification, names: Sequence[str]) -> np.ndarray:
     full = FullMotion.within(robot, MotionLimits.of(robot, q, dq, ddq))
     some = np.unique(np.linspace(0, len(q) - 1, min(SAMPLES, len(q))).astype(int))
     places = [result.names.index(name) for name in names]
-    reach = (np.abs(result.theta) + 2.0 * shown_std(result))[places]
+    reach = (np.abs(result.theta) + 2.0 * result.std)[places]
     shares = np.zeros(len(names))
     for motion in (full, FullMotion(robot, q[some], dq[some], ddq[some])):
         columns = motion.columns(result.parameters)
@@ -243,7 +243,7 @@ def torque_side(result: Identification) -> Iterator[Finding]:
 def signs(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     """Friction and rotor inertias cannot be negative; of no consequence without torque."""
     result = diagnostics.identifications[name]
-    negative = negative_parameters(result.parameters, result.names, result.theta, shown_std(result))
+    negative = negative_parameters(result.parameters, result.names, result.theta, result.std)
     if not negative:
         return
     evidence = {p.name: p.quantity for p in negative}

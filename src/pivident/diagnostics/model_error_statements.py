@@ -8,6 +8,7 @@ import numpy as np
 
 from pivident.diagnostics.diagnostics import Diagnostics
 from pivident.diagnostics.other_readings import Reading
+from pivident.diagnostics.ranges import much_wider
 from pivident.logs.torque_scale import marked_scales
 from pivident.model_errors.cause import Cause
 from pivident.model_errors.coupling_errors import COUPLED
@@ -43,6 +44,9 @@ MAX_UNCHECKED = 3
 
 #: Most ties between joints in the sentence.
 MAX_TIES = 3
+
+#: Most parameters in the sentence about ranges; the evidence has all.
+MAX_RANGES = 3
 
 
 def model_errors(diagnostics: Diagnostics) -> Iterator[Finding]:
@@ -283,17 +287,18 @@ def _size(one: NamedCause) -> str:
 
 
 def intervals(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
-    """What the intervals hold: noise, and model error as far as it is seen; which is larger."""
-    found = diagnostics.model_errors
-    if found is None or not found.matter:
+    """Parameters that vary over motion or friction laws by much more than their interval says."""
+    result = diagnostics.identifications[name]
+    wide = much_wider(result, diagnostics.ranges.get(name, ()))
+    if not wide:
         return
-    noise = diagnostics.noise_std
-    own = diagnostics.identifications[name].std
-    ratio = float(np.exp(np.mean(np.log(own / np.maximum(noise, 1e-300)))))
+    said = [
+        f"{own.name} {format_significant(ratio, 2)} times (over {own.by})" for ratio, own in wide
+    ]
     text = (
-        f"The intervals contain the model error that was found: on average they are "
-        f"{format_significant(ratio, 2)} times those of the noise alone"
+        "Intervals describe noise; over the motion or friction laws some estimates vary by much "
+        f"more: {listed(said, MAX_RANGES)}."
     )
-    larger = "the model error is the larger part" if ratio > np.sqrt(2.0) else "noise is the larger"
-    evidence = {"ratio": Quantity(ratio)}
-    yield Finding("note", "intervals", "model error", f"{text}; {larger}.", evidence=evidence)
+    evidence = {own.name: Quantity(ratio) for ratio, own in wide}
+    basis = "width of the range over that of the interval of ±2σ"
+    yield Finding("note", "intervals", "range", text, evidence=evidence, basis=basis)

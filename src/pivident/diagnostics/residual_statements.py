@@ -29,7 +29,6 @@ def noise(result: Identification, tests: ResidualTests) -> Iterator[Finding]:
         residual = "torque residual on the measured motion"
     what = f"The noise model whitens the {residual}" if modelled else f"The {residual} is white"
     basis = f"{worst[0]}: {worst[1]}"
-    own = np.array_equal(result.covariance, result.robust_covariance)
     robust = bool(np.isfinite(result.robust_std).all())
     if not coloured:
         yield Finding("ok", "noise", "white", f"{what} on all joints.", basis=basis)
@@ -38,8 +37,6 @@ def noise(result: Identification, tests: ResidualTests) -> Iterator[Finding]:
             "the fit does not use it"
             if result.simulation is not None
             else "the standard errors account for that"
-            if own
-            else "the robust standard errors, shown here, account for that, the method's own do not"
             if robust
             else "the standard errors do not account for that"
         )
@@ -52,7 +49,7 @@ def noise(result: Identification, tests: ResidualTests) -> Iterator[Finding]:
         if modelled:
             what = f"The noise model does not whiten the {residual}"
         text = f"{what} on {listed(coloured)}; {rest}."
-        severity: Severity = "note" if own or robust else "warning"
+        severity: Severity = "note" if robust else "warning"
         yield Finding(severity, "noise", "coloured", text, basis=basis)
     for topic, sentence in (
         ("variance", "The {residual}'s variance changes with the motion on {joints}"),
@@ -82,14 +79,14 @@ def _simulation_noise(result: Identification) -> Iterator[Finding]:
         yield Finding("ok", "simulation", "white", text, basis=basis)
         return
     names = [f"{t.joint} ({t.what})" for t in coloured]
-    own = np.array_equal(result.covariance, result.robust_covariance)
+    robust = bool(np.isfinite(result.robust_std).all())
     rest = (
         "the standard errors are tested against windows of time, which account for that"
-        if own
+        if robust
         else "the standard errors by the formula do not account for that"
     )
     text = f"The noise models do not whiten the simulation errors of {listed(names)}; {rest}."
-    yield Finding("note" if own else "warning", "simulation", "coloured", text, basis=basis)
+    yield Finding("note" if robust else "warning", "simulation", "coloured", text, basis=basis)
 
 
 def _continues_level(result: Identification) -> bool:

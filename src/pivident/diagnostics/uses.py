@@ -23,7 +23,7 @@ from pivident.diagnostics.diagnostics import Diagnostics
 from pivident.diagnostics.estimate_statements import is_known
 from pivident.diagnostics.prediction_statements import unexplained_joints
 from pivident.dynamics.signs import negative_parameters
-from pivident.estimation.parameter_rows import parameter_rows, shown_std
+from pivident.estimation.parameter_rows import parameter_rows
 from pivident.text.finding import Quantity
 from pivident.text.lists import listed, plural
 from pivident.text.numbers import format_significant, percent
@@ -130,9 +130,7 @@ def simulation(diagnostics: Diagnostics, name: str) -> Use:
     if model is None:
         certain = [
             p.name
-            for p in negative_parameters(
-                result.parameters, result.names, result.theta, shown_std(result)
-            )
+            for p in negative_parameters(result.parameters, result.names, result.theta, result.std)
             if p.is_certain
         ]
         if certain:

@@ -56,6 +56,7 @@ from pivident.diagnostics.trials import Trial
 from pivident.diagnostics.uses import Answer, Use, answers, uses
 from pivident.errors import Attempts
 from pivident.estimation.identification import Identification
+from pivident.estimation.parameter_rows import ParameterRange
 from pivident.logs.torque_scale import scale_headline
 from pivident.text.display import Displayed
 from pivident.text.finding import Finding, Severity, worst
@@ -76,6 +77,7 @@ class Verdict(Displayed):
         scale: in what units all parameters are, a sentence; empty where torques are known in SI.
         held_out: torque errors on held-out motion by the methods' short names.
         open: parameters that another motion would determine.
+        ranges: of its parameters over held-out blocks and friction laws.
         designable: whether such a motion can be designed: not yet for closed loops and measured
             bases.
         uses: what the estimate is good for.
@@ -90,6 +92,7 @@ class Verdict(Displayed):
     held_out: Mapping[str, HeldOutErrors] = field(default_factory=dict)
     open: tuple[str, ...] = ()
     designable: bool = True
+    ranges: tuple[ParameterRange, ...] = ()
     uses: tuple[Use, ...] = ()
     trials: tuple[Trial, ...] = ()
     summary: Summary | None = None
@@ -215,6 +218,7 @@ def verdict(diagnostics: Diagnostics | Identification, attempts: Attempts | None
         {key: errors for key, errors in held_out.items() if errors is not None},
         wanted,
         result.robot.constraints is None and not result.robot.base_joints,
+        diagnostics.ranges.get(name, ()),
         judged_uses,
         diagnostics.trials,
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +55,7 @@ def save_verdict(
         "statements": [s.as_json() for s in found.statements],
         "terms": list(terms),
         "open": list(found.open),
+        "ranges": [plain(asdict(own)) for own in found.ranges],
         "held_out": {name: plain(errors.to_values()) for name, errors in found.held_out.items()},
     }
     path.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")

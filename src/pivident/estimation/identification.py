@@ -193,7 +193,20 @@ class Identification(Displayed):
 
     @property
     def std(self) -> np.ndarray:
-        """Standard errors by the method's covariance, shape (parameters,)."""
+        """Standard errors of every interval that is shown or written, shape (parameters,).
+
+        The robust ones, which hold for residuals of any colour and of changing variance; the
+        method's own where these are not known.
+        """
+        robust = self.robust_std
+        return np.where(np.isfinite(robust), robust, self.method_std)
+
+    @property
+    def method_std(self) -> np.ndarray:
+        """Standard errors by the method's covariance, shape (parameters,).
+
+        With least squares and plain IV they hold for white residuals only.
+        """
         return np.sqrt(np.diag(self.covariance))
 
     @property
@@ -215,7 +228,8 @@ class Identification(Displayed):
     def conf_int(self, level: float = 0.95) -> np.ndarray:
         """Confidence intervals θ ± z σ with z = Φ⁻¹((1 + level)/2) of the normal distribution.
 
-        They rest on ``std``, and hold for a model without systematic error. As with statsmodels
+        They rest on ``std``, as all intervals that are shown, which are those of z = 2 (a level of
+        0.9545), and hold for a model without systematic error. As with statsmodels
         the lower bound stands in the first column. Where a bound of the parameter itself holds the
         estimate, the interval ends there: it has the other side only.
 

@@ -24,10 +24,13 @@ from pivident.simulation.control_loop import Loop
 from pivident.text.plain_values import csv_table, json_of_entries, plain
 
 #: Version of the layout of ``identification.json``.
-SCHEMA = 3
+SCHEMA = 4
 
-#: Columns of ``parameters.csv``; σ in the unit of its row, the relative one in percent.
-CSV_COLUMNS = ("name", "value", "std", "robust_std", "relative_std", "unit", "expression")
+#: Columns of ``parameters.csv``; σ and the interval of ±2σ in the unit of the row, the relative σ
+#: in percent.
+CSV_COLUMNS = (
+    "name", "value", "std", "low", "high", "relative_std", "method_std", "unit", "expression",
+)  # fmt: skip
 
 
 def save_identification(identification: Identification, folder: str | PathLike[str]) -> None:

@@ -8,8 +8,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
-import numpy as np
-
 from pivident.estimation.identification import Identification
 from pivident.logs.torque_scale import OUTPUT_UNIT, is_ratio
 from pivident.text.numbers import with_spread
@@ -24,23 +22,17 @@ class ParameterRow:
 
     name: str  # base parameter
     value: float  # estimate [unit]
-    std: float  # standard error by the method's covariance [unit]
-    robust_std: float  # standard error by the sandwich [unit]
-    relative_std: float  # 100 std/|θ| [%]
+    std: float  # standard error of the interval, see `Identification.std` [unit]
+    method_std: float  # standard error by the method's covariance [unit]
     unit: str  # unit of the parameter
     expression: str  # its group written out
     truth: float = math.nan  # known value [unit], NaN where none is known
     bound: str = ""  # ``low`` or ``high`` where a bound holds the estimate
 
     @property
-    def shown_std(self) -> float:
-        """Standard error of intervals that are shown, see `shown_std` [unit]."""
-        return self.robust_std if math.isfinite(self.robust_std) else self.std
-
-    @property
-    def shown_percent(self) -> float:
-        """100 σ/|θ| with that standard error [%]; infinite for an estimate of zero."""
-        return 100.0 * self.shown_std / abs(self.value) if self.value else math.inf
+    def relative_std(self) -> float:
+        """100 σ/|θ| [%]; infinite for an estimate of zero."""
+        return 100.0 * self.std / abs(self.value) if self.value else math.inf
 
     @property
     def error_percent(self) -> float:
@@ -50,20 +42,30 @@ class ParameterRow:
     @property
     def error_sigmas(self) -> float:
         """(θ̂ - θ)/σ, NaN without a truth."""
-        return _ratio(self.value - self.truth, self.shown_std)
+        return _ratio(self.value - self.truth, self.std)
 
     def interval(self, std: float | None = None) -> tuple[float, float]:
-        """Value ± 2σ, of one side where a bound holds the value; ``std``: σ, else the shown one."""
-        half = 2.0 * (self.shown_std if std is None else std)
+        """Value ± 2σ, of one side where a bound holds the value; ``std``: another σ."""
+        half = 2.0 * (self.std if std is None else std)
         return (
             self.value if self.bound == "low" else self.value - half,
             self.value if self.bound == "high" else self.value + half,
         )
 
     @property
+    def low(self) -> float:
+        """Lower end of the interval [unit]."""
+        return self.interval()[0]
+
+    @property
+    def high(self) -> float:
+        """Upper end of the interval [unit]."""
+        return self.interval()[1]
+
+    @property
     def value_and_spread(self) -> tuple[str, str]:
         """Value and 2σ as text; the latter with a sign where the interval has that side only."""
-        value, spread = with_spread(self.value, 2.0 * self.shown_std)
+        value, spread = with_spread(self.value, 2.0 * self.std)
         return value, {"low": "+", "high": "−"}.get(self.bound, "") + spread
 
     @property
@@ -75,8 +77,29 @@ class ParameterRow:
     @property
     def includes_zero(self) -> bool:
         """Whether zero lies within the interval of ±2σ."""
-        low, high = self.interval()
-        return low <= 0.0 <= high
+        return self.low <= 0.0 <= self.high
+
+
+@dataclass(frozen=True)
+class ParameterRange:
+    """Between which values an estimate lies over blocks of the motion, or over friction laws."""
+
+    name: str  # base parameter
+    low: float  # least value [unit of the parameter]
+    high: float  # largest value
+    by: str  # over what: ``blocks``, ``recordings`` or ``friction laws``
+    estimates: int  # how many estimates it comes from
+    by_noise: float = 0.0  # width that noise alone exceeds in one of a hundred results [unit]
+
+
+def range_texts(names: Sequence[str], ranges: Sequence[ParameterRange]) -> list[str]:
+    """The range of each parameter over everything, such as ``7.1 … 8.7``; empty without one."""
+    texts = []
+    for name in names:
+        own = [r for r in ranges if r.name == name and r.high > r.low]
+        ends = [min(r.low for r in own), max(r.high for r in own)] if own else []
+        texts.append(" … ".join(with_spread(end, 0.5 * (ends[1] - ends[0]))[0] for end in ends))
+    return texts
 
 
 def parameter_rows(
@@ -95,8 +118,7 @@ def parameter_rows(
         parameter_units(identification),
         identification.theta,
         identification.std,
-        identification.robust_std,
-        identification.relative_std,
+        identification.method_std,
         identification.expressions,
         identification.bound_sides,
         strict=True,
@@ -106,14 +128,13 @@ def parameter_rows(
             name=name,
             value=float(value),
             std=math.nan if name in held else float(std),
-            robust_std=math.nan if name in held else float(robust),
-            relative_std=math.nan if name in held else float(relative),
+            method_std=math.nan if name in held else float(own),
             unit=unit,
             expression=expression,
             truth=known.get(name.lower(), known.get(parameter.name.lower(), math.nan)),
             bound=side,
         )
-        for name, parameter, unit, value, std, robust, relative, expression, side in columns
+        for name, parameter, unit, value, std, own, expression, side in columns
     )
 
 
@@ -134,16 +155,6 @@ def parameter_units(identification: Identification) -> tuple[str, ...]:
         "N m" if joints[p.joint].kind == "revolute" else "N" for p in identification.parameters
     )
     return tuple(f"{u}/({t}/{OUTPUT_UNIT})" for u, t in zip(units, torques, strict=True))
-
-
-def shown_std(identification: Identification) -> np.ndarray:
-    """Standard errors that tables, verdict and report show, shape (parameters,).
-
-    The robust ones, which hold for residuals of any colour and of changing variance; the method's
-    own where these are not known.
-    """
-    robust = identification.robust_std
-    return np.where(np.isfinite(robust), robust, identification.std)
 
 
 def method_labels(identifications: Sequence[Identification]) -> tuple[str, ...]:
@@ -177,7 +188,7 @@ def largest_difference(rows: Sequence[ParameterRow | None]) -> tuple[float, int,
     best = (0.0, 0, 0)
     present = [(k, row) for k, row in enumerate(rows) if row is not None]
     for (i, a), (j, b) in combinations(present, 2):
-        distance = _ratio(abs(a.value - b.value), math.hypot(a.shown_std, b.shown_std))
+        distance = _ratio(abs(a.value - b.value), math.hypot(a.std, b.std))
         if distance > best[0]:
             best = (distance, i, j)
     return best

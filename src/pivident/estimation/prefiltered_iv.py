@@ -278,7 +278,7 @@ def _identified(signals: Signals, method: PrefilteredIV, say: Say) -> Identifica
 
 def _log_deviation(found: Identification) -> float:
     """Mean of ln σ over the parameters."""
-    return float(np.mean(np.log(found.std)))
+    return float(np.mean(np.log(found.method_std)))
 
 
 AnySteps = TypeVar("AnySteps", bound=Steps)

@@ -51,13 +51,19 @@ Matrix = list[list[Known]]
 
 
 class ParameterValues(Values):
-    """One estimate."""
+    """One estimate; its standard errors are those of the covariances.
+
+    Up to schema 3 ``std`` was by the method's covariance, and ``robust_std`` stood beside it.
+    """
 
     name: Name
     value: Finite
     std: Known
-    robust_std: Known
+    low: Known = None
+    high: Known = None
+    robust_std: Known = None
     relative_std: Known
+    method_std: Known = None
     unit: str
     expression: str
 
@@ -99,7 +105,7 @@ class QuantityValues(Values):
 
 
 class WarningValues(Values):
-    """What the estimator noticed."""
+    """What the estimator noticed; repairs are of the experiment file of that run, and left out."""
 
     severity: Severity
     topic: str
@@ -109,6 +115,8 @@ class WarningValues(Values):
     next_step: str = ""
     evidence: Annotated[dict[str, QuantityValues], Field(default_factory=dict)]
     basis: str = ""
+    place: list[str | int] = Field(default_factory=list)
+    repairs: list[Any] = Field(default_factory=list)
 
 
 class InstrumentsValues(Values):
@@ -418,7 +426,8 @@ def _warning(stored: WarningValues | str) -> Finding:
     if isinstance(stored, str):
         return Finding("warning", "estimator", "stored", stored)
     evidence = {name: _quantity(own) for name, own in stored.evidence.items()}
-    return Finding(**dict(stored) | {"evidence": evidence})
+    place = tuple(stored.place)
+    return Finding(**dict(stored) | {"evidence": evidence, "place": place, "repairs": ()})
 
 
 def _quantity(stored: QuantityValues) -> Quantity:

@@ -14,11 +14,13 @@ from pivident.dynamics.parameters import Parameter
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import (
     CONTRADICTION,
+    ParameterRange,
     ParameterRow,
     aligned_rows,
     largest_difference,
     method_labels,
     parameter_rows,
+    range_texts,
 )
 from pivident.estimation.signal_recipes import Algebraic, Bandpass
 from pivident.estimation.simulation_result import LoopParameter, SimulationResult
@@ -127,20 +129,28 @@ def parameter_texts(parameter: LoopParameter) -> tuple[str, str]:
     return value, spread
 
 
-def identification_table(identification: Identification, *, with_warnings: bool = True) -> str:
-    """One result: how it came about, its parameters with intervals, its joints, its warnings."""
+def identification_table(
+    identification: Identification,
+    *,
+    with_warnings: bool = True,
+    ranges: Sequence[ParameterRange] = (),
+) -> str:
+    """One result: how it came about, its parameters with intervals, its joints, its warnings.
+
+    ``ranges``: of its parameters over blocks of the motion and friction laws, as of a verdict.
+    """
     rows = parameter_rows(identification)
     spreads = [row.value_and_spread for row in rows]
     columns = [
         column("parameter", [row.name for row in rows], "<"),
         column("value", [value for value, _ in spreads], "."),
         column("±2σ", [spread for _, spread in spreads], "."),
-        column("σ/|θ| %", [format_significant(row.shown_percent, 2) for row in rows], "."),
+        column("σ/|θ| %", [format_significant(row.relative_std, 2) for row in rows], "."),
         column("unit", [row.unit for row in rows], "<"),
     ]
-    if not _has_one_covariance(identification):
-        own = column("method σ", [format_significant(row.std, 2) for row in rows], ".")
-        columns.insert(-1, own)
+    if ranges:
+        texts = range_texts(identification.names, ranges)
+        columns.insert(-2, column("range", texts, "<"))
     taken = sum(len(own[0]) + len(GAP) for own in columns)
     room = max(WIDTH - taken, _SHORTEST_EXPRESSION)
     columns.append(column("group", [shortened(row.expression, room) for row in rows], "<"))
@@ -148,6 +158,7 @@ def identification_table(identification: Identification, *, with_warnings: bool 
     parts += filter(None, [simulation_text(identification)])
     lines = [
         std_line([identification]),
+        range_line(ranges),
         rows_line(identification),
         signals_line(identification),
         friction_line(identification),
@@ -163,9 +174,15 @@ def identification_table(identification: Identification, *, with_warnings: bool 
 
 
 def comparison_table(
-    identifications: Sequence[Identification], truth: Mapping[str, float] | None = None
+    identifications: Sequence[Identification],
+    truth: Mapping[str, float] | None = None,
+    ranges: Sequence[ParameterRange] = (),
+    ranged: str = "",
 ) -> str:
-    """Several methods side by side: value and relative σ of each, and their largest difference."""
+    """Several methods side by side: value and relative σ of each, and their largest difference.
+
+    ``ranges``: of the parameters by the method ``ranged``, as of a verdict.
+    """
     labels = method_labels(identifications)
     table = aligned_rows(identifications, truth)
     columns = [
@@ -183,6 +200,8 @@ def comparison_table(
         differences = [largest_difference(rows)[0] for rows in table.values()]
         marks = [f"{format_significant(d, 2)}{' *' * (d > CONTRADICTION)}" for d in differences]
         columns.append(column("diff. [σ]", marks, ".", top="largest"))
+    if ranges:
+        columns.append(column("range", range_texts(list(table), ranges), "<", top=ranged))
     errors = ", ".join(
         f"{label} {percent(100.0 * i.relative_error)} ({error_rows(i)})"
         for label, i in zip(labels, identifications, strict=True)
@@ -193,7 +212,8 @@ def comparison_table(
             "  filtered rows have lost most of the noise that all samples still have; compare "
             "only errors over the same rows"
         )
-    parts += [std_line(identifications), friction_line(identifications[0])]
+    parts += filter(None, [std_line(identifications), range_line(ranges)])
+    parts.append(friction_line(identifications[0]))
     parts += label_lines(identifications)
     for label, identification in zip(labels, identifications, strict=True):
         if text := simulation_text(identification):
@@ -239,10 +259,20 @@ def std_line(identifications: Sequence[Identification]) -> str:
     """Which standard errors σ is."""
     if not all(np.isfinite(i.robust_std).all() for i in identifications):
         return "σ: the method's own standard errors, where no robust ones are known"
-    text = "σ: robust standard errors, for correlated residuals of changing variance"
-    if any(not _has_one_covariance(i) for i in identifications):
-        text += "; the method's: for white ones"
-    return text
+    return "σ: robust standard errors, for correlated residuals of changing variance"
+
+
+def range_line(ranges: Sequence[ParameterRange]) -> str:
+    """What ranges are taken over; empty without any."""
+    over = {own.by: own.estimates for own in ranges}
+    said = [
+        f"estimates by {count} friction laws that fit about as well"
+        if by == "friction laws"
+        else f"±2σ of a jackknife over {count} {by}, with {count - 1} degrees of freedom"
+        for by, count in over.items()
+    ]
+    text = f"range: {'; '.join(said)}" if said else ""
+    return textwrap.fill(text, WIDTH, subsequent_indent="  ", break_on_hyphens=False)
 
 
 def label_lines(identifications: Sequence[Identification]) -> list[str]:
@@ -256,12 +286,6 @@ def name_lines(identifications: Sequence[Identification]) -> list[str]:
     """What the names of their parameters stand for."""
     named = {n: p for i in identifications for n, p in zip(i.names, i.parameters, strict=True)}
     return [names_in_words(named)] if named else []
-
-
-def _has_one_covariance(identification: Identification) -> bool:
-    """Whether the method's own covariance is the robust one, or there is no other."""
-    own, robust = identification.covariance, identification.robust_covariance
-    return np.array_equal(own, robust) or not np.isfinite(robust).all()
 
 
 def signals_line(identification: Identification) -> str:
@@ -342,8 +366,8 @@ def _method_columns(
     label: str, rows: Sequence[ParameterRow | None], *, errors: bool
 ) -> list[list[str]]:
     """Value and relative σ of one method, with its error in percent where there is a truth."""
-    values = ["" if r is None else with_spread(r.value, 2.0 * r.shown_std)[0] for r in rows]
-    relative = ["" if r is None else format_significant(r.shown_percent, 2) for r in rows]
+    values = ["" if r is None else with_spread(r.value, 2.0 * r.std)[0] for r in rows]
+    relative = ["" if r is None else format_significant(r.relative_std, 2) for r in rows]
     columns = [
         column("value", values, ".", top=label),
         column("σ %", relative, ".", top=""),

@@ -158,7 +158,7 @@ def _information_of(base: BaseParameters, result: Identification) -> np.ndarray:
     """P⁻¹ of an earlier estimate, at its places."""
     places = _places(base, result)
     out = np.zeros((len(base), len(base)))
-    std = result.std
+    std = result.method_std
     if np.isfinite(result.covariance).all() and (std > 0.0).all():
         correlation = result.covariance / np.outer(std, std)
         inverse = np.linalg.pinv(correlation, rcond=1e-12, hermitian=True)
@@ -177,7 +177,7 @@ def _noise_of(result: Identification) -> EquationNoise | None:
     if noise is None:
         return None
     with np.errstate(divide="ignore", invalid="ignore"):
-        excess = np.log(result.std / result.formula_std)
+        excess = np.log(result.method_std / result.formula_std)
     joints = np.array([p.joint for p in result.parameters])
     known = np.isfinite(excess)
     whole = float(excess[known].mean()) if known.any() else 0.0

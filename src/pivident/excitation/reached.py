@@ -20,7 +20,6 @@ import numpy as np
 
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.estimation.identification import Identification
-from pivident.estimation.parameter_rows import shown_std
 from pivident.excitation.design import Design
 from pivident.excitation.design_file import load_design
 from pivident.excitation.followed_motion import ANOTHER, FollowedMotion, followed_motion
@@ -231,7 +230,7 @@ def _errors(
             float(reached),
         )
         for name, parameter, reached in zip(
-            result.names, result.parameters, shown_std(result), strict=True
+            result.names, result.parameters, result.std, strict=True
         )
     )
 

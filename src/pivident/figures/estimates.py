@@ -122,7 +122,7 @@ def figure_of_correlations(result: Identification, *, columns: int = 1) -> Figur
     Raises:
         FigureError: its covariance is not finite.
     """
-    std = result.std
+    std = result.method_std
     if not (np.isfinite(std).all() and (std > 0.0).all()):
         raise FigureError(
             "the covariance is not finite or has zeros", advice="there are no correlations"

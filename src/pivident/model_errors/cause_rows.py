@@ -42,10 +42,6 @@ from pivident.validation.held_out.prediction import motion_band
 ROWS_PER_PERIOD = 5.0
 #: Blocks of the motion that are held out in turn, all recordings together.
 BLOCKS = 10
-#: Places of the joints in which the rows are sorted, all recordings together.
-PLACES = 16
-#: Fewest of them in each recording.
-FEWEST_PLACES = 4
 #: Time over which the low-pass mixes rest and motion, in periods of the highest frequency …
 MIXED = 1.0
 #: … and over which weight and low-pass may still show what static friction holds at rest.
@@ -197,9 +193,6 @@ class CauseRows:
         rate, regressor = kin.recording.rate, self.regressor
         grid = Grid.of(kin, self.band)
         rows = self._band_rows(kin, grid)
-        q = kin.q[:, :: grid.stride]
-        count = max(PLACES // len(self.problem.recordings), FEWEST_PLACES)
-        place = number * count + places(q[:, rows.at], count)
         made = None if motion is None else self._columns(motion, rate, grid, number, began)
         clean = None if getattr(motion, "from_record", True) else made
         measured = self._columns(kin, rate, grid, number, began, clean)
@@ -238,7 +231,7 @@ class CauseRows:
                 np.vstack([torque, residual, np.where(used[j], 0.0, residual)]), gain
             )
             counts = rows_worth_using(whole, rest, free & near, free & far)
-            out[j] = JointRows(index, x * counts, y * counts, tau * counts, place)
+            out[j] = JointRows(index, x * counts, y * counts, tau * counts)
 
         run_in_threads(thin, range(len(out)))
         return [r for r in out if r is not None]
@@ -323,18 +316,6 @@ class CauseRows:
     def sums(self, variance: np.ndarray) -> CauseSums:
         """All sums, with weights 1/λ_j."""
         return cause_sums(self.joints, variance, len(self.found.theta), int(self.first[-1]), BLOCKS)
-
-
-def places(q: np.ndarray, count: int) -> np.ndarray:
-    """Number of the place at which each row is: the nearest of positions equally far apart in time.
-
-    ``q``: shape (joints, rows); distances are over the spread of each joint.
-    """
-    spread = np.std(q, axis=1, keepdims=True)
-    scaled = q / np.where(spread > 0.0, spread, 1.0)
-    centres = scaled[:, np.linspace(0, q.shape[1] - 1, count + 2)[1:-1].astype(int)]
-    squares = [np.sum((scaled - centre[:, None]) ** 2, axis=0) for centre in centres.T]
-    return np.argmin(squares, axis=0)
 
 
 def without_neighbours(used: np.ndarray, reach: int) -> np.ndarray:

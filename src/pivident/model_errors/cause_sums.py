@@ -3,7 +3,7 @@
 With X = (Φ, D) the columns of the model and of all causes, Y the same on the motion that makes the
 instruments, and weights 1/λ_j of each joint,
 
-    Yᵀ X,  Yᵀ τ   by window of time and by place,
+    Yᵀ X,  Yᵀ τ   by window of time,
     Xᵀ X,  Xᵀ τ,  τᵀ τ   by block of the motion and by joint
 """
 
@@ -26,7 +26,6 @@ class JointRows:
     x: np.ndarray  # columns of model and causes, shape (k, rows); ``y`` their instruments
     y: np.ndarray
     tau: np.ndarray  # shape (rows,)
-    place: np.ndarray  # where the robot is, a number for each row, shape (rows,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +64,6 @@ class CauseSums:
 
     parameters: int  # number of the model's columns
     windows: Products  # Yᵀ X and Yᵀ τ of each window of time
-    places: Products  # the same of each place
     blocks: Products  # Xᵀ X and Xᵀ τ of each block of the motion
     squares: np.ndarray  # τᵀ τ of each block
     joints: Products  # Xᵀ X and Xᵀ τ of each joint
@@ -87,11 +85,9 @@ def cause_sums(
     """
     lengths = [record[0].tau.size for record in records]
     windows = windows_of(lengths)
-    where = 1 + max(int(record[0].place.max(initial=0)) for record in records)
     made = CauseSums(
         parameters,
         Products.empty(sum(w.count for w in windows), columns),
-        Products.empty(where, columns),
         Products.empty(blocks, columns),
         np.zeros(blocks),
         Products.empty(len(variance), columns),
@@ -105,10 +101,6 @@ def cause_sums(
         first += length
         for joint, (rows, lam) in enumerate(zip(record, variance, strict=True)):
             _add_windows(made.windows, rows, lam, shares)
-            for part in range(where):
-                here = rows.place == part
-                left = rows.y[:, here] / lam
-                made.places.add(part, rows.columns, left, rows.x[:, here], rows.tau[here])
             for part in np.unique(block):
                 here = block == part
                 x, tau = rows.x[:, here], rows.tau[here]

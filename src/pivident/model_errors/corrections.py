@@ -266,7 +266,9 @@ def _further(
             break
         best = max(able, key=lambda k: able[k].unseen)
         added.append(best)
-        alike[str(tests.causes[best])] = alternatives(able[best], able.values())
+        alike[str(tests.causes[best])] = tuple(
+            score.cause for score in alternatives(able[best], able.values())
+        )
     return added
 
 

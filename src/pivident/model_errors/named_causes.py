@@ -5,21 +5,13 @@ cause is named if it is significant among all that were tried and lets motion th
 predicted better. It is a reservation if correcting it would move a parameter by more than
 `MATTERS` standard errors, or if it makes a good part of the residual.
 
-Standard errors describe noise. Where causes of model error remain, the estimate also depends on the
-motion, and it is off by what correcting them would change. With σ of the noise, σ_b of the
-estimates from other places and motions (a jackknife over clusters) and Δ the change by all causes,
-
-    σ² + max(σ_b² - σ², 0) + Δ²
-
-is the variance of each parameter; correlations stay as they are.
-
 Parameters that are not estimated: left out by choice, or carried in one recording only.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -41,7 +33,6 @@ from pivident.model_errors.unchecked_causes import UncheckedCause, unchecked_cau
 from pivident.model_errors.wrench_errors import wrench_causes
 from pivident.motion.motion import Kinematics
 from pivident.robot.description import Robot
-from pivident.text.finding import Finding
 from pivident.text.numbers import plus_minus
 from pivident.threads import linear_algebra_in_one_thread
 
@@ -67,13 +58,16 @@ class NamedCause:
         parameter: the one that changes so much.
         torques: torque that goes with it as a share of the torque, shape (joints,).
         alternatives: other causes that explain nearly as much, and cannot be told from it.
+        changes: of the estimate by correcting it, and by correcting each of these in its place,
+            shape (1 + alternatives, parameters).
     """
 
     score: Score
     shift: float
     parameter: str
     torques: np.ndarray
-    alternatives: tuple[Cause, ...] = ()
+    alternatives: tuple[Cause, ...]
+    changes: np.ndarray
 
     @property
     def cause(self) -> Cause:
@@ -112,20 +106,16 @@ class ModelErrors:
     Attributes:
         named: causes in the order in which they were found.
         tried: how many were tried.
-        shift: change of each parameter by correcting all of them, shape (parameters,).
         explained: share of the residual's sum of squares, below the motion's highest frequency,
             that they explain.
         unseen: the same on blocks that were not fitted.
-        between: standard errors from one place and motion to the next, shape (parameters,).
         unchecked: errors that would not be seen, and would change the estimate.
     """
 
     named: tuple[NamedCause, ...]
     tried: int
-    shift: np.ndarray
     explained: float
     unseen: float
-    between: np.ndarray
     unchecked: tuple[UncheckedCause, ...] = ()
 
     @property
@@ -281,21 +271,18 @@ def _named_causes(tests: ScoreTests, found: Identification) -> ModelErrors:
         named.append(_named(found, candidates[best], candidates, torques))
         corrected.append(best)
         base, scores = tests.all_scores(corrected)
-    size = found.theta.size
     return ModelErrors(
         tuple(named),
         tests.tried,
-        base.theta[:size] - start.theta[:size],
         1.0 - base.residual / max(start.residual, 1e-300),
         1.0 - base.unseen / max(start.unseen, 1e-300),
-        tests.between(corrected),
         unchecked_causes(tests, scores.values(), found, MATTERS),
     )
 
 
-def alternatives(best: Score, candidates: Iterable[Score]) -> tuple[Cause, ...]:
+def alternatives(best: Score, candidates: Iterable[Score]) -> tuple[Score, ...]:
     """Causes of which the record says nearly as much as of the best one."""
-    return tuple(s.cause for s in candidates if s is not best and s.unseen > ALIKE * best.unseen)
+    return tuple(s for s in candidates if s is not best and s.unseen > ALIKE * best.unseen)
 
 
 def _named(
@@ -305,7 +292,9 @@ def _named(
     shifts = np.abs(best.shift) / found.std
     k = int(np.argmax(shifts))
     alike = alternatives(best, candidates.values())
-    return NamedCause(best, float(shifts[k]), found.names[k], torques, alike)
+    changes = np.array([score.shift for score in (best, *alike)])
+    causes = tuple(score.cause for score in alike)
+    return NamedCause(best, float(shifts[k]), found.names[k], torques, causes, changes)
 
 
 def reach_of(kinematics: Sequence[Kinematics]) -> Reach:
@@ -315,24 +304,4 @@ def reach_of(kinematics: Sequence[Kinematics]) -> Reach:
         np.min([k.q[:, span].min(axis=1) for k, span in spans], axis=0),
         np.max([k.q[:, span].max(axis=1) for k, span in spans], axis=0),
         np.max([np.abs(k.dq[:, span]).max(axis=1) for k, span in spans], axis=0),
-    )
-
-
-def with_model_errors(found: Identification, errors: ModelErrors) -> Identification:
-    """The estimate with intervals that contain the model error; itself where none matters."""
-    if not errors.matter:
-        return found
-    std = found.std
-    wider = np.sqrt(np.maximum(std, errors.between) ** 2 + errors.shift**2)
-    factor = np.divide(wider, std, out=np.ones_like(std), where=std > 0.0)
-    scale = np.outer(factor, factor)
-    text = (
-        "The intervals contain the model error that was found besides the noise "
-        f"({', '.join(dict.fromkeys(named.cause.kind for named in errors.matter))})."
-    )
-    return replace(
-        found,
-        covariance=found.covariance * scale,
-        robust_covariance=found.robust_covariance * scale,
-        warnings=(*found.warnings, Finding("note", "intervals", "model error", text)),
     )

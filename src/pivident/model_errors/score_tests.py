@@ -268,24 +268,6 @@ class ScoreTests:
         crossed = np.einsum("bi,bi->b", theta, blocks.tau[:, columns])
         return float(np.sum(np.maximum(self.sums.squares - 2.0 * crossed + fitted, 0.0)))
 
-    def between(self, corrected: Sequence[int]) -> np.ndarray:
-        """Standard errors of θ from places and motions that are left out, shape (parameters,).
-
-        √((K-1)/K Σ_k (θ_k - θ̄)²) over K places of the joints, those of each recording apart.
-        """
-        columns = self.columns(corrected)
-        grid = np.ix_(columns, columns)
-        places = self.sums.places
-        yx, yt = places.x[:, grid[0], grid[1]], places.tau[:, columns]
-        replicates = np.array(
-            [
-                self._solve(self.yx[grid] - a, self.yt[columns] - b, columns)
-                for a, b in zip(yx, yt, strict=True)
-            ]
-        )[:, : self.sums.parameters]
-        count = len(replicates)
-        return np.asarray(np.sqrt((count - 1) * np.var(replicates, axis=0)))
-
     def _distinct(self, stay: np.ndarray, own: np.ndarray) -> np.ndarray:
         """The columns of a cause of which enough is left beside the others, one after the other."""
         scale = self.scale[own]

@@ -318,7 +318,7 @@ def _apart(reading: Reading, form: str) -> float | None:
     known, other = (reading.results.get(form + behind) for behind in ("", IDENTIFIED))
     if known is None or other is None:
         return None
-    return float(np.max(np.abs(other.theta - known.theta) / known.std))
+    return float(np.max(np.abs(other.theta - known.theta) / known.method_std))
 
 
 def _difference(form: str, apart: float) -> str:

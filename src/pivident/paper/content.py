@@ -70,11 +70,16 @@ def head_of(forms: Sequence[str], columns: Sequence[str] = tuple(COLUMNS)) -> li
     return ["parameter", *(f"paper: {COLUMNS[key]}" for key in columns), *forms]
 
 
+def _relative_std(found: Identification) -> np.ndarray:
+    """100 σ/|θ| by the method's own covariance, which the paper compares [%]."""
+    return 100.0 * found.method_std / np.abs(found.theta)
+
+
 def _estimate(found: Identification | None, name: str) -> str:
     if found is None:
         return "–"
     k = found.names.index(name)
-    relative = 100.0 * found.std[k] / abs(found.theta[k])
+    relative = _relative_std(found)[k]
     return f"{format_significant(found.theta[k])} ({format_significant(relative, 2)} %)"
 
 
@@ -105,7 +110,7 @@ def _public_lines(record: PublicRecord) -> list[str]:
     found = record.results
     for form in (PRINTED, PIV):
         if form in found and IV in found:
-            ratio = found[form].relative_std / found[IV].relative_std
+            ratio = _relative_std(found[form]) / _relative_std(found[IV])
             names = [found[form].names.index(row.name) for row in published_table()]
             own = ratio[names]
             lines.append(

@@ -139,7 +139,7 @@ def to_latex(identification: Identification) -> str:
 
 def _latex_rows(identification: Identification) -> Iterator[str]:
     for row in parameter_rows(identification):
-        relative = f"{row.shown_percent:.2g}" if math.isfinite(row.shown_percent) else "–"
+        relative = f"{row.relative_std:.2g}" if math.isfinite(row.relative_std) else "–"
         cells = (
             f"${latex_name(one_line(row.name))}$",
             *map(latex_number, row.value_and_spread),

@@ -49,8 +49,6 @@ class Interval:
     middle: float
     left: float  # estimate - 2σ, or the lower end of a consistent estimate's interval
     right: float  # the other end
-    method_left: float  # estimate - 2σ by the method's own covariance
-    method_right: float  # the other end
     words: str = ""  # name, value, interval and unit
     consistent: bool = False  # whether it is a consistent estimate
 
@@ -149,19 +147,18 @@ def known_interval(own: ConsistentValue) -> str:
 
 
 def _estimate(method: int, row: ParameterRow, place, words: str) -> Interval:
-    """An estimate with both of its intervals."""
-    left, right, method_left, method_right = (place(end) for end in _ends(row))
-    return Interval(method, place(row.value), left, right, method_left, method_right, words)
+    """An estimate with its interval."""
+    left, right = map(place, _ends(row))
+    return Interval(method, place(row.value), left, right, words)
 
 
 def _consistent(own: ConsistentValue, place, words: str) -> Interval:
     """A consistent estimate; an end that is open or unknown is left at the value or the edge."""
     left, right = (own.value if math.isnan(end) else end for end in (own.low, own.high))
     middle, left, right = place(own.value), place(left), place(right)
-    return Interval(own.method, middle, left, right, left, right, words, consistent=True)
+    return Interval(own.method, middle, left, right, words, consistent=True)
 
 
-def _ends(row: ParameterRow) -> tuple[float, float, float, float]:
-    """Ends of ±2σ as shown and by the method, the estimate itself where σ is not finite."""
-    shown, own = (s if math.isfinite(s) else 0.0 for s in (row.shown_std, row.std))
-    return *row.interval(shown), *row.interval(own)
+def _ends(row: ParameterRow) -> tuple[float, float]:
+    """Ends of the interval, the estimate itself where σ is not finite."""
+    return row.interval() if math.isfinite(row.std) else (row.value, row.value)

@@ -13,8 +13,8 @@ ESTIMATES = {
     "value": "estimate",
     "low": "lower end of the interval, value - 2 std; the value where a bound holds it",
     "high": "upper end of the interval, value + 2 std; the value where a bound holds it",
-    "std": "standard error by the method's covariance",
-    "robust_std": "standard error for residuals that are correlated and of changing variance",
+    "std": "robust standard error, the method's own where no robust one is known",
+    "method_std": "standard error by the method's covariance",
     "relative_std_percent": "100 std/|value|",
     "group": "standard parameters that the base parameter stands for",
 }
@@ -29,10 +29,10 @@ def identification_parameters(result: Identification) -> Table:
             "joint": names[p.joint],
             "kind": p.stem,
             "value": row.value,
-            "low": row.interval(row.std)[0],
-            "high": row.interval(row.std)[1],
+            "low": row.low,
+            "high": row.high,
             "std": row.std,
-            "robust_std": row.robust_std,
+            "method_std": row.method_std,
             "relative_std_percent": row.relative_std,
             "unit": row.unit,
             "group": row.expression,
@@ -47,7 +47,7 @@ def identification_covariance(result: Identification) -> Table:
     names, units = np.array(result.names, dtype=object), np.array(result.units, dtype=object)
     n = names.size
     first, second = np.repeat(np.arange(n), n), np.tile(np.arange(n), n)
-    std = result.std
+    std = result.method_std
     with np.errstate(divide="ignore", invalid="ignore"):
         correlation = result.covariance / np.outer(std, std)
     unit = [f"({units[a]})·({units[b]})" for a, b in zip(first, second, strict=True)]

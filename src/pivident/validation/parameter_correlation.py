@@ -46,7 +46,7 @@ def parameter_correlation(identification: Identification) -> ParameterCorrelatio
     Result: the correlations of the parameters whose variance is known and not zero; None where
     fewer than two are.
     """
-    std = identification.std
+    std = identification.method_std
     kept = np.flatnonzero(np.isfinite(std) & (std > 0.0))
     if kept.size < 2:
         return None

@@ -137,7 +137,7 @@ def _parameters(found: Identification, temperatures: np.ndarray | None) -> list[
                 "parameter": name,
                 "unit": p.unit,
                 "value": float(found.theta[k]),
-                "std": float(found.std[k]),
+                "std": float(found.method_std[k]),
                 "robust_std": float(found.robust_std[k]),
                 "friction": dissipates or p.stem in COUPLED_FRICTION,
                 "temperature": None

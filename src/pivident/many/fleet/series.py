@@ -54,14 +54,16 @@ def watched_series(
     good = rows.filter(pl.col("error").is_null() & pl.col("converged"))
     if good.is_empty():
         return []
-    error_column = "std" if good["method"][0] in OWN_INTERVALS else "robust_std"
+    robust = pl.col("robust_std")
+    error = pl.when(robust.is_finite()).then(robust).otherwise(pl.col("std"))
+    good = good.with_columns(error.alias("shown_std"))  # as `Identification.std`
     chosen = _chosen(good, watch)
     place = {log.name: k for k, log in enumerate(logs)}
     table: Mapping[str, list[Any]] = (
         good.filter(
             pl.col("parameter").is_in(chosen)
-            & (pl.col(error_column) > 0)
-            & pl.col(error_column).is_finite()
+            & (pl.col("shown_std") > 0)
+            & pl.col("shown_std").is_finite()
         )
         .with_columns(pl.col("task").replace_strict(place, return_dtype=pl.Int64).alias("place"))
         .sort("place")
@@ -88,17 +90,13 @@ def watched_series(
                 tuple(log.time or f"{log.position:g}" for log in theirs),
                 np.array([log.position for log in theirs]),
                 column("value", own),
-                column(error_column, own),
+                column("shown_std", own),
                 column("temperature", own),
                 baseline,
             )
         )
     order = {name: k for k, name in enumerate(chosen)}
     return sorted(made, key=lambda s: (order[s.parameter], s.robot))
-
-
-#: Methods whose own intervals are valid on simulated records; the others use the robust ones.
-OWN_INTERVALS = ("piv", "didim")
 
 
 def _chosen(good: pl.DataFrame, watch: Sequence[str]) -> list[str]:

@@ -99,7 +99,7 @@ def _values(bench: Bench, found: Identification, begin: float) -> Row:
         "iterations": found.iterations,
         "simulations": found.simulations,
         "theta": found.theta.tolist(),
-        "std": found.std.tolist(),
+        "std": found.method_std.tolist(),
         "robust_std": found.robust_std.tolist(),
         "formula_std": found.formula_std.tolist(),
         "relative_error": found.relative_error,

@@ -14,8 +14,9 @@ from pivident.estimation.parameter_rows import (
     aligned_rows,
     largest_difference,
     parameter_rows,
+    range_texts,
 )
-from pivident.estimation.summary_tables import name_lines
+from pivident.estimation.summary_tables import name_lines, range_line
 from pivident.report.intervals import interval_drawing
 from pivident.report.plotly_figures import Figure, empty_plot
 from pivident.report.sections.base import Section
@@ -128,11 +129,13 @@ class ParametersSection(Section):
     def context(self) -> dict[str, Any]:
         """Rows and drawings of each method."""
         data = self.data
+        methods = list(data.diagnostics.identifications)
         tables = []
         for k, (label, identification) in enumerate(
             zip(data.labels, data.identifications, strict=True)
         ):
             rows = parameter_rows(identification, data.truth)
+            ranges = data.diagnostics.ranges.get(methods[k], ())
             others = [None] * k
             drawings = [
                 interval_drawing(
@@ -148,7 +151,10 @@ class ParametersSection(Section):
                     "label": label,
                     "method": k,
                     "opened": self.opened(k),
-                    "rows": list(zip(rows, drawings, strict=True)),
+                    "rows": list(
+                        zip(rows, drawings, range_texts(identification.names, ranges), strict=True)
+                    ),
+                    "range_line": range_line(ranges),
                 }
             )
         held = any(i.simulation is not None and i.simulation.held for i in data.identifications)

@@ -15,7 +15,6 @@ from pivident.estimation.parameter_rows import (
     aligned_rows,
     largest_difference,
     parameter_rows,
-    shown_std,
 )
 from pivident.estimation.summary_tables import ending, error_rows, label_lines
 from pivident.report.sections.base import Section
@@ -23,9 +22,6 @@ from pivident.text.finding import Finding, Quantity
 from pivident.text.lists import listed
 from pivident.text.numbers import percent
 from pivident.validation.residuals.residual_tests import ResidualTests
-
-#: Robust standard errors larger than the method's own by this factor contradict them.
-_TOO_NARROW = 2.0
 
 
 def findings(identification: Identification, tests: ResidualTests) -> tuple[Finding, ...]:
@@ -84,15 +80,6 @@ def _about_parameters(identification: Identification) -> Iterator[Finding]:
         text = f"Negative, which friction and rotor inertia cannot be: {names}."
         evidence = {p.name: p.quantity for p in certain}
         yield Finding("error", "physics", "negative", text, evidence=evidence)
-    narrow = sum(row.robust_std > _TOO_NARROW * row.std for row in rows)
-    if narrow:
-        text = (
-            f"For {narrow} of {len(rows)} parameters the robust standard error is more than "
-            f"{_TOO_NARROW:g} times the method's own."
-        )
-        step = "The tables show the robust one."
-        evidence = {"parameters": Quantity(narrow)}
-        yield Finding("note", "parameters", "too narrow", text, "", step, evidence)
 
 
 def _about_noise(identification: Identification, tests: ResidualTests) -> Iterator[Finding]:
@@ -112,17 +99,17 @@ def _about_noise(identification: Identification, tests: ResidualTests) -> Iterat
 
 def _about_standard_errors(identification: Identification) -> str:
     """What correlated residuals mean for the reported standard errors."""
-    if np.array_equal(identification.covariance, identification.robust_covariance):
-        return (
-            "The standard errors account for that (they come from windows of time), but a better "
-            "model of friction, elasticity or noise would make them smaller."
-        )
-    return "The method's own standard errors assume that they are; the tables show the robust ones."
+    if not np.isfinite(identification.robust_std).all():
+        return "The method's own standard errors assume that they are, and no others are known."
+    return (
+        "The standard errors account for that, but a better model of friction, elasticity or noise "
+        "would make them smaller."
+    )
 
 
 def _negative(identification: Identification) -> list[NegativeParameter]:
     found = identification
-    return negative_parameters(found.parameters, found.names, found.theta, shown_std(found))
+    return negative_parameters(found.parameters, found.names, found.theta, found.std)
 
 
 class VerdictSection(Section):

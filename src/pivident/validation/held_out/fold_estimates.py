@@ -72,17 +72,18 @@ def estimates_without(
 
     Returns:
         Estimates that have parameters of their own. Their covariances are those of the whole
-        record, larger by the share of the rows that is missing; everything else is that of the
-        whole record, and signals and equations are not there.
+        record, larger as (Σ ZᵀZ/λ)⁻¹ is without the fold; everything else is that of the whole
+        record, and signals and equations are not there.
     """
     assert found.equations is not None
     parts = [p for k, span in enumerate(moving) for p in _parts(k, span, folds)]
     sums = sums_of(found.equations, parts)
-    whole = sum(joint.rows for joint in _together(sums))
+    whole = _together(sums)
+    before = solve(whole, np.ones(len(whole)), found.names).covariance
 
     def without(fold: Fold) -> Identification:
         own = [s for s, p in zip(sums, parts, strict=True) if not _is_left_out(p, fold)]
-        return _solved(found, _together(own), whole)
+        return _solved(found, _together(own), before)
 
     return of_each(folds, without)
 
@@ -147,8 +148,11 @@ def _together(parts: Sequence[Sequence[JointSums]]) -> list[JointSums]:
     return totals
 
 
-def _solved(found: Identification, sums: Sequence[JointSums], whole: int) -> Identification:
-    """The estimate from sums whose weights are in them already; ``whole``: rows of all parts."""
+def _solved(found: Identification, sums: Sequence[JointSums], before: np.ndarray) -> Identification:
+    """The estimate from sums whose weights are in them already.
+
+    ``before``: covariance by the sums of all parts, as `solve` gives it.
+    """
     solution = solve(sums, np.ones(len(sums)), found.names)
     if solution.condition > POORER * found.condition:
         raise IdentificationError(
@@ -156,12 +160,12 @@ def _solved(found: Identification, sums: Sequence[JointSums], whole: int) -> Ide
             f"number {solution.condition:.3g}, with it {found.condition:.3g})",
             advice="take more folds, or a longer motion",
         )
-    share = whole / sum(joint.rows for joint in sums)
-    return without_fold(found, solution.theta, **widened(found, share))
+    growth = np.sqrt(np.diag(solution.covariance) / np.diag(before))
+    return without_fold(found, solution.theta, **widened(found, np.outer(growth, growth)))
 
 
-def widened(found: Identification, share: float) -> dict[str, np.ndarray]:
-    """Covariances of an estimate from fewer rows; ``share``: all rows over those."""
+def widened(found: Identification, share: float | np.ndarray) -> dict[str, np.ndarray]:
+    """Covariances of an estimate from fewer rows; ``share``: how many times as large they are."""
     kinds = ("covariance", "robust_covariance", "formula_covariance")
     return {kind: share * getattr(found, kind) for kind in kinds}
 

@@ -115,7 +115,7 @@ class ModelError:
             most = "" if len(shares) == 1 else f" to {max(shares):.0f}"
             lines.append(f"Over all frequencies noise accounts for {min(shares):.0f}{most} %.")
         if self.repeatability is not None:
-            total = self.identification.robust_std
+            total = self.identification.std
             ratio = np.exp(np.mean(np.log(total / np.maximum(self.repeatability, 1e-300))))
             lines.append(
                 "Repeatability: if this record were taken again, the estimates would differ by the "
@@ -180,7 +180,7 @@ class ModelError:
         if self.repeatability is None:
             return []
         found = self.identification
-        alone, total = 2.0 * self.repeatability, 2.0 * found.robust_std
+        alone, total = 2.0 * self.repeatability, 2.0 * found.std
         repeats = [with_spread(x, y) for x, y in zip(found.theta, alone, strict=True)]
         return [
             plain_table(
