@@ -110,6 +110,7 @@ def main() -> None:
                         help="also LOG for all its traps, :TRAP for all logs")  # fmt: skip
     parser.add_argument("--jobs", type=int, default=2, help="commands at a time")
     parser.add_argument("--data", type=Path, help=f"folder of the data; else {ENVIRONMENT}")
+    parser.add_argument("--again", action="store_true", help="judge what OUT holds once more")
     options = parser.parse_args()
     if options.data:
         os.environ[ENVIRONMENT] = str(options.data)
@@ -117,16 +118,39 @@ def main() -> None:
     rows: list[Row] = []
     for log in LOGS:
         traps = traps_of(log, options.only)
-        if traps:
+        if traps and not options.again:
             plain = prepare(log, traps, data, out)
             own = rows_of(log, traps, plain, out, options.jobs)
-            print("\n".join(verdict_table(own)[0 if not rows else 2 :]), flush=True)
+            print("\n".join(verdict_table(own)[2 if rows else 0 :]), flush=True)
             rows += own
+            write(rows, out)
+    if options.again:
+        rows = judged_again(out)
+        write(rows, out)
+        print("\n".join(verdict_table(rows)))
+    print("\n".join(["", *evidence_table(rows), "", *summary(rows)]))
+
+
+def write(rows: Sequence[Row], out: Path) -> None:
+    """Write tables and figures."""
     tables = [*verdict_table(rows), "", *evidence_table(rows), "", *summary(rows)]
     (out / "traps.md").write_text("\n".join(tables) + "\n", encoding="utf-8")
-    figures = [asdict(row) for row in rows]
-    (out / "traps.json").write_text(json.dumps(figures, indent=1, default=str), encoding="utf-8")
-    print("\n".join(["", *evidence_table(rows), "", *summary(rows)]))
+    text = json.dumps([asdict(row) for row in rows], indent=1, default=str)
+    (out / "traps.json").write_text(text, encoding="utf-8")
+
+
+def judged_again(out: Path) -> list[Row]:
+    """The rows of an earlier run, judged once more."""
+    rows = []
+    for stored in json.loads((out / "traps.json").read_text(encoding="utf-8")):
+        outcome, clean = Outcome(**stored["outcome"]), Outcome(**stored["clean"])
+        row = Row(**{**stored, "outcome": outcome, "clean": clean, "judgement": None})
+        if row.trap != NAMES[0]:
+            fixed = stored["judgement"]["repaired"]
+            judged = judge(row.trap, row.joints, outcome, clean)
+            row = replace(row, judgement=replace(judged, repaired=fixed))
+        rows.append(row)
+    return rows
 
 
 if __name__ == "__main__":

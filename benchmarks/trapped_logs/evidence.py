@@ -29,16 +29,21 @@ MAX_SAMPLES = 20_000
 #: Share of a command's limit below which it is free.
 FREE = 0.98
 
+#: Delays of the torque that are tried [ms].
+DELAYS = np.arange(-40.0, 61.0, 4.0)
+
 
 def evidence(folder: Path) -> dict[str, Any]:
     """Figures about the log of an experiment's folder, by joint; empty where it is refused.
 
     Returns:
-        ``speeds``: slope of the positions over the logged speed. ``gravity`` and ``inertia``:
-        logged torque over that of the description, its standard error beside it. ``unexplained``:
-        share of the torque that neither of them nor friction gives [%]. ``beyond``: share of the
-        samples outside the limits of position or speed [%]. ``law``: factors of position error and
-        speed in a cascade's law, which is that of the experiment file where both are 1.
+        ``speeds``: slope of the positions over the logged speed, or that of the references.
+        ``gravity`` and ``inertia``: logged torque over that of the description, its standard error
+        beside it. ``unexplained``: share of the torque that neither of them nor friction gives [%].
+        ``delay``: of the torque, with which all base parameters leave least, its standard error
+        beside it [ms]. ``beyond``: share of the samples outside the limits of position or speed
+        [%]. ``law``: factors of position error and speed in a cascade's law, which is that of the
+        experiment file where both are 1.
     """
     try:
         experiment = load_experiment(folder / "experiment.toml")
@@ -46,16 +51,18 @@ def evidence(folder: Path) -> dict[str, Any]:
     except PividentError as error:
         return {"refused": str(error)}
     figures: dict[str, Any] = {"beyond": _beyond_limits(experiment, recording)}
-    if recording.dq is not None:
-        slopes = np.gradient(recording.q, 1.0 / recording.rate, axis=0)
-        factors = (slopes * recording.dq).sum(axis=0) / (recording.dq**2).sum(axis=0)
-        figures["speeds"] = factors.tolist()
+    pairs = ((recording.q, recording.dq), (recording.q_ref, recording.dq_ref))
+    for positions, speeds in pairs:
+        if positions is not None and speeds is not None:
+            slopes = np.gradient(positions, 1.0 / recording.rate, axis=0)
+            figures["speeds"] = ((slopes * speeds).sum(axis=0) / (speeds**2).sum(axis=0)).tolist()
+            break
     if experiment.content.controller and experiment.content.controller.type == "cascade":
         figures["law"] = _cascade_factors(experiment, recording)
     try:
         log = log_of(experiment.robot, recording)
         model = build_inverse_model(log, check_timing(log))
-        figures |= _description_factors(model)
+        figures |= _description_factors(model) | {"delay": _delay(model)}
     except (PividentError, np.linalg.LinAlgError) as error:
         figures["masses"] = str(error)
     return figures
@@ -82,6 +89,33 @@ def _cascade_factors(experiment: Experiment, recording: Recording) -> list[float
     command = (recording.tau / np.asarray(law.drive_gain))[:, 0]
     free = np.abs(command) < FREE * (law.limit or np.inf)
     return np.linalg.lstsq(np.hstack(terms)[free], command[free], rcond=None)[0].tolist()
+
+
+def _delay(model: InverseModel) -> list[float]:
+    """Delay of the torque that leaves least, and its standard error over stretches of time [ms]."""
+    left = np.zeros((STRETCHES, len(DELAYS)))  # squares, relative to those without a delay
+    for j in range(model.robot.size):
+        rows = np.flatnonzero(model.moving[:, j])
+        rows = rows[:: max(1, len(rows) // MAX_SAMPLES)]
+        if len(rows) < 5 * STRETCHES:
+            continue
+        basis, _ = np.linalg.qr(model.columns[j][rows])
+        rest = np.array([model.tau(1e-3 * delay)[rows, j] for delay in DELAYS])
+        rest -= rest @ basis @ basis.T
+        squares = np.array([(x**2).sum(axis=1) for x in np.array_split(rest, STRETCHES, axis=1)])
+        left += squares / squares.sum(axis=0).min()
+    whole = _lowest(left.sum(axis=0))
+    parts = [_lowest(left.sum(axis=0) - own) for own in left]
+    return [whole, float(np.sqrt((STRETCHES - 1) * np.var(parts)))]
+
+
+def _lowest(left: np.ndarray) -> float:
+    """Where a parabola through the lowest of equally spaced values has its vertex [ms]."""
+    k = int(np.clip(np.argmin(left), 1, len(left) - 2))
+    before, at, behind = left[k - 1 : k + 2]
+    bend = before - 2.0 * at + behind
+    step = DELAYS[1] - DELAYS[0]
+    return float(DELAYS[k] + (0.5 * step * (before - behind) / bend if bend > 0.0 else 0.0))
 
 
 def _description_factors(model: InverseModel) -> dict[str, Any]:

@@ -22,27 +22,28 @@ class Cause:
     """How a verdict names the cause of a trap.
 
     Attributes:
-        words: topic and kind of a statement that names it, as a pattern of ``topic: kind``.
+        words: a statement that names it, as a pattern of what ``topic: kind: message`` begins with.
         is_right: whether an edit undoes it.
         of_joint: whether the statement has to name the joint.
-        message: pattern that the message has to hold besides.
-        refusal: pattern of a refusal that names it; empty: none does.
+        said: pattern of a refusal, or of what is said above the verdict, that names it; empty:
+            neither does.
     """
 
     words: str
     is_right: IsRight
     of_joint: bool = True
-    message: str = ""
-    refusal: str = ""
+    said: str = ""
 
     def is_named_by(self, statement: Mapping[str, str], joints: list[str]) -> bool:
         """Whether a reservation is about the cause."""
-        said = f"{statement['subject']} {statement['message']}"
-        return bool(
-            re.fullmatch(self.words, f"{statement['topic']}: {statement['kind']}")
-            and (not self.of_joint or any(joint in said for joint in joints))
-            and re.search(self.message, said)
-        )
+        topic, kind, message = (statement[key] for key in ("topic", "kind", "message"))
+        said = f"{statement['subject']} {message}"
+        is_about = not self.of_joint or any(joint in said for joint in joints)
+        return is_about and bool(re.match(self.words, f"{topic}: {kind}: {message}"))
+
+    def is_said_in(self, lines: list[str]) -> bool:
+        """Whether one of these lines names it."""
+        return bool(self.said) and any(re.search(self.said, line) for line in lines)
 
 
 def _key(edit: Mapping[str, Any]) -> str:
@@ -114,26 +115,30 @@ def _is_standstill(edit: Mapping[str, Any], joints: list[str]) -> bool:
     return _key(edit).rpartition(".")[2] in ("part", "mask")
 
 
-SIGN = "power: sign|signs: .*|joints: reversed|sign: .*"
+#: Topics of statements about signs; a torque of the other sign than the description's is one, too.
+SIGN = "power: sign|signs: |joints: reversed|scale: gain: .* is -"
+
+CLOCK = "timing: clock|clock: |speed: "
 
 CAUSES: dict[str, Cause] = {
-    "clock x2": Cause("timing: clock|clock: .*|speed.*|derivative: .*", _is_clock, False),
-    "clock x0.5": Cause("timing: clock|clock: .*|speed.*|derivative: .*", _is_clock, False),
+    "clock x2": Cause(CLOCK, _is_clock, False),
+    "clock x0.5": Cause(CLOCK, _is_clock, False),
     "sign of torque": Cause(SIGN, _reversed("tau")),
     "sign of position": Cause(SIGN, _reversed("q")),
     "joint reversed": Cause("joints: reversed", _reversed("")),
-    "torques exchanged": Cause("joints: exchanged|order: .*", _is_exchange),
-    "zero 90 deg off": Cause("model: zero position|zero.*", _is_zero),
-    "degrees as rad": Cause(
-        "units?: .*|position unit: .*|scale: (angle )?unit|reach: .*", _is_unit, refusal="degrees"
+    "torques exchanged": Cause("joints: exchanged|order: ", _is_exchange),
+    "zero 90 deg off": Cause("model: zero position|zero", _is_zero),
+    "degrees as rad": Cause("units?: |position unit: |scale: angle unit|reach: ", _is_unit,
+                            said="degrees"),
+    "gravity along x": Cause("gravity: |model: gravity", _is_gravity, False),
+    "torque 20 ms late": Cause("delay: late|model: delay", _is_delay, False),
+    "rows repeated": Cause(
+        "timing: repeated", _is_repeats, False, said="row repeats the one before"
     ),
-    "gravity along x": Cause("gravity: .*|model: gravity", _is_gravity, False),
-    "torque 20 ms late": Cause("delay: late|model: delay|timing: late", _is_delay, False),
-    "rows repeated": Cause("timing: repeated", _is_repeats, False),
     "torque x1.5": Cause("scale: gain|model: torque gain", _is_gain),
-    "3 kg missing": Cause("scale: (load|mass|payload)|payload: .*|masses: .*", _is_mass, False),
-    "standstill": Cause("motion: .*|standstill: .*", _is_standstill, False, "stand"),
-}
+    "3 kg missing": Cause("scale: load|payload: |masses: ", _is_mass, False),
+    "standstill": Cause("standstill: |motion: .*stand", _is_standstill, False),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -142,7 +147,8 @@ class Judgement:
 
     Attributes:
         named: ``first``, the number of the first right repair or reservation, or ``no``.
-        by: what named it: ``repair``, ``statement``, or nothing.
+        by: what named it: ``repair``, ``statement``, ``notice`` (samples that were left out, said
+            above the verdict), ``refusal``, or nothing.
         taken: ``silently`` without any reservation, ``unnoticed`` with none that the log without a
             trap has not as well, or empty.
         repaired: whether the first repair brings the error back; None: it was not tried.
@@ -164,11 +170,17 @@ def judge(trap: str, joints: list[str], outcome: Outcome, clean: Outcome) -> Jud
         clean: of the log without one.
 
     Returns:
-        The judgement; of repairs where there are any, otherwise of new reservations.
+        The judgement; of repairs where there are any, otherwise of new reservations. One that
+        names the cause is new if it says something else, such as another number of rows.
     """
     cause = CAUSES[trap]
     known = [_about(one) for one in clean.reservations]
-    new = [one for one in outcome.reservations if _about(one) not in known]
+    words = [one["message"] for one in clean.reservations]
+    named = {
+        id(one): cause.is_named_by(one, joints) and one["message"] not in words
+        for one in outcome.reservations
+    }
+    new = [one for one in outcome.reservations if named[id(one)] or _about(one) not in known]
     taken = "" if new or outcome.severity == "refused" or outcome.repairs else "unnoticed"
     if outcome.severity == "ok" and not outcome.repairs:
         taken = "silently"
@@ -179,10 +191,13 @@ def judge(trap: str, joints: list[str], outcome: Outcome, clean: Outcome) -> Jud
         ]
         return Judgement(_rank(right), "repair" if any(right) else "", taken)
     if outcome.severity == "refused":
-        is_named = bool(cause.refusal and re.search(cause.refusal, outcome.headline))
-        return Judgement("first" if is_named else "no", "refusal", taken)
-    named = [cause.is_named_by(one, joints) for one in new]
-    return Judgement(_rank(named), "statement" if any(named) else "", taken)
+        return Judgement(
+            "first" if cause.is_said_in([outcome.headline]) else "no", "refusal", taken
+        )
+    if cause.is_said_in(outcome.notices):
+        return Judgement("first", "notice", "")
+    right = [named[id(one)] for one in new]
+    return Judgement(_rank(right), "statement" if any(right) else "", taken)
 
 
 def is_as_good(outcome: Outcome, clean: Outcome) -> bool:

@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 import tomllib
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +34,7 @@ class Outcome:
         uses: answers by use, where the verdict has them.
         repairs: those that won their trial, best first.
         tried: all trials.
+        notices: lines above the verdict about samples that were left out.
     """
 
     code: int
@@ -47,6 +48,7 @@ class Outcome:
     uses: dict[str, Any] = field(default_factory=dict)
     repairs: list[dict[str, Any]] = field(default_factory=list)
     tried: list[dict[str, Any]] = field(default_factory=list)
+    notices: list[str] = field(default_factory=list)
 
     @property
     def reservations(self) -> list[dict[str, str]]:
@@ -58,10 +60,6 @@ class Outcome:
             if one["severity"] == severity
         ]
 
-    def as_json(self) -> dict[str, Any]:
-        """Plain values."""
-        return asdict(self)
-
 
 def identify(folder: Path) -> Outcome:
     """Identify the experiment of a folder with all methods."""
@@ -70,7 +68,8 @@ def identify(folder: Path) -> Outcome:
     words = ["identify", "experiment.toml", "-m", METHODS, "--out", results]
     code, wall, processor, said = pivident(words, folder)
     lines = [line for line in said.splitlines() if line.strip()]
-    outcome = Outcome(code, wall, processor, lines[-1] if lines else "")
+    notices = [line for line in lines if "left out of the equations" in line]
+    outcome = Outcome(code, wall, processor, lines[-1] if lines else "", notices=notices)
     path = folder / results / "verdict.json"
     if not path.is_file():
         return outcome

@@ -79,8 +79,9 @@ def evidence_table(rows: Iterable[Row]) -> list[str]:
     """By what each trap can be seen, in figures; those of the log without a trap in brackets."""
     lines = [
         "| log | trap | joint | LS held out % | slope of q over dq | torque over that of the "
-        "description: by gravity | by inertia | unexplained % | beyond limits % | law |",
-        "|---|---|---|---|---|---|---|---|---|---|",
+        "description: by gravity | by inertia | unexplained % | delay ms | beyond limits % "
+        "| law |",
+        "|---|---|---|---|---|---|---|---|---|---|---|",
     ]
     for row in rows:
         seen, clean = row.evidence, row.clean_evidence
@@ -94,6 +95,7 @@ def evidence_table(rows: Iterable[Row]) -> list[str]:
             _of_joint(seen, clean, "gravity", j),
             _of_joint(seen, clean, "inertia", j),
             _of_joint(seen, clean, "unexplained", j),
+            f"{_shown(seen.get('delay'))} ({_shown(clean.get('delay'))})",
             _of_joint(seen, clean, "beyond", int(np.argmax(seen.get("beyond", [0.0])))),
             ", ".join(f"{x:.3g}" for x in seen.get("law", [])),
         ]
@@ -161,11 +163,13 @@ def _most_changed(seen: Mapping[str, Any], clean: Mapping[str, Any]) -> int:
 
 
 def _of_joint(seen: Mapping[str, Any], clean: Mapping[str, Any], name: str, j: int) -> str:
-    def shown(figures: Mapping[str, Any]) -> str:
-        own = figures.get(name)
-        value = own[j] if isinstance(own, list) and j < len(own) else None
-        if value is None:
-            return "–"
-        return f"{value[0]:.3g} ± {value[1]:.1g}" if isinstance(value, list) else f"{value:.3g}"
+    own = [figures.get(name) for figures in (seen, clean)]
+    values = [x[j] if isinstance(x, list) and j < len(x) else None for x in own]
+    return f"{_shown(values[0])} ({_shown(values[1])})"
 
-    return f"{shown(seen)} ({shown(clean)})"
+
+def _shown(value: Any) -> str:
+    """A number, or one with its standard error."""
+    if value is None:
+        return "–"
+    return f"{value[0]:.3g} ± {value[1]:.1g}" if isinstance(value, list) else f"{value:.3g}"
