@@ -9,6 +9,8 @@ from benchmarks.trapped_logs.planting import NAMES, TRAPS, apply_trap
 from benchmarks.trapped_logs.running import Outcome
 from benchmarks.trapped_logs.visible import INAPPLICABLE, VISIBLE
 
+JOINTS = ("one", "two", "three")
+
 SOURCE = Source("", "arm.toml", joint=1, pair=(0, 2))
 
 
@@ -19,7 +21,7 @@ def log() -> PlainLog:
     entry = {"files": "log_1.csv", "part": [1.0, 4.0], "units": {"q": "rad", "tau": "N m"}}
     experiment = {"robot": {"model": "arm.toml"}, "recording": [entry]}
     run = {"t": np.arange(500) / 100.0, **run}
-    return PlainLog(experiment, [run], ("one", "two", "three"), "mass = 5\nmass = 2\n")
+    return PlainLog(experiment, [run], JOINTS, "mass = 5\nmass = 2\n", np.ones(3))
 
 
 @pytest.mark.parametrize(

@@ -116,7 +116,11 @@ def plain_log(source: Source, path: Path) -> PlainLog:
         plain.append(_of_table(described, runs[-1], experiment.robot.joint_names, number))
     tables["recording"] = plain
     text = robot_file.read_text(encoding="utf-8")
-    return PlainLog(tables, runs, experiment.robot.joint_names, text)
+    side = plain[0].get("side", "joint")
+    of_motor = (side if isinstance(side, str) else side.get("q", "joint")) == "motor"
+    ratios = np.diag(experiment.robot.transmission.reduction)
+    gear = ratios if of_motor else np.ones(len(ratios))
+    return PlainLog(tables, runs, experiment.robot.joint_names, text, gear)
 
 
 def _described(entry: Mapping[str, Any], experiment: Experiment, source: Source) -> dict[str, Any]:

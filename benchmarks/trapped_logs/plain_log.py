@@ -26,12 +26,15 @@ class PlainLog:
             others (samples, joints).
         joints: names of the joints.
         robot: text of the robot's file.
+        gear: positions in the table per position of the joint, shape (joints,): the gear ratio
+            where they are those of the motors.
     """
 
     experiment: dict[str, Any]
     runs: list[dict[str, np.ndarray]]
     joints: tuple[str, ...]
     robot: str
+    gear: np.ndarray
 
     def write(self, folder: Path) -> Path:
         """Write tables, robot and experiment into a new folder; the experiment file."""
@@ -49,11 +52,6 @@ class PlainLog:
     def columns_of(self, channel: str) -> list[str]:
         """Names of a channel's columns in the table."""
         return ["t"] if channel == "t" else [f"{channel}_{joint}" for joint in self.joints]
-
-    def is_sliding(self, joint: int) -> bool:
-        """Whether positions of a joint are lengths."""
-        unit = self.experiment["recording"][0]["units"]["q"]
-        return (unit[joint] if isinstance(unit, list) else unit) == "m"
 
     def angle_unit(self, joint: int) -> str:
         """Unit of a joint's positions in the table."""

@@ -24,7 +24,7 @@ from .logs import Source
 from .plain_log import POSITIONS, PlainLog
 
 #: Sizes: delay of the torque [s], share of repeated rows, factor of a torque, mass [kg], time of
-#: standstill at either end [s] and noise of an encoder there [rad or m].
+#: standstill at either end [s] and noise of an encoder there [rad], a tenth of it [m].
 DELAY, REPEATED, GAIN, MASS, STANDSTILL, ENCODER = 0.02, 0.2, 1.5, 3.0, 5.0, 1e-5
 
 #: Share of the log at either end in which the slowest row is where standstill is put.
@@ -77,7 +77,7 @@ def zero_offset(log: PlainLog, source: Source) -> None:
     size = {"rad": np.pi / 2.0, "deg": 90.0}[log.angle_unit(source.joint)]
     for run in log.runs:
         for channel in set(POSITIONS) & run.keys():
-            run[channel][:, source.joint] += size
+            run[channel][:, source.joint] += size * log.gear[source.joint]
 
 
 def other_angle_unit(log: PlainLog, source: Source) -> None:
@@ -182,8 +182,8 @@ def _held(
     begin, end = t[moving][0], t[moving][-1]
     held = {"t": np.concatenate([begin - rest[::-1], t[moving], end + rest])}
     size = len(log.joints)
-    encoder = np.array([ENCODER * (np.degrees(1.0) if log.angle_unit(j) == "deg" else 1.0)
-                        for j in range(size)])  # fmt: skip
+    units = {"rad": 1.0, "deg": np.degrees(1.0), "m": 0.1}
+    encoder = ENCODER * np.array([units[log.angle_unit(j)] for j in range(size)])
     third = np.diff(run["tau"][moving], 3, axis=0)
     noise = 1.4826 * np.median(np.abs(third), axis=0) / np.sqrt(20.0)
     for channel in run.keys() - {"t"}:
