@@ -75,7 +75,7 @@ def repaired(folder: Path, clean: Outcome) -> bool | None:
     copied = folder.with_name(f"{folder.name}-repaired")
     shutil.copytree(folder, copied)
     code, *_, said = pivident(["apply", "experiment.toml", "1"], copied)
-    if "No such command" in said:
+    if 'Unknown command "apply"' in said:
         return None
     return code == 0 and is_as_good(identify(copied), clean)
 
