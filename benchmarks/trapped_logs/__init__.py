@@ -1,0 +1,1 @@
+"""Six recorded logs as plain tables, faults planted in them, and what a verdict makes of these."""
