@@ -71,7 +71,7 @@ def _names(edit: Mapping[str, Any], joints: list[str]) -> bool:
 
 def _is_clock(edit: Mapping[str, Any], joints: list[str]) -> bool:
     key = _key(edit)
-    return "Clock" in edit["edit"] or key.endswith("units.t") or key.endswith(".rate")
+    return edit["edit"] == "Retimed" or key.endswith("units.t") or key.endswith(".rate")
 
 
 def _is_exchange(edit: Mapping[str, Any], joints: list[str]) -> bool:
