@@ -84,6 +84,8 @@ def _is_zero(edit: Mapping[str, Any], joints: list[str]) -> bool:
 
 
 def _is_unit(edit: Mapping[str, Any], joints: list[str]) -> bool:
+    if edit["edit"] == "Multiplied":
+        return edit["channel"] == "q" and _names(edit, joints)
     return "units.q" in ".".join(map(str, edit.get("place", ())))
 
 
@@ -102,6 +104,8 @@ def _is_repeats(edit: Mapping[str, Any], joints: list[str]) -> bool:
 
 
 def _is_gain(edit: Mapping[str, Any], joints: list[str]) -> bool:
+    if edit["edit"] == "Multiplied":
+        return edit["channel"] == "tau" and _names(edit, joints)
     of_torque = edit["edit"] == "Gain" or "units.tau" in ".".join(map(str, edit.get("place", ())))
     return of_torque and (_names(edit, joints) or edit["edit"] == "Edit")
 

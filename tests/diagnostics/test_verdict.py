@@ -45,7 +45,8 @@ def statement(found: Verdict, topic: str) -> Finding:
 
 def test_a_good_record_gets_a_good_verdict(judged):
     assert judged.method == "IDIM-PIV" and judged.severity in ("ok", "warning")
-    assert judged.headline.startswith("Take the estimate of IDIM-PIV")
+    assert judged.headline.startswith("Good for torque prediction")
+    assert judged.answer("torque") == "yes" and judged.repairs == ()
     for topic in ("iteration", "instruments", "prediction"):
         assert statement(judged, topic).severity == "ok", str(judged)
     assert statement(judged, "noise").severity in ("ok", "note"), str(judged)
@@ -71,7 +72,7 @@ def test_without_held_out_motion_the_verdict_says_so(simulated):
 
 def test_least_squares_alone_cannot_tell_its_bias(simulated):
     found = verdict(diagnose_one({"ls": simulated[1]["ls"]}))
-    assert statement(found, "feedback").severity == "warning"
+    assert statement(found, "feedback").severity == "note"
     assert "Without instruments" in statement(found, "feedback").message
 
 
@@ -88,7 +89,8 @@ def test_negative_friction_is_refused(simulated):
     k = piv.names.index("fc3")
     theta[k] = -theta[k]
     found = verdict(diagnose_one({"piv": dataclasses.replace(piv, theta=theta)}))
-    assert statement(found, "physics").severity == "error"
+    assert statement(found, "physics").severity == "warning"
+    assert found.answer("simulation") == "no" and "fc3" in found.headline
     assert "fc3" in statement(found, "physics").message
 
 
@@ -129,7 +131,7 @@ def test_coloured_residuals_are_noticed(simulated):
 def test_the_file_holds_the_statements(judged, tmp_path):
     save_verdict(judged, tmp_path / "verdict.json")
     content = json.loads((tmp_path / "verdict.json").read_text("utf-8"))
-    assert content["schema"] == 2 and content["severity"] == judged.severity
+    assert content["schema"] == 3 and content["severity"] == judged.severity
     assert len(content["statements"]) == len(judged.statements)
     assert content["statements"] == [s.as_json() for s in judged.statements]
     assert {"severity", "topic", "message", "evidence", "basis"} <= set(content["statements"][0])

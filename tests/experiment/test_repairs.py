@@ -14,11 +14,13 @@ from pivident.text.repair import (
     Edit,
     Gain,
     LeftOut,
+    Multiplied,
     NotRead,
     Renamed,
     Reordered,
     Repair,
     Respelt,
+    Retimed,
     Reversed,
     Scaled,
     Shifted,
@@ -30,7 +32,7 @@ JOINTS = ("shoulder", "elbow")
 
 
 def content(**recording):
-    columns = {"q": ["q1", "q2"], "tau": ["u1", "u2"], "dq": ["v1", "v2"]}
+    columns = {"t": "time", "q": ["q1", "q2"], "tau": ["u1", "u2"], "dq": ["v1", "v2"]}
     entry = {"files": "log.csv", "columns": columns, "units": {"tau": "N m"}} | recording
     controller = {"type": "pd", "kp": [10.0, 20.0], "kd": 3.0}
     robot = {"model": "arm.urdf"}
@@ -68,6 +70,18 @@ DONE = {
         [("units", "q", [-1.0, 1.0]), ("units", "tau", [-1.0, "N m"]),
          ("units", "dq", [-1.0, 1.0])],
         "Reverse the signs of all channels of shoulder.",
+    ),
+    "a factor": (
+        Multiplied(channel="tau", factors=(("elbow", 0.5),)), [("units", "tau", ["N m", 0.5])],
+        "Multiply the torque by 0.5 for elbow.",
+    ),
+    "a clock": (
+        Retimed(factor=2.0), [("units", "t", 2.0)], "Take 2 s for a unit of the stamps.",
+    ),
+    "an order of all": (
+        Reordered(channel="", order=(1, 0)),
+        [("columns", c, [f"{x}2", f"{x}1"]) for c, x in (("q", "q"), ("tau", "u"), ("dq", "v"))],
+        "Name the columns of q as q2, q1 and of tau as u2, u1 and of dq as v2, v1.",
     ),
     "an order": (
         Reordered(channel="tau", order=(1, 0)), [("columns", "tau", ["u2", "u1"])],

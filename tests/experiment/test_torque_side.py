@@ -73,7 +73,7 @@ def test_an_unknown_side_is_refused(tmp_path):
 
 def test_identify_prints_and_writes_what_was_decided(tmp_path, capsys):
     path = write_experiment(tmp_path, WITHOUT_LOOP)
-    outcome = run_experiment(path, ["ls"], tmp_path / "results", folds=0)
+    outcome = run_experiment(path, ["ls"], tmp_path / "results", folds=0, details=True)
     (result,) = outcome.identifications.values()
     kinds = [w.kind for w in result.warnings if w.topic == "torque side"]
     assert kinds == ["link", "bearings"]

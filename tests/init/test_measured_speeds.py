@@ -49,13 +49,14 @@ def test_speeds_of_a_sensor_of_their_own_make_instruments(clock, tmp_path):
 
 
 @pytest.mark.parametrize("clock", ["regular", "alternating"])
-def test_speeds_that_a_drive_makes_of_its_positions_are_left_out(clock, tmp_path):
+def test_speeds_that_a_drive_makes_of_its_positions_check_the_clock(clock, tmp_path):
     """An encoder at the joint, whose counts the log shows; the drive differentiates at 1 kHz."""
     made = make_log(3, Setting(clock, 1000 / 11, 30.0, 0.0, speed="drive"))
     assert made.arm.reduction[0] == 1.0
     out, draft = first_file(made, tmp_path)
-    assert load_experiment(out).recordings()[0].dq is None
-    assert "are not needed: they follow from the positions" in draft.text.replace("\n# ", " ")
+    assert load_experiment(out).recordings()[0].dq is not None
+    said = draft.text.replace("\n# ", " ")
+    assert "clock and units of these are checked against them" in said
 
 
 def test_speeds_with_gaps_are_left_out(tmp_path):

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 from pivident.audit.recording_audit import recording_faults
 from pivident.consistency.consistent_model import ConsistentModel, make_consistent
 from pivident.diagnostics.baselines import Baselines, baselines
-from pivident.diagnostics.other_readings import Reading, better_readings
 from pivident.diagnostics.ranges import block_ranges, friction_ranges
 from pivident.diagnostics.trials import Trial, consequences, tried
 from pivident.errors import Attempts, ExperimentError, PividentError
@@ -30,10 +29,8 @@ from pivident.model_errors.named_causes import ModelErrors, named_causes
 from pivident.recording.recording import Recording
 from pivident.text.finding import Finding
 from pivident.threads import linear_algebra_in_one_thread
-from pivident.validation.held_out.cross_validation import CrossValidation
 from pivident.validation.held_out.folds import JudgedMotion
 from pivident.validation.held_out.out_of_sample import OutOfSample, compare_out_of_sample
-from pivident.validation.held_out.prediction import JOINT_MISSES
 from pivident.validation.instruments.instrument_tests import InstrumentTests, instrument_tests
 from pivident.validation.residuals.model_error import ModelError, model_error
 from pivident.validation.residuals.residual_tests import ResidualTests, residual_tests
@@ -68,8 +65,6 @@ class Diagnostics:
         log: what an audit has against the recordings, warnings and errors.
         nearest: physically possible parameters nearest to the recommended result; None where they
             were not looked for: on measured bases, and from torques whose scales nobody knows.
-        readings: the log's joints as they are read, then as they fit the description better; empty
-            where nothing made one ask, or no other reading does.
         trials: repairs of the log that were tried, the winners first.
         baselines: errors of simpler models on the same held-out motion.
     """
@@ -87,7 +82,6 @@ class Diagnostics:
     )
     log: tuple[Finding, ...] = ()
     nearest: ConsistentModel | None = None
-    readings: tuple[Reading, ...] = ()
     trials: tuple[Trial, ...] = ()
     baselines: Baselines = field(default_factory=Baselines)
 
@@ -208,12 +202,6 @@ def _diagnose(
     say("asking whether a machine can have these parameters")
     failed = "Whether a machine can have these parameters could not be asked"
     own, nearest = attempts.of(failed, _nearest_machine, own, otherwise=(own, None))
-    readings: tuple[Reading, ...] = ()
-    doubtful = _misses(validation) or (nearest is not None and nearest.is_far)
-    if doubtful and not any(trial.wins for trial in trials):
-        say("reading the joints of the log in other ways")
-        failed = "Other readings of the log's joints could not be tried"
-        readings = attempts.of(failed, better_readings, problem, otherwise=())
     fewer = () if out_of_sample is None or not out_of_sample.fewer else (out_of_sample.fewer,)
     return replace(
         tested,
@@ -224,7 +212,6 @@ def _diagnose(
         notes=(*fewer, *dict.fromkeys(attempts.lines[start:])),
         log=log,
         nearest=nearest,
-        readings=readings,
         trials=trials,
         baselines=others,
     )
@@ -241,14 +228,6 @@ def _ranges(
         by_law = friction_ranges(tested.identifications[name], causes)
         ranges[name] = (*ranges.get(name, ()), *by_law)
     return ranges
-
-
-def _misses(validation: CrossValidation | None) -> bool:
-    """Whether an estimate misses much of the torque of all joints, or of one."""
-    if validation is None:
-        return False
-    error = validation.prediction
-    return error.is_poor or bool((error.moving_in_band > JOINT_MISSES).any())
 
 
 def _nearest_machine(

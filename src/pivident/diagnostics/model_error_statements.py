@@ -7,9 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from pivident.diagnostics.diagnostics import Diagnostics
-from pivident.diagnostics.other_readings import Reading
 from pivident.diagnostics.ranges import much_wider
-from pivident.logs.torque_scale import marked_scales
 from pivident.model_errors.cause import Cause
 from pivident.model_errors.coupling_errors import COUPLED
 from pivident.model_errors.named_causes import MATTERS, ModelErrors, NamedCause
@@ -91,53 +89,6 @@ def repairs(diagnostics: Diagnostics) -> Iterator[Finding]:
             "repaired": Quantity(trial.after, "%"),
         }
         yield REPAIRED.finding("error", text, evidence=evidence, repairs=[trial.repair])
-
-
-def another_reading(diagnostics: Diagnostics) -> Iterator[Finding]:
-    """That the joints of the log, read in another way, fit the description."""
-    if not diagnostics.readings:
-        return
-    given, best, *alike = diagnostics.readings
-    identification = diagnostics.identifications[diagnostics.recommended]
-    names = identification.robot.joint_names
-    text = (
-        "The joints of the log are not those of the description: with "
-        f"{_reading(best, names)} least squares misses {percent(best.error)} instead of "
-        f"{percent(given.error)} of the torque"
-    )
-    if not given.is_possible:
-        text += ", and a machine can have its parameters"
-    if alike:
-        others = "; or with ".join(_reading(own, names) for own in alike)
-        text += f". No torque tells this from a reading with {others}"
-    step = ""
-    if best.exchanged:
-        step += "Exchange the columns of q, tau and the reference. "
-        if marked_scales(identification.torque_scale):
-            step += "Gains that pivident init took from the masses are then others: run it again. "
-    if best.reversed:
-        step += (
-            "Give q, tau and the reference of the joint the other sign (-1 in a list under units), "
-            "or turn its axis in the description. "
-        )
-    evidence = {
-        "as logged": Quantity(given.error, "%"),
-        "read otherwise": Quantity(best.error, "%"),
-    }
-    kind = "exchanged" if best.exchanged else "reversed"
-    yield Finding("error", "joints", kind, f"{text}.", "", step.rstrip(), evidence)
-
-
-def _reading(own: Reading, names: Sequence[str]) -> str:
-    """How it differs from the log."""
-    changes = []
-    if own.exchanged:
-        pairs = [f"{names[j]} reading those of {names[own.column[j]]}" for j in own.exchanged]
-        changes.append(f"the columns exchanged ({listed(pairs)})")
-    if own.reversed:
-        turned = listed([names[j] for j in own.reversed])
-        changes.append(f"position and torque of {turned} of the other sign")
-    return " and ".join(changes)
 
 
 def _of_kind(found: ModelErrors, named: Sequence[NamedCause]) -> Finding:

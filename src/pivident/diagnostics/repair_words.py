@@ -26,16 +26,17 @@ CALLED = {"tau": "torque", "q": "position"}
 AXES = ("x", "y", "z")
 
 
-def cause_of(repair: Repair) -> str:
+def cause_of(repair: Repair, joints: Sequence[str]) -> str:
     """What was wrong, one sentence for each edit; empty where its edits do not say.
 
     Args:
         repair: which helps.
+        joints: names of the robot's joints, in order.
     """
-    return " ".join(filter(None, map(_of, repair.edits)))
+    return " ".join(filter(None, (_of(edit, joints) for edit in repair.edits)))
 
 
-def _of(edit: Change) -> str:
+def _of(edit: Change, names: Sequence[str]) -> str:
     """One edit."""
     match edit:
         case Reversed(channel="", joints=joints):
@@ -45,12 +46,12 @@ def _of(edit: Change) -> str:
         case Multiplied(channel="q", factors=factors):
             return " ".join(_unit(*pair) for pair in factors)
         case Multiplied(channel=channel, factors=factors):
-            said = [f"of {j} {format_significant(1.0 / f)} times as large" for j, f in factors]
+            said = [f"of {j} is {format_significant(1.0 / f)} times as large" for j, f in factors]
             return f"The {CALLED.get(channel, channel)} {listed(said)} as it should be."
         case Reordered(channel=channel, order=order):
             whose = CALLED.get(channel, "column") if channel else "column"
-            moved = [str(k + 1) for k, own in enumerate(order) if own != k]
-            return f"The {whose}s of joints {' and '.join(moved)} are exchanged."
+            moved = [names[k] for k, own in enumerate(order) if own != k]
+            return f"The {whose}s of {' and '.join(moved)} are exchanged."
         case Shifted(offsets=offsets):
             said = [f"of {j} is off by {_angle(x)}" for j, x in offsets]
             return f"The zero position {listed(said)}."

@@ -12,12 +12,13 @@ import textwrap
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from pivident.diagnostics.diagnostics import Diagnostics
 from pivident.diagnostics.estimate_statements import is_known
+from pivident.diagnostics.uses import Use
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import ParameterRow, parameter_rows
 from pivident.instruments.kinds import KINDS
@@ -26,9 +27,6 @@ from pivident.text.lists import plural
 from pivident.text.numbers import format_significant, percent
 from pivident.text.plain_table import plain_table
 from pivident.validation.held_out.prediction import PredictionError
-
-if TYPE_CHECKING:
-    from pivident.diagnostics.verdict import Verdict
 
 #: Width of the screen, in characters, and lines of one item.
 WIDTH, ITEM_LINES = 110, 2
@@ -162,30 +160,40 @@ class Summary:
         return plain_table([*columns, ("", "<", [row.remark for row in self.joints])])
 
 
-def summary_of(found: Verdict, diagnostics: Diagnostics) -> Summary:
+def summary_of(
+    diagnostics: Diagnostics,
+    name: str,
+    headline: str,
+    judged_uses: Sequence[Use],
+    reservations: Sequence[Finding],
+) -> Summary:
     """The verdict on one screen.
 
     Args:
-        found: the verdict.
         diagnostics: what it was made from.
+        name: short name of the method whose estimate to take.
+        headline: what the estimate is good for.
+        judged_uses: the same by use.
+        reservations: statements that are reservations.
     """
-    result = diagnostics.identifications[found.name]
+    result = diagnostics.identifications[name]
     compared = diagnostics.out_of_sample
-    judged = None if compared is None else compared.results.get(found.name)
+    judged = None if compared is None else compared.results.get(name)
+    answer = {use.name: use.answer for use in judged_uses}
     rows = parameter_rows(result)
     error = None if judged is None else judged.prediction
     titles, joints = _joints(result, rows, error)
     known = sum(is_known(row) for row in rows)
     text = f"{known} of {plural(len(rows), 'value')} known to 10 %"
-    if found.answer("parameters") != "yes":
-        text += ": trust the torques, not single values" * (found.answer("torque") != "no")
-    repairs = [Item(trial.cause, effect=trial.effect) for trial in found.repairs]
-    further = [Item(_brief(s)) for s in found.reservations if not s.repairs]
+    if answer.get("parameters") != "yes" and answer.get("torque") != "no":
+        text += ": trust the torques, not single values"
+    repairs = [Item(t.cause, effect=t.effect) for t in diagnostics.trials if t.wins]
+    further = [Item(_brief(s)) for s in reservations if not s.repairs]
     items = repairs or further  # what a fault of the log makes of the rest is not known yet
     return Summary(
         _subject(result),
-        found.headline,
-        _error(diagnostics, error, found),
+        headline,
+        _error(diagnostics, error, result),
         titles,
         joints,
         f"{text}.",
@@ -208,10 +216,9 @@ def _subject(result: Identification) -> str:
     return " · ".join(parts)
 
 
-def _error(diagnostics: Diagnostics, error: PredictionError | None, found: Verdict) -> str:
+def _error(diagnostics: Diagnostics, error: PredictionError | None, result: Identification) -> str:
     """Torque error beside that of simpler models."""
     if error is None:
-        result = diagnostics.identifications[found.name]
         return f"Torque on the fitted motion: {percent(100.0 * float(result.relative_error))} off."
     beside = [f"{BASELINES[n]} {percent(x)}" for n, x in diagnostics.baselines.errors.items()]
     said = f" ({', '.join([*beside, 'no model 100 %'])})"

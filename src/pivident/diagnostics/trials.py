@@ -157,11 +157,12 @@ def tried(
 def _suspicions(problem: Problem, log: Iterable[Finding]) -> list[_Suspicion]:
     """What is tried: a search's repairs, those of the logged speeds, those of an audit."""
     found: list[_Suspicion] = []
+    names = problem.robot.joint_names
     candidates = search(problem)
     if candidates:
         whole = joined(candidates)
-        alike = tuple(cause_of(r) for one in candidates for r in one.alike)
-        found.append(_Suspicion(whole, cause_of(whole), "", alike, True))
+        alike = tuple(cause_of(r, names) for one in candidates for r in one.alike)
+        found.append(_Suspicion(whole, cause_of(whole, names), "", alike, True))
     for said in speed_evidence(problem):
         found.append(_Suspicion(said.repair, said.sentence, said.sentence))
     for finding in log:
@@ -170,7 +171,7 @@ def _suspicions(problem: Problem, log: Iterable[Finding]) -> list[_Suspicion]:
         direct = finding.message if finding.severity == "error" else ""
         for repair in finding.repairs:
             if not any(own.repair and repair.edits == own.repair.edits for own in found):
-                cause = cause_of(repair) or finding.message
+                cause = cause_of(repair, names) or finding.message
                 found.append(_Suspicion(repair, cause, direct, finding=finding))
     return found[:MAX_TRIALS]
 

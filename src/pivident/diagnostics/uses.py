@@ -103,8 +103,6 @@ def _against_baselines(
     first = next((trial for trial in diagnostics.trials if trial.wins), None)
     if first is not None:
         return "no", f"{half_sentence(first.cause)} ({first.effect})"
-    if diagnostics.readings:
-        return "no", "its joints are not those of the description"
     moving = min(error, e.total_moving_in_band)
     if moving >= 100.0:
         return "no", "no torque at all would be nearer"

@@ -32,7 +32,6 @@ from pivident.diagnostics.estimate_statements import (
 )
 from pivident.diagnostics.instrument_statements import feedback_bias, strength
 from pivident.diagnostics.model_error_statements import (
-    another_reading,
     intervals,
     log_faults,
     model_errors,
@@ -169,7 +168,6 @@ def verdict(diagnostics: Diagnostics | Identification, attempts: Attempts | None
         choice: both,
         repairs: every,
         log_faults: every,
-        another_reading: every,
         corrected: own,
         torque_scale: own,
         torque_side: own,
@@ -223,7 +221,8 @@ def verdict(diagnostics: Diagnostics | Identification, attempts: Attempts | None
         diagnostics.trials,
     )
     failed = "The verdict is not summed up"
-    return replace(found, summary=attempts.of(failed, summary_of, found, diagnostics))
+    parts = (diagnostics, name, found.headline, judged_uses, found.reservations)
+    return replace(found, summary=attempts.of(failed, summary_of, *parts))
 
 
 def _listed(make: Callable[..., Iterable[Finding]], *given: Any) -> list[Finding]:

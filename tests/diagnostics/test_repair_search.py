@@ -9,14 +9,16 @@ import numpy as np
 import pytest
 
 from pivident.diagnostics.diagnostics import diagnose
-from pivident.diagnostics.other_readings import better_readings
+from pivident.diagnostics.repair_search import search
 from pivident.diagnostics.verdict import verdict
 from pivident.estimation.identification_file import save_identification
 from pivident.estimation.identify import identify
 from pivident.estimation.problem import Problem
 from pivident.estimation.stored_identification import load_identification
+from pivident.experiment.repaired_problem import repaired
 from pivident.recording.recording import Recording
 from pivident.robot.urdf import parse_urdf
+from pivident.text.repair import Reordered, Repair
 from tests.diagnostics.gains_of_masses import by_masses
 from tests.other_arms import Setting, make_log
 
@@ -54,62 +56,59 @@ def exchanged(values, j, k):
 
 def test_a_right_log_is_left_as_it_is(log):
     problem = problem_of(log, log.q, log.tau)
-    assert better_readings(problem) == ()
+    assert search(problem) == ()
     found = judged(problem)
-    assert not [s for s in found.statements if s.topic == "joints"]
+    assert not found.repairs
     assert [s.severity for s in found.statements if s.topic == "physics"] in (["ok"], ["note"])
 
 
 @pytest.mark.parametrize(("j", "k"), [(0, 1), (1, 2)])
 def test_exchanged_joints_are_named(log, j, k):
     problem = problem_of(log, exchanged(log.q, j, k), exchanged(log.tau, j, k))
-    given, best = better_readings(problem)
-    assert best.exchanged == (j, k) and not best.reversed
-    assert best.error < 0.5 * given.error
     found = judged(problem)
-    (said,) = [s for s in found.statements if s.topic == "joints"]
-    assert said.severity == "error" and found.headline.startswith("Do not use")
+    (trial,) = found.repairs
+    assert trial.after < 0.5 * trial.before
+    assert found.severity == "error" and found.headline.startswith("Do not use it")
+    (said,) = [s for s in found.statements if s.topic == "log"]
+    (edit,) = said.repairs[0].edits
+    assert edit.channel == "" and {edit.order[j], edit.order[k]} == {j, k}
     for name in (log.arm.joint_names[j], log.arm.joint_names[k]):
-        assert name in said.message and "Exchange" in said.next_step
+        assert name in said.message and name in found.headline
 
 
 @pytest.mark.parametrize("j", [1, 2])
 def test_a_joint_that_counts_backwards_is_named(log, j):
     sign = np.where(np.arange(4) == j, -1.0, 1.0)
-    problem = problem_of(log, sign * log.q, sign * log.tau)
-    _, best = better_readings(problem)
-    assert best.reversed == (j,) and not best.exchanged
-    found = judged(problem)
-    (said,) = [s for s in found.statements if s.topic == "joints"]
-    assert log.arm.joint_names[j] in said.message and "sign" in said.next_step
+    (one,) = search(problem_of(log, sign * log.q, sign * log.tau))
+    (edit,) = one.repair.edits
+    assert (edit.channel, edit.joints) == ("", (log.arm.joint_names[j],))
 
 
 def test_an_arm_in_a_mirror_is_an_arm(short):
     """Turned backwards about the vertical, three joints have the torques of their mirror image."""
     sign = np.array([-1.0, 1.0, 1.0])
     problem = problem_of(short, sign * short.q, sign * short.tau)
-    assert better_readings(problem) == ()
+    assert search(problem) == ()
     assert identify(problem, "ls").relative_error < 0.02
 
 
 def test_readings_that_no_torque_tells_apart_are_all_given(short):
     sign = np.array([1.0, 1.0, -1.0])
     problem = problem_of(short, sign * short.q, sign * short.tau)
-    _, *alike = better_readings(problem)
-    assert {own.reversed for own in alike} == {(1,), (2,)}
-    (said,) = [s for s in judged(problem).statements if s.topic == "joints"]
-    assert "No torque tells" in said.message
+    (one,) = search(problem)
+    joints = {repair.edits[0].joints for repair in (one.repair, *one.alike)}
+    assert joints == {(name,) for name in short.arm.joint_names[1:]}
+    (said,) = [s for s in judged(problem).statements if s.topic == "log"]
+    assert "As well explained by" in said.message
     assert all(short.arm.joint_names[j] in said.message for j in (1, 2))
 
 
 def test_two_faults_at_once(log):
     sign = np.array([1.0, 1.0, 1.0, -1.0])
     q, tau = (exchanged(sign * x, 0, 1) for x in (log.q, log.tau))
-    _, *alike = better_readings(problem_of(log, q, tau))
-    right = 100 * identify(problem_of(log, log.q, log.tau), "ls").relative_error
-    for own in alike:  # of the right one or of its mirror image
-        assert own.exchanged == (0, 1) and own.reversed
-        assert own.error == pytest.approx(right, rel=0.02)
+    found = judged(problem_of(log, q, tau))
+    right = judged(problem_of(log, log.q, log.tau)).uses[0].evidence["error"].value
+    assert found.repairs[0].after < 1.05 * right
 
 
 def test_exchanged_currents_have_the_gains_of_their_places(log):
@@ -117,26 +116,22 @@ def test_exchanged_currents_have_the_gains_of_their_places(log):
     q, current = exchanged(log.q, 0, 1), exchanged(log.tau / GAIN, 0, 1)
     units = {"tau": [{"unit": "A", "gain": g} for g in GAIN.tolist()]}
     problem = problem_of(log, q, current * GAIN, reading={"units": units, "side": "joint"})
-    _, best = better_readings(problem)
-    assert best.exchanged == (0, 1)
-    right = problem_of(log, log.q, log.tau)
-    assert best.error == pytest.approx(100 * identify(right, "ls").relative_error, rel=1e-6)
-    plain = replace(problem, recordings=(replace(problem.recordings[0], reading={}),))
-    other = better_readings(plain)  # in newton metres the torques do not fit the other places
-    assert not other or other[1].error > 2.0 * best.error
+    repair = Repair((Reordered(channel="", order=(1, 0, 2, 3)),))
+    made, right = repaired(problem, repair), problem_of(log, log.q, log.tau)
+    np.testing.assert_allclose(made.recordings[0].tau, right.recordings[0].tau)
 
 
 def test_torques_that_are_computed_say_nothing_about_the_log(log):
     problem = problem_of(log, exchanged(log.q, 0, 1), exchanged(log.tau, 0, 1))
     made = replace(problem.recordings[0], torque_source="law")
-    assert better_readings(replace(problem, recordings=(made,))) == ()
+    assert search(replace(problem, recordings=(made,))) == ()
 
 
-def test_a_wrong_direction_of_gravity_is_no_reading_of_the_log(log):
-    for gravity in ([0.0, 0.0, 9.81], [-9.81, 0.0, 0.0]):
-        problem = problem_of(log, log.q, log.tau)
-        turned = replace(problem, robot=problem.robot.with_gravity(np.array(gravity)))
-        assert better_readings(turned) == ()
+def test_a_wrong_direction_of_gravity_is_named(log):
+    problem = problem_of(log, log.q, log.tau)
+    turned = replace(problem, robot=problem.robot.with_gravity(np.array([-9.81, 0.0, 0.0])))
+    (one,) = search(turned)
+    assert one.repair.edits[0].place == ("robot", "gravity")
 
 
 def test_a_result_from_a_file_is_asked_for_a_machine_too(log, tmp_path):
@@ -151,13 +146,7 @@ def test_a_result_from_a_file_is_asked_for_a_machine_too(log, tmp_path):
 @pytest.mark.parametrize(("j", "k"), [(0, 1), (1, 2), (2, 3)])
 def test_gains_from_the_masses_do_not_hide_exchanged_joints(log, j, k):
     amperes = log.tau / GAIN
-    problem = by_masses(problem_of(log, exchanged(log.q, j, k), exchanged(amperes, j, k)))
-    _, best = better_readings(problem)
-    assert best.exchanged == (j, k) and not best.reversed
-    assert better_readings(by_masses(problem_of(log, log.q, amperes))) == ()
-
-
-def test_that_gains_have_to_be_taken_anew_is_said(log):
-    problem = by_masses(problem_of(log, exchanged(log.q, 1, 2), exchanged(log.tau / GAIN, 1, 2)))
-    (said,) = [s for s in judged(problem).statements if s.topic == "joints"]
-    assert "pivident init" in said.next_step
+    found = search(by_masses(problem_of(log, exchanged(log.q, j, k), exchanged(amperes, j, k))))
+    edit = found[0].repair.edits[0]
+    assert isinstance(edit, Reordered) and {edit.order[j], edit.order[k]} == {j, k}
+    assert search(by_masses(problem_of(log, log.q, amperes))) == ()
