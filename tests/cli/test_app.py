@@ -100,9 +100,9 @@ def test_one_method_writes_its_files_and_the_report(experiment, tmp_path, capsys
     assert content["method"] == "IDIM-WLS" and content["converged"]
     assert [p["name"] for p in content["parameters"]] == list(planar_truth())
     printed = capsys.readouterr()
-    assert printed.out.startswith("Verdict: ") and "held-out" in printed.out
+    assert "not fitted" in printed.out and "Verdict: " not in printed.out
     assert json.loads((out / "verdict.json").read_text("utf-8"))["method"] == "IDIM-WLS"
-    assert "zz1r" in printed.out and str(out / "report.html") in printed.out
+    assert str(out / "report.html") in printed.out
     assert "reading the recordings" in printed.err
 
 
@@ -128,16 +128,17 @@ def test_no_warning_is_said_twice(tmp_path, capsys, methods):
     }
     assert len(sentences) >= 3
     both = printed.out + printed.err
-    once = dict.fromkeys(sentences, 1)
-    assert {s: both.count(s) for s in sentences} == once
-    assert {s: words.count(s.replace("`", "")) for s in sentences} == once
+    assert all(both.count(s) <= 1 for s in sentences)
+    # in full where all reservations stand, and in the head those that come first
+    counts = {s: words.count(s.replace("`", "")) for s in sentences}
+    assert set(counts.values()) <= {1, 2}, counts
 
 
 @pytest.mark.parametrize(
     "method", [["--method", "ls,iv-full-rate"], ["-m", "ls", "-m", "iv-full-rate"]]
 )
 def test_several_methods_get_a_folder_each(experiment, tmp_path, capsys, method):
-    assert run("identify", experiment, *method, "--out", tmp_path / "out") == 0
+    assert run("identify", experiment, *method, "--out", tmp_path / "out", "--details") == 0
     names = {"identification.json", "parameters.csv"}
     expected = {f"{m}/{n}" for m in ("ls", "iv-full-rate") for n in names}
     expected |= {"report.html", "verdict.json"}
@@ -154,7 +155,7 @@ def test_output_of_the_file_and_by_default(tmp_path, monkeypatch, capsys):
     write_experiment(tmp_path)
     assert run("identify", "experiment.toml") == 0
     assert "report.html" in files_in(tmp_path / "experiment-results")
-    assert "Report:" in capsys.readouterr().out
+    assert "report.html" in capsys.readouterr().out
 
 
 def test_not_converged_has_its_own_exit_code(tmp_path, capsys):
@@ -335,7 +336,7 @@ def test_demo_compares_with_the_truth(tmp_path, capsys):
     assert run("demo", "--out", tmp_path / "out") == 0
     assert {"report.html", "piv/identification.json"} <= files_in(tmp_path / "out")
     text = capsys.readouterr().out
-    assert "truth" in text and "IDIM-PIV" in text and str(tmp_path / "out") in text
+    assert "IDIM-PIV" in text and str(tmp_path / "out") in text
     verdicts = [line for line in text.splitlines() if "true values within 2σ" in line]
     assert len(verdicts) == 4
 

@@ -304,13 +304,14 @@ def test_the_verdict_ends_with_the_command_of_the_next_motion(designed, folder, 
     path = copied(designed, folder)
     reference = load_design(designed / "motion").motion.sampled(1000.0)[0]
     assert quickly(path, Path("quiet")) == 0
-    assert "Next:" not in capsys.readouterr().out
+    assert "Next " not in capsys.readouterr().out
     write_log(folder / "motion/log.npz", reference, noise=(25.0, 12.0))
     assert quickly(Path("experiment.toml"), Path("my results")) == 0
     lines = capsys.readouterr().out.strip().splitlines()
-    command = shlex.split(lines[-1].removeprefix("Next:"))
+    (last,) = [line for line in lines if line.startswith("Next ")]
+    command = shlex.split(last.removeprefix("Next "))
     content = json.loads(Path("my results/verdict.json").read_text("utf-8"))
-    assert command[:3] == ["pivident", "excite", "my results"] and "'my results'" in lines[-1]
+    assert command[:3] == ["pivident", "excite", "my results"] and "'my results'" in last
     assert command[3:] == ["--for", ",".join(content["open"])]
     page = Path("my results/report.html").read_text("utf-8")
     assert "pivident excite &#39;my results&#39; --for" in page

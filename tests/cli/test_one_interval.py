@@ -25,7 +25,7 @@ def test_one_interval_in_every_output(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", "400")
     path = write_experiment(tmp_path, EXPERIMENT)
     out = tmp_path / "out"
-    assert main(["identify", str(path), "--folds", "3", "--out", str(out)]) == 0
+    assert main(["identify", str(path), "--folds", "3", "--out", str(out), "--details"]) == 0
     printed = capsys.readouterr().out
     result = load_identification(out)
     assert not np.allclose(result.std, result.method_std, rtol=0.05)

@@ -64,10 +64,8 @@ def test_an_open_loop_needs_no_control_law(tmp_path):
 
 def test_tables_are_printed(folder, capsys):
     path = folder / "experiment.toml"
-    assert run("identify", path, "--method", "oloe", "--folds", 2, "--out", folder / "one") in (
-        0,
-        4,
-    )
+    options = ("--method", "oloe", "--folds", 2, "--out", folder / "one", "--details")
+    assert run("identify", path, *options) in (0, 4)
     out = capsys.readouterr().out
     assert "Simulation in open loop, driven by the recorded torques" in out
     assert "Rms error of the simulated positions on 2 held-out blocks" in out

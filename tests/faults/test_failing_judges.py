@@ -111,7 +111,7 @@ def test_a_judge_that_fails_costs_its_own_line(folder, estimates, monkeypatch, c
     lines = [line for line in said.err.splitlines() if JUDGES[place] in line]
     assert len(lines) == 1 and "LinAlgError: Singular matrix" in lines[0], said.err
     assert code == 1 and "Traceback" not in said.err
-    assert "Results: experiment-results" in said.out
+    assert "experiment-results" in said.out
     results = folder / "experiment-results"
     assert json.loads((results / "verdict.json").read_text("utf-8"))["name"] in METHODS
     assert (results / "report.html").is_file() == place.startswith("report")

@@ -62,7 +62,7 @@ def test_two_files_to_a_verdict(arm, tmp_path, width, colour):
             "e => e.getBoundingClientRect().top < innerHeight"
         )
         verdict = page.locator("article.run .headline").first.inner_text()
-        assert verdict.startswith(("Take the estimate of", "Do not use"))
+        assert verdict.startswith(("Good for torque prediction", "Do not use"))
         assert fits(page)
         results = tmp_path / "cobot" / "results" / "001-identify"
         assert verdict.split(",")[0].split(":")[0] in (results / "verdict.json").read_text("utf-8")

@@ -30,7 +30,7 @@ def apply(experiment: Path, number: int, /, *, results: Path | None = None) -> i
     from pivident.studio.fixes import applied, fix_of
 
     described = load_experiment(experiment)
-    folder = results or described.output or experiment.with_name(f"{experiment.stem}-results")
+    folder = results or described.output or Path(f"{experiment.stem}-results")
     repairs = repairs_of(folder)
     if stored_experiment(folder) != sha256(experiment):
         raise ExperimentError(

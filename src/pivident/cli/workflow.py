@@ -400,9 +400,21 @@ def _print_results(
         print()
     if screen is not None:
         print(screen.text())
-    elif next_motion := judged.next_motion(folder):
-        print(f"Next       {next_motion}")
+    results.attempts.of("What was asked for is not printed", _print_asked, results, truth)
     print(f"Details    {folder / REPORT if report else folder}, or --details")
+
+
+def _print_asked(results: Results, truth: Mapping[str, float] | None) -> None:
+    """What a run was asked for besides: essential and consistent parameters, designs, a truth."""
+    consistent = results.diagnostics.consistent.values()
+    asked = [
+        None if results.essential is None else str(results.essential),
+        None if truth is None else truth_lines([*results.identifications.values()], truth),
+        *(str(made) for made in consistent if isinstance(made, ConsistentEstimate)),
+        design_texts(results.designs) if results.designs else None,
+    ]
+    for text in filter(None, asked):
+        print(f"\n{text}\n")
 
 
 def screen_of(judged: Verdict, folder: Path, experiment: Path | None) -> Summary | None:
@@ -415,16 +427,12 @@ def screen_of(judged: Verdict, folder: Path, experiment: Path | None) -> Summary
 def _print_tables(results: Results, judged: Verdict, truth: Mapping[str, float] | None) -> None:
     """Verdict, tables and warnings."""
     print(f"{judged}\n")
-    if results.essential is not None:
-        print(f"{results.essential}\n")
     found = list(results.identifications.values())
     if len(found) == 1 and truth is None:
         # warnings are in the verdict
         print(identification_table(found[0], with_warnings=False, ranges=judged.ranges))
     else:
         print(comparison_table(found, truth, judged.ranges, judged.method))
-        if truth is not None:
-            print(f"\n{truth_lines(found, truth)}")
         warnings = {n: i.warnings for n, i in results.identifications.items() if n != judged.name}
         for names, warning in beside_verdict(judged, warnings):
             methods = ", ".join(results.identifications[name].method for name in names)
@@ -436,8 +444,3 @@ def _print_tables(results: Results, judged: Verdict, truth: Mapping[str, float] 
             print(f"\n{compared.joint_heading()}\n{compared.joint_table()}")
         if positions := compared.position_table():
             print(f"\n{compared.position_heading()}\n{positions}")
-    for estimate in results.diagnostics.consistent.values():
-        if isinstance(estimate, ConsistentEstimate):
-            print(f"\n{estimate}")
-    if results.designs:
-        print(f"\n{design_texts(results.designs)}")

@@ -35,6 +35,9 @@ Answer = Literal["yes", "care", "no"]
 #: Ratio to the plain law's error up to which an estimate is as good, and from which it is worse.
 AS_GOOD, WORSE = 1.05, 1.25
 
+#: Error below which nothing is gained by a smaller one [%].
+NEGLIGIBLE = 1.0
+
 #: Share of parameters that are known, from which on single values may be used.
 MOSTLY_KNOWN, HARDLY_KNOWN = 0.75, 0.1
 
@@ -106,12 +109,16 @@ def _against_baselines(
     moving = min(error, e.total_moving_in_band)
     if moving >= 100.0:
         return "no", "no torque at all would be nearer"
-    if described is not None and error >= described:
-        return "no", f"the model of the description misses less, {percent(described)}"
-    if plain is not None and error > WORSE * plain:
-        return "no", f"plain viscous and Coulomb friction misses less, {percent(plain)}"
-    if plain is not None and error > AS_GOOD * plain:
-        return "care", f"plain viscous and Coulomb friction misses less, {percent(plain)}"
+    simpler = [
+        (described, "the model of the description"),
+        (plain, "plain viscous and Coulomb friction"),
+    ]
+    known = [(other, what) for other, what in simpler if other is not None]
+    if known and error > NEGLIGIBLE:
+        least, what = min(known)
+        if error > AS_GOOD * least:
+            answer: Answer = "no" if error > WORSE * least else "care"
+            return answer, f"{what} misses less, {percent(least)}"
     if missed := unexplained_joints(e):
         said = listed([f"{joint} ({percent(x)})" for joint, x in missed.items()], 3)
         return "care", f"a large error is unexplained: {said}"
