@@ -105,7 +105,7 @@ def test_a_judge_that_fails_costs_its_own_line(folder, estimates, monkeypatch, c
     monkeypatch.setattr(f"pivident.{place}", failing(error, name))
     if place.startswith("report"):
         write_experiment(folder, report=True)
-    code = main(["identify", "experiment.toml", "--folds", "2"])
+    code = main(["identify", "experiment.toml", "--folds", "2", "--details"])
     said = capsys.readouterr()
     come_back(folder, estimates)
     lines = [line for line in said.err.splitlines() if JUDGES[place] in line]

@@ -221,7 +221,7 @@ def _error(diagnostics: Diagnostics, error: PredictionError | None, result: Iden
     if error is None:
         return f"Torque on the fitted motion: {percent(100.0 * float(result.relative_error))} off."
     beside = [f"{BASELINES[n]} {percent(x)}" for n, x in diagnostics.baselines.errors.items()]
-    said = f" ({', '.join([*beside, 'no model 100 %'])})"
+    said = f" ({', '.join(beside)})" if beside else ""
     return f"Torque on motion that was not fitted: {percent(error.total_in_band)} off{said}"
 
 

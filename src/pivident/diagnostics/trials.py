@@ -22,9 +22,11 @@ import numpy as np
 
 from pivident.audit.steps import LOST, REPEATED_SAMPLE, unsteady_steps
 from pivident.diagnostics.logged_speeds import speed_evidence
-from pivident.diagnostics.repair_search import joined, search
+from pivident.diagnostics.repair_search import Candidate, joined, search
 from pivident.diagnostics.repair_words import cause_of
+from pivident.dynamics.signs import negative_parameters
 from pivident.errors import PividentError
+from pivident.estimation.identify import identify
 from pivident.estimation.method import Method
 from pivident.estimation.problem import Problem
 from pivident.experiment.repaired_problem import repaired
@@ -130,7 +132,7 @@ def tried(
     Raises:
         PividentError: least squares finds nothing in the log as it is.
     """
-    waiting = _suspicions(problem, log)
+    waiting = _suspicions(problem, log, method)
     if not waiting:
         return ()
     number, done, winners = len(waiting), list[Trial](), list[Trial]()
@@ -154,11 +156,28 @@ def tried(
     return (*winners, *done)
 
 
-def _suspicions(problem: Problem, log: Iterable[Finding]) -> list[_Suspicion]:
+def _possible(problem: Problem, one: Candidate, method: Method) -> Candidate:
+    """Of repairs that do as well, the one that leaves fewest frictions and rotors negative."""
+
+    def impossible(repair: Repair) -> int:
+        try:
+            found = identify(repaired(problem, repair), method, test_gains=False)
+        except PividentError:
+            return found_none
+        return len(negative_parameters(found.parameters, found.names, found.theta, found.std))
+
+    found_none = len(problem.base.names) + 1
+    if not one.alike:
+        return one
+    best, *others = sorted((one.repair, *one.alike), key=impossible)
+    return replace(one, repair=best, alike=tuple(others))
+
+
+def _suspicions(problem: Problem, log: Iterable[Finding], method: Method) -> list[_Suspicion]:
     """What is tried: a search's repairs, those of the logged speeds, those of an audit."""
     found: list[_Suspicion] = []
     names = problem.robot.joint_names
-    candidates = search(problem)
+    candidates = [_possible(problem, one, method) for one in search(problem)]
     if candidates:
         whole = joined(candidates)
         alike = tuple(cause_of(r, names) for one in candidates for r in one.alike)

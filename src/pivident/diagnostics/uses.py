@@ -16,7 +16,7 @@ bodies     distance of consistent masses, their sum      masses of the descripti
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from pivident.diagnostics.diagnostics import Diagnostics
@@ -24,7 +24,7 @@ from pivident.diagnostics.estimate_statements import is_known
 from pivident.diagnostics.prediction_statements import unexplained_joints
 from pivident.dynamics.signs import negative_parameters
 from pivident.estimation.parameter_rows import parameter_rows
-from pivident.text.finding import Quantity
+from pivident.text.finding import Finding, Quantity
 from pivident.text.lists import listed, plural
 from pivident.text.numbers import format_significant, percent
 from pivident.text.sentences import half_sentence
@@ -184,6 +184,22 @@ def bodies(diagnostics: Diagnostics, name: str) -> Use:
     said = f"{format_significant(mass)} kg in all, {format_significant(described)} as described"
     agrees = 1.0 / MASS < mass / described < MASS
     return Use("bodies", "yes" if agrees and model.was_consistent else "care", said, evidence)
+
+
+def with_errors(judged: Sequence[Use], statements: Sequence[Finding]) -> tuple[Use, ...]:
+    """The same uses; none where a statement says that the estimate is wrong.
+
+    Args:
+        judged: uses.
+        statements: of the verdict.
+    """
+    wrong = next((s for s in statements if s.severity == "error"), None)
+    return tuple(
+        replace(use, answer="no", why=half_sentence(wrong.message))
+        if wrong is not None and use.name == "torque" and use.answer != "no"
+        else use
+        for use in judged
+    )
 
 
 def answers(judged: Sequence[Use]) -> list[str]:

@@ -52,7 +52,7 @@ from pivident.diagnostics.residual_statements import (
 )
 from pivident.diagnostics.summary import Summary, summary_of
 from pivident.diagnostics.trials import Trial
-from pivident.diagnostics.uses import Answer, Use, answers, uses
+from pivident.diagnostics.uses import Answer, Use, answers, uses, with_errors
 from pivident.errors import Attempts
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import ParameterRange
@@ -208,6 +208,7 @@ def verdict(diagnostics: Diagnostics | Identification, attempts: Attempts | None
     statements += (Finding("note", "not tested", "not tested", t) for t in diagnostics.notes)
     lines = attempts.lines[start:]
     statements += (Finding("warning", "not tested", "failed", text) for text in lines)
+    judged_uses = with_errors(judged_uses, statements)
     found = Verdict(
         result.method,
         name,
