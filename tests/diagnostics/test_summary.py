@@ -54,7 +54,8 @@ def test_of_many_joints_the_worst_are_shown():
     assert len(shown) < 9 and max(errors, key=errors.__getitem__) in shown
     long = Item("A sentence that has no end " * 20)
     full = replace(found.summary, items=(long,) * MAX_ITEMS, more=9)
-    lines = full.in_folder("x", "x.toml", "pivident excite x").text().splitlines()
+    full = replace(full.in_folder("x", "x.toml", "pivident excite x"), details="x/report.html")
+    lines = full.text().splitlines()
     assert len(lines) <= 24 and max(map(len, lines)) <= WIDTH
 
 

@@ -398,10 +398,10 @@ def _print_results(
     if details or screen is None:
         results.attempts.of("Tables could not be printed", _print_tables, results, judged, truth)
         print()
+    where = f"{folder / REPORT if report else folder}, or --details"
     if screen is not None:
-        print(screen.text())
+        print(replace(screen, details=where).text())
     results.attempts.of("What was asked for is not printed", _print_asked, results, truth)
-    print(f"Details    {folder / REPORT if report else folder}, or --details")
 
 
 def _print_asked(results: Results, truth: Mapping[str, float] | None) -> None:

@@ -28,8 +28,8 @@ from pivident.text.numbers import format_significant, percent
 from pivident.text.plain_table import plain_table
 from pivident.validation.held_out.prediction import PredictionError
 
-#: Width of the screen, in characters, and lines of one item.
-WIDTH, ITEM_LINES = 110, 2
+#: Width of the screen, in characters, its lines, and those of one item.
+WIDTH, LINES, ITEM_LINES = 110, 24, 2
 
 #: Joints in the table; of more the worst.
 MAX_JOINTS = 7
@@ -96,6 +96,7 @@ class Summary:
         more: number of items that are not listed.
         take_away: a command for the model.
         next_step: a command for what to do next.
+        details: where all else is.
     """
 
     subject: str
@@ -108,6 +109,7 @@ class Summary:
     more: int = 0
     take_away: str = ""
     next_step: str = ""
+    details: str = ""
 
     def as_json(self) -> dict[str, Any]:
         """Plain values."""
@@ -134,19 +136,20 @@ class Summary:
         return replace(self, items=tuple(items), take_away=export, next_step=first)
 
     def text(self) -> str:
-        """The screen, at most 24 lines of 110 columns."""
+        """The screen; items take the room that is left."""
         lines = [_cut(self.subject), *textwrap.wrap(self.answer, WIDTH), _cut(self.error), ""]
         if self.joints:
             lines += [_cut(line) for line in self.table().splitlines()]
         lines += [*textwrap.wrap(self.known, WIDTH), ""]
-        for number, item in enumerate(self.items, start=1):
+        named = (("Take away", self.take_away), ("Next", self.next_step), ("Details", self.details))
+        tail = [f"{title:<11}{command}" for title, command in named if command]
+        room = LINES - len(lines) - len(tail) - 2  # a blank line, and how many more there are
+        shown = min(len(self.items), room // ITEM_LINES)
+        for number, item in enumerate(self.items[:shown], start=1):
             lines += _item_lines(number, item)
-        if self.more:
-            lines.append(f"   {plural(self.more, 'more reservation')}: --details")
-        lines += [""] if self.items else []
-        named = (("Take away", self.take_away), ("Next", self.next_step))
-        lines += [f"{title:<11}{command}" for title, command in named if command]
-        return "\n".join(lines).rstrip()
+        if more := self.more + len(self.items) - shown:
+            lines.append(f"   {plural(more, 'more reservation')}: --details")
+        return "\n".join([*lines, *[""] * bool(self.items), *tail]).rstrip()
 
     def table(self) -> str:
         """One line for each joint."""
