@@ -74,6 +74,24 @@ def test_what_is_applied_is_what_was_tried(judged, capsys):
     assert error_of(results) < before and repair["after"] < repair["before"]
 
 
+def test_no_command_is_shown_that_would_be_refused(project, monkeypatch):
+    """Columns of one array have no names of their own to be exchanged."""
+    monkeypatch.chdir(project)
+    table = np.loadtxt(project / "log.csv", delimiter=",", skiprows=1)
+    np.savez(project / "log.npz", t=table[:, 0], q=table[:, 1:4], tau=table[:, [5, 4, 6]])
+    text = EXPERIMENT.replace("log.csv", "log.npz").replace('tau = ["N m", -1.0, "N m"]', "")
+    for channel in ("q", "tau"):
+        names = f'["{channel}_1", "{channel}_2", "{channel}_3"]'
+        text = text.replace(names, f'"{channel}"')
+    path = project / "arrays.toml"
+    path.write_text(text)
+    assert run("identify", path) == 0
+    content = json.loads((project / "arrays-results" / "verdict.json").read_text("utf-8"))
+    assert content["repairs"][0]["repair"]["edits"][0]["edit"] == "Reordered"
+    assert content["summary"]["items"][0]["command"] == ""
+    assert run("apply", path, 1) == WRONG_INPUT
+
+
 def test_a_file_that_has_changed_is_left_alone(judged, capsys):
     judged.write_text(EXPERIMENT + "\n# a note\n")
     assert run("apply", judged, 1) == WRONG_INPUT

@@ -34,7 +34,7 @@ from pivident.diagnostics.failed_simulation import identify
 from pivident.diagnostics.summary import Summary
 from pivident.diagnostics.verdict import Verdict, beside_verdict, verdict
 from pivident.diagnostics.verdict_file import VERDICT_FILE, save_verdict
-from pivident.errors import Attempts
+from pivident.errors import Attempts, PividentError
 from pivident.estimation.identification import Identification, torque_sums
 from pivident.estimation.identification_file import save_identification
 from pivident.estimation.identify import narrowed
@@ -49,6 +49,8 @@ from pivident.estimation.summary_tables import (
     name_lines,
     rows_kind,
 )
+from pivident.experiment.explained import plain_form, toml_content
+from pivident.experiment.repairs import FileContent, edits_of
 from pivident.extras import is_installed
 from pivident.files import atomic_folder, check_output
 from pivident.friction.bearing_friction import bearing_friction
@@ -338,8 +340,7 @@ def write_results(
                     truth=truth,
                     title=title,
                     diagnostics=results.diagnostics,
-                    folder=folder.name,
-                    experiment="" if results.path is None else results.path.name,
+                    screen=screen,
                     designs=design_accounts(results.designs),
                     attempts=attempts,
                 )
@@ -421,7 +422,20 @@ def screen_of(judged: Verdict, folder: Path, experiment: Path | None) -> Summary
     """The verdict on one screen, with the commands of a folder of results."""
     if judged.summary is None:
         return None
-    return judged.summary.in_folder(folder, experiment, judged.next_motion(folder))
+    refused = set() if experiment is None else refused_repairs(experiment, judged)
+    return judged.summary.in_folder(folder, experiment, judged.next_motion(folder), refused)
+
+
+def refused_repairs(experiment: Path, judged: Verdict) -> set[int]:
+    """Numbers of the repairs that an experiment file contradicts as it is written."""
+    content, refused = FileContent(plain_form(toml_content(experiment)), judged.joints), set()
+    for number, trial in enumerate(judged.repairs, start=1):
+        try:
+            if trial.repair is not None:
+                edits_of(trial.repair.below(("recording", 0)), content)
+        except PividentError:
+            refused.add(number)
+    return refused
 
 
 def _print_tables(results: Results, judged: Verdict, truth: Mapping[str, float] | None) -> None:

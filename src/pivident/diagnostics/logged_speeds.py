@@ -20,7 +20,7 @@ from pivident.audit.standstill import STILL
 from pivident.estimation.problem import Problem
 from pivident.logs.units import UNITS_OF
 from pivident.text.numbers import format_significant
-from pivident.text.repair import Change, Edit, Multiplied, Repair, Retimed
+from pivident.text.repair import Edit, Multiplied, Repair, Retimed
 
 #: Distance of a factor from one, relative, from which on something is wrong.
 OFF = 0.05
@@ -84,14 +84,14 @@ def _common(factor: float, joints: int) -> SpeedEvidence:
     shown = format_significant(factor, 3)
     if named is not None and units[named] != 1.0:
         edit = Edit(("recording", "units", "dq"), named)
-        return SpeedEvidence(_one(edit), f"The logged speeds are in {named}.")
+        return SpeedEvidence(Repair((edit,)), f"The logged speeds are in {named}.")
     faster = factor > 1.0
     times = format_significant(factor if faster else 1.0 / factor, 3)
     text = (
         f"The clock runs {times} times as {'slowly' if faster else 'fast'} as the logged speeds "
         f"say: on each of {joints} joints they are {shown} times the derivative of the positions."
     )
-    return SpeedEvidence(_one(Retimed(factor=float(f"{1.0 / factor:.4g}"))), text)
+    return SpeedEvidence(Repair((Retimed(factor=float(f"{1.0 / factor:.4g}")),)), text)
 
 
 def _single(joint: str, factor: float) -> SpeedEvidence:
@@ -101,8 +101,4 @@ def _single(joint: str, factor: float) -> SpeedEvidence:
         "its position, and those of other joints are not: its unit or its gear ratio is another."
     )
     edit = Multiplied(channel="q", factors=((joint, float(f"{factor:.4g}")),))
-    return SpeedEvidence(_one(edit), text)
-
-
-def _one(edit: Change) -> Repair:
-    return Repair((edit,))
+    return SpeedEvidence(Repair((edit,)), text)

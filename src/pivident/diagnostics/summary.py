@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 import shlex
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -115,19 +115,26 @@ class Summary:
         """Plain values."""
         return asdict(self)
 
-    def in_folder(self, folder: str | Path, experiment: str | Path | None, motion: str) -> Summary:
+    def in_folder(
+        self,
+        folder: str | Path,
+        experiment: str | Path | None,
+        motion: str,
+        refused: Collection[int] = (),
+    ) -> Summary:
         """The same with commands for a folder of results.
 
         Args:
             folder: of the results.
             experiment: its experiment file; None where there is none.
             motion: command that designs the next motion, or empty.
+            refused: numbers of repairs that contradict the file.
         """
         place = f"./{folder}" if str(folder).startswith("-") else str(folder)
         items, number = [], 0
         for item in self.items:
             number += bool(item.effect)
-            is_repair = item.effect and experiment is not None
+            is_repair = item.effect and experiment is not None and number not in refused
             command = shlex.join(["pivident", "apply", str(experiment), str(number)])
             items.append(replace(item, command=command) if is_repair else item)
         export = shlex.join(["pivident", "export", place, "--to", "urdf", "--out", "robot.urdf"])

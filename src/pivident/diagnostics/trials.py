@@ -163,10 +163,9 @@ def _possible(problem: Problem, one: Candidate, method: Method) -> Candidate:
         try:
             found = identify(repaired(problem, repair), method, test_gains=False)
         except PividentError:
-            return found_none
+            return len(problem.base.names) + 1
         return len(negative_parameters(found.parameters, found.names, found.theta, found.std))
 
-    found_none = len(problem.base.names) + 1
     if not one.alike:
         return one
     best, *others = sorted((one.repair, *one.alike), key=impossible)

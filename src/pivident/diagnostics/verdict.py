@@ -82,6 +82,7 @@ class Verdict(Displayed):
         uses: what the estimate is good for.
         trials: repairs of the log that were tried, the winners first.
         summary: the verdict on one screen.
+        joints: names of the robot's joints.
     """
 
     method: str
@@ -95,6 +96,7 @@ class Verdict(Displayed):
     uses: tuple[Use, ...] = ()
     trials: tuple[Trial, ...] = ()
     summary: Summary | None = None
+    joints: tuple[str, ...] = ()
 
     @property
     def severity(self) -> Severity:
@@ -220,6 +222,7 @@ def verdict(diagnostics: Diagnostics | Identification, attempts: Attempts | None
         diagnostics.ranges.get(name, ()),
         judged_uses,
         diagnostics.trials,
+        joints=result.robot.joint_names,
     )
     failed = "The verdict is not summed up"
     parts = (diagnostics, name, found.headline, judged_uses, found.reservations)

@@ -14,6 +14,7 @@ from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup, escape
 
 from pivident.diagnostics.diagnostics import Diagnostics, diagnose_one
+from pivident.diagnostics.summary import Summary
 from pivident.errors import Attempts, PividentError, in_words
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import method_labels
@@ -51,8 +52,7 @@ def write_report(
     title: str | None = None,
     diagnostics: Diagnostics | None = None,
     *,
-    folder: str = "",
-    experiment: str = "",
+    screen: Summary | None = None,
     designs: Sequence[DesignAccount] = (),
     attempts: Attempts | None = None,
 ) -> Path:
@@ -65,9 +65,7 @@ def write_report(
         truth: known values by parameter name, with or without the trailing ``r``.
         title: title of the page; None: robot and methods.
         diagnostics: what was found out about the results; None: the tests that need nothing else.
-        folder: name of the folder that holds the results, for the commands of the verdict; empty:
-            none are shown.
-        experiment: name of the experiment file, for the command that applies a repair.
+        screen: the verdict on one screen with the commands of its folder; None: without commands.
         designs: what designs predicted of the motions that were recorded.
         attempts: what each section is attempted by; one that fails says so on the page.
 
@@ -87,8 +85,7 @@ def write_report(
         truth,
         title,
         diagnostics,
-        folder=folder,
-        experiment=experiment,
+        screen=screen,
         designs=designs,
         attempts=attempts,
     )
@@ -103,8 +100,7 @@ def render_report(
     title: str | None = None,
     diagnostics: Diagnostics | None = None,
     *,
-    folder: str = "",
-    experiment: str = "",
+    screen: Summary | None = None,
     designs: Sequence[DesignAccount] = (),
     attempts: Attempts | None = None,
 ) -> str:
@@ -122,8 +118,7 @@ def render_report(
         dict(truth or {}),
         title,
         diagnostics,
-        folder,
-        experiment,
+        screen,
         tuple(designs),
     )
     environment, attempts, sections = _report_environment(), attempts or Attempts(), []

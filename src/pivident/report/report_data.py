@@ -55,8 +55,7 @@ class ReportData:
     truth: Mapping[str, float]  # known values by parameter name, may be empty
     title: str
     diagnostics: Diagnostics
-    folder: str = ""  # name of the folder of the results, empty where they are in none
-    experiment: str = ""  # name of the experiment file, likewise
+    screen: Summary | None = None  # the verdict on one screen, with the commands of its folder
     designs: tuple[DesignAccount, ...] = ()  # of the motions that were recorded
 
     @cached_property
@@ -83,11 +82,7 @@ class ReportData:
     @property
     def summary(self) -> Summary | None:
         """The verdict on one screen, with commands where there is a folder of results."""
-        summary, folder = self.verdict.summary, self.folder
-        if summary is None or not folder:
-            return summary
-        motion = self.verdict.next_motion(folder)
-        return summary.in_folder(folder, self.experiment or None, motion)
+        return self.screen or self.verdict.summary
 
     @property
     def recommended(self) -> int:
