@@ -222,7 +222,7 @@ def test_bounds_that_no_machine_satisfies(folder, tmp_path, capsys, table, parts
     text = f"{EXPERIMENT}[consistency.bounds.forearm]\n{table}\n"
     path = write_experiment(folder, text)
     out = tmp_path / "out"
-    assert run("identify", path, "--folds", 0, "--out", out) == 1
+    assert run("identify", path, "--folds", 0, "--out", out, "--details") == 1
     assert "identification.json" in files_in(out) and "consistent.json" not in files_in(out)
     printed = capsys.readouterr()
     for part in parts:

@@ -60,7 +60,7 @@ def test_the_truth_lies_within_the_standard_errors(results, made, name):
     found, truth = results[name], made[1].truth
     assert set(found.names) == set(truth)
     off = np.array([v - truth[n] for n, v in zip(found.names, found.theta, strict=True)])
-    assert np.all(np.abs(off) < 4.0 * np.maximum(found.std, found.robust_std))
+    assert np.all(np.abs(off) < 4.0 * np.maximum(found.method_std, found.robust_std))
 
 
 @pytest.mark.parametrize(

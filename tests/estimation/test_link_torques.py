@@ -99,8 +99,8 @@ def test_rotors_would_be_estimated_as_zero_and_widen_the_intervals():
     assert links.relative_error == pytest.approx(motors.relative_error, rel=0.02)
     common = [p.name for p in links.parameters if p.stem == "zz"]
     narrower = [
-        links.std[[p.name for p in links.parameters].index(n)]
-        < motors.std[[p.name for p in motors.parameters].index(n)] * 1.0001
+        links.method_std[[p.name for p in links.parameters].index(n)]
+        < motors.method_std[[p.name for p in motors.parameters].index(n)] * 1.0001
         for n in common
     ]
     assert all(narrower)

@@ -149,7 +149,7 @@ methods = ["ls"]
     Path("stance.toml").write_text(text + feet, encoding="utf-8")
     assert main(["check", "stance.toml"]) == 0
     assert "138 base parameters" in capsys.readouterr().out
-    assert main(["identify", "stance.toml", "--folds", "0", "--out", "out"]) == 0
+    assert main(["identify", "--details", "stance.toml", "--folds", "0", "--out", "out"]) == 0
     said = capsys.readouterr().out
     assert "let base_x" in said or "move base_x" in said
     Path("slipped.toml").write_text(text + feet.replace("0.25", "0.15"), encoding="utf-8")

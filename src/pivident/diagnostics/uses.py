@@ -193,10 +193,11 @@ def with_errors(judged: Sequence[Use], statements: Sequence[Finding]) -> tuple[U
         judged: uses.
         statements: of the verdict.
     """
-    wrong = next((s for s in statements if s.severity == "error"), None)
+    errors = (s for s in statements if s.severity == "error" and s.topic != "iteration")
+    wrong = next(errors, None)
     return tuple(
         replace(use, answer="no", why=half_sentence(wrong.message))
-        if wrong is not None and use.name == "torque" and use.answer != "no"
+        if wrong is not None and not wrong.repairs and use.name == "torque"
         else use
         for use in judged
     )

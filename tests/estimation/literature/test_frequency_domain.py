@@ -36,7 +36,7 @@ def estimates():
         problem, truth = periodic_problem(seed)
         found = identify(problem, "frequency")
         values = np.array([truth[p.name] for p in found.parameters])
-        z.append((found.theta - values) / found.std)
+        z.append((found.theta - values) / found.method_std)
         if seed < 3:
             other = identify(problem, "ls")
             errors.append([np.linalg.norm(own - values) for own in (found.theta, other.theta)])
