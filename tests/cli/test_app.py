@@ -337,6 +337,7 @@ def test_demo_compares_with_the_truth(tmp_path, capsys):
     assert {"report.html", "piv/identification.json"} <= files_in(tmp_path / "out")
     text = capsys.readouterr().out
     assert "IDIM-PIV" in text and str(tmp_path / "out") in text
+    assert "Next       pivident init your_log.csv --robot your_arm.urdf" in text
     verdicts = [line for line in text.splitlines() if "true values within 2σ" in line]
     assert len(verdicts) == 4
 

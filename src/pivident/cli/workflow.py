@@ -72,6 +72,9 @@ if TYPE_CHECKING:
 DEMO_METHODS = ("ls", "iv", "iv-full-rate", "piv")
 DEMO_FOLDS = 3
 
+#: Where to go from the demonstration.
+OWN_LOG = "pivident init your_log.csv --robot your_arm.urdf"
+
 #: The page of a folder of results.
 REPORT = "report.html"
 
@@ -399,9 +402,12 @@ def _print_results(
     if details or screen is None:
         results.attempts.of("Tables could not be printed", _print_tables, results, judged, truth)
         print()
-    where = f"{folder / REPORT if report else folder}, or --details"
+    where = (
+        f"{folder / REPORT if report else folder}{', or --details' * (results.path is not None)}"
+    )
     if screen is not None:
-        print(replace(screen, details=where).text())
+        step = screen.next_step or OWN_LOG * (results.path is None)
+        print(replace(screen, details=where, next_step=step).text())
     results.attempts.of("What was asked for is not printed", _print_asked, results, truth)
 
 

@@ -40,7 +40,7 @@ def _of(edit: Change, names: Sequence[str]) -> str:
     """One edit."""
     match edit:
         case Reversed(channel="", joints=joints):
-            return f"{listed(joints)} {_turns(joints)} the other way than described."
+            return f"{listed(joints)} turn{'s' * (len(joints) == 1)} the other way than described."
         case Reversed(channel=channel, joints=joints):
             return f"The {CALLED.get(channel, channel)} of {listed(joints)} has the other sign."
         case Multiplied(channel="q", factors=factors):
@@ -68,10 +68,6 @@ def _of(edit: Change, names: Sequence[str]) -> str:
         case Edit(place=(*_, "torque_timing"), value=value):
             return f"The torques are {value}, see torque_timing."
     return ""
-
-
-def _turns(joints: Sequence[str]) -> str:
-    return "turns" if len(joints) == 1 else "turn"
 
 
 def _unit(joint: str, factor: float) -> str:
