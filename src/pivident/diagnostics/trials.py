@@ -106,6 +106,11 @@ class _Suspicion:
     is_found: bool = False  # whether a search has found that it lowers the error
     finding: Finding | None = None
 
+    @property
+    def rank(self) -> int:
+        """The logged speeds come first, which need no model; then a search; then an audit."""
+        return 1 if self.is_found else 2 if self.finding is not None else 0
+
     def carried_out(self, problem: Problem) -> Problem:
         """The problem with the repair; without one, that of samples that are lost or repeated."""
         if self.repair is None:
@@ -144,7 +149,7 @@ def tried(
         won = [pair for pair in results if pair[1].wins]
         if not won:
             return (*winners, *done, *(trial for _, trial in results))
-        first = min(won, key=lambda pair: (not pair[0].is_found, pair[1].after))
+        first = min(won, key=lambda pair: (pair[0].rank, pair[1].after))
         winners.append(first[1])
         done += [trial for one, trial in results if one is not first[0] and not trial.wins]
         waiting = [one for one, _ in won if one is not first[0] and _apart(one, first[0])]
