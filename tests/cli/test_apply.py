@@ -92,6 +92,15 @@ def test_no_command_is_shown_that_would_be_refused(project, monkeypatch):
     assert run("apply", path, 1) == WRONG_INPUT
 
 
+def test_every_other_byte_stays(project, monkeypatch):
+    monkeypatch.chdir(project)
+    path = project / "windows.toml"
+    path.write_bytes(EXPERIMENT.replace("\n", "\r\n").encode())
+    assert run("identify", path) == 0 and run("apply", path, 1) == 0
+    content = path.read_bytes()
+    assert content.count(b"\n") == content.count(b"\r\n") and b"# as the logger says" in content
+
+
 def test_a_file_that_has_changed_is_left_alone(judged, capsys):
     judged.write_text(EXPERIMENT + "\n# a note\n")
     assert run("apply", judged, 1) == WRONG_INPUT

@@ -44,12 +44,12 @@ def apply(experiment: Path, number: int, /, *, results: Path | None = None) -> i
             advice="the numbers stand in the verdict",
         )
     repair, cause = repairs[number - 1]
-    text, words = experiment.read_text(encoding="utf-8"), ""
+    text, words = experiment.read_bytes().decode("utf-8"), ""
     for table in range(len(described.content.recording)):
         fix = fix_of(repair.below(("recording", table)), text, described.robot.joint_names)
         text, words = applied(text, fix), fix.words
     with atomic_folder(experiment.parent) as build:
-        (build / experiment.name).write_text(text, encoding="utf-8", newline="")
+        (build / experiment.name).write_bytes(text.encode("utf-8"))
     print(f"{cause} {words}")
     print(f"Next       pivident identify {experiment}")
     return DONE

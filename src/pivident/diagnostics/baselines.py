@@ -8,8 +8,7 @@ at all, whose error is 100 %.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -42,12 +41,12 @@ class Baselines:
     description: PredictionError | None = None
     plain_law: PredictionError | None = None
     described_mass: float = 0.0
-    errors: Mapping[str, float] = field(init=False, repr=False)
 
-    def __post_init__(self) -> None:
+    @property
+    def errors(self) -> dict[str, float]:
+        """Torque errors by what they are of [%]."""
         there = {"description": self.description, "plain law": self.plain_law}
-        errors = {name: e.total_in_band for name, e in there.items() if e is not None}
-        object.__setattr__(self, "errors", errors)
+        return {name: e.total_in_band for name, e in there.items() if e is not None}
 
 
 @dataclass(frozen=True, eq=False)

@@ -196,7 +196,7 @@ def _diagnose(
     trials: tuple[Trial, ...] = ()
     if out_of_sample is not None and all(r.torque_source == "measured" for r in problem.recordings):
         say("trying repairs")
-        suspected = partial(tried, problem, log, least_squares, folds, gap)
+        suspected = partial(tried, problem, log, least_squares, folds or FOLDS, gap)
         trials = attempts.of("Repairs could not be tried", suspected, otherwise=())
     log = consequences(log, trials)
     say("asking whether a machine can have these parameters")

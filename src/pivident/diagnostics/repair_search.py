@@ -49,16 +49,14 @@ ALIKE = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A repair with what it does to the scores of the stretches.
+    """A repair that lowers the error clearly.
 
     Attributes:
         repair: what is changed.
-        ratio: error with it over that without, on stretches that were not fitted.
         alike: other repairs that do as well.
     """
 
     repair: Repair
-    ratio: float
     alike: tuple[Repair, ...] = ()
 
 
@@ -103,7 +101,7 @@ def _best(rows: ReadingRows) -> Candidate | None:
         for repair, change in kept
         if repair is not best[0] and not clearly_lower(best[1] - change, 1, ALIKE)
     ]
-    return Candidate(best[0], float(np.exp(best[1].mean())), tuple(alike))
+    return Candidate(best[0], tuple(alike))
 
 
 def clearly_lower(change: np.ndarray, tried: int, least: float = LEAST_GAIN) -> bool:

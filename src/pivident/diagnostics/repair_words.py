@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from pivident.experiment.repairs import CALLED
 from pivident.text.lists import listed
 from pivident.text.numbers import format_significant
 from pivident.text.repair import (
@@ -18,12 +19,6 @@ from pivident.text.repair import (
     Reversed,
     Shifted,
 )
-
-#: Channels as they are called.
-CALLED = {"tau": "torque", "q": "position"}
-
-#: Directions of the base.
-AXES = ("x", "y", "z")
 
 
 def cause_of(repair: Repair, joints: Sequence[str]) -> str:
@@ -86,7 +81,7 @@ def _angle(radians: float) -> str:
 def _axis(gravity: Sequence[float]) -> str:
     """``-z``, or the components."""
     size = math.hypot(*gravity)
-    for axis, x in zip(AXES, gravity, strict=True):
+    for axis, x in zip("xyz", gravity, strict=True):
         if abs(x) > 0.99 * size:
             return f"{'+' if x > 0 else '-'}{axis}"
     return str(list(gravity))

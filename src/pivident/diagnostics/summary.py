@@ -6,7 +6,6 @@ known of a result stands below: ``--details``, and the sections of the report.
 
 from __future__ import annotations
 
-import re
 import shlex
 import textwrap
 from collections.abc import Collection, Sequence
@@ -17,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from pivident.diagnostics.diagnostics import Diagnostics
-from pivident.diagnostics.estimate_statements import is_known
 from pivident.diagnostics.uses import Use
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import ParameterRow, parameter_rows
@@ -26,6 +24,7 @@ from pivident.text.finding import Finding
 from pivident.text.lists import plural
 from pivident.text.numbers import format_significant, percent
 from pivident.text.plain_table import plain_table
+from pivident.text.sentences import first_sentence
 from pivident.validation.held_out.prediction import PredictionError
 
 #: Width of the screen, in characters, its lines, and those of one item.
@@ -36,9 +35,6 @@ MAX_JOINTS = 7
 
 #: Repairs and reservations that are listed.
 MAX_ITEMS = 4
-
-#: Between two sentences.
-_SENTENCE = re.compile(r"(?<=[.:!?])\s+(?=[A-Z`])")
 
 #: Friction that the table shows: title and stems of parameters.
 SHOWN = (("viscous", ("fv", "fvp")), ("Coulomb", ("fc", "fcp")))
@@ -189,13 +185,13 @@ def summary_of(
     result = diagnostics.identifications[name]
     compared = diagnostics.out_of_sample
     judged = None if compared is None else compared.results.get(name)
-    answer = {use.name: use.answer for use in judged_uses}
+    by_name = {use.name: use for use in judged_uses}
+    values, torques = by_name["parameters"], by_name["torque"]
     rows = parameter_rows(result)
     error = None if judged is None else judged.prediction
     titles, joints = _joints(result, rows, error)
-    known = sum(is_known(row) for row in rows)
-    text = f"{known} of {plural(len(rows), 'value')} known to 10 %"
-    if answer.get("parameters") != "yes" and answer.get("torque") != "no":
+    text = values.why
+    if values.answer != "yes" and torques.answer != "no":
         text += ": trust the torques, not single values"
     repairs = [Item(t.cause, effect=t.effect) for t in diagnostics.trials if t.wins]
     further = [Item(_brief(s)) for s in reservations if not s.repairs]
@@ -289,8 +285,8 @@ def _of_joint(error: PredictionError | None, name: str, unit: str) -> tuple[str,
 
 def _brief(statement: Finding) -> str:
     """The first sentence of a statement, and the first of what to do."""
-    first, step = (_SENTENCE.split(text)[0] for text in (statement.message, statement.next_step))
-    return f"{_cut(first, WIDTH - 3)}\n{step}".rstrip()
+    first = _cut(first_sentence(statement.message), WIDTH - 3)
+    return f"{first}\n{first_sentence(statement.next_step)}".rstrip()
 
 
 def _aligned(cells: Sequence[str]) -> list[str]:

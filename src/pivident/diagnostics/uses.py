@@ -19,6 +19,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
+from pivident.consistency.consistent_estimate import ConsistentEstimate
+from pivident.consistency.consistent_model import ConsistentModel
 from pivident.diagnostics.diagnostics import Diagnostics
 from pivident.diagnostics.estimate_statements import is_known
 from pivident.diagnostics.prediction_statements import unexplained_joints
@@ -32,7 +34,8 @@ from pivident.validation.held_out.prediction import PredictionError
 
 Answer = Literal["yes", "care", "no"]
 
-#: Ratio to the plain law's error up to which an estimate is as good, and from which it is worse.
+#: Ratio to the smaller error of description and plain law up to which an estimate is as good, and
+#: from which it is worse.
 AS_GOOD, WORSE = 1.05, 1.25
 
 #: Error below which nothing is gained by a smaller one [%].
@@ -127,9 +130,7 @@ def _against_baselines(
 
 def simulation(diagnostics: Diagnostics, name: str) -> Use:
     """Simulation and control design: a machine can have the parameters."""
-    result, model = diagnostics.identifications[name], diagnostics.nearest
-    found = diagnostics.consistent.get(name)
-    model = getattr(found, "model", None) or model
+    result, model = diagnostics.identifications[name], _nearest_machine(diagnostics, name)
     if not result.converged:
         return Use("simulation", "no", "the iteration did not converge")
     if model is None:
@@ -170,8 +171,7 @@ def parameters(diagnostics: Diagnostics, name: str) -> Use:
 
 def bodies(diagnostics: Diagnostics, name: str) -> Use:
     """Masses and centres of mass of single bodies, as in a URDF."""
-    found = diagnostics.consistent.get(name)
-    model = getattr(found, "model", None) or diagnostics.nearest
+    model = _nearest_machine(diagnostics, name)
     if model is None:
         return Use("bodies", "no", "no consistent masses are known")
     if model.is_far:
@@ -184,6 +184,12 @@ def bodies(diagnostics: Diagnostics, name: str) -> Use:
     said = f"{format_significant(mass)} kg in all, {format_significant(described)} as described"
     agrees = 1.0 / MASS < mass / described < MASS
     return Use("bodies", "yes" if agrees and model.was_consistent else "care", said, evidence)
+
+
+def _nearest_machine(diagnostics: Diagnostics, name: str) -> ConsistentModel | None:
+    """The consistent parameters that were asked for, else those nearest to the estimate."""
+    made = diagnostics.consistent.get(name)
+    return made.model if isinstance(made, ConsistentEstimate) else diagnostics.nearest
 
 
 def with_errors(judged: Sequence[Use], statements: Sequence[Finding]) -> tuple[Use, ...]:

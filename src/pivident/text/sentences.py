@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import re
+
 #: Words of an experiment file that keep their small letter at the start of a sentence.
 _NAMES = {"q", "dq", "tau", "t", "kp", "kd", "ki", "kv", "rate", "mask", "delay", "files", "name"}
+
+#: Between two sentences.
+_BETWEEN = re.compile(r"(?<=[.:!?])\s+(?=[A-Z`])")
 
 
 def capital(text: str) -> str:
@@ -17,6 +22,11 @@ def sentence_of(text: str) -> str:
     plain_word = first.isalpha() and first.islower() and first not in _NAMES
     text = capital(text) if plain_word else text
     return text if text.endswith((".", "?", "!")) else f"{text}."
+
+
+def first_sentence(text: str) -> str:
+    """The sentence with which a text begins, where there is room for no more."""
+    return _BETWEEN.split(text)[0]
 
 
 def half_sentence(text: str) -> str:
