@@ -226,9 +226,13 @@ def _error(diagnostics: Diagnostics, error: PredictionError | None, result: Iden
     """Torque error beside that of simpler models."""
     if error is None:
         return f"Torque on the fitted motion: {percent(100.0 * float(result.relative_error))} off."
-    beside = [f"{BASELINES[n]} {percent(x)}" for n, x in diagnostics.baselines.errors.items()]
-    said = f" ({', '.join(beside)})" if beside else ""
-    return f"Torque on motion that was not fitted: {percent(error.total_in_band)} off{said}"
+    beside = ", ".join(
+        f"{BASELINES[n]} {percent(x)}" for n, x in diagnostics.baselines.errors.items()
+    )
+    said = f" ({beside})" * bool(beside)
+    whole, moving = error.total_in_band, error.total_moving_in_band
+    moves = f", {percent(moving)} in motion" if moving < 0.5 * whole else ""
+    return f"Torque on motion that was not fitted: {percent(whole)} off{moves}{said}"
 
 
 def _joints(
