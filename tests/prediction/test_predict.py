@@ -9,6 +9,7 @@ import pivident as pv
 from pivident.errors import ExperimentError
 from pivident.estimation.equation_record import MotionRange
 from pivident.models.runnable_model import runnable_model
+from pivident.prediction.beside_held_out import ErrorRatio
 from pivident.prediction.predict import (
     block_squares,
     joint_intervals,
@@ -17,9 +18,17 @@ from pivident.prediction.predict import (
     total_interval,
 )
 from pivident.text.numbers import format_significant
-from pivident.validation.held_out.held_out_errors import HeldOutErrors
+from pivident.validation.held_out.held_out_errors import (
+    ALL_JOINTS,
+    HeldOutErrors,
+    LogError,
+    jackknife_spread,
+)
 from tests.planar_log import RATE, planar_log
 from tests.planar_results import planar_results
+
+#: Kinds of the finding beside held-out motion.
+KINDS_BESIDE = ("as held out", "worse", "unknown")
 
 ARM = """<robot name="arm"><link name="base"/>
 <joint name="waist" type="revolute"><parent link="base"/><child link="a"/>
@@ -132,21 +141,67 @@ def result_and_record():
 
 def test_error_beside_that_of_held_out_motion():
     result, record = result_and_record()
-    held_out = HeldOutErrors("IDIM-WLS", "3 held-out blocks", 20.0, 0.42, 0.4,
-                             {"shoulder": 0.4, "elbow": 0.5}, {}, {})  # fmt: skip
-    found = pv.predict(result, record, held_out=held_out)
-    e = found.error
-    assert e.total_interval[0] < e.errors.total_in_band < e.total_interval[1]
-    alike = replace(held_out, total=0.9 * e.errors.total_in_band)
-    ok = next(f for f in pv.predict(result, record, held_out=alike).findings if f.severity == "ok")
-    assert "the log is predicted about as well" in ok.message
-    poor = pv.predict(result, record, held_out=replace(held_out, total=60.0)).findings
-    assert [f.severity for f in poor if f.kind == "as held out"] == ["note"]
-    assert any(f.message.endswith("as well or better. Neither is good.") for f in poor)
-    better = replace(held_out, total=0.2 * e.errors.total_in_band, joints={"elbow": 1e-3})
-    worse = pv.predict(result, record, held_out=better).findings[1]
-    assert worse.severity == "warning"
-    assert "5.0 times less. Worse than then: elbow." in worse.message
+    plain = pv.predict(result, record).error
+
+    def beside(factor, spread=0.02, joints=(1.0, 1.0)):
+        """The finding, with held-out errors so many times those of the log."""
+        now = [plain.moving[name] for name in (ALL_JOINTS, "shoulder", "elbow")]
+        moving = {
+            name: LogError(factor * share * one.value, spread, 20)
+            for name, one, share in zip(
+                (ALL_JOINTS, "shoulder", "elbow"), now, (1.0, *joints), strict=True
+            )
+        }
+        held_out = HeldOutErrors("IDIM-WLS", "3 held-out blocks", 20.0, 0.42, 0.4, {}, {}, {},
+                                 moving=moving)  # fmt: skip
+        found = pv.predict(result, record, held_out=held_out)
+        return found, next(f for f in found.findings if f.kind in KINDS_BESIDE)
+
+    found, better = beside(5.0)
+    assert better.severity == "ok" and ": better (" in better.message
+    assert found.table().count("better") == 2
+    _, worse = beside(0.2)
+    assert worse.severity == "warning" and ": worse (" in worse.message
+    assert 4.0 < worse.evidence["ratio"].value < 6.0
+    _, one = beside(1.0, joints=(1.0, 0.1))
+    assert one.severity == "warning" and "Worse: elbow." in one.message
+    _, unknown = beside(1.0, spread=1.0)
+    assert unknown.severity == "note" and ": unknown (" in unknown.message
+    _, blind = beside(1.0, spread=float("nan"))
+    assert ": unknown." in blind.message
+
+
+@pytest.mark.parametrize(
+    ("now", "then", "answer"),
+    [
+        (LogError(10.0, 0.02, 20), LogError(10.2, 0.02, 5), "as good"),
+        (LogError(20.0, 0.08, 20), LogError(14.0, 0.01, 5), "worse"),
+        (LogError(14.0, 0.01, 20), LogError(20.0, 0.08, 20), "better"),
+        (LogError(10.4, 0.001, 20), LogError(10.0, 0.001, 20), "as good"),
+        (LogError(10.0, 0.3, 20), LogError(10.0, 0.01, 20), "unknown"),
+        (LogError(10.0, 0.3, 1), LogError(10.0, 0.01, 20), "unknown"),
+    ],
+)
+def test_two_errors_are_told_apart_by_the_interval_of_their_ratio(now, then, answer):
+    assert ErrorRatio.of(now, then).answer == answer
+
+
+def test_the_interval_of_a_ratio_holds_the_true_one():
+    """Two logs of the same machine: their true ratio is one."""
+    rng = np.random.default_rng(7)
+    held, runs = 0, 400
+
+    def error(blocks):
+        size = np.repeat(rng.gamma(6.0, 1.0 / 6.0, blocks), 100)
+        squares = block_squares((size * rng.standard_normal(100 * blocks))[:, None], 100.0)
+        left_out = np.sqrt(squares.sum(axis=0) - squares)
+        value = np.sqrt(squares.sum() / (100 * blocks))
+        return LogError(value, float(jackknife_spread(left_out)[0]), len(squares))
+
+    for _ in range(runs):
+        ratio = ErrorRatio.of(error(20), error(5))
+        held += ratio.low <= 1.0 <= ratio.high
+    assert 0.90 <= held / runs <= 0.985
 
 
 def test_motion_beyond_the_fit_is_named_with_its_error():

@@ -12,6 +12,7 @@ from pivident.cli import main
 from pivident.dynamics.regressor import Regressor
 from pivident.models.model_json import to_json
 from pivident.prediction.new_logs import new_logs, stored_result
+from pivident.validation.held_out.held_out_errors import ALL_JOINTS
 from tests import bags
 from tests.planar_arm import nominal_parameters
 from tests.planar_log import EXPERIMENT, HEADER, RATE, planar_log, write_experiment
@@ -81,7 +82,8 @@ def test_held_out_errors_of_the_verdict_stand_beside(folder, capsys):
     assert run("predict", folder / "out", folder / "new.csv") == 0
     printed = " ".join(capsys.readouterr().out.split())
     assert stored.held_out.where == "3 held-out blocks" in printed
-    assert "held out %" in printed and f"It was {stored.held_out.total:.2g} %" in printed
+    then = stored.held_out.moving[ALL_JOINTS]
+    assert "held out %" in printed and f"it was {then.value:.2g} % on 3 held-out" in printed
     content = json.loads((folder / "out/verdict.json").read_text("utf-8"))["held_out"]
     assert set(content) == {"ls", "piv"} and set(content["ls"]["joints"]) == {"shoulder", "elbow"}
 

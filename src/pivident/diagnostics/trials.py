@@ -20,6 +20,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from pivident.audit.scale import GAIN
 from pivident.audit.steps import LOST, REPEATED_SAMPLE, unsteady_steps
 from pivident.diagnostics.logged_speeds import speed_evidence
 from pivident.diagnostics.repair_search import Candidate, joined, search
@@ -33,7 +34,7 @@ from pivident.experiment.repaired_problem import repaired
 from pivident.recording.recording import Recording
 from pivident.text.finding import Finding
 from pivident.text.numbers import percent
-from pivident.text.repair import Change, Repair, Retimed
+from pivident.text.repair import Change, Multiplied, Repair, Retimed
 from pivident.validation.held_out.cross_validation import CrossValidation, judged_on
 from pivident.validation.held_out.folds import JudgedMotion
 from pivident.validation.held_out.out_of_sample import error_ratio
@@ -191,12 +192,21 @@ def _suspicions(problem: Problem, log: Iterable[Finding], method: Method) -> lis
     for finding in log:
         if finding.declared in (LOST, REPEATED_SAMPLE):
             found.append(_Suspicion(None, finding.message, finding=finding))
-        direct = finding.message if finding.severity == "error" else ""
-        for repair in finding.repairs:
+        direct = finding.message if finding.severity == "error" and finding.repairs else ""
+        for repair in finding.repairs or _as_gain(finding):
             if not any(own.repair and repair.edits == own.repair.edits for own in found):
                 cause = cause_of(repair, names) or finding.message
                 found.append(_Suspicion(repair, cause, direct, finding=finding))
     return found[:MAX_TRIALS]
+
+
+def _as_gain(finding: Finding) -> tuple[Repair, ...]:
+    """What would make up for a torque of another size than the description's, were it a gain."""
+    factor = finding.evidence["factor"].value if finding.declared is GAIN else 0.0
+    if factor <= 0.0:
+        return ()
+    scaled = ((finding.subject, float(f"{1.0 / factor:.4g}")),)
+    return (Repair((Multiplied(channel="tau", factors=scaled),)),)
 
 
 def without_unsteady_steps(problem: Problem) -> Problem:
@@ -275,13 +285,18 @@ def consequences(log: Sequence[Finding], trials: Iterable[Trial]) -> tuple[Findi
     """What an audit has against a log, as far as it has consequences.
 
     A finding whose repairs were all tried in vain is left out where they make the result worse, and
-    a note where they change nothing; one that nobody can try is a reservation at most.
+    a note where they change nothing, or where it has another cause that concerns the description
+    alone; one that nobody can try is a reservation at most.
     """
     done, left = list(trials), []
     for finding in log:
         own = [trial for trial in done if trial.finding is finding]
         lost = [trial.outcome in ("worse", "unsolvable") for trial in own if trial.repair]
-        if any(trial.wins for trial in own) or (lost and all(lost)):
+        if any(trial.wins for trial in own):
+            continue
+        if lost and all(lost):
+            if not finding.repairs:
+                left.append(_of_description(finding, own[0]))
             continue
         same = [
             trial.effect
@@ -297,3 +312,12 @@ def consequences(log: Sequence[Finding], trials: Iterable[Trial]) -> tuple[Findi
         else:
             left.append(finding)
     return tuple(left)
+
+
+def _of_description(finding: Finding, lost: Trial) -> Finding:
+    """A torque of another size than the description's that is no gain."""
+    text = (
+        f"{finding.message} It is no gain (tried: {lost.effect}): its masses in the description "
+        "are wrong, or something is mounted that it lacks. The estimate does not use them."
+    )
+    return replace(finding, severity="note", message=text, next_step="", repairs=())

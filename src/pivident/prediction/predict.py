@@ -3,13 +3,9 @@
 The error of a predicted torque: its interval from the scatter over blocks, and its bands.
 
 Errors of neighbouring samples are alike, and parts of a motion are easier or harder to predict.
-The blocks of a log are left out in turn (jackknife, Efron and Tibshirani 1993, section 11): with
-ℓ = ln(‖e‖/‖τ‖) of all blocks and ℓ_b without block b,
-
-    σ² = (B - 1)/B Σ_b (ℓ_b - mean ℓ_b)²,      interval exp(ℓ ± t σ)
-
-with the quantile t of Student's distribution of B - 1 degrees of freedom. It holds for motion like
-that of the log.
+The blocks of a log are left out in turn: with ℓ = ln(‖e‖/‖τ‖) of all blocks and its standard
+deviation σ by `jackknife_spread` the interval is exp(ℓ ± t σ), with the quantile t of Student's
+distribution of B - 1 degrees of freedom. It holds for motion like that of the log.
 
 The bands are slower than the motion, in its band, and faster. The cosine transform (DCT-II) of a
 stretch keeps the sum of squares, and its even continuation has no jump at the ends. So the mean
@@ -32,6 +28,7 @@ from pivident.estimation.problem import Problem
 from pivident.logs.read_log import numbered_joints
 from pivident.models.runnable_model import RunnableModel
 from pivident.motion.motion import measured_samples
+from pivident.prediction.beside_held_out import error_ratios, finding_of
 from pivident.prediction.prediction import (
     COMPARED,
     ErrorOnLog,
@@ -47,8 +44,13 @@ from pivident.text.lists import listed
 from pivident.text.numbers import format_significant, percent
 from pivident.validation.held_out.cross_validation import CrossValidation
 from pivident.validation.held_out.folds import moving_part
-from pivident.validation.held_out.held_out_errors import HeldOutErrors
-from pivident.validation.held_out.prediction import POOR, Judge, total_error
+from pivident.validation.held_out.held_out_errors import (
+    ALL_JOINTS,
+    HeldOutErrors,
+    LogError,
+    jackknife_spread,
+)
+from pivident.validation.held_out.prediction import Judge, PredictionError, total_error
 
 #: From this error on the model predicts less than nothing [%].
 WITHOUT_USE = 100.0
@@ -187,9 +189,7 @@ def _interval(every: np.ndarray, left_out: np.ndarray) -> tuple[np.ndarray, np.n
     from scipy.stats import t as student
 
     count = len(left_out)
-    logs = np.log(np.maximum(left_out, 1e-300))
-    spread = np.sqrt((count - 1) * logs.var(axis=0))
-    factor = np.exp(student.ppf(0.975, count - 1) * spread)
+    factor = np.exp(student.ppf(0.975, count - 1) * jackknife_spread(left_out))
     return every / factor, every * factor
 
 
@@ -236,6 +236,7 @@ def _error(judge: Judge, robot: Robot, residual: np.ndarray, span: slice) -> Err
     errors = judge.error(robot, residual, low, span)
     torque = block_squares(judge.kinematics.tau.T[span], rate)
     low_squares, torque_low = (block_squares(x[span], rate) for x in (low, judge.torque_in_band))
+    in_motion = np.where(judge.resting(robot, span), 0.0, low[span])
     begin = motion_band_start(judge.kinematics.dq.T[span], rate, judge.band)
     edges = begin, judge.band
     return ErrorOnLog(
@@ -246,7 +247,24 @@ def _error(judge: Judge, robot: Robot, residual: np.ndarray, span: slice) -> Err
         len(torque),
         edges,
         rms_by_band(residual[span], rate, edges),
+        _moving_errors(errors, block_squares(in_motion, rate), torque_low),
     )
+
+
+def _moving_errors(
+    errors: PredictionError, squares: np.ndarray, torque: np.ndarray
+) -> dict[str, LogError]:
+    """Errors in motion with their scatter; arguments as of `joint_intervals`, in the band."""
+    left_out, count = np.sqrt(_without_each(squares)), len(squares)
+    sizes = np.sqrt(_without_each(torque))
+    totals = [total_error(e, t, errors.units) for e, t in zip(left_out, sizes, strict=True)]
+    spreads = jackknife_spread(np.column_stack([totals, left_out / np.maximum(sizes, 1e-300)]))
+    values = [errors.total_moving_in_band, *errors.moving_in_band]
+    names = (ALL_JOINTS, *errors.joint_names)
+    return {
+        name: LogError(float(x), float(s), count)
+        for name, x, s in zip(names, values, spreads, strict=True)
+    }
 
 
 def _error_findings(error: ErrorOnLog, held_out: HeldOutErrors | None) -> list[Finding]:
@@ -262,7 +280,9 @@ def _error_findings(error: ErrorOnLog, held_out: HeldOutErrors | None) -> list[F
     evidence = {"torque error": Quantity(e.total_in_band, "%", interval=ends)}
     findings = [Finding("note", "prediction", "error", f"{text}.", evidence=evidence)]
     if held_out is not None:
-        findings.append(_beside_held_out(error, held_out))
+        ratios = error_ratios(error.moving, held_out, e.joint_names)
+        beside = finding_of(ratios, held_out)
+        findings += [] if beside is None else [beside]
     useless = [
         name
         for name, share in zip(e.joint_names, e.relative_in_band, strict=True)
@@ -273,39 +293,6 @@ def _error_findings(error: ErrorOnLog, held_out: HeldOutErrors | None) -> list[F
         step = "Check that the log is of this robot, and its units, signs, side and joint order."
         findings.append(Finding("error", "prediction", "without use", text, next_step=step))
     return findings
-
-
-def _beside_held_out(error: ErrorOnLog, held_out: HeldOutErrors) -> Finding:
-    """Whether this log is predicted as motion was that was held out of the fit."""
-    e = error.errors
-    evidence = {
-        "torque error": Quantity(e.total_in_band, "%"),
-        "held out": Quantity(held_out.total, "%"),
-    }
-    earlier = (
-        f"{percent(held_out.total)} on {held_out.where} when the result was made (by "
-        f"{held_out.method}, below {held_out.band:g} Hz)"
-    )
-    if error.total_interval[0] <= WORSE * held_out.total:
-        as_well = "as well or better" if e.total_in_band <= held_out.total else "about as well"
-        text = f"It was {earlier}: the log is predicted {as_well}."
-        if held_out.total <= POOR:
-            return Finding("ok", "prediction", "as held out", text, evidence=evidence)
-        text += " Neither is good."
-        return Finding("note", "prediction", "as held out", text, evidence=evidence)
-    ratio = e.total_in_band / max(held_out.total, 1e-300)
-    worse = [
-        name
-        for name, (low, _) in zip(e.joint_names, error.in_band_intervals, strict=True)
-        if low > WORSE * held_out.joints.get(name, np.inf)
-    ]
-    text = f"It was {earlier}: {ratio:.1f} times less."
-    text += f" Worse than then: {listed(worse)}." if worse else ""
-    step = (
-        "Look for another payload, temperature, gain or calibration, for standstill, or for motion "
-        "outside the fit."
-    )
-    return Finding("warning", "prediction", "worse", text, "", step, evidence)
 
 
 def _without_drives(model: RunnableModel) -> list[Finding]:

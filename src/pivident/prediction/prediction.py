@@ -9,18 +9,19 @@ does not have.
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from pivident.estimation.equation_record import MotionRange
 from pivident.estimation.kinematics import Kinematics
+from pivident.prediction.beside_held_out import error_ratios
 from pivident.robot.description import Robot
 from pivident.text.finding import Finding, Quantity
 from pivident.text.numbers import format_significant, percent
 from pivident.text.plain_table import plain_table
-from pivident.validation.held_out.held_out_errors import HeldOutErrors
+from pivident.validation.held_out.held_out_errors import HeldOutErrors, LogError
 from pivident.validation.held_out.prediction import PredictionError
 
 #: Width of text beside the table, in characters.
@@ -45,6 +46,7 @@ class ErrorOnLog:
         blocks: blocks of time that the intervals come from.
         edges: frequencies at which the band of the motion begins and ends [Hz].
         by_band: rms below, in and above that band, shape (3, joints) [N m or N].
+        moving: errors below the highest frequency without standstill, by joint and of all joints.
     """
 
     errors: PredictionError
@@ -54,6 +56,7 @@ class ErrorOnLog:
     blocks: int
     edges: tuple[float, float]
     by_band: np.ndarray
+    moving: Mapping[str, LogError]
 
     @property
     def band_names(self) -> tuple[str, str, str]:
@@ -228,6 +231,10 @@ class Prediction:
         if self.held_out is not None:
             held = [self.held_out.joints.get(name, np.nan) for name in self.robot.joint_names]
             yield "held out %", ".", [format_significant(x) for x in held]
+            ratios = error_ratios(error.moving, self.held_out, self.robot.joint_names)
+            answers = [ratios[n].answer if n in ratios else "" for n in self.robot.joint_names]
+            if any(answers):
+                yield "in motion", "<", answers
 
     def legend(self) -> str:
         """What the columns of the table are, in sentences."""
@@ -243,7 +250,9 @@ class Prediction:
         if self.held_out is not None:
             text += (
                 f" Below {self.held_out.band:g} Hz it can be compared with that on "
-                f"{self.held_out.where} (held out) when the result was made."
+                f"{self.held_out.where} (held out) when the result was made; in motion, without "
+                "standstill, it is better, as good or worse where the 95 % interval of their ratio "
+                "tells."
             )
         return text
 

@@ -223,13 +223,21 @@ class Judge:
             rms_in_band=_rms(low[span]) / known,
             torque_in_band=_rms(self.torque_in_band[span]),
             noise_in_band=np.sqrt(level * _width(self.band)),
-            rest_in_band=_rms(np.where(self._resting(robot, span), low[span], 0.0)),
+            rest_in_band=_rms(np.where(self.resting(robot, span), low[span], 0.0)),
             band=self.band,
             samples=span.stop - span.start,
         )
 
-    def _resting(self, robot: Robot, span: slice) -> np.ndarray:
-        """Samples slower than the estimate's, and what the low-pass mixes them with, likewise."""
+    def resting(self, robot: Robot, span: slice) -> np.ndarray:
+        """Samples slower than the estimate's, and what the low-pass mixes them with, likewise.
+
+        Args:
+            robot: whose couplings say what else moves a joint.
+            span: samples of the recording.
+
+        Returns:
+            Shape (samples, joints).
+        """
         from scipy.ndimage import maximum_filter1d
 
         slow = LOW_SPEED * rated_speeds(robot, self.recording)
