@@ -141,7 +141,7 @@ CAUSES: dict[str, Cause] = {
     ),
     "torque x1.5": Cause("scale: gain|model: torque gain", _is_gain),
     "3 kg missing": Cause("scale: load|payload: |masses: ", _is_mass, False),
-    "standstill": Cause("standstill: |motion: .*stand", _is_standstill, False),
+    "standstill": Cause("motion: rest at the ends", _is_standstill, False),
 }  # fmt: skip
 
 
@@ -152,7 +152,8 @@ class Judgement:
     Attributes:
         named: ``first``, the number of the first right repair or reservation, or ``no``.
         by: what named it: ``repair``, ``statement``, ``notice`` (samples that were left out, said
-            above the verdict), ``refusal``, or nothing.
+            above the verdict, or a note that it is of no consequence, if it has none), ``refusal``,
+            or nothing.
         taken: ``silently`` without any reservation, ``unnoticed`` with none that the log without a
             trap has not as well, or empty.
         repaired: whether the first repair brings the error back; None: it was not tried.
@@ -199,6 +200,9 @@ def judge(trap: str, joints: list[str], outcome: Outcome, clean: Outcome) -> Jud
             "first" if cause.is_said_in([outcome.headline]) else "no", "refusal", taken
         )
     if cause.is_said_in(outcome.notices):
+        return Judgement("first", "notice", "")
+    notes = [one for one in outcome.statements if one["severity"] == "note"]
+    if is_as_good(outcome, clean) and any(cause.is_named_by(one, joints) for one in notes):
         return Judgement("first", "notice", "")
     right = [named[id(one)] for one in new]
     return Judgement(_rank(right), "statement" if any(right) else "", taken)

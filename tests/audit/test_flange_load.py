@@ -80,6 +80,23 @@ def test_mass_and_gains_are_found_together(robot):
     np.testing.assert_allclose(load.factors, gain, rtol=0.04)
 
 
+def test_a_body_that_the_arm_did_not_carry(robot):
+    """The description has a tool of 1.6 kg more than the arm."""
+    log = log_of(robot, *signals(robot, -1.6, 1.0))
+    model = model_of(log)
+    load = flange_load(model, np.ones(5))
+    assert load.mass == pytest.approx(-1.6, abs=4 * load.standard_error + 0.02)
+    (found,) = [f for f in check_scale(log, model).findings if f.severity != "ok"]
+    assert found.kind == "load" and "that the arm did not carry" in found.message
+    assert found.next_step.startswith("Take it out of the link of j5")
+
+
+def test_no_more_is_taken_out_than_there_is(robot):
+    """A last link of 2 kg cannot have 3 kg too much."""
+    model = model_of(log_of(robot, *signals(robot, -3.0, 1.0)))
+    assert flange_load(model, np.ones(5)) is None
+
+
 def test_no_load_is_invented(robot):
     for gain in (1.0, np.array([1.0, 1.0, 1.0, 2.0, 6.0])):
         model = model_of(log_of(robot, *signals(robot, 0.0, gain)))

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pivident.audit.scale import GAIN
 from pivident.diagnostics.diagnostics import diagnose
 from pivident.diagnostics.repair_search import search
 from pivident.diagnostics.trials import consequences, tried
@@ -15,7 +16,7 @@ from pivident.estimation.problem import Problem
 from pivident.experiment.repaired_problem import repaired
 from pivident.recording.recording import Recording
 from pivident.robot.urdf import parse_urdf
-from pivident.text.finding import FindingKind, Topic
+from pivident.text.finding import FindingKind, Quantity, Topic
 from pivident.text.repair import (
     Edit,
     Multiplied,
@@ -93,14 +94,17 @@ def test_two_faults_are_found_one_after_the_other(right):
 
 @pytest.mark.parametrize("factor", [2.0, 0.5])
 def test_the_logged_speeds_know_the_clock(right, factor):
-    """Least squares puts up with a wrong clock: nothing but the speeds names it."""
+    """Without them the fit finds it: gravity stays as it is where inertia changes by a square."""
     wrong = after(right, Retimed(factor=factor))
-    (trial,) = tried(wrong, (), METHODS["ls"], 5)
+    trial = tried(wrong, (), METHODS["ls"], 5)[0]
     assert trial.evidence and trial.wins
     (edit,) = trial.repair.edits
     assert edit.factor == pytest.approx(1.0 / factor, rel=0.01)
     without = replace(wrong, recordings=(replace(wrong.recordings[0], dq=None),))
-    assert tried(without, (), METHODS["ls"], 5) == ()
+    (trial,) = tried(without, (), METHODS["ls"], 5)
+    (edit,) = trial.repair.edits
+    assert trial.wins and not trial.evidence
+    assert edit.factor == pytest.approx(1.0 / factor, rel=0.05)
 
 
 def test_one_speed_of_another_size_is_a_unit(right):
@@ -132,6 +136,21 @@ def test_advice_that_makes_it_worse_is_not_given(right):
     trials = tried(right, (finding,), METHODS["ls"], 5)
     assert [trial.outcome for trial in trials] == ["worse"]
     assert consequences((finding,), trials) == ()
+
+
+@pytest.mark.parametrize("scaled", [True, False])
+def test_a_gain_is_told_from_a_wrong_mass(right, scaled):
+    """A torque of three times its size is repaired; a description of a third of it is none."""
+    name = joint(right, 2)
+    size = {"factor": Quantity(3.0)}
+    finding = GAIN.finding("warning", "It is 3 times that.", name, evidence=size)
+    problem = after(right, Multiplied(channel="tau", factors=((name, 3.0),))) if scaled else right
+    trials = tried(problem, (finding,), METHODS["ls"], 5)
+    if scaled:
+        assert trials[0].wins and "times as large" in trials[0].cause
+    else:
+        (left,) = consequences((finding,), trials)
+        assert left.severity == "note" and "It is no gain (tried: error in motion" in left.message
 
 
 def test_what_nobody_can_try_is_a_reservation_at_most():

@@ -62,15 +62,17 @@ REPAIRS = {
 }
 
 
+@pytest.mark.parametrize("zeros", ["", "position_offset = [0.4, -0.2, 0.3]"])
 @pytest.mark.parametrize("name", REPAIRS)
-def test_samples_and_file_agree(folder, name):
+def test_samples_and_file_agree(folder, name, zeros):
+    text = f"{FILE}{zeros}\n"
     path = folder / f"{name.replace(' ', '_')}.toml"
-    path.write_text(FILE)
+    path.write_text(text)
     experiment = load_experiment(path)
     given = experiment.problem()
     repair = Repair((REPAIRS[name](*given.robot.joint_names[:2]),))
-    fix = fix_of(repair.below(("recording", 0)), FILE, given.robot.joint_names)
-    path.write_text(applied(FILE, fix))
+    fix = fix_of(repair.below(("recording", 0)), text, given.robot.joint_names)
+    path.write_text(applied(text, fix))
     read, made = load_experiment(path).problem(), repaired(given, repair)
     (a,), (b,) = read.recordings, made.recordings
     for channel in ("q", "tau", "dq"):
@@ -106,3 +108,13 @@ def test_a_part_outside_of_the_record_is_an_error(folder):
     path.write_text(FILE)
     with pytest.raises(Exception, match="no sample"):
         repaired(load_experiment(path).problem(), setting("part", value=[100.0, 200.0]))
+
+
+def test_times_on_the_stamps_change_with_the_clock():
+    content = plain_form(
+        {"robot": "arm.urdf", "recording": {"files": "a.csv", "columns": {"t": "t"},
+                                            "part": [1.0, 5.0], "delay": 0.01}}
+    )  # fmt: skip
+    repair = Repair((Retimed(factor=2.0),)).below(("recording", 0))
+    edits = {place[2:]: value for place, value in edits_of(repair, FileContent(content, ())).edits}
+    assert edits == {("units", "t"): 2.0, ("part",): [2.0, 10.0], ("delay",): 0.02}

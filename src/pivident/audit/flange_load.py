@@ -1,4 +1,4 @@
-"""A load on the flange that the robot's description lacks.
+"""A load on the flange that the robot's description lacks, or has too much.
 
 A gripper of a kilogram multiplies the torque of the wrist, which carries little else, and hardly
 changes that of the shoulder. Held against the description joint by joint, its torque looks like
@@ -24,7 +24,7 @@ from pivident.dynamics.parameters import standard_parameters
 from pivident.dynamics.robot_regressor import regressor_of
 from pivident.robot.description import INERTIAL
 
-#: Standard errors by which the mass of a load must be above zero.
+#: Standard errors by which the mass of a load must differ from zero.
 CLEAR = 6.0
 
 #: A load must leave at most this share of the error that gains alone leave, in squares.
@@ -38,7 +38,7 @@ STEPS, SETTLED = 30, 1e-4
 class FlangeLoad:
     """A body on the last link, and the torques beside description and body."""
 
-    mass: float  # its mass [kg]
+    mass: float  # its mass [kg], negative where the description has more than the arm carried
     standard_error: float  # the standard error of the mass
     factors: np.ndarray  # logged torque per torque of description and body, by joint
     standard_errors: np.ndarray  # of the factors
@@ -75,7 +75,9 @@ def flange_load(model: InverseModel, factors: np.ndarray) -> FlangeLoad | None:
     standard_error = jackknife(fit.replicates / length)
     together = _squares(model, body, a, theta, weights, with_load=True)
     mass = INERTIAL.index("m")
-    if not (together < BETTER * alone and theta[mass] > CLEAR * standard_error[joints + mass]):
+    least = -float(robot.links[-1].inertia[mass])  # no more than the link has can be too much
+    is_clear = abs(theta[mass]) > CLEAR * standard_error[joints + mass] and theta[mass] > least
+    if not (together < BETTER * alone and is_clear):
         return None
     return FlangeLoad(
         float(theta[mass]), float(standard_error[joints + mass]), a, standard_error[:joints]

@@ -20,6 +20,7 @@ from pivident.audit.inverse_model import build_inverse_model
 from pivident.audit.log_checks import CHECKS
 from pivident.audit.saturation import CLIPPED, check_channels
 from pivident.audit.scale import ALIKE, GAIN, LOAD, PositionUnitCheck, check_scale
+from pivident.audit.standstill import check_rest_at_ends
 from pivident.audit.timing import Timing, check_timing
 from pivident.errors import PividentError
 from pivident.logs.log import Log
@@ -63,6 +64,7 @@ def _faults(robot: Robot, recording: Recording) -> list[Finding]:
     measured = {name: np.where(valid, x, np.nan) for name, x in log.logged.items() if name == "tau"}
     seen = replace(log, logged=log.logged | measured)
     findings = [*timing.findings, *map(_allowed, check_channels(seen))]
+    findings += check_rest_at_ends(recording.q, recording.t)
     if recording.has_torque:  # one from the control law fits the motion whatever is wrong
         findings += _against_torque(log, timing, recording.drive_delay)
     return serious(finding for finding in findings if finding.is_reservation)

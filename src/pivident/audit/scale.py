@@ -149,42 +149,45 @@ def check_scale(log: Log, model: InverseModel, signs_right: Container[int] = ())
     findings = _gain_findings(log, model, found, signs_right)
     if any(f.severity != "ok" for f in findings):
         load = flange_load(model, factors)
-        if load is not None and _gains_agree(load, [j for j in range(joints) if j in log.commands]):
+        commands = [j for j in range(joints) if j in log.commands]
+        if load is not None and _gains_agree(load, commands, np.isfinite(factors)):
             fine = [f for f in findings if f.severity == "ok"]
             findings = [*fine, _load_finding(model.robot, load)]
     return replace(found, findings=tuple(findings))
 
 
-def _gains_agree(load: FlangeLoad, commands: list[int]) -> bool:
+def _gains_agree(load: FlangeLoad, commands: list[int], judged: np.ndarray) -> bool:
     """Whether all torques are those of description and load, but for one and the same factor.
 
-    A command has no gain to agree.
+    A command has no gain to agree; ``judged``: joints that have one without a load, (joints,).
     """
-    typical = float(np.median(load.factors))
-    relative, spread = load.factors / typical, load.standard_errors / abs(typical)
+    factors = load.factors[judged]
+    typical = float(np.median(factors))
+    relative, spread = factors / typical, load.standard_errors[judged] / abs(typical)
     near = (relative > 1.0 / WARNING) & (relative < WARNING)
     agree = bool(np.all(near | (np.abs(relative - 1.0) < CLEAR * spread)))
     return not commands and 1.0 / ERROR < typical < ERROR and agree
 
 
 def _load_finding(robot: Robot, load: FlangeLoad) -> Finding:
-    """A body on the last link explains what looked like gains."""
+    """A body on the last link, or the lack of one, explains what looked like gains."""
     last = robot.joints[-1].name
-    half = 2 * load.standard_error
+    half, is_lacking = 2 * load.standard_error, load.mass > 0.0
     low, high = load.mass - half, load.mass + half
     typical = float(np.median(load.factors))
     scale = "the scale of the torques is right"
     if not 1.0 / WARNING < typical < WARNING:
         scale = f"all torques are about {typical:.2g} times those of the description"
+    size = f"a body of {plus_minus(abs(load.mass), half)} kg on the link of {last}"
+    fact = f"lack {size}" if is_lacking else f"have {size} that the arm did not carry"
     text = (
-        f"The description seems to lack a body of {plus_minus(load.mass, half)} kg on the link of "
-        f"{last}, such as a tool. With it {scale} (2σ of the fit, if the masses of the description "
-        "are exact)."
+        f"The description seems to {fact}, such as a tool. {'With' if is_lacking else 'Without'} "
+        f"it {scale} (2σ of the fit, if the masses of the description are exact)."
     )
+    change = "Add its mass, centre of mass and inertia to" if is_lacking else "Take it out of"
     step = (
-        f"Add its mass, centre of mass and inertia to the link of {last} in the file that model "
-        "names under [robot]. Left as it is, its parameters become part of those of this link, "
-        "which is right for torques of the arm with it."
+        f"{change} the link of {last} in the file that model names under [robot]. Left as it is, "
+        "the estimate is that of the arm as it moved, which is right for its torques."
     )
     evidence = {"mass": Quantity(load.mass, "kg", interval=(low, high))}
     return LOAD.finding("warning", text, last, step, evidence)

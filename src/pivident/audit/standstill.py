@@ -1,4 +1,8 @@
-"""Joints that do not move: nothing else can be said of them."""
+"""Joints that do not move, of which nothing else can be said, and an arm that rests at the ends.
+
+At rest dry friction holds a joint with any torque up to its own. What is before the motion and
+behind it tells nothing, and friction that sticks there speaks against signs and delays.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +10,23 @@ import numpy as np
 
 from pivident.logs.log import Log
 from pivident.text.finding import Finding, FindingKind, Quantity, Topic
-from pivident.text.repair import LeftOut, Repair
+from pivident.text.repair import LeftOut, Repair, setting
 
 STANDSTILL = FindingKind(Topic("motion"), "standstill", ("recording", "columns", "q"))
 
+AT_ENDS = FindingKind(Topic("motion"), "rest at the ends", ("recording", "part"), reservation=True)
+
 #: Travel below which a joint stands still [rad or m].
 STILL = 5e-3
+
+#: Travel within 0.1 s that is none, as share of a joint's fastest.
+SLOW = 0.02
+
+#: Share of a joint's path before its motion begins and after it has ended.
+CREEP = 0.005
+
+#: Rest at the ends that is told, as share of a log and at least [s].
+MUCH_REST, LONG_REST = 0.1, 1.0
 
 
 def still_joints(q: np.ndarray) -> list[int]:
@@ -49,3 +64,42 @@ def check_standstill(log: Log) -> list[Finding]:
     left_out = LeftOut(at=tuple((log.joint_names[j], 0.0) for j in still))
     repairs = [Repair((left_out,))] if len(still) < q.shape[1] else []
     return [STANDSTILL.finding("error", text, names, step, evidence, repairs=repairs)]
+
+
+def motion_window(q: np.ndarray, seconds: np.ndarray) -> tuple[float, float, float]:
+    """First and last time of motion, but for `CREEP` at both ends, and the share of rest between.
+
+    Args:
+        q: positions, shape (samples, joints) [rad or m].
+        seconds: time of each sample, shape (samples,) [s].
+    """
+    step = max(1, round(0.1 * (len(q) - 1) / max(float(seconds[-1] - seconds[0]), 1e-9)))
+    if step >= len(q):
+        return float(seconds[0]), float(seconds[-1]), 0.0
+    travel = np.abs(q[step:] - q[:-step])
+    moving = travel > SLOW * np.quantile(travel, 0.995, axis=0) + 1e-12
+    path = np.cumsum(np.where(moving, travel, 0.0), axis=0)
+    if not path[-1].any():
+        return float(seconds[0]), float(seconds[-1]), 1.0
+    share = path[:, path[-1] > 0] / path[-1, path[-1] > 0]
+    first = int(np.argmax((share > CREEP).any(axis=1)))
+    last = int(np.argmax((share >= 1.0 - CREEP).all(axis=1)))
+    still = 1.0 - float(moving[first : last + 1].any(axis=1).mean())
+    return float(seconds[first]), float(seconds[last + step]), still
+
+
+def check_rest_at_ends(q: np.ndarray, seconds: np.ndarray) -> list[Finding]:
+    """A warning where an arm rests for long before its motion or behind it; shapes as above."""
+    if len(q) < 2 or still_joints(q) == list(range(q.shape[1])):
+        return []
+    first, last, _ = motion_window(q, seconds)
+    before, behind = first - float(seconds[0]), float(seconds[-1]) - last
+    if before + behind < max(MUCH_REST * float(seconds[-1] - seconds[0]), LONG_REST):
+        return []
+    ends = [f"the first {before:.3g} s", f"the last {behind:.3g} s"]
+    rests = " and ".join(text for text, t in zip(ends, (before, behind), strict=True) if t >= 0.05)
+    part = [float(f"{first:.6g}"), float(f"{last:.6g}")]
+    step = f"Keep to the motion: part = [{part[0]:g}, {part[1]:g}] under [recording]."
+    evidence = {"rest": Quantity(before + behind, "s")}
+    text, repairs = f"The arm rests for {rests}.", [setting("part", value=part)]
+    return [AT_ENDS.finding("warning", text, "", step, evidence, repairs=repairs)]

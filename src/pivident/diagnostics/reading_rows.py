@@ -24,10 +24,10 @@ from pivident.audit.inverse_model import BANDWIDTH, InverseModel, build_inverse_
 from pivident.audit.recording_audit import log_of
 from pivident.audit.timing import check_timing
 from pivident.dynamics.base_parameters import base_parameters
-from pivident.dynamics.parameters import Parameter
+from pivident.dynamics.regressor import Regressor
 from pivident.dynamics.robot_regressor import regressor_of
 from pivident.estimation.problem import Problem
-from pivident.experiment.repaired_problem import channels_after
+from pivident.experiment.repaired_problem import channels_after, zeros_of
 from pivident.robot.description import Robot
 from pivident.text.repair import Change, Edit, Repair, Retimed
 
@@ -39,9 +39,6 @@ FEW_ROWS = 200
 
 #: Rows per hertz of the band, which are enough to solve for parameters.
 DENSITY = 3.0
-
-#: Stretches of time that are predicted together.
-TOGETHER = 2
 
 #: Relative size of what keeps normal equations solvable.
 RIDGE = 1e-12
@@ -66,6 +63,8 @@ class ReadingRows:
         channels: ``q dq ddq tau``, low-passed, each of shape (rows, joints).
         moving: rows that count, shape (rows, joints).
         block: number of the stretch of time of each row, shape (rows,).
+        regressor: of the parameters that are estimated, for the robot.
+        zeros: what was added to the logged positions, shape (joints,) [rad or m].
         known: the observation matrix, where rows with the same motion have made it.
     """
 
@@ -74,6 +73,8 @@ class ReadingRows:
     channels: Mapping[str, np.ndarray]
     moving: np.ndarray
     block: np.ndarray
+    regressor: Regressor
+    zeros: np.ndarray
     known: np.ndarray | None = None
 
     @classmethod
@@ -91,13 +92,15 @@ class ReadingRows:
         some = [slice(None, None, _stride(model)) for model in models]
         pairs = list(zip(models, some, strict=True))
         channels = {c: np.vstack([getattr(m, c)[own] for m, own in pairs]) for c in MOTION}
+        names = tuple(problem.base.names[k] for k in problem.selection)
         return cls(
             problem.robot,
-            tuple(problem.base.names[k] for k in problem.selection),
+            names,
             channels | {"tau": np.vstack([m.tau()[own] for m, own in pairs])},
             np.vstack([_counting(m)[own] for m, own in pairs]),
-            np.concatenate([m.block[own] + k * BLOCKS for k, (m, own) in enumerate(pairs)])
-            // TOGETHER,
+            np.concatenate([m.block[own] + k * BLOCKS for k, (m, own) in enumerate(pairs)]),
+            _regressor(problem.robot, names),
+            zeros_of(problem.recordings[0]),
         )
 
     def after(self, repair: Repair) -> ReadingRows:
@@ -118,10 +121,11 @@ class ReadingRows:
                 return replace(self, channels={**self.channels, **slower}, known=None)
             case Edit(place=("robot", "gravity"), value=gravity):
                 robot = self.robot.with_gravity(np.array(gravity, float))
-                return replace(self, robot=robot, known=None)
+                regressor = _regressor(robot, self.parameters)
+                return replace(self, robot=robot, regressor=regressor, known=None)
         names = self.robot.joint_names
         moving = np.abs(channels_after(edit, {"tau": 1.0 * self.moving}, names)["tau"]) > 0.0
-        changed = channels_after(edit, self.channels, names)
+        changed = channels_after(edit, self.channels, names, self.zeros)
         same = all(changed[c] is self.channels[c] for c in MOTION)
         return replace(self, channels=changed, moving=moving, known=self.matrix if same else None)
 
@@ -142,7 +146,7 @@ class ReadingRows:
         if self.known is not None:
             return self.known
         motion = (np.ascontiguousarray(self.channels[c]) for c in MOTION)
-        return regressor_of(self.robot, self._estimated()).matrix(*motion)
+        return self.regressor.matrix(*motion)
 
     @cached_property
     def sums(self) -> Sums:
@@ -160,13 +164,14 @@ class ReadingRows:
             square.append(np.sum(y**2, axis=1))
         return np.array(gram), np.array(right), np.array(square)
 
-    def _estimated(self) -> list[Parameter]:
-        """Parameters by name; all of them where another direction of gravity has others."""
-        base = base_parameters(self.robot)
-        places = {name: k for k, name in enumerate(base.names)}
-        named = [places[name] for name in self.parameters if name in places]
-        chosen = named if len(named) == len(self.parameters) else range(len(base.names))
-        return [base.parameters[k] for k in chosen]
+
+def _regressor(robot: Robot, names: tuple[str, ...]) -> Regressor:
+    """Φ of parameters by name; of all where another direction of gravity has others."""
+    base = base_parameters(robot)
+    places = {name: k for k, name in enumerate(base.names)}
+    named = [places[name] for name in names if name in places]
+    chosen = named if len(named) == len(names) else range(len(base.names))
+    return regressor_of(robot, [base.parameters[k] for k in chosen])
 
 
 def scores(sums: Sums) -> np.ndarray:

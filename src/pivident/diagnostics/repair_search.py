@@ -1,19 +1,21 @@
 """Repairs of a log's reading that let unseen motion be predicted better.
 
 One joint's torque of the other sign or of another gain, two columns exchanged, a joint that counts
-the other way, a zero a quarter turn off, degrees among radians, gravity along another axis: each is
-tried on `reading_rows`, and compared with the log as it is read, stretch by stretch. With d_k the
-change of the score of stretch k, a repair counts where
+the other way, a zero a quarter turn off, degrees among radians, gravity along another axis, another
+clock: each is tried on `reading_rows`, and compared with the log as it is read, stretch by stretch.
+With d_k the change of the score of stretch k, a repair counts where
 
-    mean(d) + t(1 - α/m) std(d)/√K < log(1 - LEAST_GAIN),
+    mean(d) + t(1 - α/m) std(d)/√K < log(1 - LEAST_GAIN).
 
-with m the number of repairs tried. The best of them is applied and the search goes on, so that two
-faults are found one after the other.
+Each kind of fault has the same share of α, and each of its members the same share of that: m is the
+number of kinds times that of the members. The best repair is applied and the search goes on, so
+that two faults are found one after the other.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -23,10 +25,19 @@ from pivident.diagnostics.reading_rows import ReadingRows
 from pivident.errors import PividentError
 from pivident.estimation.problem import Problem
 from pivident.robot.description import Robot
-from pivident.text.repair import Change, Edit, Multiplied, Reordered, Repair, Reversed, Shifted
+from pivident.text.repair import (
+    Change,
+    Edit,
+    Multiplied,
+    Reordered,
+    Repair,
+    Retimed,
+    Reversed,
+    Shifted,
+)
 
 #: Level of all tests of a round together.
-LEVEL = 0.01
+LEVEL = 0.05
 
 #: Share by which a repair lowers the error at least.
 LEAST_GAIN = 0.02
@@ -37,8 +48,11 @@ ROUNDS = 3
 #: Gains of a joint's torque that are tried, and within which the best one is no fault.
 GAINS, NO_GAIN = (0.5, 0.7, 1.4, 2.0), 1.2
 
-#: Range of gains that is searched.
-GAIN_RANGE = 20.0
+#: Range of gains, and of clocks, that is searched.
+GAIN_RANGE, CLOCK_RANGE = 20.0, 2.5
+
+#: Clocks that are tried; the best one is no fault within the same bounds as a gain.
+CLOCKS = (0.5, 2.0)
 
 #: Positions of a joint span at least this in its unit, and at most this many turns [rad].
 LEAST_SPAN, FARTHEST = 0.05, 20.0
@@ -92,7 +106,12 @@ def _best(rows: ReadingRows) -> Candidate | None:
     """The repair that lowers the error most, and those that do as well."""
     given = rows.scores()
     tried = [(repair, scores - given) for repair, scores in _tried(rows)]
-    kept = [(r, d) for r, d in tried if clearly_lower(d, len(tried))]
+    members = Counter(_kind(repair) for repair, _ in tried)
+    kept = [
+        (repair, change)
+        for repair, change in tried
+        if clearly_lower(change, len(members) * members[_kind(repair)])
+    ]
     if not kept:
         return None
     best = min(kept, key=lambda pair: float(pair[1].mean()))
@@ -102,6 +121,12 @@ def _best(rows: ReadingRows) -> Candidate | None:
         if repair is not best[0] and not clearly_lower(best[1] - change, 1, ALIKE)
     ]
     return Candidate(best[0], tuple(alike))
+
+
+def _kind(repair: Repair) -> tuple[str, str]:
+    """What kind of fault a repair undoes."""
+    edit = repair.edits[0]
+    return type(edit).__name__, getattr(edit, "channel", "")
 
 
 def clearly_lower(change: np.ndarray, tried: int, least: float = LEAST_GAIN) -> bool:
@@ -139,23 +164,48 @@ def _torque(name: str, factor: float) -> Repair:
 
 def _gain(rows: ReadingRows, joint: int) -> float | None:
     """Factor of a joint's torque with the lowest score, where that is not about one."""
+    return _best_factor(rows, lambda x: rows.with_gain(joint, x), GAINS, GAIN_RANGE)
+
+
+def _clock(rows: ReadingRows) -> float | None:
+    """Factor of the times with the lowest score, likewise; a round one where that does as well."""
+
+    def scores(factor: float) -> np.ndarray:
+        return rows.after(_one(Retimed(factor=factor))).scores()
+
+    best = _best_factor(rows, scores, CLOCKS, CLOCK_RANGE)
+    if best is None:
+        return None
+    nearest = min(CLOCKS, key=lambda factor: abs(np.log(factor / best)))
+    return best if clearly_lower(scores(best) - scores(nearest), 1, 0.0) else nearest
+
+
+def _best_factor(
+    rows: ReadingRows,
+    scores: Callable[[float], np.ndarray],
+    tried: Sequence[float],
+    reach: float,
+) -> float | None:
+    """Factor with the lowest score, where one of some is better than one; None if it is near."""
     from scipy.optimize import minimize_scalar
 
     given = float(rows.scores().mean())
-    if all(float(rows.with_gain(joint, gain).mean()) >= given for gain in GAINS):
+    if all(float(scores(factor).mean()) >= given for factor in tried):
         return None
-    reach = np.log(GAIN_RANGE)
     found = minimize_scalar(
-        lambda x: float(rows.with_gain(joint, np.exp(x)).mean()),
-        bounds=(-reach, reach), method="bounded",
+        lambda x: float(scores(np.exp(x)).mean()),
+        bounds=(-np.log(reach), np.log(reach)), method="bounded", options={"xatol": 1e-3},
     )  # fmt: skip
-    gain = float(np.exp(found.x))
-    return gain if not 1.0 / NO_GAIN < gain < NO_GAIN else None
+    factor = float(np.exp(found.x))
+    return factor if not 1.0 / NO_GAIN < factor < NO_GAIN else None
 
 
 def _of_motion(rows: ReadingRows) -> Iterator[Repair]:
     """Repairs that change the observation matrix, or which torque belongs to which row of it."""
     robot, names = rows.robot, rows.robot.joint_names
+    clock = _clock(rows)
+    if clock is not None:
+        yield _one(Retimed(factor=float(f"{clock:.4g}")))
     if robot.size > 1:
         for name in names:
             yield _one(Reversed(channel="q", joints=(name,)))
@@ -173,8 +223,9 @@ def _of_motion(rows: ReadingRows) -> Iterator[Repair]:
             for quarters in (1, -1, 2):
                 offset = float(f"{quarters * np.pi / 2:.6f}")
                 yield _one(Shifted(offsets=((name, offset),)))
+            logged, zero = rows.channels["q"][:, j] - rows.zeros[j], rows.zeros[j]
             for factor in (np.pi / 180.0, 180.0 / np.pi):
-                if _turns(factor * rows.channels["q"][:, j]):
+                if _turns(factor * logged + zero):
                     yield _one(Multiplied(channel="q", factors=((name, factor),)))
 
 

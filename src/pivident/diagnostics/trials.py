@@ -43,6 +43,9 @@ from pivident.validation.held_out.prediction import Judge
 #: Ratio of two held-out errors within which they are the same.
 SAME = 0.02
 
+#: Ratio from which on the error contradicts what the logged speeds say, which need no model.
+CONTRADICTED = 1.25
+
 #: Level of the interval of a ratio, for all repairs together.
 LEVEL = 0.05
 
@@ -246,11 +249,11 @@ def _trial(
         other = _judged(one.carried_out(problem), method, folds, gap, band)
     except PividentError:
         return trial
-    ratio = error_ratio(other, given, LEVEL / number, "total_moving_in_band")
+    ratio = error_ratio(other, given, LEVEL / number, _compared(one.repair))
     outcome: Outcome = "same"
     if ratio.value < 1.0 - SAME and (one.is_found or ratio.high < 1.0):
         outcome = "better"
-    elif ratio.value > 1.0 + SAME:
+    elif ratio.value > (CONTRADICTED if one.rank == 0 else 1.0 + SAME):
         outcome = "worse"
     return replace(trial, outcome=outcome, after=other.prediction.total_moving_in_band)
 
@@ -261,6 +264,12 @@ def _judged(
     """Held-out errors of least squares; ``band``: highest frequency that is judged [Hz]."""
     motion = JudgedMotion(problem, tuple(Judge(r, band) for r in problem.recordings))
     return judged_on(motion, method, folds, gap, None, lambda line: None)
+
+
+def _compared(repair: Repair | None) -> str:
+    """Which error of a `PredictionError` is compared: one that a gain of a joint cannot change."""
+    scales = any(isinstance(e, Multiplied) and e.channel == "tau" for e in _edits(repair))
+    return "typical_moving_in_band" if scales else "total_moving_in_band"
 
 
 def _edits(repair: Repair | None) -> tuple[Change, ...]:
@@ -285,8 +294,9 @@ def consequences(log: Sequence[Finding], trials: Iterable[Trial]) -> tuple[Findi
     """What an audit has against a log, as far as it has consequences.
 
     A finding whose repairs were all tried in vain is left out where they make the result worse, and
-    a note where they change nothing, or where it has another cause that concerns the description
-    alone; one that nobody can try is a reservation at most.
+    a note where they change nothing. A torque of another size than the description's is a note if
+    it is no gain; where a gain would change nothing, which it is remains open. What nobody can try
+    is a reservation at most.
     """
     done, left = list(trials), []
     for finding in log:
@@ -303,7 +313,7 @@ def consequences(log: Sequence[Finding], trials: Iterable[Trial]) -> tuple[Findi
             for trial in own
             if trial.outcome == "same" or (trial.repair is None and trial.outcome == "worse")
         ]
-        if same:
+        if same and (finding.repairs or own[0].repair is None):
             effect = same[0]
             text = f"{finding.message} Of no consequence: repaired, {effect}."
             left.append(replace(finding, severity="note", message=text, next_step="", repairs=()))

@@ -6,7 +6,7 @@ were read: a judge can try it without reading the log again. Samples are those o
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import singledispatch
 from typing import Any
@@ -59,7 +59,9 @@ def repaired(problem: Problem, repair: Repair) -> Problem:
     return problem
 
 
-def channels_after(edit: Change, channels: Channels, joints: Sequence[str]) -> Channels:
+def channels_after(
+    edit: Change, channels: Channels, joints: Sequence[str], zeros: np.ndarray | float = 0.0
+) -> Channels:
     """Channels of a recording after an edit of its columns, its units or its zeros.
 
     Args:
@@ -67,6 +69,8 @@ def channels_after(edit: Change, channels: Channels, joints: Sequence[str]) -> C
         channels: samples by channel, each of shape (samples, joints); derivatives of the positions
             change with them.
         joints: names of the joints.
+        zeros: what was added to the logged positions, shape (joints,) [rad or m]: a sign or a
+            factor is that of the log.
 
     Raises:
         ExperimentError: it changes something else.
@@ -78,7 +82,10 @@ def channels_after(edit: Change, channels: Channels, joints: Sequence[str]) -> C
             factors = dict(pairs)
         case Reordered(channel=channel, order=order):
             picked = _concerned(channel, channels)
-            return {c: x[:, list(order)] if c in picked else x for c, x in channels.items()}
+            return {
+                c: _logged(c, x, zeros, lambda x: x[:, list(order)]) if c in picked else x
+                for c, x in channels.items()
+            }
         case Shifted(offsets=offsets):
             added = np.array([dict(offsets).get(name, 0.0) for name in joints])
             return {c: x + added if c in POSITIONS else x for c, x in channels.items()}
@@ -86,7 +93,26 @@ def channels_after(edit: Change, channels: Channels, joints: Sequence[str]) -> C
             raise _not_here(edit)
     worth = np.array([factors.get(name, 1.0) for name in joints])
     picked = _concerned(channel, channels)
-    return {c: x * worth if c in picked else x for c, x in channels.items()}
+    return {
+        c: _logged(c, x, zeros, lambda x: x * worth) if c in picked else x
+        for c, x in channels.items()
+    }
+
+
+def _logged(
+    channel: str,
+    x: np.ndarray,
+    zeros: np.ndarray | float,
+    change: Callable[[np.ndarray], np.ndarray],
+) -> np.ndarray:
+    """A change of the samples before zeros were added to positions."""
+    return change(x - zeros) + zeros if channel in POSITIONS else change(x)
+
+
+def zeros_of(recording: Recording) -> np.ndarray:
+    """What was added to the logged positions, shape (joints,) [rad or m]."""
+    stated = recording.reading.get("position_offset")
+    return np.zeros(len(recording.joint_names)) if stated is None else np.array(stated, float)
 
 
 def _concerned(channel: str, channels: Channels) -> set[str]:
@@ -103,7 +129,9 @@ def _after(edit: Change, problem: Problem) -> Problem:
     def changed(recording: Recording) -> Recording:
         names = ("q", "tau", "q_ref", "dq_ref", "ddq_ref", "dq")
         read = {c: x for c in names if (x := getattr(recording, c)) is not None}
-        after: dict[str, Any] = {**channels_after(edit, read, recording.joint_names)}
+        after: dict[str, Any] = {
+            **channels_after(edit, read, recording.joint_names, zeros_of(recording))
+        }
         return replace(recording, **after)
 
     return replace(problem, recordings=tuple(map(changed, problem.recordings)))
@@ -119,9 +147,13 @@ def _reordered(edit: Reordered, problem: Problem) -> Problem:
         worth |= {c: worth["q"] for c in ("q_ref", "dq_ref", "ddq_ref", "dq")}
         picked = [edit.channel] if edit.channel else [*worth]
         read = {c: x for c in picked if (x := getattr(recording, c)) is not None}
-        factor = {c: worth[c] / worth[c][order] for c in read}
-        moved: dict[str, Any] = {c: x[:, order] * factor[c] for c, x in read.items()}
-        return replace(recording, **moved)
+        factor, zeros = {c: worth[c] / worth[c][order] for c in read}, zeros_of(recording)
+
+        def moved(c: str, x: np.ndarray) -> np.ndarray:
+            return _logged(c, x, zeros, lambda x: x[:, order] * factor[c])
+
+        after: dict[str, Any] = {c: moved(c, x) for c, x in read.items()}
+        return replace(recording, **after)
 
     return replace(problem, recordings=tuple(map(changed, problem.recordings)))
 

@@ -254,19 +254,31 @@ def _unit_times(channel: str, unit: Any, factor: float) -> Any:
 
 @_resolved.register
 def _retimed(edit: Retimed, file: FileContent) -> FileEdits:
-    """Another unit of the stamps, or another rate."""
+    """Another unit of the stamps, with the times that are on them; or another rate."""
     if file.value(*edit.table, "columns", "t") is not None:
         unit = file.value(*edit.table, "units", "t")
         seconds = TIME.get(unit, 1.0) if isinstance(unit, str) else float(unit or 1.0)
         worth = float(f"{edit.factor * seconds:.6g}")
         words = f"Take {worth:g} s for a unit of the stamps."
-        return FileEdits(words, (((*edit.table, "units", "t"), worth),))
+        times = [
+            ((*edit.table, key), _stretched(file.value(*edit.table, key), edit.factor))
+            for key in ("part", "delay")
+            if file.value(*edit.table, key) is not None
+        ]
+        return FileEdits(words, (((*edit.table, "units", "t"), worth), *times))
     place = (*edit.table, "rate")
     rate = file.value(*place)
     if not isinstance(rate, (int, float)):
         raise _contradiction("the file has neither stamps nor a rate")
     rate = float(f"{rate / edit.factor:.6g}")
     return FileEdits(f"Take {rate:g} Hz for the rate.", ((place, rate),))
+
+
+def _stretched(time: Any, factor: float) -> Any:
+    """A time or an interval times a factor."""
+    if isinstance(time, list):
+        return [_stretched(x, factor) for x in time]
+    return float(f"{factor * time:.9g}")
 
 
 @_resolved.register

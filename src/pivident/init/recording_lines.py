@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from pivident.audit.standstill import motion_window
 from pivident.init.assumption import Answers, Assumption, DraftError
 from pivident.init.clock_lines import (
     as_the_joints_move,
     clock_lines,
     control_rate_line,
-    motion_window,
 )
 from pivident.init.column_lines import (
     MARGIN,

@@ -94,6 +94,11 @@ class PredictionError:
         return self._total(moving, self.torque_in_band)
 
     @property
+    def typical_moving_in_band(self) -> float:
+        """Geometric mean of the joints' errors without standstill [%]; no gain changes it."""
+        return float(np.exp(np.mean(np.log(np.maximum(self.moving_in_band, 1e-4)))))
+
+    @property
     def model_error_in_band(self) -> float:
         """Error over all joints, below ``band``, that neither noise nor standstill explains [%]."""
         explained = self.rest_in_band**2 + self.noise_in_band**2
