@@ -93,13 +93,19 @@ class Scale:
 
 
 class PositionUnitCheck(LogCheck):
-    """The unit of the positions; they are taken in the one that fits much better."""
+    """The unit of the positions; they are taken in the one that fits much better.
+
+    ``one_by_one``: whether single joints may have another unit than the others.
+    """
 
     name = "position unit"
 
+    def __init__(self, one_by_one: bool = True) -> None:
+        self.one_by_one = one_by_one
+
     def examine(self, seen: Examination) -> Examination:
         """See `LogCheck.examine`."""
-        another = another_position_unit(seen.log, seen.model)
+        another = another_position_unit(seen.log, seen.model, self.one_by_one)
         return seen if another is None else seen.after(self.name, [another[0]], None, another[1])
 
 
@@ -237,7 +243,9 @@ def _only(robot: Robot, joint: int) -> Robot:
     return replace(robot, joints=tuple(bare))
 
 
-def another_position_unit(log: Log, model: InverseModel) -> tuple[Finding, InverseModel] | None:
+def another_position_unit(
+    log: Log, model: InverseModel, one_by_one: bool = True
+) -> tuple[Finding, InverseModel] | None:
     """A unit of the positions that fits much better, degrees for radians or the reverse."""
     here = _total_error(model)
     if not any(joint.kind == "revolute" for joint in model.robot.joints):
@@ -259,7 +267,7 @@ def another_position_unit(log: Log, model: InverseModel) -> tuple[Finding, Inver
             evidence = {"unexplained": Quantity(100 * here, "%", bound=100 * here * BETTER)}
             repairs = [in_unit("q", meant)]
             return ANGLE_UNIT.finding("error", text, "q", step, evidence, repairs=repairs), other
-    return _joint_in_another_unit(log, model)
+    return _joint_in_another_unit(log, model) if one_by_one else None
 
 
 def _joint_in_another_unit(log: Log, model: InverseModel) -> tuple[Finding, InverseModel] | None:
