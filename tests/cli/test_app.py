@@ -340,6 +340,8 @@ def test_demo_compares_with_the_truth(tmp_path, capsys):
     assert "Next       pivident init your_log.csv --robot your_arm.urdf" in text
     verdicts = [line for line in text.splitlines() if "true values within 2σ" in line]
     assert len(verdicts) == 4
+    # its truth is a machine that can exist
+    assert "Good for torque prediction and simulation." in text
 
 
 def test_free_corrects_with_the_estimate(tmp_path, capsys):

@@ -210,14 +210,14 @@ def run_experiment(
 
 def run_demo(out: Path, seed: int = 0) -> Outcome:
     """Simulate a TX40 record, identify it, print estimates against truth, write the report."""
-    from pivident.experiment.simulated_tx40 import tx40_fine
+    from pivident.experiment.simulated_tx40 import tx40_machine
 
     check_output(out)
     compile_ahead()
     with Progress() as progress:
         attempts = Attempts(progress.keep)
         progress.say("simulating the closed loop of a TX40 (the first run compiles, be patient)")
-        problem, truth = tx40_fine(seed)
+        problem, truth = tx40_machine(seed)
         methods = {n: METHODS[n] for n in DEMO_METHODS}
         progress.stages(_stages(problem, methods, DEMO_FOLDS))
         outcome = identify_all(problem, methods, progress, attempts)
@@ -406,7 +406,7 @@ def _print_results(
         f"{folder / REPORT if report else folder}{', or --details' * (results.path is not None)}"
     )
     if screen is not None:
-        step = screen.next_step or OWN_LOG * (results.path is None)
+        step = OWN_LOG if truth is not None else screen.next_step
         print(replace(screen, details=where, next_step=step).text())
     results.attempts.of("What was asked for is not printed", _print_asked, results, truth)
 

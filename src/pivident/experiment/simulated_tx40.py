@@ -1,11 +1,15 @@
 """Simulated records with known truth: the TX40 as demo and tests identify it.
 
 Truth are the 28 essential parameters of Brunot et al. (2018, Table 1) at the robot's nominal
-values and no others. The motion is drawn once, the noise anew for each seed.
+values and no others, or all base parameters. The second is a machine that can exist; the first is
+none, for no bodies have the other parameters all zero. The motion is drawn once, the noise anew for
+each seed.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -31,6 +35,9 @@ TX40_ESSENTIAL = (
 
 RATE = 5000.0
 
+#: Inertias that a description gives, over the true ones.
+OFF = 1.1
+
 #: Gains of the TX40's position loop, joint torque per rad and rad/s: BIRDy's Kp and Kd times Kτ.
 _KP = np.array([341.86905, 375.0, 190.343925, 150.16365, 183.24195, 358.858725])
 _KD = np.array([2.5361, 4.1174, 1.1793, 0.5462, 0.5714, 0.1954])
@@ -52,16 +59,35 @@ def tx40_fine(seed: int = 0, samples: int = 34500) -> tuple[Problem, dict[str, f
     return tx40_scenario("fine", seed, samples)
 
 
+def tx40_machine(seed: int = 0, samples: int = 34500) -> tuple[Problem, dict[str, float]]:
+    """The scenario *fine* of a robot with all of its base parameters, all of them to estimate.
+
+    Its description is that of a drawing: all links are a tenth too heavy.
+    """
+    robot = load_robot("staubli_tx40")
+    problem, truth = tx40_scenario("fine", seed, samples, base_parameters(robot).names)
+    links = tuple(replace(link, inertia=OFF * link.inertia) for link in robot.links)
+    drawn = replace(robot, links=links, rotor_inertia=OFF * robot.rotor_inertia)
+    return replace(problem, robot=drawn), truth
+
+
 def tx40_scenario(
-    name: str, seed: int = 0, samples: int = 34500
+    name: str, seed: int = 0, samples: int = 34500, names: Sequence[str] = TX40_ESSENTIAL
 ) -> tuple[Problem, dict[str, float]]:
-    """A simulated TX40 record of one of the scenarios in ``NOISES``; see :func:`tx40_fine`."""
+    """A simulated TX40 record of one of the scenarios in ``NOISES``; see :func:`tx40_fine`.
+
+    Args:
+        name: of the scenario.
+        seed: of the noise.
+        samples: of the record.
+        names: of the base parameters that the robot has; all others are zero and known to be.
+    """
     robot = load_robot("staubli_tx40")
     controller = PD(_KP * _KTAU, _KD * _KTAU)
     q_ref, dq_ref, ddq_ref = tx40_reference(samples)
-    heads, truth = tx40_truth(robot)
+    heads, truth = tx40_truth(robot, names)
     noise = NOISES[name]
-    made = simulate_tx40(noise, seed, samples)
+    made = simulate_tx40(noise, seed, samples, names)
     recording = Recording(
         f"{name}-{seed}",
         robot.joint_names,
@@ -72,16 +98,18 @@ def tx40_scenario(
         dq_ref=dq_ref,
         ddq_ref=ddq_ref,
     )
-    start = {p.name: 0.0 if p.friction or p.coupling else 1.1 * truth[p.name] for p in heads}
-    problem = Problem(robot, (recording,), Loop(controller), tuple(TX40_ESSENTIAL), initial=start)
+    start = {p.name: 0.0 if p.friction or p.coupling else OFF * truth[p.name] for p in heads}
+    problem = Problem(robot, (recording,), Loop(controller), tuple(names), initial=start)
     return problem, truth
 
 
-def simulate_tx40(noise: Noise, seed: int, samples: int) -> Trajectory:
+def simulate_tx40(
+    noise: Noise, seed: int, samples: int, names: Sequence[str] = TX40_ESSENTIAL
+) -> Trajectory:
     """The true motion of the robot, with encoder noise in its loop."""
     robot = load_robot("staubli_tx40")
     q_ref, dq_ref, _ = tx40_reference(samples)
-    heads, truth = tx40_truth(robot)
+    heads, truth = tx40_truth(robot, names)
     model = make_model(robot, heads, np.array([truth[p.name] for p in heads]))
     n = robot.size
     signals = LoopSignals(
@@ -98,11 +126,13 @@ def simulate_tx40(noise: Noise, seed: int, samples: int) -> Trajectory:
     return simulate(model, PD(_KP * _KTAU, _KD * _KTAU), signals, robot.joint_names)
 
 
-def tx40_truth(robot: Robot) -> tuple[tuple, dict[str, float]]:
-    """Heads of the essential groups and their true values by name."""
+def tx40_truth(
+    robot: Robot, names: Sequence[str] = TX40_ESSENTIAL
+) -> tuple[tuple, dict[str, float]]:
+    """Heads of groups of base parameters, the essential ones, and their true values by name."""
     base = base_parameters(robot)
     values = base.values(nominal_values(robot, base.standard))
-    chosen = sorted(base.index(name) for name in TX40_ESSENTIAL)
+    chosen = sorted(base.index(name) for name in names)
     heads = tuple(base.parameters[k] for k in chosen)
     return heads, {base.parameters[k].name: float(values[k]) for k in chosen}
 
