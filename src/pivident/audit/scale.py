@@ -172,7 +172,9 @@ def _gains_agree(load: FlangeLoad, commands: list[int], judged: np.ndarray) -> b
     relative, spread = factors / typical, load.standard_errors[judged] / abs(typical)
     near = (relative > 1.0 / WARNING) & (relative < WARNING)
     agree = bool(np.all(near | (np.abs(relative - 1.0) < CLEAR * spread)))
-    return not commands and 1.0 / ERROR < typical < ERROR and agree
+    # masses that are too small are as likely as a body too much, but for one scale that is right
+    limit = ERROR if load.mass > 0.0 else WARNING
+    return not commands and 1.0 / limit < typical < limit and agree
 
 
 def _load_finding(robot: Robot, load: FlangeLoad) -> Finding:
@@ -184,16 +186,16 @@ def _load_finding(robot: Robot, load: FlangeLoad) -> Finding:
     scale = "the scale of the torques is right"
     if not 1.0 / WARNING < typical < WARNING:
         scale = f"all torques are about {typical:.2g} times those of the description"
-    size = f"a body of {plus_minus(abs(load.mass), half)} kg on the link of {last}"
-    fact = f"lack {size}" if is_lacking else f"have {size} that the arm did not carry"
+    fact, tool = ("lacks", "a tool") if is_lacking else ("has too much:", "a tool that was not on")
     text = (
-        f"The description seems to {fact}, such as a tool. {'With' if is_lacking else 'Without'} "
-        f"it {scale} (2σ of the fit, if the masses of the description are exact)."
+        f"The description {fact} {plus_minus(abs(load.mass), half)} kg on the link of {last}, "
+        f"perhaps {tool}. {'With' if is_lacking else 'Without'} it {scale} (2σ of the fit, if the "
+        "masses of the description are exact)."
     )
     change = "Add its mass, centre of mass and inertia to" if is_lacking else "Take it out of"
     step = (
-        f"{change} the link of {last} in the file that model names under [robot]. Left as it is, "
-        "the estimate is that of the arm as it moved, which is right for its torques."
+        f"{change} the link of {last} in the robot's file. Left as it is, the estimate is that of "
+        "the arm as it moved, which is right for its torques."
     )
     evidence = {"mass": Quantity(load.mass, "kg", interval=(low, high))}
     return LOAD.finding("warning", text, last, step, evidence)

@@ -98,7 +98,7 @@ def _of_kind(found: ModelErrors, named: Sequence[NamedCause]) -> Finding:
     text = f"{capital(first.cause.kind)}: {sizes}"
     if first.cause.kind == "friction":
         whose = listed(list(dict.fromkeys(one.cause.subject for one in named)), 3)
-        text = f"Friction of {whose} has another law than assumed. Its residual has {sizes}"
+        text = f"Friction has another law than assumed: {whose}. Its residual has {sizes}"
     most, matters = max(named, key=lambda one: one.shift), any(one.matters for one in named)
     if matters:
         text += (

@@ -202,7 +202,7 @@ def summary_of(
         _error(diagnostics, error, result),
         titles,
         joints,
-        f"{text}.",
+        f"{text}. ± is the 95 % interval.",
         tuple(items[:MAX_ITEMS]),
         max(len(items) - MAX_ITEMS, 0),
     )
@@ -312,4 +312,4 @@ def _item_lines(number: int, item: Item) -> list[str]:
 
 def _cut(line: str, width: int = WIDTH) -> str:
     """A line that ends where there is no more room."""
-    return line if len(line) <= width else f"{line[: width - 1].rstrip()}…"
+    return line if len(line) <= width else f"{line[: width - 1].rpartition(' ')[0]} …"

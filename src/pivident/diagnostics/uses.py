@@ -155,7 +155,7 @@ def simulation(diagnostics: Diagnostics, name: str) -> Use:
         return Use("simulation", "yes", "", evidence)
     if model.is_far:
         return Use("simulation", "no", f"no machine has these parameters ({errors})", evidence)
-    return Use("simulation", "care", f"take the consistent set ({errors})", evidence)
+    return Use("simulation", "care", f"use the export, which is consistent ({errors})", evidence)
 
 
 def parameters(diagnostics: Diagnostics, name: str) -> Use:
