@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import shlex
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -237,12 +237,12 @@ PIECES = {
             "run",
             lambda v: [
                 v.version,
-                v.hindrance,
+                asdict(v.gate),
                 (v.check.get("plan") or {}).get("seconds"),
                 [run["id"] for run in v.runs if run["state"] == "done"],
             ],
-            lambda v: {"hindrance": v.hindrance} | method_context(v.content, v.check, v.runs),
-            lambda v: "ready" if not v.hindrance else "",
+            lambda v: {"gate": v.gate} | method_context(v.content, v.check, v.runs),
+            lambda v: "ready" if not v.gate.reason else "",
         ),
         Piece(
             "results",

@@ -62,7 +62,8 @@ class FixRequest(_Body):
 
 
 class RunRequest(_Body):
-    """A step of the way, with its arguments."""
+    """A step of the way, with its arguments; ``go_on``: also where it is held back."""
 
     step: str
     arguments: dict[str, Any] = {}
+    go_on: bool = False

@@ -10,6 +10,7 @@ from urllib.parse import quote
 from pivident.check.plan import in_words
 from pivident.estimation.methods import METHODS
 from pivident.studio.findings_list import line_to_go_to
+from pivident.studio.gate import before_use
 from pivident.studio.offers import best_result, offered
 from pivident.studio.projects import EXPERIMENT, Project
 from pivident.studio.rows import Row
@@ -48,14 +49,18 @@ def result_context(
         rows: its lines.
     """
     outdated = {run["results"]: _outdated(project, run, content, named) for run in runs}
+    passed = {run["results"]: run["in_spite_of"] for run in runs}
     shown = [
         _shown(project, run, address, rows)
-        | {"outdated": outdated.get(_source(run)) or outdated[run["results"]]}
+        | {
+            "outdated": outdated.get(_source(run)) or outdated[run["results"]],
+            "in_spite_of": [*passed.get(_source(run), []), *run["in_spite_of"]],
+        }
         for run in runs
     ]
     return {
         "runs": shown,
-        "newest": next((run["id"] for run in shown if run["offered"]), ""),
+        "newest": next((r["id"] for r in shown if r["offered"] or r["held_back"]), ""),
         "comparable": [r for r in shown if r["step"] == "identify" and r["state"] == "done"],
     }
 
@@ -126,7 +131,7 @@ def _shown(
             for page in run["pages"]
         ],
         "files": files,
-        "offered": [_offer(o) for o in (*offered(project.folder, run), *_always(run, verdict))],
+        **_offers(project, [*offered(project.folder, run), *_always(run, verdict)]),
     }
 
 
@@ -170,6 +175,17 @@ def _words(run: dict[str, Any]) -> str:
         f"of {', '.join(str(one).removeprefix('results/') for one in of)}" if of else "",
     ]
     return " · ".join(filter(None, words))
+
+
+def _offers(project: Project, offers: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """What may be done next, and apart from it what the verdict holds back, with the reason."""
+    gates = [before_use(project.folder, o["step"], o["arguments"]) for o in offers]
+    pairs = [(_offer(o), gate.reason) for o, gate in zip(offers, gates, strict=True)]
+    return {
+        "offered": [offer for offer, reason in pairs if not reason],
+        "held_back": [offer for offer, reason in pairs if reason],
+        "held_back_by": list(dict.fromkeys(reason for _, reason in pairs if reason)),
+    }
 
 
 def _offer(offer: dict[str, Any]) -> dict[str, Any]:

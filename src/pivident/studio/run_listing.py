@@ -185,6 +185,7 @@ def _described(run: RunFolder, results: list[str], reader: RunProgress) -> dict[
         "experiment": str(record.get("experiment", "")),
         "methods": _methods(record, folder if there else None),
         "arguments": record.get("arguments", {}),
+        "in_spite_of": record.get("in_spite_of", []),
     }
 
 

@@ -297,7 +297,7 @@ def _fix(studio: Studio, project: Project, body: FixRequest) -> None:
 
 
 def _run(studio: Studio, project: Project, body: RunRequest) -> dict[str, str]:
-    return {"run": studio.run(project, body.step, body.arguments)}
+    return {"run": studio.run(project, body.step, body.arguments, body.go_on)}
 
 
 @_threaded

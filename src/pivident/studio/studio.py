@@ -21,6 +21,7 @@ from pivident.studio.drafting import DRAFT, draft
 from pivident.studio.edits import confirmed, with_value, without
 from pivident.studio.example import ROBOT, draft_example
 from pivident.studio.fixes import applied, of_json
+from pivident.studio.gate import Gate, before_run, before_use
 from pivident.studio.looks import Looks
 from pivident.studio.projects import (
     Changed,
@@ -261,26 +262,40 @@ class Studio:
         if self.drafted(project).get("error"):
             (project.hidden / DRAFT).unlink(missing_ok=True)
 
-    def run(self, project: Project, step: str, arguments: Mapping[str, Any]) -> str:
+    def run(
+        self, project: Project, step: str, arguments: Mapping[str, Any], go_on: bool = False
+    ) -> str:
         """Queue a step of the way.
+
+        Args:
+            project: whose.
+            step: name of one of `pivident.studio.steps.STEPS`.
+            arguments: of the step.
+            go_on: whether somebody who knows what is said against it wants it all the same.
 
         Returns:
             The number of the run.
 
         Raises:
-            ProjectError: the check says that it would stop or mislead.
+            ProjectError: it would stop; or it would mislead, and nobody has said to go on.
             StepError: an argument is not possible.
         """
         if step not in STEPS:
             raise ProjectError(f"there is no step {step!r}")
+        gate = before_use(project.folder, step, arguments)
         if step == "identify":
-            look, folder = self.looks.state(project.folder), self.looks.folder(project.folder)
-            check = read_object(folder / "findings" / "check.json")
-            if reason := hindrance(Content(project.text), look, check):
-                raise ProjectError(reason)
             if arguments.get("method") == []:
                 raise ProjectError("no method is chosen", advice="tick at least one")
-        return self.runs.add(project.folder, step, arguments)
+            gate = self.gate(project)
+        if gate.reason and not (go_on and gate.against):
+            raise ProjectError(gate.reason)
+        return self.runs.add(project.folder, step, arguments, gate.against)
+
+    def gate(self, project: Project) -> Gate:
+        """What holds an identification of a project back."""
+        look, folder = self.looks.state(project.folder), self.looks.folder(project.folder)
+        check = read_object(folder / "findings" / "check.json")
+        return before_run(Content(project.text).has_recording, look, check)
 
     @staticmethod
     def _task(project: Project) -> str:
@@ -323,24 +338,3 @@ class Content:
         table = self.content.get("identify")
         named = table.get("methods") if isinstance(table, dict) else None
         return [m for m in named if isinstance(m, str)] if isinstance(named, list) else []
-
-
-def hindrance(content: Content, look: Mapping[str, str], check: Mapping[str, Any]) -> str:
-    """Why nothing may be run yet; empty where nothing would stop or mislead.
-
-    Args:
-        content: of the experiment file.
-        look: state of the look at it.
-        check: content of its ``check.json``; empty before there is one.
-    """
-    if not content.has_recording:
-        return "A robot and a log are needed first."
-    if look["findings"] == "failed":
-        return f"The check has failed: {look['error']}"
-    if look["findings"] != "ready":
-        return "The check has not finished yet."
-    if check.get("error"):
-        return "The experiment file cannot be read; see Checks."
-    if check.get("refused") or check.get("severity") == "error":
-        return "First fix what is marked × under Checks: it would stop or mislead a run."
-    return ""

@@ -48,11 +48,11 @@ const talk = (() => {
 
   /** What a form or a button sends. */
   function body(sender) {
-    const { body: whole, more, step, field, arguments: given } = sender.dataset;
+    const { body: whole, more, step, field, arguments: given, goOn } = sender.dataset;
     if (whole) return JSON.parse(whole);
     if (sender.tagName !== "FORM") return {};
     const own = values(sender);
-    if (step) return { step, arguments: { ...(given ? JSON.parse(given) : {}), ...own } };
+    if (step) return { step, arguments: { ...(given ? JSON.parse(given) : {}), ...own }, go_on: goOn !== undefined };
     if (field) return { [field]: Object.fromEntries(Object.entries(own).filter(([, value]) => value !== "")) };
     return { ...(more ? JSON.parse(more) : {}), ...own };
   }
