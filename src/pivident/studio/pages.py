@@ -247,9 +247,10 @@ PIECES = {
         Piece(
             "results",
             "results",
-            lambda v: [v.runs, v.version, v.files],
-            lambda v: result_context(
-                v.project, v.runs, v.address, v.content.content, v.named, v.rows
+            lambda v: [v.runs, v.version, v.files, asdict(v.gate)],
+            lambda v: (
+                {"gate": v.gate}
+                | result_context(v.project, v.runs, v.address, v.content.content, v.named, v.rows)
             ),
             _runs_mark,
         ),

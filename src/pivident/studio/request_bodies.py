@@ -61,6 +61,14 @@ class FixRequest(_Body):
     version: str
 
 
+class RepairRequest(_Body):
+    """A repair that the verdict of a run has tried, by its number."""
+
+    run: str
+    number: int
+    version: str
+
+
 class RunRequest(_Body):
     """A step of the way, with its arguments; ``go_on``: also where it is held back."""
 

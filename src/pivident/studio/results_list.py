@@ -16,8 +16,8 @@ from pivident.studio.projects import EXPERIMENT, Project
 from pivident.studio.rows import Row
 from pivident.studio.run_folder import read_object
 from pivident.studio.steps import EXPORTED, STEPS
+from pivident.studio.verdict_repairs import repair_words, says_the_same
 from pivident.text.numbers import bytes_in_words
-from pivident.text.toml import parse_toml
 from pivident.text.toml_places import Place
 
 #: Less than this is not worth a word [s].
@@ -49,11 +49,13 @@ def result_context(
         rows: its lines.
     """
     outdated = {run["results"]: _outdated(project, run, content, named) for run in runs}
+    latest = next((run["id"] for run in runs if run["step"] == "identify"), "")
     passed = {run["results"]: run["in_spite_of"] for run in runs}
     shown = [
         _shown(project, run, address, rows)
         | {
             "outdated": outdated.get(_source(run)) or outdated[run["results"]],
+            "again": run["id"] == latest and bool(outdated[run["results"]]),
             "in_spite_of": [*passed.get(_source(run), []), *run["in_spite_of"]],
         }
         for run in runs
@@ -75,14 +77,11 @@ def _outdated(
     project: Project, run: dict[str, Any], content: dict[str, Any], named: Mapping[str, float]
 ) -> str:
     """What an identification was made from and is something else by now; empty if nothing."""
-    if run["step"] != "identify" or not run["results"]:
-        return ""
-    try:
-        then = (project.folder / run["results"] / EXPERIMENT).read_text(encoding="utf-8")
-        if parse_toml(then) != content:
-            return "The experiment file has changed since."
-    except (OSError, ValueError):
-        return ""  # a result that was brought from elsewhere
+    folder = project.folder / run["results"]
+    if run["step"] != "identify" or not (folder / EXPERIMENT).is_file():
+        return ""  # no result, or one that was brought from elsewhere
+    if not says_the_same(content, folder):
+        return "The experiment file has changed since."
     later = (name for name, time in named.items() if time > _seconds(run["created"]))
     return next((f"{name} has changed since." for name in later), "")
 
@@ -92,9 +91,11 @@ def _shown(
 ) -> dict[str, Any]:
     """A run as the page shows it."""
     step, progress = STEPS.get(run["step"]), run.get("progress") or {}
-    verdict = (
-        read_object(project.folder / run["results"] / "verdict.json") if run["results"] else {}
-    )
+    folder = project.folder / (run["results"] or "none")
+    verdict = read_object(folder / "verdict.json")
+    repairs = repair_words(project, folder, verdict)
+    if verdict.get("repairs") and verdict.get("summary"):
+        verdict["summary"]["next_step"] = ""  # repairs are buttons, which need no command
     statements = verdict.get("statements", [])
     against = [s for s in statements if s["severity"] in ("error", "warning")]
     left = progress.get("left_s")
@@ -122,6 +123,7 @@ def _shown(
         "left": f"about {in_words(left)} left" if left and left > SHORT else "",
         "line": progress.get("line", "") or "starting",
         "kept": progress.get("kept", []),
+        "repairs": repairs,
         "verdict": verdict if verdict.get("headline") else None,
         "answers": _answers(project, run),
         "against": [s | line_to_go_to(LINES.get(s["topic"], ()), rows) for s in against],

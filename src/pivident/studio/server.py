@@ -38,6 +38,7 @@ from pivident.studio.request_bodies import (
     Edit,
     FixRequest,
     NewProject,
+    RepairRequest,
     RobotChoice,
     RunRequest,
     Text,
@@ -105,6 +106,7 @@ def _routes() -> list[Route]:
         Route(f"{one}/text", _changing(Text, _write), methods=["POST"]),
         Route(f"{one}/undo", _undo, methods=["POST"]),
         Route(f"{one}/fix", _changing(FixRequest, _fix), methods=["POST"]),
+        Route(f"{one}/repair", _changing(RepairRequest, _repair), methods=["POST"]),
         Route(f"{one}/window", _window),
         Route(f"{one}/audit.html", _audit_page),
         Route(f"{one}/run", _changing(RunRequest, _run), methods=["POST"]),
@@ -294,6 +296,10 @@ def _write(studio: Studio, project: Project, body: Text) -> None:
 
 def _fix(studio: Studio, project: Project, body: FixRequest) -> None:
     studio.fix(project, body.remark, body.fix, body.version)
+
+
+def _repair(studio: Studio, project: Project, body: RepairRequest) -> None:
+    studio.repair(project, body.run, body.number, body.version)
 
 
 def _run(studio: Studio, project: Project, body: RunRequest) -> dict[str, str]:

@@ -31,10 +31,11 @@ from pivident.studio.projects import (
     is_robot,
     version_of,
 )
-from pivident.studio.run_folder import read_object
+from pivident.studio.run_folder import RunFolder, read_object
 from pivident.studio.runs import Runs
 from pivident.studio.steps import STEPS
 from pivident.studio.tasks import Tasks
+from pivident.studio.verdict_repairs import repaired_text
 from pivident.text.toml import parse_toml
 from pivident.text.toml_values import string_text
 
@@ -240,6 +241,23 @@ class Studio:
                 "the check has another result by now", advice="it is shown as it is"
             ) from None
         self.projects.write(project, applied(text, fix), version)
+
+    def repair(self, project: Project, run: str, number: int, version: str) -> None:
+        """Apply a repair that the verdict of a run has tried.
+
+        Args:
+            project: whose.
+            run: number of the run.
+            number: of the repair in its verdict.
+            version: of the text that the page shows.
+
+        Raises:
+            Changed: the file is no longer the one that the page shows, or the verdict is about.
+            PividentError: there is no such run or repair, or the file contradicts it.
+        """
+        project.text_of(version)
+        new, _ = repaired_text(project, RunFolder.of(project.folder, run).results, number)
+        self.projects.write(project, new, version)
 
     def can_undo(self, project: Project) -> bool:
         """Whether the last change can be taken back; a draft itself cannot: it is made again."""
