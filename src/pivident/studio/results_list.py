@@ -61,10 +61,28 @@ def result_context(
         for run in runs
     ]
     return {
-        "runs": shown,
+        "runs": _below_verdicts(shown),
         "newest": next((r["id"] for r in shown if r["offered"] or r["held_back"]), ""),
         "comparable": [r for r in shown if r["step"] == "identify" and r["state"] == "done"],
     }
+
+
+def _below_verdicts(runs: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Identifications with what followed from each: the result that it is about, or the last one.
+
+    So the verdict stays above what is done with it. Runs before any identification stay alone.
+    """
+    top: list[dict[str, Any]] = []
+    owners: dict[str, dict[str, Any]] = {}
+    last: dict[str, Any] | None = None
+    for run in reversed(runs):  # the first one first
+        run["follow_ups"] = []
+        owner = None if run["step"] == "identify" else owners.get(_source(run), last)
+        last = run if run["step"] == "identify" else last
+        (top if owner is None else owner["follow_ups"]).insert(0, run)
+        if run["results"]:
+            owners[run["results"]] = owner or run
+    return top
 
 
 def _source(run: dict[str, Any]) -> str:

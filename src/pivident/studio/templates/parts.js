@@ -111,7 +111,7 @@
     const run = answer?.run && document.getElementById(`run-of-${answer.run}`);
     if (run) { // results are read where they appear
       run.scrollIntoView({ block: "start" });
-      run.querySelector("h3").focus({ preventScroll: true });
+      run.querySelector("h3, h4").focus({ preventScroll: true });
     }
   });
   bring.whenBrought(() => poll(true));
