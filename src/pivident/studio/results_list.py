@@ -9,6 +9,7 @@ from urllib.parse import quote
 
 from pivident.check.plan import in_words
 from pivident.estimation.methods import METHODS
+from pivident.export.formats import FORMATS
 from pivident.studio.findings_list import line_to_go_to
 from pivident.studio.gate import before_use
 from pivident.studio.offers import best_result, offered
@@ -175,7 +176,7 @@ def _always(run: dict[str, Any], verdict: dict[str, Any]) -> list[dict[str, Any]
                 "free": True,
             },
             "words": "Export the estimate",
-            "reason": "As it is; simulators may refuse parameters that no machine can have.",
+            "reason": "As it is; simulators refuse parameters that no machine can have.",
         },
         {"step": "friction", "arguments": {}, "words": "Show friction", "reason": ""},
         {"step": "laws", "arguments": {}, "words": "Choose friction laws", "reason": ""},
@@ -191,10 +192,17 @@ def _words(run: dict[str, Any]) -> str:
         f"corrected with the estimate: {', '.join(given['free'])}"
         if identified and given.get("free")
         else "",
-        str(given.get("to", "")),
+        _exported(given) if run["step"] == "export" else "",
         f"of {', '.join(str(one).removeprefix('results/') for one in of)}" if of else "",
     ]
     return " · ".join(filter(None, words))
+
+
+def _exported(given: Mapping[str, Any]) -> str:
+    """What an export is of, and its format."""
+    to = str(given.get("to", ""))
+    title = FORMATS[to].title if to in FORMATS else to
+    return f"{title} with the {'estimate' if given.get('free') else 'consistent set'}"
 
 
 def _offers(project: Project, offers: Sequence[dict[str, Any]]) -> dict[str, Any]:
