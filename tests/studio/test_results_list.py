@@ -19,7 +19,7 @@ def entry(number, step, **arguments):
     nothing = {"pages": [], "files": [], "methods": [], "progress": {}, "started": "", "ended": ""}
     return nothing | {
         "id": number, "step": step, "state": "done", "results": results, "created": CREATED,
-        "arguments": arguments, "in_spite_of": [],
+        "arguments": arguments, "in_spite_of": [], "output": "",
     }  # fmt: skip
 
 

@@ -22,6 +22,7 @@ FULL = {
     "export": {"result": "001-identify", "to": "mjcf", "free": True},
     "friction": {"method": "piv", "standstill": 0.02, "ripple": True},
     "laws": {"method": "ls", "blocks": "5", "band": 12.5, "depth": 2},
+    "predict": {"result": "001-identify", "log": "test_logs/other.csv"},
     "payload": {"arm": "001-identify", "method": "piv"},
     "gains": {"in_log_units": True, "least_squares": False},
     "excite": {
@@ -40,6 +41,9 @@ def project(tmp_path):
     (folder / "results" / "002-identify" / "verdict.json").write_text("{}")
     (folder / "results" / "003-laws").mkdir()
     (folder / "experiment.toml").write_text(EXPERIMENT)
+    (folder / "test_logs").mkdir()
+    for name in ("test_logs/other.csv", "-x.csv"):
+        (folder / name).write_text("t\n")
     return folder
 
 
@@ -72,6 +76,8 @@ def test_what_is_written_on_the_command_line(project):
     shown = STEPS["export"].command(project, {"result": "001-identify", "to": "rrd"}, OUT)
     assert shown[4:6] == ["--log", "experiment.toml"] and shown[-1] == f"{OUT}/robot_motion.rrd"
     assert "--out" not in STEPS["laws"].command(project, {}, OUT)
+    tested = {"result": "001-identify", "log": "-x.csv"}
+    assert STEPS["predict"].command(project, tested, OUT)[2] == "./-x.csv"  # no option
 
 
 @pytest.mark.parametrize("to", [*FORMATS, "rrd"])

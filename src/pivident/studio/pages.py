@@ -20,6 +20,7 @@ from pivident.studio.findings_list import check_context
 from pivident.studio.methods import method_context
 from pivident.studio.projects import (
     RESULTS,
+    TEST_LOGS,
     Project,
     ProjectError,
     is_robot,
@@ -75,7 +76,7 @@ def _files(view: View) -> dict[str, Any]:
             {
                 "path": name,
                 "size": bytes_in_words(size),
-                "kind": "robot" if is_robot(Path(name)) else "log" if is_log(name) else "other",
+                "kind": _kind(name),
                 "used": name in view.named,
             }
             for name, size, _ in view.files
@@ -92,6 +93,15 @@ def _files(view: View) -> dict[str, Any]:
         "has_recording": view.content.has_recording,
         "edited": view.content.has_recording and not untouched,
     }
+
+
+def _kind(name: str) -> str:
+    """What a file is, by its name."""
+    if is_robot(Path(name)):
+        return "robot"
+    if name.startswith(f"{TEST_LOGS}/"):
+        return "log for tests"
+    return "log" if is_log(name) else "other"
 
 
 def _troubles(view: View) -> list[str]:

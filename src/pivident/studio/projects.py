@@ -23,6 +23,9 @@ from pivident.robot.naming import ROBOT_FILES
 #: The experiment file, results, and what is derived from both.
 EXPERIMENT, RESULTS, HIDDEN = "experiment.toml", "results", ".pivident-studio"
 
+#: Logs that results are tested on; nothing is drafted from them.
+TEST_LOGS = "test_logs"
+
 #: Earlier texts of an experiment file that are kept.
 MAX_EARLIER = 50
 
@@ -104,14 +107,19 @@ class Project:
     def inputs(self) -> list[Path]:
         """Files that were brought, by name; without the experiment file, results and hidden ones.
 
-        A bag is a folder: its files are listed with it.
+        A bag is a folder: its files are listed with it. Logs for tests are apart.
         """
         return sorted(p for p in self._files() if p != self.experiment)
+
+    def test_logs(self) -> list[Path]:
+        """Logs that results are tested on, by name."""
+        folder = self.folder / TEST_LOGS
+        return sorted(p for p in folder.glob("[!.]*") if p.is_file() and not p.is_symlink())
 
     def _files(self) -> list[Path]:
         found = []
         for path in self.folder.iterdir():
-            if path.name.startswith(".") or path.name == RESULTS:
+            if path.name.startswith(".") or path.name in (RESULTS, TEST_LOGS):
                 continue
             if path.is_file():
                 found.append(path)

@@ -69,6 +69,13 @@ class RepairRequest(_Body):
     version: str
 
 
+class LawsRequest(_Body):
+    """The friction laws that a run has chosen."""
+
+    run: str
+    version: str
+
+
 class RunRequest(_Body):
     """A step of the way, with its arguments; ``go_on``: also where it is held back."""
 

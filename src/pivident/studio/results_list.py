@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from datetime import datetime
 from typing import Any
@@ -10,6 +11,7 @@ from urllib.parse import quote
 from pivident.check.plan import in_words
 from pivident.estimation.methods import METHODS
 from pivident.export.formats import FORMATS
+from pivident.studio.chosen_laws import joints_to_change
 from pivident.studio.findings_list import line_to_go_to
 from pivident.studio.gate import before_use
 from pivident.studio.offers import best_result, offered
@@ -20,6 +22,9 @@ from pivident.studio.steps import EXPORTED, STEPS
 from pivident.studio.verdict_repairs import repair_words, says_the_same
 from pivident.text.numbers import bytes_in_words
 from pivident.text.toml_places import Place
+
+#: A finding as commands print it, and how many answer the question of a test.
+FINDING, MAX_ANSWERS = re.compile(r"^  (?:ok|note|warning|error) +(\S.*)$", re.MULTILINE), 2
 
 #: Less than this is not worth a word [s].
 SHORT = 3.0
@@ -143,6 +148,7 @@ def _shown(
         "line": progress.get("line", "") or "starting",
         "kept": progress.get("kept", []),
         "repairs": repairs,
+        "laws": joints_to_change(project.text, folder) if run["step"] == "laws" else [],
         "verdict": verdict if verdict.get("headline") else None,
         "answers": _answers(project, run),
         "against": [s | line_to_go_to(LINES.get(s["topic"], ()), rows) for s in against],
@@ -157,7 +163,9 @@ def _shown(
 
 
 def _answers(project: Project, run: dict[str, Any]) -> list[str]:
-    """What a comparison has found, a sentence for each result but the first."""
+    """What a comparison has found, or a test on another log, in sentences."""
+    if run["step"] == "predict":
+        return FINDING.findall(run["output"])[:MAX_ANSWERS]
     if run["step"] != "compare" or not run["results"]:
         return []
     found = read_object(project.folder / run["results"] / "comparison.json").get("findings", [])
@@ -168,13 +176,17 @@ def _always(run: dict[str, Any], verdict: dict[str, Any]) -> list[dict[str, Any]
     """What can be done with every identification."""
     if run["step"] != "identify" or not run["results"] or not verdict.get("name"):
         return []
+    best = best_result(run["results"], run["methods"], verdict)
     return [
         {
+            "step": "predict",
+            "arguments": {"result": best},
+            "words": "Test on another log",
+            "reason": "Same columns, other motion: how well are its torques predicted?",
+        },
+        {
             "step": "export",
-            "arguments": {
-                "result": best_result(run["results"], run["methods"], verdict),
-                "free": True,
-            },
+            "arguments": {"result": best, "free": True},
             "words": "Export the estimate",
             "reason": "As it is; simulators refuse parameters that no machine can have.",
         },

@@ -100,6 +100,7 @@ TITLES = {
     "friction.html": "Friction",
     "comparison.html": "Comparison",
     "design.html": "Motion",
+    "prediction.html": "Prediction",
 }
 
 

@@ -200,6 +200,14 @@ STEPS: dict[str, Step] = {
         _experiment,
         _prints,
     ),
+    "predict": Step(
+        "Test on another log",
+        "Predict the torques of a log with the same columns and say how large the errors are.",
+        "predict",
+        (_RESULT, Argument("log", "log", "Log", is_needed=True)),
+        _nothing,
+        lambda out, given: ["--html", f"{out}/prediction.html"],
+    ),
     "payload": Step(
         "Identify the payload",
         "Find mass, centre of mass and inertia of a load from a record without and one with it.",

@@ -17,6 +17,7 @@ from pivident.errors import PividentError
 from pivident.logs.tables.tables import is_log
 from pivident.robot.gallery import gallery_names
 from pivident.robot.naming import nearest
+from pivident.studio.chosen_laws import with_laws
 from pivident.studio.drafting import DRAFT, draft
 from pivident.studio.edits import confirmed, with_value, without
 from pivident.studio.example import ROBOT, draft_example
@@ -117,7 +118,7 @@ class Studio:
             self.projects.write(project, new, version)
 
     def brought(self, project: Project, path: Path) -> None:
-        """A file has come: the first robot is taken, and a log that nobody has worked on redrafts.
+        """A file has come: the first robot is taken; a log redrafts a file that nobody has changed.
 
         Args:
             project: whose.
@@ -125,6 +126,8 @@ class Studio:
         """
         text = project.text
         name = path.relative_to(project.folder).as_posix()
+        if path in project.test_logs():
+            return
         if is_robot(path) and not Content(text).robot:
             self.choose_robot(project, name, version_of(text))
         elif is_log(path.name) and text and text == self.drafted(project).get("text"):
@@ -258,6 +261,21 @@ class Studio:
         project.text_of(version)
         new, _ = repaired_text(project, RunFolder.of(project.folder, run).results, number)
         self.projects.write(project, new, version)
+
+    def write_laws(self, project: Project, run: str, version: str) -> None:
+        """Write the friction laws that a run has chosen into the experiment file.
+
+        Args:
+            project: whose.
+            run: number of the run.
+            version: of the text that the page shows.
+
+        Raises:
+            Changed: the file is no longer the one that the page shows.
+            PividentError: there is no such run, or it has chosen none.
+        """
+        results = RunFolder.of(project.folder, run).results
+        self.projects.write(project, with_laws(project.text_of(version), results), version)
 
     def can_undo(self, project: Project) -> bool:
         """Whether the last change can be taken back; a draft itself cannot: it is made again."""

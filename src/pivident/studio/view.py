@@ -60,7 +60,7 @@ class View:
     def files(self) -> list[tuple[str, int, int]]:
         """Path, size and time of the files that were brought."""
         found = []
-        for path in self.project.inputs():
+        for path in (*self.project.inputs(), *self.project.test_logs()):
             with suppress(FileNotFoundError):  # removed at this moment
                 about = path.stat()
                 name = path.relative_to(self.project.folder).as_posix()
