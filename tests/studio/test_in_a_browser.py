@@ -313,3 +313,33 @@ def test_an_archive_goes_to_another_machine(planar, tmp_path):
     for name in ("experiment.toml", "log.csv"):
         there = (tmp_path / "other" / "arm" / name).read_bytes()
         assert there == (planar / name).read_bytes()
+
+
+def test_a_log_for_tests_is_answered_below_the_verdict(planar, tmp_path):
+    import numpy as np
+
+    from tests.planar_log import HEADER, planar_log
+
+    path = tmp_path / "other.csv"
+    values = planar_log(samples=4000, seed=7)
+    np.savetxt(path, values, fmt="%.9g", delimiter=",", header=HEADER, comments="")
+    with served(planar.parent) as server, browsing() as page:
+        page.goto(server.address)
+        page.goto(f"{server.base}/p/arm")
+        ready(page)
+        page.get_by_role("button", name="Run", exact=True).click()
+        page.locator("#run-of-001 .headline").wait_for(timeout=240_000)
+        top = (
+            "e => e.getBoundingClientRect().top"
+            " - document.getElementById('results').getBoundingClientRect().top"
+        )
+        before = page.locator("#run-of-001 .headline").evaluate(top)
+        form = page.locator("form[data-step=predict]")
+        form.locator("input[type=file]").set_input_files(path)
+        form.get_by_role("button", name="Test on another log").click()
+        page.locator("#run-of-002.done").wait_for(timeout=120_000)
+        answer = page.locator("#run-of-002 strong").first.inner_text()
+        assert answer.startswith("The torque error below 20 Hz is")
+        assert page.locator("#run-of-001 #run-of-002").count() == 1
+        assert abs(page.locator("#run-of-001 .headline").evaluate(top) - before) < 1.0
+        assert fits(page)

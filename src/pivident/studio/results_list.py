@@ -15,7 +15,7 @@ from pivident.studio.chosen_laws import joints_to_change
 from pivident.studio.findings_list import line_to_go_to
 from pivident.studio.gate import before_use
 from pivident.studio.offers import best_result, offered
-from pivident.studio.projects import EXPERIMENT, Project
+from pivident.studio.projects import EXPERIMENT, TEST_LOGS, Project
 from pivident.studio.rows import Row
 from pivident.studio.run_folder import read_object
 from pivident.studio.steps import EXPORTED, STEPS
@@ -205,6 +205,7 @@ def _words(run: dict[str, Any]) -> str:
         if identified and given.get("free")
         else "",
         _exported(given) if run["step"] == "export" else "",
+        str(given.get("log", "")).removeprefix(f"{TEST_LOGS}/"),
         f"of {', '.join(str(one).removeprefix('results/') for one in of)}" if of else "",
     ]
     return " · ".join(filter(None, words))
