@@ -173,6 +173,39 @@ def test_an_assumption_is_confirmed_with_one_button(planar):
     )
 
 
+def test_what_has_the_focus_is_brought_up_to_date(tmp_path):
+    """The field of files keeps the focus after a choice; what it has begun is shown all the same.
+
+    Boxes that were ticked and not sent stay.
+    """
+    write_log(tmp_path / "log.csv")
+    (tmp_path / "root" / "arm").mkdir(parents=True)
+    path = tmp_path / "root" / "arm" / "experiment.toml"
+    path.write_text('robot = "planar_2r"\n', encoding="utf-8")
+    with served(tmp_path / "root") as server, browsing() as page:
+        page.goto(server.address)
+        page.goto(f"{server.base}/p/arm")
+        page.locator("#bring").focus()
+        page.locator("#bring").set_input_files(tmp_path / "log.csv")
+        page.locator("#files .busy").wait_for()
+        page.locator("#files .busy").wait_for(state="detached", timeout=60_000)
+        assert page.evaluate("document.activeElement.id") == "bring"
+        ready(page)
+        ticked = page.locator("#run [value=piv]")
+        ticked.focus()
+        text = path.read_text(encoding="utf-8")
+        path.write_text(text + "[nothing]\n", encoding="utf-8")
+        page.locator("#run .remark").wait_for(timeout=30_000)
+        path.write_text(text, encoding="utf-8")
+        ready(page)
+        ticked.focus()
+        ticked.click()
+        is_ticked = ticked.is_checked()
+        path.write_text(text + "[nothing]\n", encoding="utf-8")
+        page.wait_for_timeout(4_000)
+        assert page.locator("#run .remark").count() == 0 and ticked.is_checked() == is_ticked
+
+
 def test_one_change_is_one_request(planar):
     """A field that is left for its button is sent once; so is a button that is pressed twice."""
     sent = []

@@ -5,11 +5,22 @@
   const pieces = () => [...project.querySelectorAll(".piece")];
   let timer, polling = false, lost = false;
 
-  /** Whether somebody is writing in a piece. */
+  /** Whether a field says something else than the server has written, which would be lost. */
+  function isChanged(field) {
+    if (field.type === "file") return field.files.length > 0;
+    if (["checkbox", "radio"].includes(field.type)) return field.checked !== field.defaultChecked;
+    if (field.tagName === "SELECT") {
+      return field.selectedIndex !== Math.max([...field.options].findIndex((option) => option.defaultSelected), 0);
+    }
+    return field.defaultValue !== undefined && field.value !== field.defaultValue;
+  }
+
+  /** Whether somebody is writing in a piece: the focus alone does not keep it as it was. */
   function isEdited(piece) {
     const field = document.activeElement;
     if (!piece.contains(field) || !["INPUT", "TEXTAREA", "SELECT"].includes(field.tagName)) return false;
-    return ["checkbox", "radio", "file"].includes(field.type) || (field.defaultValue !== undefined && field.value !== field.defaultValue);
+    const isBox = ["checkbox", "radio"].includes(field.type);
+    return [...((isBox && field.form?.elements) || [field])].some(isChanged);
   }
 
   /** What a reader has opened and chosen, by the words beside it. */
