@@ -55,6 +55,10 @@ def test_two_files_to_a_verdict(arm, tmp_path, width, colour):
         ready(page)
         assert fits(page)
         page.locator("#checks .headline").wait_for()
+        if width > 500:  # from the top of the page to the button: at most three screens
+            button = page.get_by_role("button", name="Run", exact=True)
+            screens = "e => (e.getBoundingClientRect().bottom + scrollY) / innerHeight"
+            assert button.evaluate(screens) < 3.0
         assert "These methods take about" in page.locator("#run output.time").inner_text()
         page.get_by_role("button", name="Run", exact=True).click()
         page.locator("article.run .headline").wait_for(timeout=300_000)
@@ -84,6 +88,11 @@ def answer_questions(page):
             group.locator("input").first.check()
         questions.get_by_role("button", name="Answer").click()
         page.wait_for_timeout(500)
+
+
+def unfold(page, group):
+    """Open a group of lines."""
+    page.locator(f"#group-{group} > summary").click()
 
 
 @pytest.fixture
@@ -136,8 +145,12 @@ def test_a_change_redraws_the_signals_and_can_be_undone(planar):
             "() => { const plot = document.querySelector('[data-channel=q] .plot');"
             "return plot?.data ? Math.max(...plot.data[0].y) : 0; }"  # none while it is read anew
         )
+        assert not field.is_visible()  # nothing in this group is assumed
+        unfold(page, "q")
         page.locator("[data-channel=q]").scroll_into_view_if_needed()
         page.wait_for_function(f"() => ({highest})() > 0")
+        names = page.locator("[data-channel=q] .legendtext").all_text_contents()
+        assert names == ["shoulder", "elbow"]
         before = page.evaluate(highest)
         if field.evaluate("e => e.tagName") == "SELECT":
             field.select_option('"rad"')
@@ -192,6 +205,7 @@ def test_what_has_the_focus_is_brought_up_to_date(tmp_path):
         assert page.evaluate("document.activeElement.id") == "bring"
         ready(page)
         ticked = page.locator("#run [value=piv]")
+        page.locator("#run summary").first.click()
         ticked.focus()
         text = path.read_text(encoding="utf-8")
         path.write_text(text + "[nothing]\n", encoding="utf-8")
@@ -217,6 +231,7 @@ def test_one_change_is_one_request(planar):
         page.get_by_role("button", name="Run", exact=True).dblclick()
         page.locator("article.run").first.wait_for()
         assert sent == ["run"]
+        unfold(page, "controller")
         row = page.locator("[id='row-controller.kp']")
         row.locator("[name=value]").fill("[5000, 2500]")
         row.get_by_role("button", name="Change").click()
@@ -255,6 +270,7 @@ def test_two_tabs_show_the_same(planar):
         ready(page)
         ready(other)
         row = "[id='row-controller.kp-value']"
+        unfold(page, "controller")
         page.locator(row).fill("[5000, 2500]")
         page.locator(row).press("Enter")
         other.wait_for_function(

@@ -24,7 +24,11 @@
   }
 
   /** What a reader has opened and chosen, by the words beside it. */
-  const summaryOf = (details) => `${details.closest("[id]")?.id}|${details.querySelector("summary")?.textContent.trim()}`;
+  function summaryOf(details) {
+    const summary = details.querySelector("summary");
+    const said = (summary?.querySelector("h3") ?? summary)?.textContent.trim().replace(/:.*/s, "");
+    return `${details.closest("[id]")?.id}|${said}`;
+  }
 
   async function swap(old, force = false) {
     if (!force && isEdited(old)) return;
@@ -84,6 +88,8 @@
     const expected = ticked.reduce((sum, { dataset }) => sum + Number(dataset.seconds), Number(form.dataset.seconds));
     const seconds = expected * Number(form.dataset.factor);
     const known = form.dataset.seconds && ticked.length;
+    const chosen = ticked.map((box) => box.value).join(", ");
+    form.querySelector(".chosen").textContent = chosen || "none";
     const words = seconds < 90 ? `${Math.max(1, Math.round(seconds))} s` : `${Math.round(seconds / 60)} min`;
     form.querySelector("output.time").textContent = known ? `These methods take about ${words}.` : "";
   }
@@ -139,6 +145,7 @@
     const row = link && document.getElementById(decodeURIComponent(link.hash.slice(1)));
     if (row) {
       event.preventDefault();
+      for (let fold = row.closest("details"); fold; fold = fold.parentElement.closest("details")) fold.open = true;
       row.scrollIntoView({ block: "center" });
       (row.querySelector("[name=value]") ?? row).focus({ preventScroll: true });
     }
