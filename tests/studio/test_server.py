@@ -43,7 +43,7 @@ def version(client):
 def test_every_method_is_described():
     from pivident.estimation.methods import METHODS
     from pivident.studio.methods import method_context
-    from pivident.studio.studio import Content
+    from pivident.studio.projects import Content
 
     groups = method_context(Content("recording = {files = 'log.csv'}"), {}, [])["groups"]
     described = {m["name"]: m["words"] for group in groups for m in group["methods"]}

@@ -21,6 +21,7 @@ from pivident.studio.methods import method_context
 from pivident.studio.projects import (
     RESULTS,
     TEST_LOGS,
+    Content,
     Project,
     ProjectError,
     is_robot,
@@ -29,7 +30,7 @@ from pivident.studio.results_list import clock, result_context
 from pivident.studio.row_groups import row_groups
 from pivident.studio.rows import addable
 from pivident.studio.run_folder import read_object
-from pivident.studio.studio import Content, Studio
+from pivident.studio.studio import Studio
 from pivident.studio.view import View
 from pivident.text.lists import plural
 from pivident.text.numbers import bytes_in_words

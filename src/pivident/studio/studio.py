@@ -8,12 +8,10 @@ change of a line ─▶ look again                ─▶ run (as `pivident ident
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from pivident.errors import PividentError
 from pivident.logs.tables.tables import is_log
 from pivident.robot.gallery import gallery_names
 from pivident.robot.naming import nearest
@@ -26,6 +24,7 @@ from pivident.studio.gate import Gate, before_run, before_use
 from pivident.studio.looks import Looks
 from pivident.studio.projects import (
     Changed,
+    Content,
     Project,
     ProjectError,
     Projects,
@@ -37,7 +36,6 @@ from pivident.studio.runs import Runs
 from pivident.studio.steps import STEPS
 from pivident.studio.tasks import Tasks
 from pivident.studio.verdict_repairs import repaired_text
-from pivident.text.toml import parse_toml
 from pivident.text.toml_values import string_text
 
 
@@ -336,41 +334,3 @@ class Studio:
     @staticmethod
     def _task(project: Project) -> str:
         return f"draft {project.folder}"
-
-
-class Content:
-    """What an experiment file says, as far as it can be read.
-
-    Args:
-        text: the file.
-    """
-
-    def __init__(self, text: str) -> None:
-        self.text = text
-
-    @cached_property
-    def content(self) -> dict[str, Any]:
-        """Its tables; empty where it is no TOML."""
-        try:
-            return parse_toml(self.text)
-        except (ValueError, PividentError):
-            return {}
-
-    @property
-    def robot(self) -> str:
-        """Name of the robot, empty without one."""
-        named = self.content.get("robot")
-        named = named.get("model") if isinstance(named, dict) else named
-        return named if isinstance(named, str) else ""
-
-    @property
-    def has_recording(self) -> bool:
-        """Whether a log is described."""
-        return bool(self.content.get("recording"))
-
-    @property
-    def methods(self) -> list[str]:
-        """The methods that it names."""
-        table = self.content.get("identify")
-        named = table.get("methods") if isinstance(table, dict) else None
-        return [m for m in named if isinstance(m, str)] if isinstance(named, list) else []

@@ -9,10 +9,10 @@ from typing import Any
 from pivident.errors import ExperimentError
 from pivident.studio.gate import Gate, before_run
 from pivident.studio.named_files import named_files
-from pivident.studio.projects import Project, version_of
+from pivident.studio.projects import Content, Project, version_of
 from pivident.studio.rows import Row, experiment_rows
 from pivident.studio.run_folder import read_object
-from pivident.studio.studio import Content, Studio
+from pivident.studio.studio import Studio
 
 
 class View:
