@@ -5,6 +5,7 @@ import gzip
 import hashlib
 import json
 import re
+import shutil
 
 import numpy as np
 import pytest
@@ -127,6 +128,30 @@ def test_free_estimate_and_no_check(result, tmp_path, capsys):
     text = capsys.readouterr().out
     assert "IDIM-WLS, not made physically consistent" in text and "Loaded back" not in text
     assert not read_model(out).consistent
+
+
+@pytest.mark.parametrize("to", ["urdf", "mjcf", "sdf", "c", "numpy", "latex"])
+def test_a_file_says_what_is_in_it_and_which_use_was_rejected(result, tmp_path, to):
+    """Estimate and consistent set, also by way of `pivident consistent`."""
+    folder = tmp_path / "result"
+    shutil.copytree(result, folder)
+    why = "no machine has these parameters (fit error 14 % -- 50 %)"
+    verdict = json.loads((folder / "verdict.json").read_text("utf-8"))
+    verdict["uses"]["simulation"] |= {"answer": "no", "why": why}
+    (folder / "verdict.json").write_text(json.dumps(verdict | {"in_spite_of": ["A sign."]}))
+    assert run("consistent", folder, "--out", tmp_path / "set") == 0
+    sources = [(folder, "--free"), (folder,), (tmp_path / "set" / "consistent.json",)]
+    texts = []
+    for source in sources[to == "mjcf" :]:  # MuJoCo refuses the estimate of this log
+        out = tmp_path / f"model.{to}"
+        assert run("export", *source, "--to", to, "--out", out, "--no-check") == 0
+        comments = re.sub(r"(\W*\n\W*)|(- -)", " ", out.read_text("utf-8").replace("- -", "--"))
+        texts.append(re.sub(r"\s+", " ", comments))
+    for text in texts:
+        assert "rejects it for simulation" in text and "Identified in spite of this: A sign" in text
+    if to != "latex":
+        assert ("the estimate, not made physically consistent" in texts[0]) == (to != "mjcf")
+        assert all("the consistent set, which a machine can have" in t for t in texts[-2:])
 
 
 @pytest.mark.parametrize("name", ["identification.json", "../arm.urdf", "../log.csv"])

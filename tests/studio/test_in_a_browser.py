@@ -55,6 +55,10 @@ def test_two_files_to_a_verdict(arm, tmp_path, width, colour):
         ready(page)
         assert fits(page)
         page.locator("#checks .headline").wait_for()
+        if width > 500:  # from the top of the page to the button: at most three screens
+            button = page.get_by_role("button", name="Run", exact=True)
+            screens = "e => (e.getBoundingClientRect().bottom + scrollY) / innerHeight"
+            assert button.evaluate(screens) < 3.0
         assert "These methods take about" in page.locator("#run output.time").inner_text()
         page.get_by_role("button", name="Run", exact=True).click()
         page.locator("article.run .headline").wait_for(timeout=300_000)
@@ -84,6 +88,11 @@ def answer_questions(page):
             group.locator("input").first.check()
         questions.get_by_role("button", name="Answer").click()
         page.wait_for_timeout(500)
+
+
+def unfold(page, group):
+    """Open a group of lines."""
+    page.locator(f"#group-{group} > summary").click()
 
 
 @pytest.fixture
@@ -136,8 +145,12 @@ def test_a_change_redraws_the_signals_and_can_be_undone(planar):
             "() => { const plot = document.querySelector('[data-channel=q] .plot');"
             "return plot?.data ? Math.max(...plot.data[0].y) : 0; }"  # none while it is read anew
         )
+        assert not field.is_visible()  # nothing in this group is assumed
+        unfold(page, "q")
         page.locator("[data-channel=q]").scroll_into_view_if_needed()
         page.wait_for_function(f"() => ({highest})() > 0")
+        names = page.locator("[data-channel=q] .legendtext").all_text_contents()
+        assert names == ["shoulder", "elbow"]
         before = page.evaluate(highest)
         if field.evaluate("e => e.tagName") == "SELECT":
             field.select_option('"rad"')
@@ -173,6 +186,40 @@ def test_an_assumption_is_confirmed_with_one_button(planar):
     )
 
 
+def test_what_has_the_focus_is_brought_up_to_date(tmp_path):
+    """The field of files keeps the focus after a choice; what it has begun is shown all the same.
+
+    Boxes that were ticked and not sent stay.
+    """
+    write_log(tmp_path / "log.csv")
+    (tmp_path / "root" / "arm").mkdir(parents=True)
+    path = tmp_path / "root" / "arm" / "experiment.toml"
+    path.write_text('robot = "planar_2r"\n', encoding="utf-8")
+    with served(tmp_path / "root") as server, browsing() as page:
+        page.goto(server.address)
+        page.goto(f"{server.base}/p/arm")
+        page.locator("#bring").focus()
+        page.locator("#bring").set_input_files(tmp_path / "log.csv")
+        page.locator("#files .busy").wait_for()
+        page.locator("#files .busy").wait_for(state="detached", timeout=60_000)
+        assert page.evaluate("document.activeElement.id") == "bring"
+        ready(page)
+        ticked = page.locator("#run [value=piv]")
+        page.locator("#run summary").first.click()
+        ticked.focus()
+        text = path.read_text(encoding="utf-8")
+        path.write_text(text + "[nothing]\n", encoding="utf-8")
+        page.locator("#run .remark").wait_for(timeout=30_000)
+        path.write_text(text, encoding="utf-8")
+        ready(page)
+        ticked.focus()
+        ticked.click()
+        is_ticked = ticked.is_checked()
+        path.write_text(text + "[nothing]\n", encoding="utf-8")
+        page.wait_for_timeout(4_000)
+        assert page.locator("#run .remark").count() == 0 and ticked.is_checked() == is_ticked
+
+
 def test_one_change_is_one_request(planar):
     """A field that is left for its button is sent once; so is a button that is pressed twice."""
     sent = []
@@ -184,6 +231,7 @@ def test_one_change_is_one_request(planar):
         page.get_by_role("button", name="Run", exact=True).dblclick()
         page.locator("article.run").first.wait_for()
         assert sent == ["run"]
+        unfold(page, "controller")
         row = page.locator("[id='row-controller.kp']")
         row.locator("[name=value]").fill("[5000, 2500]")
         row.get_by_role("button", name="Change").click()
@@ -222,6 +270,7 @@ def test_two_tabs_show_the_same(planar):
         ready(page)
         ready(other)
         row = "[id='row-controller.kp-value']"
+        unfold(page, "controller")
         page.locator(row).fill("[5000, 2500]")
         page.locator(row).press("Enter")
         other.wait_for_function(
@@ -313,3 +362,33 @@ def test_an_archive_goes_to_another_machine(planar, tmp_path):
     for name in ("experiment.toml", "log.csv"):
         there = (tmp_path / "other" / "arm" / name).read_bytes()
         assert there == (planar / name).read_bytes()
+
+
+def test_a_log_for_tests_is_answered_below_the_verdict(planar, tmp_path):
+    import numpy as np
+
+    from tests.planar_log import HEADER, planar_log
+
+    path = tmp_path / "other.csv"
+    values = planar_log(samples=4000, seed=7)
+    np.savetxt(path, values, fmt="%.9g", delimiter=",", header=HEADER, comments="")
+    with served(planar.parent) as server, browsing() as page:
+        page.goto(server.address)
+        page.goto(f"{server.base}/p/arm")
+        ready(page)
+        page.get_by_role("button", name="Run", exact=True).click()
+        page.locator("#run-of-001 .headline").wait_for(timeout=240_000)
+        top = (
+            "e => e.getBoundingClientRect().top"
+            " - document.getElementById('results').getBoundingClientRect().top"
+        )
+        before = page.locator("#run-of-001 .headline").evaluate(top)
+        form = page.locator("form[data-step=predict]")
+        form.locator("input[type=file]").set_input_files(path)
+        form.get_by_role("button", name="Test on another log").click()
+        page.locator("#run-of-002.done").wait_for(timeout=120_000)
+        answer = page.locator("#run-of-002 strong").first.inner_text()
+        assert answer.startswith("The torque error below 20 Hz is")
+        assert page.locator("#run-of-001 #run-of-002").count() == 1
+        assert abs(page.locator("#run-of-001 .headline").evaluate(top) - before) < 1.0
+        assert fits(page)

@@ -19,7 +19,7 @@ def entry(number, step, **arguments):
     nothing = {"pages": [], "files": [], "methods": [], "progress": {}, "started": "", "ended": ""}
     return nothing | {
         "id": number, "step": step, "state": "done", "results": results, "created": CREATED,
-        "arguments": arguments,
+        "arguments": arguments, "in_spite_of": [], "output": "",
     }  # fmt: skip
 
 
@@ -30,9 +30,9 @@ def outdated(folder, text):
         path.relative_to(folder).as_posix(): path.stat().st_mtime
         for path in named_files(folder, content)
     }
-    shown = result_context(Project(folder, "arm"), runs, "/p/arm", content, named, ())["runs"]
-    assert shown[0]["outdated"] == shown[1]["outdated"]
-    return shown[1]["outdated"]
+    (shown,) = result_context(Project(folder, "arm"), runs, "/p/arm", content, named, ())["runs"]
+    assert shown["follow_ups"][0]["outdated"] == shown["outdated"]
+    return shown["outdated"]
 
 
 def test_results_that_are_older_than_what_they_were_made_from(tmp_path):
@@ -81,3 +81,25 @@ def test_a_comparison_answers_in_a_sentence(tmp_path):
     assert answers() == []
     (folder / "comparison.json").write_text('{"findings": ["piv: none of 13 differs."]}')
     assert answers() == ["piv: none of 13 differs."]
+
+
+def test_the_verdict_stays_above_what_follows_from_it(tmp_path):
+    """By the result that a run is about, also by way of another; else below the last one."""
+    runs = [
+        entry("009", "identify") | {"results": "", "state": "running"},
+        entry("008", "export", result="results/004-consistent"),
+        entry("007", "predict", result="results/002-identify/piv"),
+        entry("006", "laws"),
+        entry("005", "identify"),
+        entry("004", "consistent", result="results/002-identify"),
+        entry("003", "compare", results=["results/002-identify"]),
+        entry("002", "identify"),
+        entry("001", "friction"),
+    ]
+    for run in runs:
+        if run["results"]:
+            (tmp_path / run["results"]).mkdir(parents=True)
+    shown = result_context(Project(tmp_path, "arm"), runs, "/p/arm", {}, {}, ())["runs"]
+    below = {run["id"]: [follow_up["id"] for follow_up in run["follow_ups"]] for run in shown}
+    assert list(below) == ["009", "005", "002", "001"]
+    assert below == {"009": [], "005": ["006"], "002": ["008", "007", "004", "003"], "001": []}

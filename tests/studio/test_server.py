@@ -1,5 +1,8 @@
 """The studio's server: bad requests, bad files, other writers, and whom it talks to."""
 
+import html
+import json
+import re
 import time
 
 import psutil
@@ -33,16 +36,14 @@ def arm(client, tmp_path):
 
 
 def version(client):
-    import re
-
-    html = client.get("/p/arm/part/files").text
-    return re.search(r'"version": "(\w+)"', html.replace("&#34;", '"'))[1]
+    page = client.get("/p/arm/part/files").text
+    return re.search(r'"version": "(\w+)"', page.replace("&#34;", '"'))[1]
 
 
 def test_every_method_is_described():
     from pivident.estimation.methods import METHODS
     from pivident.studio.methods import method_context
-    from pivident.studio.studio import Content
+    from pivident.studio.projects import Content
 
     groups = method_context(Content("recording = {files = 'log.csv'}"), {}, [])["groups"]
     described = {m["name"]: m["words"] for group in groups for m in group["methods"]}
@@ -116,6 +117,18 @@ def wait_for(client, done, seconds=120.0):
         time.sleep(0.2)
 
 
+def bodies_of(page, address):
+    """What the buttons of a page send to an address."""
+    found = re.findall(rf"data-to=\"{address}\" data-body='([^']+)'", page)
+    return [json.loads(html.unescape(body)) for body in found]
+
+
+def errors_of_check(folder):
+    (path,) = folder.glob(".pivident-studio/**/check.json")
+    remarks = json.loads(path.read_text("utf-8"))["remarks"]
+    return [remark["message"] for remark in remarks if remark["severity"] == "error"]
+
+
 def test_run_is_not_offered_while_something_would_mislead(client, arm):
     write_log(arm / "log.csv")
     text = EXPERIMENT.replace('tau = "N m"', "tau = -1.0").lstrip()
@@ -125,14 +138,17 @@ def test_run_is_not_offered_while_something_would_mislead(client, arm):
     wait_for(client, lambda: "wrong results" in client.get("/p/arm/part/checks").text)
     found = client.post("/p/arm/run", json=run)
     assert found.status_code == 422 and "Checks" in found.json()["error"]
-    assert "disabled" in client.get("/p/arm/part/run").text
+    assert "I know, go on" in client.get("/p/arm/part/run").text
+    # Who knows it goes on, and the result remembers it.
+    assert client.post("/p/arm/run", json=run | {"go_on": True}).json()["run"] == "001"
+    wait_for(client, lambda: "run done" in client.get("/p/arm/part/results").text)
+    (error,) = (s for s in errors_of_check(arm) if "tau" in s or "torque" in s)
+    for name in ("run.json", "verdict.json"):
+        stored = json.loads((arm / "results" / "001-identify" / name).read_text("utf-8"))
+        assert error in stored["in_spite_of"]
+    assert "Made in spite of this:" in client.get("/p/arm/part/results").text
     # Its fix is a button.
-    import json
-    import re
-
-    html = client.get("/p/arm/part/checks").text
-    buttons = re.findall(r"data-to=\"/p/arm/fix\" data-body='([^']+)'", html)
-    bodies = [json.loads(body.replace("&#34;", '"')) for body in buttons]
+    bodies = bodies_of(client.get("/p/arm/part/checks").text, "/p/arm/fix")
     assert bodies
     assert client.post("/p/arm/fix", json=bodies[0]).status_code == 200
     wait_for(client, lambda: "Ready to run" in client.get("/p/arm/part/checks").text)

@@ -22,6 +22,7 @@ FULL = {
     "export": {"result": "001-identify", "to": "mjcf", "free": True},
     "friction": {"method": "piv", "standstill": 0.02, "ripple": True},
     "laws": {"method": "ls", "blocks": "5", "band": 12.5, "depth": 2},
+    "predict": {"result": "001-identify", "log": "test_logs/other.csv"},
     "payload": {"arm": "001-identify", "method": "piv"},
     "gains": {"in_log_units": True, "least_squares": False},
     "excite": {
@@ -40,6 +41,9 @@ def project(tmp_path):
     (folder / "results" / "002-identify" / "verdict.json").write_text("{}")
     (folder / "results" / "003-laws").mkdir()
     (folder / "experiment.toml").write_text(EXPERIMENT)
+    (folder / "test_logs").mkdir()
+    for name in ("test_logs/other.csv", "-x.csv"):
+        (folder / name).write_text("t\n")
     return folder
 
 
@@ -68,17 +72,21 @@ def test_what_is_written_on_the_command_line(project):
     assert STEPS["payload"].command(project, FULL["payload"], OUT)[1:3] == [
         "results/001-identify", "experiment.toml",
     ]  # fmt: skip
-    assert STEPS["export"].command(project, FULL["export"], OUT)[-1] == f"{OUT}/robot_model.xml"
+    assert STEPS["export"].command(project, FULL["export"], OUT)[-1] == f"{OUT}/robot_estimate.xml"
     shown = STEPS["export"].command(project, {"result": "001-identify", "to": "rrd"}, OUT)
-    assert shown[4:6] == ["--log", "experiment.toml"] and shown[-1] == f"{OUT}/robot_model.rrd"
+    assert shown[4:6] == ["--log", "experiment.toml"] and shown[-1] == f"{OUT}/robot_motion.rrd"
     assert "--out" not in STEPS["laws"].command(project, {}, OUT)
+    tested = {"result": "001-identify", "log": "-x.csv"}
+    assert STEPS["predict"].command(project, tested, OUT)[2] == "./-x.csv"  # no option
 
 
 @pytest.mark.parametrize("to", [*FORMATS, "rrd"])
 def test_every_format_is_written_into_a_file_with_its_ending(project, to):
-    found = STEPS["export"].command(project, {"result": "001-identify", "to": to}, OUT)
-    other = {"mjcf": "xml", "numpy": "py", "latex": "tex"}
-    assert found[-1] == f"{OUT}/robot_model.{other.get(to, to)}"
+    other, result = {"mjcf": "xml", "numpy": "py", "latex": "tex"}, "001-identify"
+    for free, name in ((False, "robot_consistent"), (True, "robot_estimate")):
+        found = STEPS["export"].command(project, {"result": result, "to": to, "free": free}, OUT)
+        name = "robot_motion" if to == "rrd" else name
+        assert found[-1] == f"{OUT}/{name}.{other.get(to, to)}"
 
 
 def test_causes_are_those_of_the_command():
@@ -208,6 +216,28 @@ def test_a_motion_for_many_parameters_is_one_for_all(project):
     write_verdict(project, "001-identify", open_=[f"zz{k}r" for k in range(20)])
     (motion,) = (o for o in offers(project, "001-identify") if o["step"] == "excite")
     assert "parameters" not in motion["arguments"]
+
+
+@pytest.mark.parametrize(
+    ("answer", "why", "first", "steps"),
+    [
+        ("care", "take the consistent set (fit error 5.1 → 5.5 %)", "Make the consistent set",
+         ["consistent", "laws", "friction"]),
+        ("yes", "", "Choose friction laws", ["laws", "friction", *["export"] * 3]),
+        ("no", "no machine has these parameters", "Choose friction laws",
+         ["laws", "friction", "consistent"]),
+    ],
+)  # fmt: skip
+def test_the_consistent_set_is_offered_where_the_verdict_needs_it(
+    project, answer, why, first, steps
+):
+    path = project / "results" / "001-identify" / "verdict.json"
+    content = {"name": "ls", "statements": [statement("friction", "assumed law")]}
+    path.write_text(json.dumps(content | {"uses": {"simulation": {"answer": answer, "why": why}}}))
+    found = [o for o in offers(project, "001-identify") if o["step"] != "compare"]
+    assert found[0]["words"] == first and [o["step"] for o in found] == steps
+    reasons = [o["reason"] for o in found if o["step"] == "consistent"]
+    assert reasons == ([f"For simulation: {why}."] if why else [])
 
 
 def test_consistent_parameters_are_exported(project):

@@ -27,7 +27,7 @@ def apply(experiment: Path, number: int, /, *, results: Path | None = None) -> i
     from pivident.experiment.experiment import load_experiment
     from pivident.files import atomic_folder
     from pivident.logs.source_files import sha256
-    from pivident.studio.fixes import applied, fix_of
+    from pivident.studio.fixes import with_repair
 
     described = load_experiment(experiment)
     folder = results or described.output or Path(f"{experiment.stem}-results")
@@ -44,10 +44,8 @@ def apply(experiment: Path, number: int, /, *, results: Path | None = None) -> i
             advice="the numbers stand in the verdict",
         )
     repair, cause = repairs[number - 1]
-    text, words = experiment.read_bytes().decode("utf-8"), ""
-    for table in range(len(described.content.recording)):
-        fix = fix_of(repair.below(("recording", table)), text, described.robot.joint_names)
-        text, words = applied(text, fix), fix.words
+    text = experiment.read_bytes().decode("utf-8")
+    text, words = with_repair(text, repair, described.robot.joint_names)
     with atomic_folder(experiment.parent) as build:
         (build / experiment.name).write_bytes(text.encode("utf-8"))
     print(f"{cause} {words}")

@@ -54,7 +54,7 @@ def consistent(
     from pivident.cli.workflow import check_output
     from pivident.consistency.consistent_estimate import consistent_estimate
     from pivident.consistency.consistent_files import write_consistent
-    from pivident.diagnostics.verdict_file import result_of
+    from pivident.diagnostics.verdict_file import result_of, said_against
     from pivident.estimation.stored_identification import load_identification
     from pivident.files import atomic_folder
 
@@ -68,6 +68,8 @@ def consistent(
         found = consistent_estimate(
             free, replace(options, accept_far=accept_far or options.accept_far), progress.say
         )
+        notes = (*said_against(identification.parent), *found.model.notes)
+        found = replace(found, model=replace(found.model, notes=notes))
         with atomic_folder(folder) as build:
             write_consistent(found, build, identification)
     print(found)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -58,7 +59,7 @@ def export(
         Load the file back where a program for it is installed, and compare torques.
     """
     from pivident.cli.workflow import check_output
-    from pivident.diagnostics.verdict_file import result_of
+    from pivident.diagnostics.verdict_file import result_of, said_against
     from pivident.errors import ExportError
     from pivident.export.formats import FORMATS, export_model, verify_export
     from pivident.export.urdf import original_urdf
@@ -84,6 +85,8 @@ def export(
         result = result_of(result)
         progress.say(f"reading {result}")
         model, files = stored_model(result, free=free, intervals=FORMATS[to].shows_intervals)
+        notes = dict.fromkeys((*said_against(result.parent), *model.notes))
+        model = replace(model, notes=tuple(notes))
         original, frozen = None, None
         if to == "urdf":
             original = original_urdf(model.robot, robot, result.parent)

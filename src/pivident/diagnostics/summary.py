@@ -127,11 +127,13 @@ class Summary:
             refused: numbers of repairs that contradict the file.
         """
         place = f"./{folder}" if str(folder).startswith("-") else str(folder)
+        usual = experiment is not None and Path(folder) == Path(f"{Path(experiment).stem}-results")
+        elsewhere = [] if usual else ["--results", place]
         items, number = [], 0
         for item in self.items:
             number += bool(item.effect)
             is_repair = item.effect and experiment is not None and number not in refused
-            command = shlex.join(["pivident", "apply", str(experiment), str(number)])
+            command = shlex.join(["pivident", "apply", str(experiment), str(number), *elsewhere])
             items.append(replace(item, command=command) if is_repair else item)
         export = shlex.join(["pivident", "export", place, "--to", "urdf", "--out", "robot.urdf"])
         export *= not number

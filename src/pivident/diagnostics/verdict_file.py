@@ -23,6 +23,9 @@ VERDICT_FILE, SCHEMA = "verdict.json", 3
 #: The file of a result.
 RESULT = "identification.json"
 
+#: Uses whose rejection is said wherever a result goes.
+REJECTED = {"torque": "torque prediction", "simulation": "simulation"}
+
 
 def save_verdict(
     found: Verdict,
@@ -93,6 +96,33 @@ def repairs_of(folder: Path) -> list[tuple[Repair, str]]:
 def stored_experiment(folder: Path) -> str:
     """SHA-256 of the experiment file that the verdict of a folder is about; empty without one."""
     return str(_content(folder).get("experiment", ""))
+
+
+def rejected_uses(folder: Path) -> dict[str, str]:
+    """Uses for which the verdict on a result rejects it, each with a sentence that says why.
+
+    Args:
+        folder: of the result; the verdict stands in it, or in the folder above.
+    """
+    stored = (_content(folder) or _content(folder.parent)).get("uses")
+    judged: dict[str, Any] = stored if isinstance(stored, dict) else {}
+    return {
+        name: f"The verdict rejects it for {words}: {judged[name].get('why', '')}."
+        for name, words in REJECTED.items()
+        if isinstance(judged.get(name), dict) and judged[name].get("answer") == "no"
+    }
+
+
+def said_against(folder: Path) -> tuple[str, ...]:
+    """What a file that is made of a result has to say: rejected uses, and checks that were passed.
+
+    Args:
+        folder: of the result; the verdict stands in it, or in the folder above.
+    """
+    stored = (_content(folder) or _content(folder.parent)).get("in_spite_of")
+    passed = [str(said) for said in stored] if isinstance(stored, list) else []
+    passed = [f"Identified in spite of this: {said}" for said in passed]
+    return (*passed, *rejected_uses(folder).values())
 
 
 def recommended_method(folder: Path) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pivident.errors import ExportError
@@ -62,7 +63,21 @@ def export_model(
     entry = FORMATS[to]
     if not entry.holds_base:
         without_base(model.robot, f"a file of {entry.title}", "export it as JSON")
-    return entry.write(model, FileOptions(name, original, frozen or {}))
+    return _with_provenance(entry.write(model, FileOptions(name, original, frozen or {})), model)
+
+
+def _with_provenance(made: ExportedText, model: RunnableModel) -> ExportedText:
+    """A file of XML with comments on its parameters; others say it in their headers."""
+    from pivident.export.differences import RobotFile
+    from pivident.export.numpy_function import provenance_lines
+    from pivident.export.xml_edit import XmlText
+    from pivident.export.xml_text import comment
+
+    if not isinstance(made, RobotFile):
+        return made
+    text = XmlText(made.content)
+    text.before(text.root, [comment(line) for line in provenance_lines(model)])
+    return replace(made, content=text.content())
 
 
 def verify_export(

@@ -108,16 +108,25 @@ def friction_in_groups(base: BaseParameters) -> bool:
     return bool((base.regrouping != 0.0)[heads[:, None] != others].any())
 
 
+def provenance_lines(model: RunnableModel) -> list[str]:
+    """Beginning of a header: robot, which parameters of which method, what is said against them."""
+    made = "the estimate, not made physically consistent"
+    if model.consistent:
+        made = "the consistent set, which a machine can have"
+    by = f"exported by pivident {one_line(model.origin.version)}".rstrip()
+    lines = [
+        f"Dynamic model of {one_line(model.robot.name)}, {by}.",
+        f"Parameters: {one_line(model.origin.method)}, {made}.",
+    ]
+    for note in model.notes:
+        lines += textwrap.wrap(one_line(note), 96)
+    return lines
+
+
 def header_lines(model: RunnableModel) -> list[str]:
     """Header of an exported program: robot, origin, joints with units, frames."""
     origin, robot = model.origin, model.robot
-    lines = [
-        f"Dynamic model of {one_line(robot.name)}, exported by pivident "
-        f"{one_line(origin.version)}".rstrip()
-        + ".",
-        f"Parameters: {one_line(origin.method)}, "
-        + ("physically consistent." if model.consistent else "not made physically consistent."),
-    ]
+    lines = provenance_lines(model)
     if origin.identification:
         lines.append(f"SHA-256 of the identification: {one_line(origin.identification)}")
     lines += [f"SHA-256 of {one_line(k)}: {one_line(v)}" for k, v in origin.sources.items()]

@@ -105,6 +105,11 @@ class XmlText:
             added = "".join(f" {key}={quoteattr(value)}" for key, value in missing.items())
             self._changes.append((end, end, added.encode()))
 
+    def before(self, element: Element, lines: list[str]) -> None:
+        """Put lines before an element."""
+        text = self._newline.join(line.encode() for line in [*lines, ""])
+        self._changes.append((element.start, element.start, text))
+
     def append(self, element: Element, lines: list[str]) -> None:
         """Put lines after the last child of an element."""
         if element.is_empty:

@@ -57,7 +57,7 @@ def _packed(project: Project, logs: bool, results: bool) -> Iterator[Path]:
     """The files that go into an archive."""
     if project.experiment.is_file():
         yield project.experiment
-    for path in project.inputs():
+    for path in (*project.inputs(), *project.test_logs()):
         if is_robot(path) or (logs and not path.is_symlink()):
             yield path
     if results and (folder := project.folder / RESULTS).is_dir():

@@ -86,6 +86,25 @@ def applied(text: str, fix: Fix) -> str:
     return new
 
 
+def with_repair(text: str, repair: Repair, joints: tuple[str, ...]) -> tuple[str, str]:
+    """The text with a repair of the verdict in all its recordings, and what was done, a sentence.
+
+    Args:
+        text: the experiment file that was identified.
+        repair: one that was tried.
+        joints: names of the robot's joints, in order.
+
+    Raises:
+        ExperimentError: it contradicts the file.
+        ValueError: the text is not TOML.
+    """
+    words = ""
+    for table in range(len(plain_form(parse_toml(text)).get("recording", ()))):
+        fix = fix_of(repair.below(("recording", table)), text, joints)
+        text, words = applied(text, fix), fix.words
+    return text, words
+
+
 def as_json(fix: Fix) -> dict[str, Any]:
     """A fix as plain values."""
     return {"words": fix.words, "edits": [[list(place), value] for place, value in fix.edits]}

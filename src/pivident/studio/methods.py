@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from pivident.estimation.methods import METHODS
+from pivident.studio.projects import Content
 from pivident.studio.results_list import seconds_taken
-from pivident.studio.studio import Content
 
 #: Offered with the methods that people need.
 CONSISTENT = {"pc-piv": "the physically consistent parameters nearest to those of piv"}

@@ -59,22 +59,25 @@ def _after_identification(project: Path, folder: Path, name: str) -> Iterator[Of
     verdict = read_object(folder / "verdict.json")
     statements = [s for s in verdict.get("statements", []) if isinstance(s, dict)]
     methods = _methods(folder, verdict)
+    best = best_result(name, methods, verdict)
+    simulation = (verdict.get("uses") or {}).get("simulation") or {}
+    has_consistent = (project / best / "consistent.json").is_file()
     yield from _better_estimates(project, statements, methods)
+    if simulation.get("answer") == "care" and not has_consistent:
+        yield _consistent(name, simulation)
     if friction := _is_said(statements, "friction", "assumed law", ("warning", "error")):
         yield _offer("laws", "Choose friction laws", friction)
         yield _offer("friction", "Show friction", friction)
     if motion := _wanted_motion(verdict, statements, name):
         yield motion
-    best = best_result(name, methods, verdict)
-    if (project / best / "consistent.json").is_file():
+    if has_consistent:
         yield from _exports(best)
-    elif verdict.get("severity") != "error":
-        yield _offer(
-            "consistent",
-            "Make physically consistent",
-            "Simulators need parameters that a real machine can have.",
-            result=name,
-        )
+    elif simulation.get("answer") == "yes":
+        yield from _exports(best, "The estimate is one that a machine can have.")
+    elif simulation.get("answer") == "no":
+        yield _consistent(name, simulation, accept_far=True)
+    elif not simulation and verdict.get("severity") != "error":
+        yield _consistent(name, simulation)
     yield from _of_tables(project)
     others = _other_results(project, folder)
     if others:
@@ -87,6 +90,13 @@ def _after_identification(project: Path, folder: Path, name: str) -> Iterator[Of
     if len(methods) > 1:
         text = f"Shows where {listed(methods)} differ significantly."
         yield _offer("compare", "Compare the methods", text, results=[name])
+
+
+def _consistent(name: str, simulation: Mapping[str, Any], **arguments: Any) -> Offer:
+    """The consistent set, as the verdict on simulation asks for it."""
+    reason = f"For simulation: {simulation['why']}." if simulation.get("why") else ""
+    reason = reason or "Simulators need parameters that a real machine can have."
+    return _offer("consistent", "Make the consistent set", reason, result=name, **arguments)
 
 
 def best_result(name: str, methods: Sequence[str], verdict: Mapping[str, Any]) -> str:
@@ -140,11 +150,11 @@ def _after_friction(project: Path, folder: Path, name: str) -> Iterator[Offer]:
     yield _offer("laws", "Choose friction laws", text)
 
 
-def _exports(result: str) -> Iterator[Offer]:
-    """Files for simulators."""
+def _exports(result: str, reason: str = "A machine can have it.") -> Iterator[Offer]:
+    """Files of the consistent set."""
     for to, title in (("urdf", "URDF"), ("mjcf", "MuJoCo"), ("c", "C")):
-        reason = "The parameters are physically consistent, as simulators need them."
-        yield _offer("export", f"Export for {title}", reason, result=result, to=to)
+        words = f"Export the consistent set for {title}"
+        yield _offer("export", words, reason, result=result, to=to)
 
 
 def _methods(folder: Path, verdict: Mapping[str, Any]) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import shlex
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -20,6 +20,8 @@ from pivident.studio.findings_list import check_context
 from pivident.studio.methods import method_context
 from pivident.studio.projects import (
     RESULTS,
+    TEST_LOGS,
+    Content,
     Project,
     ProjectError,
     is_robot,
@@ -28,7 +30,7 @@ from pivident.studio.results_list import clock, result_context
 from pivident.studio.row_groups import row_groups
 from pivident.studio.rows import addable
 from pivident.studio.run_folder import read_object
-from pivident.studio.studio import Content, Studio
+from pivident.studio.studio import Studio
 from pivident.studio.view import View
 from pivident.text.lists import plural
 from pivident.text.numbers import bytes_in_words
@@ -75,7 +77,7 @@ def _files(view: View) -> dict[str, Any]:
             {
                 "path": name,
                 "size": bytes_in_words(size),
-                "kind": "robot" if is_robot(Path(name)) else "log" if is_log(name) else "other",
+                "kind": _kind(name),
                 "used": name in view.named,
             }
             for name, size, _ in view.files
@@ -92,6 +94,15 @@ def _files(view: View) -> dict[str, Any]:
         "has_recording": view.content.has_recording,
         "edited": view.content.has_recording and not untouched,
     }
+
+
+def _kind(name: str) -> str:
+    """What a file is, by its name."""
+    if is_robot(Path(name)):
+        return "robot"
+    if name.startswith(f"{TEST_LOGS}/"):
+        return "log for tests"
+    return "log" if is_log(name) else "other"
 
 
 def _troubles(view: View) -> list[str]:
@@ -237,19 +248,20 @@ PIECES = {
             "run",
             lambda v: [
                 v.version,
-                v.hindrance,
+                asdict(v.gate),
                 (v.check.get("plan") or {}).get("seconds"),
                 [run["id"] for run in v.runs if run["state"] == "done"],
             ],
-            lambda v: {"hindrance": v.hindrance} | method_context(v.content, v.check, v.runs),
-            lambda v: "ready" if not v.hindrance else "",
+            lambda v: {"gate": v.gate} | method_context(v.content, v.check, v.runs),
+            lambda v: "ready" if not v.gate.reason else "",
         ),
         Piece(
             "results",
             "results",
-            lambda v: [v.runs, v.version, v.files],
-            lambda v: result_context(
-                v.project, v.runs, v.address, v.content.content, v.named, v.rows
+            lambda v: [v.runs, v.version, v.files, asdict(v.gate)],
+            lambda v: (
+                {"gate": v.gate}
+                | result_context(v.project, v.runs, v.address, v.content.content, v.named, v.rows)
             ),
             _runs_mark,
         ),

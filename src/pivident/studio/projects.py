@@ -14,14 +14,20 @@ import re
 import threading
 from collections import defaultdict
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from pivident.errors import PividentError
 from pivident.files import atomic_folder
 from pivident.robot.naming import ROBOT_FILES
+from pivident.text.toml import parse_toml
 
 #: The experiment file, results, and what is derived from both.
 EXPERIMENT, RESULTS, HIDDEN = "experiment.toml", "results", ".pivident-studio"
+
+#: Logs that results are tested on; nothing is drafted from them.
+TEST_LOGS = "test_logs"
 
 #: Earlier texts of an experiment file that are kept.
 MAX_EARLIER = 50
@@ -104,14 +110,19 @@ class Project:
     def inputs(self) -> list[Path]:
         """Files that were brought, by name; without the experiment file, results and hidden ones.
 
-        A bag is a folder: its files are listed with it.
+        A bag is a folder: its files are listed with it. Logs for tests are apart.
         """
         return sorted(p for p in self._files() if p != self.experiment)
+
+    def test_logs(self) -> list[Path]:
+        """Logs that results are tested on, by name."""
+        folder = self.folder / TEST_LOGS
+        return sorted(p for p in folder.glob("[!.]*") if p.is_file() and not p.is_symlink())
 
     def _files(self) -> list[Path]:
         found = []
         for path in self.folder.iterdir():
-            if path.name.startswith(".") or path.name == RESULTS:
+            if path.name.startswith(".") or path.name in (RESULTS, TEST_LOGS):
                 continue
             if path.is_file():
                 found.append(path)
@@ -134,6 +145,44 @@ class Project:
         if hidden or not path.resolve().is_relative_to(self.folder.resolve()):
             raise ProjectError(f"{relative!r} is no file of the project {self.name}")
         return path
+
+
+class Content:
+    """What an experiment file says, as far as it can be read.
+
+    Args:
+        text: the file.
+    """
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+
+    @cached_property
+    def content(self) -> dict[str, Any]:
+        """Its tables; empty where it is no TOML."""
+        try:
+            return parse_toml(self.text)
+        except (ValueError, PividentError):
+            return {}
+
+    @property
+    def robot(self) -> str:
+        """Name of the robot, empty without one."""
+        named = self.content.get("robot")
+        named = named.get("model") if isinstance(named, dict) else named
+        return named if isinstance(named, str) else ""
+
+    @property
+    def has_recording(self) -> bool:
+        """Whether a log is described."""
+        return bool(self.content.get("recording"))
+
+    @property
+    def methods(self) -> list[str]:
+        """The methods that it names."""
+        table = self.content.get("identify")
+        named = table.get("methods") if isinstance(table, dict) else None
+        return [m for m in named if isinstance(m, str)] if isinstance(named, list) else []
 
 
 class Projects:

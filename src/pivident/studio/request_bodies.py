@@ -61,8 +61,24 @@ class FixRequest(_Body):
     version: str
 
 
+class RepairRequest(_Body):
+    """A repair that the verdict of a run has tried, by its number."""
+
+    run: str
+    number: int
+    version: str
+
+
+class LawsRequest(_Body):
+    """The friction laws that a run has chosen."""
+
+    run: str
+    version: str
+
+
 class RunRequest(_Body):
-    """A step of the way, with its arguments."""
+    """A step of the way, with its arguments; ``go_on``: also where it is held back."""
 
     step: str
     arguments: dict[str, Any] = {}
+    go_on: bool = False

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from datetime import datetime
 from typing import Any
@@ -9,15 +10,21 @@ from urllib.parse import quote
 
 from pivident.check.plan import in_words
 from pivident.estimation.methods import METHODS
+from pivident.export.formats import FORMATS
+from pivident.studio.chosen_laws import joints_to_change
 from pivident.studio.findings_list import line_to_go_to
+from pivident.studio.gate import before_use
 from pivident.studio.offers import best_result, offered
-from pivident.studio.projects import EXPERIMENT, Project
+from pivident.studio.projects import EXPERIMENT, TEST_LOGS, Project
 from pivident.studio.rows import Row
 from pivident.studio.run_folder import read_object
 from pivident.studio.steps import EXPORTED, STEPS
+from pivident.studio.verdict_repairs import repair_words, says_the_same
 from pivident.text.numbers import bytes_in_words
-from pivident.text.toml import parse_toml
 from pivident.text.toml_places import Place
+
+#: A finding as commands print it, and how many answer the question of a test.
+FINDING, MAX_ANSWERS = re.compile(r"^  (?:ok|note|warning|error) +(\S.*)$", re.MULTILINE), 2
 
 #: Less than this is not worth a word [s].
 SHORT = 3.0
@@ -48,16 +55,40 @@ def result_context(
         rows: its lines.
     """
     outdated = {run["results"]: _outdated(project, run, content, named) for run in runs}
+    latest = next((run["id"] for run in runs if run["step"] == "identify"), "")
+    passed = {run["results"]: run["in_spite_of"] for run in runs}
     shown = [
         _shown(project, run, address, rows)
-        | {"outdated": outdated.get(_source(run)) or outdated[run["results"]]}
+        | {
+            "outdated": outdated.get(_source(run)) or outdated[run["results"]],
+            "again": run["id"] == latest and bool(outdated[run["results"]]),
+            "in_spite_of": [*passed.get(_source(run), []), *run["in_spite_of"]],
+        }
         for run in runs
     ]
     return {
-        "runs": shown,
-        "newest": next((run["id"] for run in shown if run["offered"]), ""),
+        "runs": _below_verdicts(shown),
+        "newest": next((r["id"] for r in shown if r["offered"] or r["held_back"]), ""),
         "comparable": [r for r in shown if r["step"] == "identify" and r["state"] == "done"],
     }
+
+
+def _below_verdicts(runs: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Identifications with what followed from each: the result that it is about, or the last one.
+
+    So the verdict stays above what is done with it. Runs before any identification stay alone.
+    """
+    top: list[dict[str, Any]] = []
+    owners: dict[str, dict[str, Any]] = {}
+    last: dict[str, Any] | None = None
+    for run in reversed(runs):  # the first one first
+        run["follow_ups"] = []
+        owner = None if run["step"] == "identify" else owners.get(_source(run), last)
+        last = run if run["step"] == "identify" else last
+        (top if owner is None else owner["follow_ups"]).insert(0, run)
+        if run["results"]:
+            owners[run["results"]] = owner or run
+    return top
 
 
 def _source(run: dict[str, Any]) -> str:
@@ -70,14 +101,11 @@ def _outdated(
     project: Project, run: dict[str, Any], content: dict[str, Any], named: Mapping[str, float]
 ) -> str:
     """What an identification was made from and is something else by now; empty if nothing."""
-    if run["step"] != "identify" or not run["results"]:
-        return ""
-    try:
-        then = (project.folder / run["results"] / EXPERIMENT).read_text(encoding="utf-8")
-        if parse_toml(then) != content:
-            return "The experiment file has changed since."
-    except (OSError, ValueError):
-        return ""  # a result that was brought from elsewhere
+    folder = project.folder / run["results"]
+    if run["step"] != "identify" or not (folder / EXPERIMENT).is_file():
+        return ""  # no result, or one that was brought from elsewhere
+    if not says_the_same(content, folder):
+        return "The experiment file has changed since."
     later = (name for name, time in named.items() if time > _seconds(run["created"]))
     return next((f"{name} has changed since." for name in later), "")
 
@@ -87,9 +115,11 @@ def _shown(
 ) -> dict[str, Any]:
     """A run as the page shows it."""
     step, progress = STEPS.get(run["step"]), run.get("progress") or {}
-    verdict = (
-        read_object(project.folder / run["results"] / "verdict.json") if run["results"] else {}
-    )
+    folder = project.folder / (run["results"] or "none")
+    verdict = read_object(folder / "verdict.json")
+    repairs = repair_words(project, folder, verdict)
+    if verdict.get("repairs") and verdict.get("summary"):
+        verdict["summary"]["next_step"] = ""  # repairs are buttons, which need no command
     statements = verdict.get("statements", [])
     against = [s for s in statements if s["severity"] in ("error", "warning")]
     left = progress.get("left_s")
@@ -117,6 +147,8 @@ def _shown(
         "left": f"about {in_words(left)} left" if left and left > SHORT else "",
         "line": progress.get("line", "") or "starting",
         "kept": progress.get("kept", []),
+        "repairs": repairs,
+        "laws": joints_to_change(project.text, folder) if run["step"] == "laws" else [],
         "verdict": verdict if verdict.get("headline") else None,
         "answers": _answers(project, run),
         "against": [s | line_to_go_to(LINES.get(s["topic"], ()), rows) for s in against],
@@ -126,12 +158,14 @@ def _shown(
             for page in run["pages"]
         ],
         "files": files,
-        "offered": [_offer(o) for o in (*offered(project.folder, run), *_always(run, verdict))],
+        **_offers(project, [*offered(project.folder, run), *_always(run, verdict)]),
     }
 
 
 def _answers(project: Project, run: dict[str, Any]) -> list[str]:
-    """What a comparison has found, a sentence for each result but the first."""
+    """What a comparison has found, or a test on another log, in sentences."""
+    if run["step"] == "predict":
+        return FINDING.findall(run["output"])[:MAX_ANSWERS]
     if run["step"] != "compare" or not run["results"]:
         return []
     found = read_object(project.folder / run["results"] / "comparison.json").get("findings", [])
@@ -142,15 +176,19 @@ def _always(run: dict[str, Any], verdict: dict[str, Any]) -> list[dict[str, Any]
     """What can be done with every identification."""
     if run["step"] != "identify" or not run["results"] or not verdict.get("name"):
         return []
+    best = best_result(run["results"], run["methods"], verdict)
     return [
         {
+            "step": "predict",
+            "arguments": {"result": best},
+            "words": "Test on another log",
+            "reason": "Same columns, other motion: how well are its torques predicted?",
+        },
+        {
             "step": "export",
-            "arguments": {
-                "result": best_result(run["results"], run["methods"], verdict),
-                "free": True,
-            },
+            "arguments": {"result": best, "free": True},
             "words": "Export the estimate",
-            "reason": "As it is; simulators may refuse parameters that no machine can have.",
+            "reason": "As it is; simulators refuse parameters that no machine can have.",
         },
         {"step": "friction", "arguments": {}, "words": "Show friction", "reason": ""},
         {"step": "laws", "arguments": {}, "words": "Choose friction laws", "reason": ""},
@@ -166,10 +204,29 @@ def _words(run: dict[str, Any]) -> str:
         f"corrected with the estimate: {', '.join(given['free'])}"
         if identified and given.get("free")
         else "",
-        str(given.get("to", "")),
+        _exported(given) if run["step"] == "export" else "",
+        str(given.get("log", "")).removeprefix(f"{TEST_LOGS}/"),
         f"of {', '.join(str(one).removeprefix('results/') for one in of)}" if of else "",
     ]
     return " · ".join(filter(None, words))
+
+
+def _exported(given: Mapping[str, Any]) -> str:
+    """What an export is of, and its format."""
+    to = str(given.get("to", ""))
+    title = FORMATS[to].title if to in FORMATS else to
+    return f"{title} with the {'estimate' if given.get('free') else 'consistent set'}"
+
+
+def _offers(project: Project, offers: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """What may be done next, and apart from it what the verdict holds back, with the reason."""
+    gates = [before_use(project.folder, o["step"], o["arguments"]) for o in offers]
+    pairs = [(_offer(o), gate.reason) for o, gate in zip(offers, gates, strict=True)]
+    return {
+        "offered": [offer for offer, reason in pairs if not reason],
+        "held_back": [offer for offer, reason in pairs if reason],
+        "held_back_by": list(dict.fromkeys(reason for _, reason in pairs if reason)),
+    }
 
 
 def _offer(offer: dict[str, Any]) -> dict[str, Any]:

@@ -93,6 +93,12 @@ class RunFolder:
         """What the command reads: beside the experiment file, so that relative paths hold."""
         return self.project / f".experiment-{self.id}.toml"
 
+    @property
+    def results(self) -> Path:
+        """Folder of its results, or where they would be."""
+        names = result_folders(self.project).get(self.id, ["none"])
+        return self.project / RESULTS / names[0]
+
     def record(self) -> dict[str, Any]:
         """What was asked; empty where the run is not, or not yet, complete."""
         return read_object(self.state / "run.json")

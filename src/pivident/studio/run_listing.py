@@ -100,6 +100,7 @@ TITLES = {
     "friction.html": "Friction",
     "comparison.html": "Comparison",
     "design.html": "Motion",
+    "prediction.html": "Prediction",
 }
 
 
@@ -185,6 +186,7 @@ def _described(run: RunFolder, results: list[str], reader: RunProgress) -> dict[
         "experiment": str(record.get("experiment", "")),
         "methods": _methods(record, folder if there else None),
         "arguments": record.get("arguments", {}),
+        "in_spite_of": record.get("in_spite_of", []),
     }
 
 

@@ -11,7 +11,7 @@ import shlex
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from threading import Condition, Thread
@@ -65,13 +65,20 @@ class Runs:
         self._watcher = Thread(target=self._watch, name="pivident-runs", daemon=True)
         self._watcher.start()
 
-    def add(self, project: Path, step: str, arguments: Mapping[str, Any]) -> str:
+    def add(
+        self,
+        project: Path,
+        step: str,
+        arguments: Mapping[str, Any],
+        in_spite_of: Sequence[str] = (),
+    ) -> str:
         """Queue a step with the experiment file as it is now.
 
         Args:
             project: folder of the project.
             step: name of one of `pivident.studio.steps.STEPS`.
             arguments: of the step.
+            in_spite_of: what was said against it, which its results remember.
 
         Returns:
             The number of the run, ``001``.
@@ -91,6 +98,7 @@ class Runs:
             "argv": argv,
             "command": shlex.join(["pivident", *argv]).replace(f"'{out}'", out),
             "results": out,
+            "in_spite_of": list(in_spite_of),
             "experiment": "" if experiment is None else hashlib.sha256(experiment).hexdigest(),
         }
         with self._changed:

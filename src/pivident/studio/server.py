@@ -37,7 +37,9 @@ from pivident.studio.request_bodies import (
     DraftRequest,
     Edit,
     FixRequest,
+    LawsRequest,
     NewProject,
+    RepairRequest,
     RobotChoice,
     RunRequest,
     Text,
@@ -105,6 +107,8 @@ def _routes() -> list[Route]:
         Route(f"{one}/text", _changing(Text, _write), methods=["POST"]),
         Route(f"{one}/undo", _undo, methods=["POST"]),
         Route(f"{one}/fix", _changing(FixRequest, _fix), methods=["POST"]),
+        Route(f"{one}/repair", _changing(RepairRequest, _repair), methods=["POST"]),
+        Route(f"{one}/laws", _changing(LawsRequest, _write_laws), methods=["POST"]),
         Route(f"{one}/window", _window),
         Route(f"{one}/audit.html", _audit_page),
         Route(f"{one}/run", _changing(RunRequest, _run), methods=["POST"]),
@@ -296,8 +300,16 @@ def _fix(studio: Studio, project: Project, body: FixRequest) -> None:
     studio.fix(project, body.remark, body.fix, body.version)
 
 
+def _repair(studio: Studio, project: Project, body: RepairRequest) -> None:
+    studio.repair(project, body.run, body.number, body.version)
+
+
+def _write_laws(studio: Studio, project: Project, body: LawsRequest) -> None:
+    studio.write_laws(project, body.run, body.version)
+
+
 def _run(studio: Studio, project: Project, body: RunRequest) -> dict[str, str]:
-    return {"run": studio.run(project, body.step, body.arguments)}
+    return {"run": studio.run(project, body.step, body.arguments, body.go_on)}
 
 
 @_threaded

@@ -16,9 +16,12 @@ from typing import Any, Literal
 from pivident.consistency.consistent_files import CONSISTENT_FILE
 from pivident.errors import PividentError
 from pivident.estimation.methods import METHODS
-from pivident.studio.projects import RESULTS
+from pivident.logs.tables.tables import is_log
+from pivident.studio.projects import RESULTS, Project
 
-Kind = Literal["choice", "choices", "number", "integer", "flag", "result", "results", "names"]
+Kind = Literal[
+    "choice", "choices", "number", "integer", "flag", "result", "results", "names", "log"
+]  # fmt: skip
 
 #: What makes a folder one of results: files of one method, or the verdict on several.
 RESULT_FILES = ("identification.json", CONSISTENT_FILE, "verdict.json")
@@ -41,7 +44,7 @@ class Argument:
     Attributes:
         name: in forms and files.
         kind: what its values are; ``result`` is a folder of results of the project, ``names`` are
-            parameters.
+            parameters, ``log`` is a log of the project.
         label: for a form.
         option: of the command line; empty for what is named without one.
         choices: allowed values, where the kind is a choice.
@@ -113,6 +116,8 @@ class Argument:
         """One of the choices, a folder of results, or the name of a parameter."""
         if self.kind in ("result", "results"):
             return result_folder(project, value)
+        if self.kind == "log":
+            return log_file(project, value)
         if self.kind == "names":
             if not _NAME.fullmatch(value):
                 raise StepError(f"{self.label}: {_quoted(value)} is not the name of a parameter")
@@ -145,6 +150,19 @@ def result_folder(project: Path, name: str) -> str:
     raise StepError(
         f"{_quoted(name)} is no result of this project", advice="choose one of the list"
     )
+
+
+def log_file(project: Path, name: str) -> str:
+    """A log of the project, of those that were brought or that results are tested on.
+
+    Raises:
+        StepError: there is none of this name.
+    """
+    ours = Project(project, project.name)
+    there = [p.relative_to(project).as_posix() for p in (*ours.inputs(), *ours.test_logs())]
+    if name not in filter(is_log, there):
+        raise StepError(f"{_quoted(name)} is no log of this project", advice="bring it first")
+    return f"./{name}" if name.startswith("-") else name
 
 
 def _has_result(path: Path) -> bool:

@@ -21,8 +21,8 @@ CAUSES = (
 #: Blocks of the motion that are held out in turn; one would leave nothing to fit.
 FOLDS = tuple(str(number) for number in range(21) if number != 1)
 
-#: Name of an exported file; in C also of its functions.
-EXPORTED = "robot_model"
+#: Names of exported files, in C also of their functions: by what is in them.
+ESTIMATE, CONSISTENT_SET, MOTION = EXPORTED = ("robot_estimate", "robot_consistent", "robot_motion")
 
 
 @dataclass(frozen=True)
@@ -104,8 +104,9 @@ def _file(out: str, given: Mapping[str, Any]) -> list[str]:
     """The exported file; Rerun also needs the log."""
     to = given["to"][1]
     if to == "rrd":
-        return ["--log", EXPERIMENT, "--out", f"{out}/{EXPORTED}.rrd"]
-    return ["--out", f"{out}/{EXPORTED}{FORMATS[to].ending}"]
+        return ["--log", EXPERIMENT, "--out", f"{out}/{MOTION}.rrd"]
+    name = ESTIMATE if "free" in given else CONSISTENT_SET
+    return ["--out", f"{out}/{name}{FORMATS[to].ending}"]
 
 
 _RESULT = Argument("result", "result", "Result", is_needed=True)
@@ -162,7 +163,7 @@ STEPS: dict[str, Step] = {
         (
             _RESULT,
             Argument("to", "choice", "Format", "--to", (*FORMATS, "rrd"), is_needed=True),
-            Argument("free", "flag", "The free estimate, not the consistent one", "--free"),
+            Argument("free", "flag", "The estimate, not the consistent set", "--free"),
         ),
         _nothing,
         _file,
@@ -198,6 +199,14 @@ STEPS: dict[str, Step] = {
         ),
         _experiment,
         _prints,
+    ),
+    "predict": Step(
+        "Test on another log",
+        "Predict the torques of a log with the same columns and say how large the errors are.",
+        "predict",
+        (_RESULT, Argument("log", "log", "Log", is_needed=True)),
+        _nothing,
+        lambda out, given: ["--html", f"{out}/prediction.html"],
     ),
     "payload": Step(
         "Identify the payload",

@@ -8,33 +8,34 @@ change of a line ─▶ look again                ─▶ run (as `pivident ident
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from pivident.errors import PividentError
 from pivident.logs.tables.tables import is_log
 from pivident.robot.gallery import gallery_names
 from pivident.robot.naming import nearest
+from pivident.studio.chosen_laws import with_laws
 from pivident.studio.drafting import DRAFT, draft
 from pivident.studio.edits import confirmed, with_value, without
 from pivident.studio.example import ROBOT, draft_example
 from pivident.studio.fixes import applied, of_json
+from pivident.studio.gate import Gate, before_run, before_use
 from pivident.studio.looks import Looks
 from pivident.studio.projects import (
     Changed,
+    Content,
     Project,
     ProjectError,
     Projects,
     is_robot,
     version_of,
 )
-from pivident.studio.run_folder import read_object
+from pivident.studio.run_folder import RunFolder, read_object
 from pivident.studio.runs import Runs
 from pivident.studio.steps import STEPS
 from pivident.studio.tasks import Tasks
-from pivident.text.toml import parse_toml
+from pivident.studio.verdict_repairs import repaired_text
 from pivident.text.toml_values import string_text
 
 
@@ -115,7 +116,7 @@ class Studio:
             self.projects.write(project, new, version)
 
     def brought(self, project: Project, path: Path) -> None:
-        """A file has come: the first robot is taken, and a log that nobody has worked on redrafts.
+        """A file has come: the first robot is taken; a log redrafts a file that nobody has changed.
 
         Args:
             project: whose.
@@ -123,6 +124,8 @@ class Studio:
         """
         text = project.text
         name = path.relative_to(project.folder).as_posix()
+        if path in project.test_logs():
+            return
         if is_robot(path) and not Content(text).robot:
             self.choose_robot(project, name, version_of(text))
         elif is_log(path.name) and text and text == self.drafted(project).get("text"):
@@ -240,6 +243,38 @@ class Studio:
             ) from None
         self.projects.write(project, applied(text, fix), version)
 
+    def repair(self, project: Project, run: str, number: int, version: str) -> None:
+        """Apply a repair that the verdict of a run has tried.
+
+        Args:
+            project: whose.
+            run: number of the run.
+            number: of the repair in its verdict.
+            version: of the text that the page shows.
+
+        Raises:
+            Changed: the file is no longer the one that the page shows, or the verdict is about.
+            PividentError: there is no such run or repair, or the file contradicts it.
+        """
+        project.text_of(version)
+        new, _ = repaired_text(project, RunFolder.of(project.folder, run).results, number)
+        self.projects.write(project, new, version)
+
+    def write_laws(self, project: Project, run: str, version: str) -> None:
+        """Write the friction laws that a run has chosen into the experiment file.
+
+        Args:
+            project: whose.
+            run: number of the run.
+            version: of the text that the page shows.
+
+        Raises:
+            Changed: the file is no longer the one that the page shows.
+            PividentError: there is no such run, or it has chosen none.
+        """
+        results = RunFolder.of(project.folder, run).results
+        self.projects.write(project, with_laws(project.text_of(version), results), version)
+
     def can_undo(self, project: Project) -> bool:
         """Whether the last change can be taken back; a draft itself cannot: it is made again."""
         earlier = self.projects.earlier_text(project)
@@ -261,86 +296,41 @@ class Studio:
         if self.drafted(project).get("error"):
             (project.hidden / DRAFT).unlink(missing_ok=True)
 
-    def run(self, project: Project, step: str, arguments: Mapping[str, Any]) -> str:
+    def run(
+        self, project: Project, step: str, arguments: Mapping[str, Any], go_on: bool = False
+    ) -> str:
         """Queue a step of the way.
+
+        Args:
+            project: whose.
+            step: name of one of `pivident.studio.steps.STEPS`.
+            arguments: of the step.
+            go_on: whether somebody who knows what is said against it wants it all the same.
 
         Returns:
             The number of the run.
 
         Raises:
-            ProjectError: the check says that it would stop or mislead.
+            ProjectError: it would stop; or it would mislead, and nobody has said to go on.
             StepError: an argument is not possible.
         """
         if step not in STEPS:
             raise ProjectError(f"there is no step {step!r}")
+        gate = before_use(project.folder, step, arguments)
         if step == "identify":
-            look, folder = self.looks.state(project.folder), self.looks.folder(project.folder)
-            check = read_object(folder / "findings" / "check.json")
-            if reason := hindrance(Content(project.text), look, check):
-                raise ProjectError(reason)
             if arguments.get("method") == []:
                 raise ProjectError("no method is chosen", advice="tick at least one")
-        return self.runs.add(project.folder, step, arguments)
+            gate = self.gate(project)
+        if gate.reason and not (go_on and gate.against):
+            raise ProjectError(gate.reason)
+        return self.runs.add(project.folder, step, arguments, gate.against)
+
+    def gate(self, project: Project) -> Gate:
+        """What holds an identification of a project back."""
+        look, folder = self.looks.state(project.folder), self.looks.folder(project.folder)
+        check = read_object(folder / "findings" / "check.json")
+        return before_run(Content(project.text).has_recording, look, check)
 
     @staticmethod
     def _task(project: Project) -> str:
         return f"draft {project.folder}"
-
-
-class Content:
-    """What an experiment file says, as far as it can be read.
-
-    Args:
-        text: the file.
-    """
-
-    def __init__(self, text: str) -> None:
-        self.text = text
-
-    @cached_property
-    def content(self) -> dict[str, Any]:
-        """Its tables; empty where it is no TOML."""
-        try:
-            return parse_toml(self.text)
-        except (ValueError, PividentError):
-            return {}
-
-    @property
-    def robot(self) -> str:
-        """Name of the robot, empty without one."""
-        named = self.content.get("robot")
-        named = named.get("model") if isinstance(named, dict) else named
-        return named if isinstance(named, str) else ""
-
-    @property
-    def has_recording(self) -> bool:
-        """Whether a log is described."""
-        return bool(self.content.get("recording"))
-
-    @property
-    def methods(self) -> list[str]:
-        """The methods that it names."""
-        table = self.content.get("identify")
-        named = table.get("methods") if isinstance(table, dict) else None
-        return [m for m in named if isinstance(m, str)] if isinstance(named, list) else []
-
-
-def hindrance(content: Content, look: Mapping[str, str], check: Mapping[str, Any]) -> str:
-    """Why nothing may be run yet; empty where nothing would stop or mislead.
-
-    Args:
-        content: of the experiment file.
-        look: state of the look at it.
-        check: content of its ``check.json``; empty before there is one.
-    """
-    if not content.has_recording:
-        return "A robot and a log are needed first."
-    if look["findings"] == "failed":
-        return f"The check has failed: {look['error']}"
-    if look["findings"] != "ready":
-        return "The check has not finished yet."
-    if check.get("error"):
-        return "The experiment file cannot be read; see Checks."
-    if check.get("refused") or check.get("severity") == "error":
-        return "First fix what is marked × under Checks: it would stop or mislead a run."
-    return ""

@@ -26,7 +26,7 @@ from pivident.studio.lock import take
 from pivident.studio.output import KeptStream, last_line, shown
 from pivident.studio.projects import EXPERIMENT
 from pivident.studio.rows import experiment_rows
-from pivident.studio.run_folder import ACCOUNT, OUTPUT, RunFolder, write_whole
+from pivident.studio.run_folder import ACCOUNT, OUTPUT, RunFolder, read_object, write_whole
 from pivident.text.plain_values import write_json
 from pivident.text.toml_values import string_text
 
@@ -51,6 +51,9 @@ def with_title(text: str, title: str) -> str:
     except ExperimentError:
         return text
 
+
+#: What an identification says of the file that it has read, in its verdict and its page.
+VERDICT, REPORT = "verdict.json", "report.html"
 
 #: Exit codes of commands that have done what was asked, with reservations or without.
 DONE_CODES = (0, 3, 4)
@@ -233,9 +236,24 @@ def _add_to_results(
     with atomic_folder(results) as build:
         if (run.state / EXPERIMENT).exists():
             (build / EXPERIMENT).write_bytes((run.state / EXPERIMENT).read_bytes())
+            _name_original(run, record, results, build)
         said = shown(run.state / "stdout").replace(run.copy.name, EXPERIMENT)
         (build / OUTPUT).write_text(said, encoding="utf-8")
         write_json(build / ACCOUNT, record | run.started() | ended)
+
+
+def _name_original(run: RunFolder, record: dict[str, Any], results: Path, build: Path) -> None:
+    """Verdict and report about the experiment file itself, not about the copy that was read.
+
+    The verdict remembers what was said against the run.
+    """
+    for name in (VERDICT, REPORT):
+        if (results / name).is_file():
+            text = (results / name).read_text(encoding="utf-8")
+            (build / name).write_text(text.replace(run.copy.name, EXPERIMENT), encoding="utf-8")
+    if verdict := read_object(build / VERDICT):
+        about = {key: record.get(key, []) for key in ("experiment", "in_spite_of")}
+        write_json(build / VERDICT, verdict | about)
 
 
 def _in_words(error: OSError | PividentError) -> str:

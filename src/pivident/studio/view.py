@@ -7,11 +7,12 @@ from functools import cached_property
 from typing import Any
 
 from pivident.errors import ExperimentError
+from pivident.studio.gate import Gate, before_run
 from pivident.studio.named_files import named_files
-from pivident.studio.projects import Project, version_of
+from pivident.studio.projects import Content, Project, version_of
 from pivident.studio.rows import Row, experiment_rows
 from pivident.studio.run_folder import read_object
-from pivident.studio.studio import Content, Studio, hindrance
+from pivident.studio.studio import Studio
 
 
 class View:
@@ -59,7 +60,7 @@ class View:
     def files(self) -> list[tuple[str, int, int]]:
         """Path, size and time of the files that were brought."""
         found = []
-        for path in self.project.inputs():
+        for path in (*self.project.inputs(), *self.project.test_logs()):
             with suppress(FileNotFoundError):  # removed at this moment
                 about = path.stat()
                 name = path.relative_to(self.project.folder).as_posix()
@@ -83,11 +84,11 @@ class View:
         return found
 
     @cached_property
-    def hindrance(self) -> str:
-        """Why nothing may be run yet."""
+    def gate(self) -> Gate:
+        """What holds an identification back."""
         if self.draft_task["state"] == "running" and not self.content.has_recording:
-            return "The experiment file is being drafted."
-        return hindrance(self.content, self.look, self.check)
+            return Gate("The experiment file is being drafted.")
+        return before_run(self.content.has_recording, self.look, self.check)
 
     def has(self, stage: str) -> bool:
         """Whether a stage of the look has ended."""

@@ -109,6 +109,11 @@ const bring = (() => {
 
   const listeners = [];
   return {
+    /** Brings a file into a folder of the project; null where it is refused. */
+    into: (folder, file) => {
+      const { address } = document.getElementById("project").dataset;
+      return put(file, `${address}/files/${encoded(`${folder}/${file.name}`)}`, document.createElement("progress"));
+    },
     /** Calls back when files have come. */
     whenBrought: (callback) => listeners.push(callback),
   };

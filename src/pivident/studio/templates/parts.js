@@ -5,15 +5,30 @@
   const pieces = () => [...project.querySelectorAll(".piece")];
   let timer, polling = false, lost = false;
 
-  /** Whether somebody is writing in a piece. */
+  /** Whether a field says something else than the server has written, which would be lost. */
+  function isChanged(field) {
+    if (field.type === "file") return field.files.length > 0;
+    if (["checkbox", "radio"].includes(field.type)) return field.checked !== field.defaultChecked;
+    if (field.tagName === "SELECT") {
+      return field.selectedIndex !== Math.max([...field.options].findIndex((option) => option.defaultSelected), 0);
+    }
+    return field.defaultValue !== undefined && field.value !== field.defaultValue;
+  }
+
+  /** Whether somebody is writing in a piece: the focus alone does not keep it as it was. */
   function isEdited(piece) {
     const field = document.activeElement;
     if (!piece.contains(field) || !["INPUT", "TEXTAREA", "SELECT"].includes(field.tagName)) return false;
-    return ["checkbox", "radio", "file"].includes(field.type) || (field.defaultValue !== undefined && field.value !== field.defaultValue);
+    const isBox = ["checkbox", "radio"].includes(field.type);
+    return [...((isBox && field.form?.elements) || [field])].some(isChanged);
   }
 
   /** What a reader has opened and chosen, by the words beside it. */
-  const summaryOf = (details) => `${details.closest("[id]")?.id}|${details.querySelector("summary")?.textContent.trim()}`;
+  function summaryOf(details) {
+    const summary = details.querySelector("summary");
+    const said = (summary?.querySelector("h3") ?? summary)?.textContent.trim().replace(/:.*/s, "");
+    return `${details.closest("[id]")?.id}|${said}`;
+  }
 
   async function swap(old, force = false) {
     if (!force && isEdited(old)) return;
@@ -73,6 +88,8 @@
     const expected = ticked.reduce((sum, { dataset }) => sum + Number(dataset.seconds), Number(form.dataset.seconds));
     const seconds = expected * Number(form.dataset.factor);
     const known = form.dataset.seconds && ticked.length;
+    const chosen = ticked.map((box) => box.value).join(", ");
+    form.querySelector(".chosen").textContent = chosen || "none";
     const words = seconds < 90 ? `${Math.max(1, Math.round(seconds))} s` : `${Math.round(seconds / 60)} min`;
     form.querySelector("output.time").textContent = known ? `These methods take about ${words}.` : "";
   }
@@ -111,7 +128,7 @@
     const run = answer?.run && document.getElementById(`run-of-${answer.run}`);
     if (run) { // results are read where they appear
       run.scrollIntoView({ block: "start" });
-      run.querySelector("h3").focus({ preventScroll: true });
+      run.querySelector("h3, h4").focus({ preventScroll: true });
     }
   });
   bring.whenBrought(() => poll(true));
@@ -128,6 +145,7 @@
     const row = link && document.getElementById(decodeURIComponent(link.hash.slice(1)));
     if (row) {
       event.preventDefault();
+      for (let fold = row.closest("details"); fold; fold = fold.parentElement.closest("details")) fold.open = true;
       row.scrollIntoView({ block: "center" });
       (row.querySelector("[name=value]") ?? row).focus({ preventScroll: true });
     }

@@ -2,7 +2,7 @@
 const signals = (() => {
   const address = document.getElementById("project").dataset.address;
   const COLOURS = {{ method_colours | length }};
-  const NARROW = 500; // below this names are read at the curves, the legend would hide them [px]
+  const HEIGHT = 220, ROW = 20, MARK = 48, LETTER = 7; // of a figure, of a legend: row, line, letter [px]
   const WAIT = 120; // until a window that is being drawn is final [ms]
   let shown = null; // window of time that all signals show [s from the start]; null: all of it
   let recording = 0;
@@ -30,6 +30,12 @@ const signals = (() => {
     return data && { content, own, data };
   }
 
+  /** Rows that the names of joints take above a figure. */
+  function legendRows(joints, width) {
+    const needed = joints.reduce((sum, { name }) => sum + MARK + LETTER * name.length, 0);
+    return joints.length > 1 ? Math.ceil(needed / width) : 0;
+  }
+
   async function draw(figure) {
     if (!window.Plotly || !figure.isConnected) return;
     const found = await fetched(figure);
@@ -50,7 +56,7 @@ const signals = (() => {
     const axis = { gridcolor: colour("--grid"), zerolinecolor: colour("--line"), linecolor: colour("--line") };
     const layout = {
       margin: { l: 58, r: 8, t: 6, b: 34 },
-      showlegend: content.joints.length > 1 && plotOf(figure).clientWidth > NARROW,
+      showlegend: content.joints.length > 1,
       legend: { orientation: "h", y: 1.02, yanchor: "bottom" },
       font: { family: getComputedStyle(document.body).fontFamily, size: 12, color: colour("--soft") },
       paper_bgcolor: "rgba(0,0,0,0)",
@@ -61,6 +67,7 @@ const signals = (() => {
     };
     const plot = plotOf(figure);
     const first = !plot.dataset.drawn;
+    plot.style.height = `${HEIGHT + ROW * legendRows(content.joints, plot.clientWidth)}px`;
     plot.dataset.drawn = "yes";
     figure.dataset.drawing = "yes";
     await Plotly.react(plot, traces, layout, { responsive: true, displaylogo: false, displayModeBar: false });

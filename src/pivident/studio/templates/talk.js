@@ -39,6 +39,8 @@ const talk = (() => {
         if (field.checked) found[field.name].push(field.value);
       } else if (field.type === "radio") {
         if (field.checked) found[field.name] = field.value;
+      } else if (field.type === "file") {
+        found[field.name] = `${field.dataset.into}/${field.files[0]?.name}`;
       } else if (field.dataset.number !== undefined) {
         if (field.value.trim() !== "") found[field.name] = Number(field.value);
       } else found[field.name] = field.dataset.json === undefined ? field.value : JSON.parse(field.value);
@@ -48,11 +50,11 @@ const talk = (() => {
 
   /** What a form or a button sends. */
   function body(sender) {
-    const { body: whole, more, step, field, arguments: given } = sender.dataset;
+    const { body: whole, more, step, field, arguments: given, goOn } = sender.dataset;
     if (whole) return JSON.parse(whole);
     if (sender.tagName !== "FORM") return {};
     const own = values(sender);
-    if (step) return { step, arguments: { ...(given ? JSON.parse(given) : {}), ...own } };
+    if (step) return { step, arguments: { ...(given ? JSON.parse(given) : {}), ...own }, go_on: goOn !== undefined };
     if (field) return { [field]: Object.fromEntries(Object.entries(own).filter(([, value]) => value !== "")) };
     return { ...(more ? JSON.parse(more) : {}), ...own };
   }
@@ -64,6 +66,9 @@ const talk = (() => {
     if (sender.dataset.confirm && !confirm(sender.dataset.confirm)) return;
     sender.setAttribute("aria-busy", "true");
     const method = sender.dataset.send;
+    const files = [...sender.querySelectorAll("input[data-into]")];
+    const brought = await Promise.all(files.map((field) => bring.into(field.dataset.into, field.files[0])));
+    if (brought.includes(null)) return sender.removeAttribute("aria-busy");
     const answer = await send(method, sender.dataset.to, method === "DELETE" ? undefined : body(sender));
     if (answer?.to) location.assign(answer.to);
     else for (const listener of listeners) await listener(sender, answer);

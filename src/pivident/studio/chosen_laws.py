@@ -1,0 +1,53 @@
+"""Friction laws that ``pivident laws`` has chosen, written into the experiment file."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from pivident.errors import ExperimentError, PividentError
+from pivident.studio.fixes import Fix, applied
+from pivident.studio.run_folder import OUTPUT
+from pivident.text.toml import parse_toml
+from pivident.text.toml_values import value_text
+
+#: Where the experiment file has laws by joint, as the command prints them.
+PLACE = ("robot", "joint_friction")
+_PRINTED = re.compile(r"^\[robot\.joint_friction\]\n(?:.+\n)+", re.MULTILINE)
+
+
+def joints_to_change(text: str, results: Path) -> list[str]:
+    """Joints whose chosen laws an experiment file does not have yet.
+
+    Args:
+        text: the experiment file.
+        results: folder of the run that has chosen.
+    """
+    try:
+        fix = _fix(results)
+        return [str(p[-1]) for p, _ in fix.edits] if with_laws(text, results) != text else []
+    except (PividentError, OSError, ValueError):
+        return []
+
+
+def with_laws(text: str, results: Path) -> str:
+    """An experiment file with the laws that a run has chosen.
+
+    Args:
+        text: the experiment file.
+        results: folder of the run.
+
+    Raises:
+        ExperimentError: it has chosen none, or the file contradicts them.
+    """
+    return applied(text, _fix(results))
+
+
+def _fix(results: Path) -> Fix:
+    """The laws as edits."""
+    path = results / OUTPUT
+    printed = _PRINTED.search(path.read_text(encoding="utf-8") if path.is_file() else "")
+    if printed is None:
+        raise ExperimentError(f"{results.name} has chosen no laws", advice="reload the page")
+    laws = parse_toml(printed[0])["robot"]["joint_friction"]
+    return Fix("", tuple(((*PLACE, joint), value_text(law)) for joint, law in laws.items()))
