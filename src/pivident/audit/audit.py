@@ -12,6 +12,7 @@ from pivident.audit.delay import DELAY, Delay
 from pivident.audit.examination import Examination, in_turn
 from pivident.audit.excitation import EXCITATION, Excitation
 from pivident.audit.frozen import CHANNELS
+from pivident.audit.gravity import NO_GRAVITY
 from pivident.audit.inverse_model import InverseModel, build_inverse_model
 from pivident.audit.log_checks import CHECKS
 from pivident.audit.order import ORDER, Order
@@ -62,6 +63,7 @@ TOPICS = (
     SCALE,
     ORDER.topic,
     DELAY,
+    NO_GRAVITY.topic,
     SIGNS,
     UNEXPLAINED_TORQUE.topic,
     EXCITATION,

@@ -15,6 +15,7 @@ CHECKS: Registry[LogCheck] = Registry(
     {
         "order": "pivident.audit.order:OrderCheck",
         "delay": "pivident.audit.delay:DelayCheck",
+        "gravity": "pivident.audit.gravity:GravityCheck",
         "power": "pivident.audit.power:PowerCheck",
         "scale": "pivident.audit.scale:ScaleCheck",
         "model": "pivident.audit.unexplained:UnexplainedCheck",

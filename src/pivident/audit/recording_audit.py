@@ -84,7 +84,7 @@ def _against_torque(log: Log, timing: Timing, drive_delay: float) -> tuple[Findi
 def _checks() -> Iterator[LogCheck]:
     """The checks of an audit, but for what an estimate says more about."""
     yield PositionUnitCheck(one_by_one=False)  # a search asks for those of single joints
-    yield from (CHECKS[name] for name in ("order", "delay", "power"))
+    yield from (CHECKS[name] for name in ("order", "delay", "gravity", "power"))
     yield GainsCheck()
     yield from (check for name, check in CHECKS.usable().items() if name in CHECKS.foreign)
 

@@ -48,6 +48,9 @@ FEWEST, MAX_SHARE = 2, 0.25
 #: … and friction is less than this share of the rms torque in most joints, as no drive's is.
 MAX_FRICTION = 0.6
 
+#: Friction in the rms torque of so many joints that no drive with gears has.
+NO_FRICTION = 0.03
+
 #: Share of a joint's rotor that, by three standard errors, is there for certain.
 MIN_SHARE = 0.1
 
@@ -79,7 +82,10 @@ class TorqueSideEvidence:
         no_rotors = share + 2.0 * error < NO_ROTORS and share - 2.0 * error < NOTHING
         no_rotors = no_rotors and not (self.rotor - 3.0 * self.rotor_errors > NOTHING).any()
         little = np.nanmedian(self.friction) < MAX_FRICTION
-        return "link" if no_rotors and without >= FEWEST and little else "unknown"
+        if no_rotors and without >= FEWEST and little:
+            return "link"
+        free = (self.friction < NO_FRICTION).sum() >= FEWEST and not self.with_rotor
+        return "link" if free and share - 2.0 * error < NOTHING else "unknown"
 
     @property
     def with_rotor(self) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 import statistics
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -402,9 +403,9 @@ def _print_results(
     if details or screen is None:
         results.attempts.of("Tables could not be printed", _print_tables, results, judged, truth)
         print()
-    where = (
-        f"{folder / REPORT if report else folder}{', or --details' * (results.path is not None)}"
-    )
+    where = f"{folder / REPORT if report else folder}"
+    if results.path is not None:
+        where += f", or {shlex.join(['pivident', 'identify', str(results.path), '--details'])}"
     if screen is not None:
         step = OWN_LOG if truth is not None else screen.next_step
         print(replace(screen, details=where, next_step=step).text())

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from pivident.diagnostics.diagnostics import Diagnostics
-from pivident.dynamics.signs import negative_parameters
+from pivident.dynamics.signs import NegativeParameter, negative_parameters
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import ParameterRow, parameter_rows
 from pivident.logs.torque_scale import marked_scales, scale_sentences
@@ -22,9 +22,11 @@ from pivident.motion.wanted_motion import (
     MotionLimits,
     motions_for,
 )
+from pivident.robot.description import Robot
 from pivident.text.finding import Finding, Quantity, Severity
 from pivident.text.lists import listed
 from pivident.text.numbers import format_significant, percent
+from pivident.text.sentences import capital
 
 #: A parameter whose 2σ is below this share of its value is well determined [%].
 WELL = 10.0
@@ -247,20 +249,36 @@ def signs(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     if not negative:
         return
     evidence = {p.name: p.quantity for p in negative}
-    if certain := [p.name for p in negative if p.is_certain]:
-        text = f"Negative, which friction and rotor inertia cannot be: {', '.join(certain)}."
-        basis = "; ".join(map(str, negative))
+    if certain := [p for p in negative if p.is_certain]:
+        text = (
+            f"{capital(' and '.join(_negative(result.robot, certain)))} came out negative, which "
+            "cannot be."
+        )
+        basis, step = "; ".join(map(str, negative)), ""
         severity: Severity = "warning"
-        if (torque_shares(result, certain) < SLIGHT).all():
+        if (torque_shares(result, [p.name for p in certain]) < SLIGHT).all():
             severity = "note"
             text += f" They make less than {100 * SLIGHT:g} % of any joint's torque."
         elif diagnostics.nearest is not None and not diagnostics.nearest.is_far:
-            text += " The consistent set has none, and predicts about as well."
-        yield Finding(severity, "physics", "negative", text, evidence=evidence, basis=basis)
+            step = "The exported model has none."
+        yield Finding(severity, "physics", "negative", text, "", step, evidence, basis=basis)
     else:
         values = listed([str(p) for p in negative])
         text = f"Negative, but not significantly different from zero: {values} (2σ)."
         yield Finding("note", "physics", "negative within 2σ", text, evidence=evidence)
+
+
+def _negative(robot: Robot, negative: Sequence[NegativeParameter]) -> Iterator[str]:
+    """What is negative, with joints and names of parameters: rotor inertia of elbow (ia3)."""
+    names = dict(zip(robot.places, robot.joint_names, strict=True))
+    for what in ("friction", "rotor inertia"):
+        own = [
+            f"{names.get(p.parameter.joint, p.parameter.joint)} ({p.name})"
+            for p in negative
+            if (p.parameter.friction is None) == (what == "rotor inertia")
+        ]
+        if own:
+            yield f"{what} of {listed(own, 3)}"
 
 
 def identified_law(result: Identification) -> list[Finding]:

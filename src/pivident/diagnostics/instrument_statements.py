@@ -11,6 +11,7 @@ from pivident.instruments.kinds import KINDS
 from pivident.text.finding import Finding, Quantity, Severity
 from pivident.text.lists import listed
 from pivident.text.numbers import percent
+from pivident.text.sentences import capital
 
 #: Parameters that differ least squares from instruments are named from so many standard errors on.
 NAMED_SHIFT = 2.0
@@ -136,6 +137,5 @@ def strength(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     if more.matters:
         with_law = used is None or used.kind == "loop"
         cause = "the model or the control law" if with_law else "the model"
-        text = f"Further instruments contradict the estimate: {cause} does not quite match the "
-        text += "machine."
+        text = f"{capital(cause)} does not quite match the machine, as further instruments show."
         yield Finding("warning", "instruments", "contradicted", text, basis=str(more))

@@ -197,7 +197,8 @@ def _best_factor(
         bounds=(-np.log(reach), np.log(reach)), method="bounded", options={"xatol": 1e-3},
     )  # fmt: skip
     factor = float(np.exp(found.x))
-    return factor if not 1.0 / NO_GAIN < factor < NO_GAIN else None
+    at_an_end = abs(found.x) > 0.99 * np.log(reach)  # where no best one is
+    return None if at_an_end or 1.0 / NO_GAIN < factor < NO_GAIN else factor
 
 
 def _of_motion(rows: ReadingRows) -> Iterator[Repair]:
@@ -239,8 +240,13 @@ def _turns(q: np.ndarray) -> bool:
 
 
 def directions(robot: Robot) -> Iterator[tuple[float, ...]]:
-    """The other axes of the base along which gravity may point, each of shape (3,) [m/s²]."""
+    """The other axes of the base along which gravity may point, and none, shape (3,) [m/s²].
+
+    Some drives log torques from which gravity is taken out.
+    """
     size = float(np.linalg.norm(robot.gravity))
+    if size:
+        yield (0.0, 0.0, 0.0)
     for axis in range(3):
         for sign in (1.0, -1.0):
             gravity = sign * size * np.eye(3)[axis]

@@ -42,7 +42,7 @@ def _of(edit: Change, names: Sequence[str]) -> str:
             return " ".join(_unit(*pair) for pair in factors)
         case Multiplied(channel=channel, factors=factors):
             said = [f"of {j} is {format_significant(1.0 / f)} times as large" for j, f in factors]
-            return f"The {CALLED.get(channel, channel)} {listed(said)} as it should be."
+            return f"The logged {CALLED.get(channel, channel)} {listed(said)} as it should be."
         case Reordered(channel=channel, order=order):
             whose = CALLED.get(channel, "column") if channel else "column"
             moved = [names[k] for k, own in enumerate(order) if own != k]
@@ -56,6 +56,8 @@ def _of(edit: Change, names: Sequence[str]) -> str:
             return f"The clock runs {format_significant(times)} times as {faster} as it should."
         case NotRead(channel=channel):
             return f"{channel} is not what its name says."
+        case Edit(place=("robot", "gravity"), value=value) if not any(value):
+            return "The torques hold no gravity: the drives have taken it out."
         case Edit(place=("robot", "gravity"), value=value):
             return f"Gravity points along {_axis(value)} of the base."
         case Edit(place=(*_, "delay"), value=value):

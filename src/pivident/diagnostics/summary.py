@@ -19,7 +19,6 @@ from pivident.diagnostics.diagnostics import Diagnostics
 from pivident.diagnostics.uses import Use
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import ParameterRow, parameter_rows
-from pivident.instruments.kinds import KINDS
 from pivident.text.finding import Finding
 from pivident.text.lists import plural
 from pivident.text.numbers import format_significant, percent
@@ -40,7 +39,18 @@ MAX_ITEMS = 4
 SHOWN = (("viscous", ("fv", "fvp")), ("Coulomb", ("fc", "fcp")))
 
 #: What baselines are called.
-BASELINES = {"description": "your description", "plain law": "plain friction"}
+BASELINES = {"description": "your description", "plain law": "plain least squares"}
+
+#: Commands that answer a reservation, by its topic and kind.
+ANSWERED_BY = {("model", "friction"): "laws"}
+
+#: What commands are for.
+MEANT = {
+    "excite": "designs a motion that tells more",
+    "laws": "compares friction laws",
+    "apply": "writes it into the file",
+    "export": "a model that a machine can have",
+}
 
 
 @dataclass(frozen=True)
@@ -52,7 +62,7 @@ class JointRow:
         torque: rms of its torque, with the unit.
         error: of its torque on held-out motion; without standstill in brackets where that is less.
         friction: values with 2σ, in the order of the titles.
-        remark: ``weak`` where a value of friction is not significantly different from zero.
+        remark: where a value of friction is not significantly different from zero.
     """
 
     joint: str
@@ -133,8 +143,10 @@ class Summary:
         for item in self.items:
             number += bool(item.effect)
             is_repair = item.effect and experiment is not None and number not in refused
-            command = shlex.join(["pivident", "apply", str(experiment), str(number), *elsewhere])
-            items.append(replace(item, command=command) if is_repair else item)
+            words = ["apply", str(experiment), str(number), *elsewhere] if is_repair else []
+            if item.command and experiment is not None:
+                words = [item.command, str(experiment)]
+            items.append(replace(item, command=shlex.join(["pivident", *words]) if words else ""))
         export = shlex.join(["pivident", "export", place, "--to", "urdf", "--out", "robot.urdf"])
         export *= not number
         first = next((item.command for item in items if item.command), motion)
@@ -146,8 +158,14 @@ class Summary:
         if self.joints:
             lines += [_cut(line) for line in self.table().splitlines()]
         lines += [*textwrap.wrap(self.known, WIDTH), ""]
-        named = (("Take away", self.take_away), ("Next", self.next_step), ("Details", self.details))
-        tail = [f"{title:<11}{command}" for title, command in named if command]
+        repaired = any(item.effect and item.command for item in self.items)
+        taken = "nothing yet: apply, identify again, then pivident export" * repaired
+        named = (
+            ("Take away", self.take_away or taken),
+            ("Next", self.next_step),
+            ("Details", self.details),
+        )
+        tail = [_cut(f"{title:<11}{_explained(line)}") for title, line in named if line]
         room = LINES - len(lines) - len(tail) - 2  # a blank line, and how many more there are
         shown = min(len(self.items), room // ITEM_LINES)
         for number, item in enumerate(self.items[:shown], start=1):
@@ -194,9 +212,10 @@ def summary_of(
     titles, joints = _joints(result, rows, error)
     text = values.why
     if values.answer != "yes" and torques.answer != "no":
-        text += ": trust the torques, not single values"
+        text += "; of the others trust the torques, not single values"
+    text += ". ± is the 95 % interval"
     repairs = [Item(t.cause, effect=t.effect) for t in diagnostics.trials if t.wins]
-    further = [Item(_brief(s)) for s in reservations if not s.repairs]
+    further = [_item(s) for s in reservations if not s.repairs]
     items = repairs or further  # what a fault of the log makes of the rest is not known yet
     return Summary(
         _subject(result),
@@ -204,7 +223,7 @@ def summary_of(
         _error(diagnostics, error, result),
         titles,
         joints,
-        f"{text}. ± is the 95 % interval.",
+        f"{text}.",
         tuple(items[:MAX_ITEMS]),
         max(len(items) - MAX_ITEMS, 0),
     )
@@ -219,8 +238,6 @@ def _subject(result: Identification) -> str:
         name = records[0].name if len(records) == 1 else plural(len(records), "recording")
         parts += [name, f"{format_significant(seconds)} s"]
     parts.append(result.method.partition(" (")[0])
-    if result.instruments is not None:
-        parts.append(f"instruments from {KINDS[result.instruments.kind].title}")
     return " · ".join(parts)
 
 
@@ -264,7 +281,7 @@ def _joints(
         weak = any(row is not None and row.includes_zero for row in own)
         torque, said = _of_joint(error, name, units[name])
         cells = tuple("" if row is None else " ± ".join(row.value_and_spread) for row in own)
-        made.append(JointRow(name, torque, said, cells, "weak" if weak else ""))
+        made.append(JointRow(name, torque, said, cells, "may be zero" if weak else ""))
     kinds = {j.kind for j in robot.joints}
     unit = {"revolute": ("N m s/rad", "N m"), "prismatic": ("N s/m", "N")}.get(
         next(iter(kinds)) if len(kinds) == 1 else "", ("", "")
@@ -285,14 +302,22 @@ def _of_joint(error: PredictionError | None, name: str, unit: str) -> tuple[str,
     whole, moving = float(error.relative_in_band[k]), float(error.moving_in_band[k])
     said = percent(whole)
     if moving < 0.5 * whole:
-        said = f"{percent(moving)} ({said} with rests)"
+        said = f"{percent(moving)} ({said} with standstill)"
     return f"{format_significant(float(error.torque_in_band[k]))} {unit}", said
 
 
-def _brief(statement: Finding) -> str:
-    """The first sentence of a statement, and the first of what to do."""
+def _item(statement: Finding) -> Item:
+    """The first sentence of a statement, and what to do: a command, or the first sentence of it."""
     first = _cut(first_sentence(statement.message), WIDTH - 3)
-    return f"{first}\n{first_sentence(statement.next_step)}".rstrip()
+    command = ANSWERED_BY.get((statement.topic, statement.kind), "")
+    step = "" if command else first_sentence(statement.next_step)
+    return Item(f"{first}\n{step}".rstrip(), command)
+
+
+def _explained(line: str) -> str:
+    """A command with what it is for, as a comment of the shell."""
+    meant = next((MEANT[word] for word in line.split()[1:2] if word in MEANT), "")
+    return f"{line}   # {meant}" if meant else line
 
 
 def _aligned(cells: Sequence[str]) -> list[str]:

@@ -41,6 +41,9 @@ AS_GOOD, WORSE = 1.05, 1.25
 #: Error below which nothing is gained by a smaller one [%].
 NEGLIGIBLE = 1.0
 
+#: Growth of the fit error of a machine's parameters that counts as none.
+AS_WELL = 0.02
+
 #: Share of parameters that are known, from which on single values may be used.
 MOSTLY_KNOWN, HARDLY_KNOWN = 0.75, 0.1
 
@@ -147,15 +150,15 @@ def simulation(diagnostics: Diagnostics, name: str) -> Use:
         "fit error": Quantity(100.0 * model.torque_error_free, "%"),
         "of the nearest machine": Quantity(100.0 * model.torque_error, "%"),
     }
-    errors = (
-        f"fit error {percent(100.0 * model.torque_error_free)} → "
-        f"{percent(100.0 * model.torque_error)}"
-    )
+    grows = model.torque_error / max(model.torque_error_free, 1e-300) - 1.0
+    fits = "fits as well" if grows < AS_WELL else f"fits {percent(100.0 * grows)} worse"
     if model.was_consistent:
         return Use("simulation", "yes", "", evidence)
     if model.is_far:
-        return Use("simulation", "no", f"no machine has these parameters ({errors})", evidence)
-    return Use("simulation", "care", f"use the export, which is consistent ({errors})", evidence)
+        why = f"no machine has these parameters (the nearest {fits})"
+        return Use("simulation", "no", why, evidence)
+    why = f"the exported model, which a machine can have ({fits})"
+    return Use("simulation", "care", why, evidence)
 
 
 def parameters(diagnostics: Diagnostics, name: str) -> Use:

@@ -183,7 +183,7 @@ def recording_lines(
     ]
     return RecordingLines(
         robot,
-        tuple(_joint_lines(machine, joints, kept, frozen)),
+        (*_joint_lines(machine, joints, kept, frozen), *_gravity_lines(found)),
         tuple(lines),
         keys,
         "q_ref" in references,
@@ -193,6 +193,14 @@ def recording_lines(
         torque is not None,
         law,
     )
+
+
+def _gravity_lines(found: Comparison) -> list[Assumption]:
+    """No gravity, where the torques hold none."""
+    if not found.no_gravity:
+        return []
+    correct = "Leave it out if the torques hold gravity, or log those that do."
+    return [Assumption("robot", "gravity", [0.0, 0.0, 0.0], "likely", found.no_gravity, correct)]
 
 
 def _of_its_joints(joints: JointMap) -> JointMap:

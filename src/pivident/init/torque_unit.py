@@ -15,6 +15,7 @@ import numpy as np
 from pivident.audit.description_factors import BLUNT, description_factors
 from pivident.audit.examination import Examination, in_turn
 from pivident.audit.flange_load import FlangeLoad, flange_load
+from pivident.audit.gravity import NO_GRAVITY
 from pivident.audit.inverse_model import build_inverse_model
 from pivident.audit.log_checks import CHECKS
 from pivident.audit.scale import ANGLE_UNIT, PositionUnitCheck
@@ -57,6 +58,7 @@ class Comparison:
     trouble: str = ""  # why nothing could be compared, or empty
     load: FlangeLoad | None = None  # on the flange, not in the description
     torque_side: TorqueSideEvidence | None = None  # what the log shows of rotors and drives
+    no_gravity: str = ""  # how the log shows that its torques hold no gravity, or empty
 
 
 @dataclass(frozen=True)
@@ -97,7 +99,8 @@ def compare(robot: Robot, q: np.ndarray, tau: np.ndarray, seconds: np.ndarray) -
         if not timing.rate:
             return Comparison(nothing, nothing, trouble="the sampling rate could not be determined")
         model = build_inverse_model(log, timing)
-        examined = in_turn(Examination(log, timing, model), (PositionUnitCheck(), CHECKS["power"]))
+        checks = (PositionUnitCheck(), CHECKS["gravity"], CHECKS["power"])
+        examined = in_turn(Examination(log, timing, model), checks)
         if any(finding.declared is ANGLE_UNIT for finding in examined.findings):
             return Comparison(nothing, nothing, angle_unit=True)
         model, power = examined.model, examined.results["power"]
@@ -117,6 +120,7 @@ def compare(robot: Robot, q: np.ndarray, tau: np.ndarray, seconds: np.ndarray) -
         errors=model.relative_errors.copy(),
         load=load,
         torque_side=side,
+        no_gravity=next((f.message for f in examined.findings if f.declared is NO_GRAVITY), ""),
     )
 
 

@@ -1,0 +1,93 @@
+"""Whether the torques hold the gravity of the robot's description at all.
+
+Some drives log torques from which gravity is taken out. With the description's torques of gravity
+g_j and of inertia i_j each joint is fitted by
+
+    τ_j = a g_j + b i_j + c ddq_j + friction.
+
+Where a is zero on all joints that gravity would load, although little else is left unexplained,
+the torques hold none. Gravity in another direction is another fault: it leaves much.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pivident.audit.blocked_fit import blocked_fit, jackknife
+from pivident.audit.examination import Examination, LogCheck
+from pivident.audit.inverse_model import InverseModel
+from pivident.text.finding import FindingKind, Quantity, Topic
+from pivident.text.lists import listed
+from pivident.text.numbers import plus_minus
+from pivident.text.repair import Edit, Repair
+
+NO_GRAVITY = FindingKind(
+    Topic("gravity", "Gravity in the torques"), "none", ("robot", "gravity"), reservation=True
+)
+
+#: Joints are asked whose gravity would be this share of their torque.
+LOADED = 0.1
+
+#: Share of gravity, with its two standard errors, below which a torque holds none of it.
+NONE_OF_IT = 0.15
+
+#: Share of a torque that may be left unexplained without gravity.
+UNEXPLAINED = 0.25
+
+
+class GravityCheck(LogCheck):
+    """Torques without gravity; the rows are taken without it."""
+
+    name = "gravity"
+
+    def examine(self, seen: Examination) -> Examination:
+        """See `LogCheck.examine`."""
+        model = seen.model
+        shares = gravity_shares(model)
+        free = [a + 2.0 * s < NONE_OF_IT and left < UNEXPLAINED for a, s, left in shares.values()]
+        if len(free) < 2 or not all(free):
+            return seen
+        most = max(a + 2.0 * s for a, s, _ in shares.values())
+        sizes = listed([f"{name} {plus_minus(a, 2 * s)}" for name, (a, s, _) in shares.items()], 3)
+        text = (
+            "The torques hold no gravity: the drives have taken it out. Times that of the "
+            f"description it is {sizes}."
+        )
+        step = "Set gravity = [0, 0, 0] under [robot]."
+        repairs = [Repair((Edit(("robot", "gravity"), [0.0, 0.0, 0.0]),))]
+        evidence = {"largest share": Quantity(most, bound=NONE_OF_IT)}
+        finding = NO_GRAVITY.finding("error", text, "", step, evidence, repairs=repairs)
+        weightless = replace(model, gravity=np.zeros_like(model.gravity))
+        return seen.after(self.name, [finding], shares, weightless)
+
+
+def gravity_shares(model: InverseModel) -> dict[str, tuple[float, float, float]]:
+    """Logged over described gravity, its standard error, and what is left of the torque, by joint.
+
+    Only of joints that gravity would load.
+    """
+    tau, shares = model.tau(), {}
+    for j, joint in enumerate(model.robot.joints):
+        rows = model.moving[:, j]
+        weight, inertial = model.gravity[rows, j], model.inertial[rows, j]
+        size = float(np.std(tau[rows, j])) if rows.any() else 0.0
+        if not model.usable(j) or size == 0.0 or np.std(weight) < LOADED * size:
+            continue
+        parameters = model.base.parameters
+        friction = [k for k, p in enumerate(model.own[j]) if parameters[p].friction is not None]
+        columns = np.column_stack(
+            [weight, inertial, model.ddq[rows, j], model.columns[j][rows][:, friction]]
+        )
+        length = np.linalg.norm(columns, axis=0)
+        kept = length > 0.0
+        fit = blocked_fit(columns[:, kept] / length[kept], tau[rows, j], model.block[rows])
+        left = tau[rows, j] - (columns[:, kept] / length[kept]) @ fit.estimate
+        spread = float(jackknife(fit.replicates[:, :1])[0])
+        shares[joint.name] = (
+            abs(float(fit.estimate[0])) / float(length[0]),
+            spread / float(length[0]),
+            float(np.linalg.norm(left) / np.linalg.norm(tau[rows, j])),
+        )
+    return shares

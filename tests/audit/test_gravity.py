@@ -1,0 +1,69 @@
+"""Torques from which the drives have taken gravity out, told from gravity in another direction."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pivident.audit.examination import Examination
+from pivident.audit.gravity import NO_GRAVITY, GravityCheck, gravity_shares
+from pivident.audit.inverse_model import build_inverse_model
+from pivident.audit.timing import check_timing
+from pivident.logs.log import Log
+from pivident.robot.urdf import parse_urdf
+from tests.other_arms import Setting, make_log
+
+SETTING = Setting("regular", 200.0, 20.0, 0.0, 0.005, "none", 0.8)
+
+
+def examined(gravity: tuple[float, ...] | None, described=(0.0, 0.0, -9.81)) -> Examination:
+    """The check of an arm of Pinocchio's; ``gravity``: of the logged torques, None: as described.
+
+    Both are arms of the same masses and frictions.
+    """
+    made = make_log(6, SETTING, joints=4)
+    robot = parse_urdf(made.arm.urdf)
+    tau = made.tau
+    if gravity is not None:
+        tau = tau - static(robot, made.q) + static(robot.with_gravity(np.array(gravity)), made.q)
+    channels = {"q": made.q, "tau": tau}
+    log = Log("log", robot.joint_names, {}, {"t": made.t}, logged=channels, channels=channels,
+              robot=robot.with_gravity(np.array(described)))  # fmt: skip
+    timing = check_timing(log)
+    return GravityCheck().examine(Examination(log, timing, build_inverse_model(log, timing)))
+
+
+def static(robot, q):
+    """Torque of gravity by the description, shape (samples, joints)."""
+    from pivident.dynamics.parameters import nominal_values, standard_parameters
+    from pivident.dynamics.robot_regressor import regressor_of
+
+    parameters = [p for p in standard_parameters(robot) if p.is_inertial]
+    rest = np.zeros_like(q)
+    values = nominal_values(robot, tuple(parameters))
+    return regressor_of(robot, parameters).torque(q, rest, rest, values)
+
+
+def test_torques_without_gravity_are_named():
+    seen = examined((0.0, 0.0, 0.0))
+    (finding,) = seen.findings
+    assert finding.declared is NO_GRAVITY and finding.severity == "error"
+    assert finding.repairs[0].edits[0].value == [0.0, 0.0, 0.0]
+    assert not seen.model.gravity.any()
+
+
+@pytest.mark.parametrize("gravity", [None, (9.81, 0.0, 0.0), (0.0, 0.0, -4.9)])
+def test_other_gravity_is_another_fault(gravity):
+    assert examined(gravity).findings == ()
+
+
+def test_shares_are_those_of_the_torques():
+    shares = gravity_shares(examined((0.0, 0.0, -4.905)).model)
+    assert len(shares) > 1
+    for share, spread, _ in shares.values():
+        assert share == pytest.approx(0.5, abs=4.0 * spread + 0.02)
+
+
+def test_without_gravity_in_the_description_nothing_is_asked():
+    seen = examined(None, described=(0.0, 0.0, 0.0))
+    assert seen.findings == () and gravity_shares(replace(seen).model) == {}
