@@ -43,7 +43,7 @@ Fault = Callable[[Setup, np.random.Generator], Planted]
 
 #: Joints whose distance from the one before, whose zero or whose axis matters for the torques. An
 #: arm that moves in a plane without gravity shows neither lengths nor zeros.
-LENGTHS = {"cobot6": (2, 3, 5), "link7": (2, 3, 4, 6), "telescope": (1, 4)}
+LENGTHS = {"cobot6": (2, 3, 5), "link7": (2, 3, 4, 6), "telescope": (1,)}
 ZEROS = {"cobot6": (1, 2, 3, 4), "link7": (1, 2, 3, 4, 5), "telescope": (1, 3, 4)}
 AXES = {
     "scara": (0, 1),
