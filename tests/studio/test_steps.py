@@ -190,7 +190,7 @@ def test_causes_friction_and_motion_follow_from_statements(project):
     said = [
         statement("model", "gear ratio"),
         statement("model", "delay", "note"),
-        statement("friction", "assumed law"),
+        statement("model", "friction"),
         statement("motion", "wanted", "note", "Move more."),
         statement("prediction", "nothing held out"),
     ]

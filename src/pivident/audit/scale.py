@@ -53,6 +53,9 @@ LOAD = FindingKind(SCALE, "load", ("robot", "model"), reservation=True)
 #: A gain that differs from 1 by this factor gets a warning, by that one it is wrong.
 WARNING, ERROR = 1.3, 3.0
 
+#: Evidence that says whether a factor is one of all torques.
+MEDIAN = "median of all joints"
+
 #: Relative standard error above which a factor is not used.
 BLUNT = 0.2
 
@@ -186,7 +189,10 @@ def _load_finding(robot: Robot, load: FlangeLoad) -> Finding:
         "names under [robot]. Left as it is, its parameters become part of those of this link, "
         "which is right for torques of the arm with it."
     )
-    evidence = {"mass": Quantity(load.mass, "kg", interval=(low, high))}
+    evidence = {
+        "mass": Quantity(load.mass, "kg", interval=(low, high)),
+        MEDIAN: Quantity(typical, bound=WARNING),
+    }
     return LOAD.finding("warning", text, last, step, evidence)
 
 
@@ -415,7 +421,8 @@ def _gain_findings(
         evidence = {
             "factor": Quantity(
                 a, bound=WARNING if severity != "error" else ERROR, interval=interval
-            )
+            ),
+            MEDIAN: Quantity(float(np.nanmedian(found.factors)), bound=WARNING),
         }
         findings.append(GAIN.finding(severity, text, joint.name, step, evidence, repairs=repairs))
     return findings

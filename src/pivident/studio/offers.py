@@ -60,7 +60,7 @@ def _after_identification(project: Path, folder: Path, name: str) -> Iterator[Of
     statements = [s for s in verdict.get("statements", []) if isinstance(s, dict)]
     methods = _methods(folder, verdict)
     yield from _better_estimates(project, statements, methods)
-    if friction := _is_said(statements, "friction", "assumed law", ("warning", "error")):
+    if friction := _is_said(statements, "model", "friction", ("warning", "error")):
         yield _offer("laws", "Choose friction laws", friction)
         yield _offer("friction", "Show friction", friction)
     if motion := _wanted_motion(verdict, statements, name):
