@@ -66,13 +66,15 @@ def main() -> None:
     parser.add_argument("--families", nargs="+", choices=FAMILIES, default=list(FAMILIES))
     parser.add_argument("--faults", nargs="*", choices=PLANTED, default=PLANTED)
     parser.add_argument("--first", type=int, default=0, help="the first seed")
+    parser.add_argument("--tables", action="store_true", help="of what OUT holds, nothing is made")
     parser.add_argument("--jobs", type=int, default=2, help="records at a time")
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     records = list(
         wanted(options.families, options.faults, options.right, options.wrong, options.first)
     )
-    run(records, options.out, options.jobs)
+    if not options.tables:
+        run(records, options.out, options.jobs)
     lines = tables(list(stored(records, options.out)))
     (options.out / "tables.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
     print("\n".join(lines))

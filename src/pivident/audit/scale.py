@@ -421,8 +421,7 @@ def _gain_findings(
         evidence = {
             "factor": Quantity(
                 a, bound=WARNING if severity != "error" else ERROR, interval=interval
-            ),
-            MEDIAN: Quantity(float(np.nanmedian(found.factors)), bound=WARNING),
+            )
         }
         findings.append(GAIN.finding(severity, text, joint.name, step, evidence, repairs=repairs))
     return findings

@@ -134,7 +134,7 @@ class Verdict(Displayed):
         Returns:
             The command, quoted for a shell; empty where nothing is open, or none designs it.
         """
-        by_motion = any(s.topic == "motion" and s.severity != "note" for s in self.statements)
+        by_motion = any(s.topic == "motion" and s.kind != "wanted" for s in self.statements)
         if not self.designable or not (self.open or by_motion):
             return ""
         place = f"./{folder}" if str(folder).startswith("-") else str(folder)
