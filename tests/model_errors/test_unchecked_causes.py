@@ -97,7 +97,7 @@ def test_a_gain_that_the_parameters_take_up_is_not_checked():
     scores = [
         score("known", 0.1, 0.5),
         score("hidden", 0.0, 0.0),
-        score("vague", 0.1, 3.0),
+        score("vague", 0.1, 4.0),
         score("other", 0.1, 0.5, "gear ratio"),
     ]
     assert checked_gains(SimpleNamespace(tried=100, freedom=60), scores) == ("known",)
