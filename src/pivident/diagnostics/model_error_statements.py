@@ -78,8 +78,9 @@ def log_faults(diagnostics: Diagnostics) -> Iterator[Finding]:
     found = diagnostics.model_errors
     robot = diagnostics.identifications[diagnostics.recommended].robot
     measured = found is not None and any(one.cause.kind == "delay" for one in found.named)
-    agree = found is not None and set(found.checked_gains) >= {
-        joint.name for joint in robot.joints if joint.motion == "driven"
+    agree = found is not None and {j.name for j in robot.joints if j.motion == "driven"} <= {
+        *found.checked_gains,
+        *(own.cause.subject for own in found.named if own.cause.kind == "torque gain"),
     }
     for finding in diagnostics.log:
         of_masses = finding.declared is LOAD or (finding.declared is GAIN and agree)
