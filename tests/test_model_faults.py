@@ -47,12 +47,12 @@ def misfit(fault: str, arm: str, corrected: bool, record: int = 0) -> float:
     return float((np.max(errors, axis=0) / np.max(sizes, axis=0)).max())
 
 
-@pytest.mark.parametrize("arm", ["scara", "cobot6", "link7"])
+@pytest.mark.parametrize("arm", ["scara", "cobot6", "link7", "telescope"])
 def test_without_fault_the_users_model_is_right(arm):
     assert misfit("none", arm, corrected=False) < 1e-5
 
 
-@pytest.mark.parametrize("arm", ["scara", "cobot6", "link7"])
+@pytest.mark.parametrize("arm", ["scara", "cobot6", "link7", "telescope"])
 @pytest.mark.parametrize("fault", ["link-length", "axis-angle", "joint-offset"])
 def test_a_corrected_description_is_right(fault, arm):
     if not is_possible(fault, arm):

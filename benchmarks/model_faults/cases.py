@@ -11,7 +11,9 @@ from benchmarks.unknown_arms import motion as motions
 from benchmarks.unknown_arms.truth import true_base_parameters
 
 import pivident as pv
+from pivident.control_law.unknown_loop import reconstruct_loop
 from pivident.dynamics.base_parameters import base_parameters
+from pivident.errors import IdentificationError
 from pivident.robot.description import Coupling, Robot
 from pivident.robot.friction import FrictionLaw, coulomb, offset, viscous
 from pivident.robot.transmission import Transmission
@@ -40,7 +42,8 @@ class Case:
 
     Attributes:
         arm, fault, seed: what it was made from.
-        problem: robot as the user believes it, two recordings, the true control law.
+        problem: robot as the user believes it, two recordings, the true control law or, of a
+            cascade, the one that the recordings show.
         truth: true base parameters by name, in the grouping of ``problem``'s robot; where the
             fault is in positions or torques, those of the machine nevertheless.
         corrected_robot: the robot as the user should have described it.
@@ -76,7 +79,7 @@ def make_case(
     """A case; its simulation is kept, so that the next call is quick.
 
     Args:
-        arm: ``scara``, ``cobot6`` or ``link7``.
+        arm: ``scara``, ``cobot6``, ``link7`` or ``telescope``.
         fault: one of `FAULTS`.
         seed: decides machine, motion, noise and fault.
         rate: of control and log [Hz]; None: 1000 Hz, that of ``cobot6`` 500 Hz.
@@ -99,7 +102,12 @@ def make_case(
     )
     names = robot.joint_names
     recordings = tuple(_recording(setup, t, k, names) for k, t in enumerate(traces))
-    loop = pv.Loop(pv.PD(setup.kp, setup.kd), feed_forward=setup.feed_forward)
+    loop: pv.Loop | None = pv.Loop(pv.PD(setup.kp, setup.kd), feed_forward=setup.feed_forward)
+    if np.isfinite(setup.integral_time):  # which the user does not know
+        try:
+            recordings, loop = reconstruct_loop(robot, recordings)
+        except IdentificationError:  # an experiment goes on without a simulated loop, too
+            loop = None
     return Case(
         arm,
         fault,

@@ -43,15 +43,20 @@ Fault = Callable[[Setup, np.random.Generator], Planted]
 
 #: Joints whose distance from the one before, whose zero or whose axis matters for the torques. An
 #: arm that moves in a plane without gravity shows neither lengths nor zeros.
-LENGTHS = {"cobot6": (2, 3, 5), "link7": (2, 3, 4, 6)}
-ZEROS = {"cobot6": (1, 2, 3, 4), "link7": (1, 2, 3, 4, 5)}
-AXES = {"scara": (0, 1), "cobot6": (1, 2, 3, 4), "link7": (1, 2, 3, 4, 5)}
+LENGTHS = {"cobot6": (2, 3, 5), "link7": (2, 3, 4, 6), "telescope": (1,)}
+ZEROS = {"cobot6": (1, 2, 3, 4), "link7": (1, 2, 3, 4, 5), "telescope": (1, 3, 4)}
+AXES = {
+    "scara": (0, 1),
+    "cobot6": (1, 2, 3, 4),
+    "link7": (1, 2, 3, 4, 5),
+    "telescope": (1, 2, 3, 4),
+}
 
 #: Smallest and largest amplitude of an encoder's sine on the joint side [rad], tenfold of it [m].
 SINE = (1e-4, 3e-4)
 
 #: Joints with a gear that may be elastic: rotating ones of which no shaft is shared.
-GEARED = {"scara": (0, 1), "cobot6": (0, 1, 2), "link7": (0, 1, 2, 3)}
+GEARED = {"scara": (0, 1), "cobot6": (0, 1, 2), "link7": (0, 1, 2, 3), "telescope": (0, 1, 3)}
 
 
 def none(setup: Setup, rng: np.random.Generator) -> Planted:

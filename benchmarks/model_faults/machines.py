@@ -1,8 +1,8 @@
 """Machines, their loops, and what a user believes of them.
 
 The drawings are those of `benchmarks.unknown_arms`. Here the machine's friction is as smooth as
-the user's law, (2/π) atan(γ dq), its control law is known, and its torques are logged as the drives
-make them: without a fault the user's model is right.
+the user's law, (2/π) atan(γ dq), its control law is known but for a cascade's, and its torques are
+logged as the drives make them: without a fault the user's model is right.
 """
 
 from __future__ import annotations
@@ -25,7 +25,11 @@ LOOPS = {
     "scara": (1000.0, 10.0, (0.3, 2.5), "none"),
     "cobot6": (500.0, 5.0, (0.12, 1.0), "gravity"),
     "link7": (1000.0, 6.0, (0.12, 1.2), "gravity_measured"),
+    "telescope": (1000.0, 6.0, (0.15, 1.5), "none"),
 }
+
+#: Integral times of the arms whose law is a cascade, which the user does not know [s].
+CASCADES = {"telescope": 0.15}
 
 
 @dataclass(frozen=True)
@@ -65,6 +69,8 @@ class Setup:
         made: bodies, rotors and friction levels.
         rate: of control and log [Hz].
         kp, kd: gains of the law, on the user's side.
+        integral_time: in which the law's integral adds as much as the rest [s]; infinite: a PD law.
+            With it the law is a position loop kp/kd around a velocity PI.
         feed_forward: what the law adds, in the words of `pivident.Loop`.
         gamma: slope of the smoothed sign [s/rad or s/m].
         tanh: whether the sign is a hyperbolic tangent instead of an arctangent.
@@ -97,6 +103,7 @@ class Setup:
     zero: np.ndarray
     drive: np.ndarray
     ripple: np.ndarray
+    integral_time: float = np.inf
     late: int = 0
     tremble: float = 0.0
     drift: float = 0.0
@@ -146,6 +153,7 @@ def draw(name: str, seed: int, rate: float | None = None) -> Setup:
         kp=inertia * w**2,
         kd=1.6 * inertia * w * rng.uniform(0.9, 1.1, n),
         feed_forward=feed_forward,
+        integral_time=CASCADES.get(name, np.inf),
         gamma=SLOPE_AT_RATED_SPEED / made.arm.speeds,
         tanh=False,
         stribeck=zero,

@@ -85,7 +85,7 @@ class Plant:
                 j, through = self._spring.joint, self._transmitted(middle, w)
                 forces[j] += through
                 forces[n] -= through
-            after = _after(self._inertia, self.v, forces, h, self._rows, table, self._tanh)
+            after = speeds_after(self._inertia, self.v, forces, h, self._rows, table, self._tanh)
             w = 0.5 * (self.v + after)
         self.q, self.v = middle + 0.5 * h * after, after
 
@@ -119,7 +119,7 @@ def _friction(setup: Setup, motors: np.ndarray, size: int) -> tuple[np.ndarray, 
 
 
 @numba.njit(cache=True)
-def _after(inertia, v, forces, h, rows, table, tanh):
+def speeds_after(inertia, v, forces, h, rows, table, tanh):
     """Speeds after a step, by Newton's iteration on the friction."""
     after = v.copy()
     for _ in range(50):
@@ -185,7 +185,8 @@ def simulate(setup: Setup, motion: Motion, record: int, records: int) -> Trace:
     plant = Plant(setup, record, (motion.q[0] - setup.zero) / setup.gear)
     q_log, tau_log, moved = (np.zeros_like(motion.q) for _ in range(3))
     answers = [weight(0, motion.q[0])] * setup.late  # drives that wait begin with the weight
-    last, steps = None, int(np.ceil(1.0 / (setup.rate * MAX_STEP) - 1e-9))
+    last, integral = None, np.zeros(arm.size)
+    steps = int(np.ceil(1.0 / (setup.rate * MAX_STEP) - 1e-9))
     for k in range(ticks):
         turned = plant.q[plant.motors]
         seen = setup.gear * turned + setup.zero + amplitude * np.sin(order * turned + phase)
@@ -193,7 +194,8 @@ def simulate(setup: Setup, motion: Motion, record: int, records: int) -> Trace:
         speed = np.zeros(arm.size) if last is None else (measured - last) * setup.rate
         last = measured
         u = setup.kp * (motion.q[k] - measured) + setup.kd * (motion.dq[k] - speed)
-        u = u + weight(k, measured)
+        integral = integral + u / (setup.rate * setup.integral_time)
+        u = u + integral + weight(k, measured)
         q_log[k], tau_log[k], moved[k] = measured, u, setup.gear * plant.v[plant.motors]
         answers.append(u)
         acting = setup.drive * answers[k]

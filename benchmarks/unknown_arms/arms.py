@@ -1,4 +1,4 @@
-"""Three arms that pivident has never seen: geometry, drawings of the bodies, drives, friction.
+"""Four arms that pivident has never seen: geometry, drawings of the bodies, drives, friction.
 
 Everything here is the *drawing*. A machine made from it (`truth.machine`) differs by its seed, and
 so does the URDF that a user gets with it.
@@ -231,4 +231,37 @@ SCARA = Arm(
     frequencies=(0.2, 2.0),
 )
 
+TELESCOPE = Arm(
+    name="telescope",
+    joints=(
+        _revolute("turn", (0.0, 0.0, 0.40), _Z, 2.9, 2.5, 300.0),
+        _revolute("tilt", (0.10, 0.0, 0.25), _Y, 1.2, 2.0, 400.0),
+        JointPlace("slide", "prismatic", (0.45, 0.0, 0.0), _NONE, _X, (0.0, 0.6), 0.9, 900.0),
+        _revolute("pitch", (0.40, 0.0, 0.0), _Y, 2.0, 3.5, 60.0),
+        _revolute("roll", (0.12, 0.0, 0.03), _X, 6.2, 5.0, 25.0),
+    ),
+    boxes=(
+        Box(14.0, (0.03, 0.0, 0.10), (0.22, 0.20, 0.30)),
+        Box(11.0, (0.20, 0.0, 0.02), (0.70, 0.14, 0.16)),
+        Box(5.2, (0.05, 0.0, 0.01), (0.80, 0.08, 0.09)),
+        Box(2.1, (0.05, 0.01, 0.02), (0.16, 0.09, 0.11)),
+        Box(1.1, (0.04, 0.01, 0.03), (0.10, 0.08, 0.07)),
+    ),
+    rotor=(1.6, 1.9, 14.0, 0.16, 0.05),
+    viscous=(9.0, 10.0, 60.0, 1.4, 0.6),
+    coulomb=(7.0, 8.0, 25.0, 1.1, 0.5),
+    bearing_share=1.0,
+    torque_constant=(),
+    gear_ratio=(100.0, 100.0, 400.0, 80.0, 50.0),
+    shafts=(),
+    home=(0.1, 0.2, 0.30, -0.4, 0.2),
+    reach=(1.8, 0.6, 0.26, 1.2, 2.5),
+    counts=(*(2**20 / (2 * np.pi),) * 2, 2e6, *(2**20 / (2 * np.pi),) * 2),
+    encoder_noise=(3e-6, 3e-6, 6e-7, 5e-6, 8e-6),
+    torque_noise=(0.3, 0.3, 1.0, 0.06, 0.03),
+    frequencies=(0.08, 0.9),
+)
+
+#: Arms whose logs a new user gets, and all of them.
 ARMS = {arm.name: arm for arm in (COBOT6, LINK7, SCARA)}
+DRAWINGS = {**ARMS, TELESCOPE.name: TELESCOPE}

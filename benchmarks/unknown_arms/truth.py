@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from .arms import ARMS, Arm, Box, Shaft
+from .arms import DRAWINGS, Arm, Box, Shaft
 
 #: Largest relative difference of a machine from its drawing.
 SPREAD = 0.2
@@ -100,8 +100,8 @@ def machine(name: str, seed: int, exact_sheet: bool = False) -> Machine:
         seed: decides all differences from the drawing.
         exact_sheet: whether the torque constants of the data sheet are the true ones.
     """
-    arm = ARMS[name]
-    rng = np.random.default_rng([seed, sorted(ARMS).index(name), 1])
+    arm = DRAWINGS[name]
+    rng = np.random.default_rng([seed, sorted(DRAWINGS).index(name), 1])
 
     def spread(values: Any, by: float = SPREAD) -> np.ndarray:
         return np.asarray(values, dtype=float) * rng.uniform(1 - by, 1 + by, np.shape(values))

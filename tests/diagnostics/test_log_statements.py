@@ -1,16 +1,22 @@
 """The verdict knows what an audit has against the recordings."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from pivident.audit.scale import GAIN, LOAD, MEDIAN
 from pivident.diagnostics.diagnostics import Diagnostics, diagnose
+from pivident.diagnostics.model_error_statements import log_faults
 from pivident.diagnostics.verdict import Verdict, verdict
 from pivident.estimation.identify import identify
 from pivident.estimation.problem import Problem
 from pivident.experiment.simulated_tx40 import tx40_fine
 from pivident.recording.recording import Recording
+from pivident.robot.gallery import load_robot
+from pivident.text.finding import Quantity
+from pivident.text.repair import setting
 
 
 @pytest.fixture(scope="module")
@@ -50,3 +56,31 @@ def test_a_torque_logged_one_sample_late_is_a_reservation(good):
     (delay,) = (s for s in found.statements if s.kind in ("late", "delay"))
     assert (delay.topic, delay.severity) == ("model", "warning")
     assert delay.quantity.value == pytest.approx(1e3 / made.rate, rel=0.02)
+
+
+def severities(median, declared, *checked, repairs=()):
+    """Of what an audit has against a torque, where the scale of these joints is checked."""
+    finding = declared.finding(
+        "warning", "1.4 times.", "elbow", "Check it.",
+        evidence={"value": Quantity(1.4), MEDIAN: Quantity(median)}, repairs=repairs,
+    )  # fmt: skip
+    diagnostics = SimpleNamespace(
+        log=[finding],
+        model_errors=SimpleNamespace(named=(), checked_gains=checked),
+        identifications={"piv": SimpleNamespace(robot=load_robot("planar_2r"))},
+        recommended="piv",
+    )
+    (said,) = log_faults(diagnostics)
+    return said.severity
+
+
+def test_a_factor_that_other_joints_rule_out_is_one_of_the_described_masses():
+    assert severities(1.1, GAIN, "shoulder", "elbow") == "note"
+    assert severities(1.1, GAIN, "shoulder") == "warning"  # nobody knows its own
+    assert severities(0.6, GAIN, "shoulder", "elbow") == "warning"  # a scale that all have
+    on_motor = [setting("side", value="motor")]
+    assert severities(1.1, GAIN, "shoulder", "elbow", repairs=on_motor) == "warning"
+
+
+def test_a_load_is_a_reservation_only_where_the_scale_is_another():
+    assert [severities(median, LOAD) for median in (1.1, 0.6)] == ["note", "warning"]

@@ -163,27 +163,6 @@ def test_intervals_of_friction_hold_for_the_assumed_law(quiet):
     assert "hold for the assumed friction law only: fv dq + fc" in said.message
 
 
-def test_a_residual_that_follows_the_motion_speaks_against_the_friction_law(quiet):
-    follows = with_residual_tests(quiet, "piv", 2, motion=SimpleNamespace(matters=True))
-    (said,) = friction_law(follows, "piv")
-    assert said.severity == "note" and "the residual follows the motion on joint_3" in said.message
-    for mostly, severity in ((True, "warning"), (False, "note")):
-        split = SimpleNamespace(mostly_model_error=mostly)
-        (said,) = friction_law(dataclasses.replace(follows, model_error=split), "piv")
-        assert (
-            said.severity == severity
-            and ("most of the error is model error" in said.message) == mostly
-        )
-
-
-def test_a_residual_that_grows_with_the_speed_does_so_too(quiet):
-    variance = quiet.residuals["piv"].joints[1].variance
-    for ratio, told in ((0.1, True), (0.9, False)):
-        grown = dataclasses.replace(variance, p_value=1e-9, ratios={"speed": ratio})
-        (said,) = friction_law(with_residual_tests(quiet, "piv", 1, variance=grown), "piv")
-        assert ("the residual's size changes with the motion on joint_2" in said.message) == told
-
-
 def test_without_friction_parameters_nothing_is_said_of_their_law(quiet):
     piv = quiet.identifications["piv"]
     kept = [k for k, p in enumerate(piv.parameters) if p.is_inertial]

@@ -1,6 +1,7 @@
 """What is said not to be shown is not shown and changes the estimate as said; what is not, is."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from pivident.diagnostics.verdict import verdict
 from pivident.estimation.identify import identify
 from pivident.experiment.simulated_tx40 import tx40_scenario
 from pivident.model_errors.named_causes import MATTERS, named_causes
-from pivident.model_errors.unchecked_causes import COMMON
+from pivident.model_errors.unchecked_causes import COMMON, checked_gains
 
 from .faulty_tx40 import causes, right_estimate, right_problem
 
@@ -76,3 +77,27 @@ def test_the_verdict_says_it_without_a_reservation(found):
     quantity = note.evidence[str(first.cause)]
     assert quantity.bound == first.shown_from
     assert note not in said.reservations and said.answer("torque") == "yes"
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.5, 0.5])
+def test_a_gain_is_checked_where_joints_share_bodies_and_agree(factor):
+    problem = part(tx40_scenario("fine", 2)[0], 0.4)
+    scale = np.array([1.0, 1.0, factor, 1.0, 1.0, 1.0])
+    recordings = tuple(replace(r, tau=r.tau * scale) for r in problem.recordings)
+    wrong = replace(problem, recordings=recordings)
+    checked = named_causes(wrong, identify(wrong, "piv")).checked_gains
+    assert ("joint_3" in checked) == (factor == 1.0)
+
+
+def test_a_gain_that_the_parameters_take_up_is_not_checked():
+    def score(joint, size, std, kind="torque gain"):
+        cause = SimpleNamespace(kind=kind, subject=joint)
+        return SimpleNamespace(cause=cause, size=np.array([size]), std=np.array([std]))
+
+    scores = [
+        score("known", 0.1, 0.5),
+        score("hidden", 0.0, 0.0),
+        score("vague", 0.1, 4.0),
+        score("other", 0.1, 0.5, "gear ratio"),
+    ]
+    assert checked_gains(SimpleNamespace(tried=100, freedom=60), scores) == ("known",)

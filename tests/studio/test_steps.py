@@ -198,7 +198,7 @@ def test_causes_friction_and_motion_follow_from_statements(project):
     said = [
         statement("model", "gear ratio"),
         statement("model", "delay", "note"),
-        statement("friction", "assumed law"),
+        statement("model", "friction"),
         statement("motion", "wanted", "note", "Move more."),
         statement("prediction", "nothing held out"),
     ]
@@ -232,7 +232,7 @@ def test_the_consistent_set_is_offered_where_the_verdict_needs_it(
     project, answer, why, first, steps
 ):
     path = project / "results" / "001-identify" / "verdict.json"
-    content = {"name": "ls", "statements": [statement("friction", "assumed law")]}
+    content = {"name": "ls", "statements": [statement("model", "friction")]}
     path.write_text(json.dumps(content | {"uses": {"simulation": {"answer": answer, "why": why}}}))
     found = [o for o in offers(project, "001-identify") if o["step"] != "compare"]
     assert found[0]["words"] == first and [o["step"] for o in found] == steps

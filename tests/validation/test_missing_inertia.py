@@ -1,6 +1,7 @@
 """A simulation that starts without rotors diverges, and its error says what to give."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from pivident.estimation.instrumental_variables import InstrumentalVariables
 from pivident.estimation.signal_recipes import RandomWalk
 from pivident.many.study.bench import Bench
 from pivident.many.study.scenario import read_scenario
+from pivident.validation import divergence_cause
 from pivident.validation.divergence_cause import missing_inertia
 
 ARM = """
@@ -68,3 +70,11 @@ def test_an_initial_value_stands_for_a_rotor(bare):
     (note,) = missing_inertia(replace(bare, initial={"ia2": 0.1}))
     assert "the rotor inertia of 'shoulder' is zero" in note
     assert missing_inertia(replace(bare, initial={"ia2": 0.1, "zz1r": 0.9})) == []
+
+
+def test_what_a_record_does_not_show_stays_nominal_beside_least_squares(bare, monkeypatch):
+    shown = bare.names[1:]
+    found = SimpleNamespace(names=shown, theta=np.arange(1.0, len(shown) + 1.0))
+    monkeypatch.setattr(divergence_cause, "identify", lambda *_: found)
+    first, *others = divergence_cause._least_squares(bare)
+    assert first == bare.initial_values()[0] and others == found.theta.tolist()

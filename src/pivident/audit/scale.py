@@ -53,6 +53,9 @@ LOAD = FindingKind(SCALE, "load", ("robot", "model"), reservation=True)
 #: A gain that differs from 1 by this factor gets a warning, by that one it is wrong.
 WARNING, ERROR = 1.3, 3.0
 
+#: Evidence that says whether a factor is one of all torques.
+MEDIAN = "median of all joints"
+
 #: Relative standard error above which a factor is not used.
 BLUNT = 0.2
 
@@ -197,7 +200,10 @@ def _load_finding(robot: Robot, load: FlangeLoad) -> Finding:
         f"{change} the link of {last} in the robot's file. Left as it is, the estimate is that of "
         "the arm as it moved, which is right for its torques."
     )
-    evidence = {"mass": Quantity(load.mass, "kg", interval=(low, high))}
+    evidence = {
+        "mass": Quantity(load.mass, "kg", interval=(low, high)),
+        MEDIAN: Quantity(typical, bound=WARNING),
+    }
     return LOAD.finding("warning", text, last, step, evidence)
 
 

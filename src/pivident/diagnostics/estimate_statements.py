@@ -298,7 +298,11 @@ def is_restated(warning: Finding) -> bool:
 
 def further_warnings(result: Identification) -> Iterator[Finding]:
     """The estimator's warnings that no statement above repeats; many of one law are one."""
-    further = [w for w in result.warnings if not is_restated(w) and w.severity != "note"]
+    further = [
+        w
+        for w in result.warnings
+        if not is_restated(w) and (w.severity != "note" or w.topic == "motion")
+    ]
     many = [*_many(further, "uncertain"), *_many(further, "wrong gain")]
     yield from (w for w in further if w not in many)
     if of_law := _many(further, "uncertain"):

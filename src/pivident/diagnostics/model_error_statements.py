@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from pivident.audit.scale import GAIN, LOAD, MEDIAN, WARNING
 from pivident.diagnostics.diagnostics import Diagnostics
 from pivident.diagnostics.ranges import much_wider
 from pivident.model_errors.cause import Cause
@@ -68,10 +70,28 @@ def model_errors(diagnostics: Diagnostics) -> Iterator[Finding]:
 
 
 def log_faults(diagnostics: Diagnostics) -> Iterator[Finding]:
-    """What an audit has against the recordings; a delay that is measured below is said there."""
+    """What an audit has against the recordings; a delay that is measured below is said there.
+
+    A torque's factor to the description is a note where the torques agree in scale with one another
+    and with the description at large: then single masses of it are wrong.
+    """
     found = diagnostics.model_errors
+    robot = diagnostics.identifications[diagnostics.recommended].robot
     measured = found is not None and any(one.cause.kind == "delay" for one in found.named)
+    agree = found is not None and {j.name for j in robot.joints if j.motion == "driven"} <= {
+        *found.checked_gains,
+        *(own.cause.subject for own in found.named if own.cause.kind == "torque gain"),
+    }
     for finding in diagnostics.log:
+        of_masses = finding.declared is LOAD or (finding.declared is GAIN and agree)
+        common = finding.evidence[MEDIAN].value if of_masses else 0.0
+        if not finding.repairs and 1.0 / WARNING < common < WARNING:
+            finding = replace(
+                finding,
+                severity="note",
+                message=f"{finding.message} Torques agree in scale: the estimate replaces masses.",
+                next_step="",
+            )
         if not (measured and finding.topic == "delay"):
             yield finding
 

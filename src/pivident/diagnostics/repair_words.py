@@ -61,7 +61,9 @@ def _of(edit: Change, names: Sequence[str]) -> str:
         case Edit(place=("robot", "gravity"), value=value):
             return f"Gravity points along {_axis(value)} of the base."
         case Edit(place=(*_, "delay"), value=value):
-            return f"The torques were logged {1e3 * (value or 0.0):.3g} ms after the positions."
+            late = 1e3 * (value or 0.0)
+            side = "before" if late < 0.0 else "after"
+            return f"The torques were logged {abs(late):.3g} ms {side} the positions."
         case Edit(place=(*_, "torque_timing"), value=value):
             return f"The torques are {value}, see torque_timing."
     return ""

@@ -120,15 +120,12 @@ def _position_units(result: Identification) -> list[str]:
 
 
 def friction_law(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
-    """What the intervals of friction parameters assume, and whether the residual contradicts it.
+    """What the intervals of friction parameters assume; whether it is wrong, causes say.
 
     A covariance knows the noise. It does not know that another law of friction would give these
-    parameters other values, whatever kind of covariance it is. A residual that goes with the motion
-    is a sign of that, and a reservation where held-out motion says that model error makes
-    most of it: noise of the speed that enters the bend of a law leaves the same traces. Where
-    causes of model error were looked for, friction is blamed there or not at all.
+    parameters other values, whatever kind of covariance it is.
     """
-    result, tests = diagnostics.identifications[name], diagnostics.residuals[name]
+    result = diagnostics.identifications[name]
     own = [
         (own_name, p.joint)
         for own_name, p in zip(result.names, result.parameters, strict=True)
@@ -136,43 +133,14 @@ def friction_law(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     ]
     if not own:
         return
-    joints = result.robot.tree.joints
-    laws = dict.fromkeys(str(joints[j].friction) for _, j in own)
-    text = (
+    laws = dict.fromkeys(str(result.robot.tree.joints[j].friction) for _, j in own)
+    yield Finding(
+        "note",
+        "friction",
+        "assumed law",
         f"The intervals of {listed([own_name for own_name, _ in own])} hold for the assumed "
-        f"friction law only: {listed(list(laws))}."
+        f"friction law only: {listed(list(laws))}.",
     )
-    if diagnostics.model_errors is not None:  # what is wrong with it is said there
-        yield Finding("note", "friction", "assumed law", text)
-        return
-    signs = _signs_of_another_law(tests, {joints[j].name for _, j in own})
-    split = diagnostics.model_error
-    uncertain = bool(signs) and split is not None and split.mostly_model_error
-    if uncertain:
-        text += (
-            f" It may be wrong: {signs}, and most of the error is model error. Another "
-            "law may move these values by more than their intervals; `pivident friction` shows "
-            "it, `pivident laws` compares several."
-        )
-    elif signs:
-        text += (
-            f" It may not be quite right: {signs}, as with another law or with noise in "
-            "the speed. See `pivident friction`."
-        )
-    severity: Severity = "warning" if uncertain else "note"
-    yield Finding(severity, "friction", "assumed law", text)
-
-
-def _signs_of_another_law(tests: ResidualTests, concerned: set[str]) -> str:
-    """On which joints with friction the residual follows the motion, or its size does."""
-    found = []
-    for topic, finding in (
-        ("motion", "the residual follows the motion on"),
-        ("variance", "the residual's size changes with the motion on"),
-    ):
-        where = [n for n, test in tests.of(topic) if test.matters and n in concerned]
-        found += [f"{finding} {listed(where)}"] if where else []
-    return " and ".join(found)
 
 
 def model_or_noise(diagnostics: Diagnostics) -> Iterator[Finding]:
@@ -180,7 +148,6 @@ def model_or_noise(diagnostics: Diagnostics) -> Iterator[Finding]:
     split = diagnostics.model_error
     if split is None:
         return
-    sentences = split.sentences()
     severity: Severity = "note" if split.mostly_model_error else "ok"
     kind = "model error" if split.mostly_model_error else "noise"
-    yield Finding(severity, "residual", kind, " ".join(sentences))
+    yield Finding(severity, "residual", kind, " ".join(split.sentences()))

@@ -1,10 +1,10 @@
 """The verdict: should one believe this result, in plain words, each with its numbers.
 
 A verdict is made of statements in a fixed order: which estimate to take; what is wrong with the
-recordings; what is well determined and what is not; whether the feedback biases least squares;
-whether the noise model whitens; whether the instruments are fit for use; how well unseen motion is
-predicted; and what the residual is made of. Each statement is a finding with its severity and the
-test that it is based on.
+recordings, and which errors of the model are named, since both come before what they cause; what is
+well determined and what is not; whether the feedback biases least squares; whether the noise model
+whitens; whether the instruments are fit for use; how well unseen motion is predicted; and what the
+residual is made of. Each statement is a finding with its severity and the test that it is based on.
 """
 
 from __future__ import annotations
@@ -134,7 +134,7 @@ class Verdict(Displayed):
         Returns:
             The command, quoted for a shell; empty where nothing is open, or none designs it.
         """
-        by_motion = any(s.topic == "motion" and s.severity != "note" for s in self.statements)
+        by_motion = any(s.topic == "motion" and s.kind != "wanted" for s in self.statements)
         if not self.designable or not (self.open or by_motion):
             return ""
         place = f"./{folder}" if str(folder).startswith("-") else str(folder)
@@ -170,6 +170,7 @@ def verdict(diagnostics: Diagnostics | Identification, attempts: Attempts | None
         choice: both,
         repairs: every,
         log_faults: every,
+        model_errors: every,
         corrected: own,
         torque_scale: own,
         torque_side: own,
@@ -186,7 +187,6 @@ def verdict(diagnostics: Diagnostics | Identification, attempts: Attempts | None
         simulated_positions: both,
         simulated_loop: both,
         model_or_noise: every,
-        model_errors: every,
         intervals: both,
         friction_law: both,
         consistency: both,

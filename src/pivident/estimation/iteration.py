@@ -352,7 +352,7 @@ def _takes_back(history: Sequence[Iteration]) -> bool:
 
 
 def poor_motion(solution: Solution) -> list[Finding]:
-    """Parameters that the motion hardly separates."""
+    """Parameters that the motion hardly separates; no reservation, since intervals say it."""
     if solution.condition <= LARGE_CONDITION:
         return []
     text = (
@@ -361,4 +361,4 @@ def poor_motion(solution: Solution) -> list[Finding]:
     )
     step = "Add a second, different motion, or estimate fewer parameters."
     evidence = {"condition number": Quantity(float(solution.condition))}
-    return [Finding("warning", "motion", "ill-conditioned", text, "", step, evidence)]
+    return [Finding("note", "motion", "ill-conditioned", text, "", step, evidence)]

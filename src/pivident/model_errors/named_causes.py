@@ -29,7 +29,11 @@ from pivident.model_errors.coupling_errors import coupling_causes
 from pivident.model_errors.motion_errors import geometry_causes, motion_causes
 from pivident.model_errors.score_tests import LEVEL, MOST_CAUSES, Score, ScoreTests
 from pivident.model_errors.torque_errors import friction_causes, torque_causes
-from pivident.model_errors.unchecked_causes import UncheckedCause, unchecked_causes
+from pivident.model_errors.unchecked_causes import (
+    UncheckedCause,
+    checked_gains,
+    unchecked_causes,
+)
 from pivident.model_errors.wrench_errors import wrench_causes
 from pivident.motion.motion import Kinematics
 from pivident.robot.description import Robot
@@ -110,6 +114,7 @@ class ModelErrors:
             that they explain.
         unseen: the same on blocks that were not fitted.
         unchecked: errors that would not be seen, and would change the estimate.
+        checked_gains: joints whose torque agrees in scale with those of the others.
     """
 
     named: tuple[NamedCause, ...]
@@ -117,6 +122,7 @@ class ModelErrors:
     explained: float
     unseen: float
     unchecked: tuple[UncheckedCause, ...] = ()
+    checked_gains: tuple[str, ...] = ()
 
     @property
     def matter(self) -> tuple[NamedCause, ...]:
@@ -277,6 +283,7 @@ def _named_causes(tests: ScoreTests, found: Identification) -> ModelErrors:
         1.0 - base.residual / max(start.residual, 1e-300),
         1.0 - base.unseen / max(start.unseen, 1e-300),
         unchecked_causes(tests, scores.values(), found, MATTERS),
+        checked_gains(tests, scores.values()),
     )
 
 

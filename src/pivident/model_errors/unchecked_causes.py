@@ -1,4 +1,4 @@
-"""Errors that the record would not show, although they change the estimate.
+"""Errors that the record would not show, although they change the estimate; gains that it checks.
 
 A cause whose size has the standard error σ_δ is named for certain from about (t + 2) σ_δ on, with t
 the quantile at which the tests of all causes name one. An error of the description as they commonly
@@ -36,6 +36,10 @@ COMMON: Mapping[tuple[str, str], float] = {
     ("delay", "ms"): 1.0,
 }
 
+#: Error of a torque's gain that the record has to rule out for the gain to count as checked [%]: a
+#: little less than the least that an audit warns of, 1/1.3.
+GAIN = 20.0
+
 #: Standard errors beyond the quantile from which on a cause is named for certain (98 %).
 CERTAIN = 2.0
 
@@ -71,9 +75,7 @@ def unchecked_causes(
         found: the estimate.
         least: change of a parameter from which on an error counts, in standard errors.
     """
-    from scipy.stats import t
-
-    needed = float(t.isf(0.5 * LEVEL / tests.tried, tests.freedom)) + CERTAIN
+    needed = _standard_errors(tests)
     own = tests.columns([])
     of_band = np.sqrt(np.diag(tests.covariance(own, tests.fit(own).theta)))
     std = np.maximum(found.std, of_band)
@@ -91,3 +93,27 @@ def unchecked_causes(
         if shifts[k] > least:
             made.append(UncheckedCause(cause, size, shown_from, float(shifts[k]), found.names[k]))
     return tuple(sorted(made, key=lambda one: -one.shift))
+
+
+def checked_gains(tests: ScoreTests, scores: Iterable[Score]) -> tuple[str, ...]:
+    """Joints whose torque no factor separates from those of the others: they move the same bodies.
+
+    Args:
+        tests: tests of an estimate.
+        scores: those of the causes that are not named.
+    """
+    needed = _standard_errors(tests)
+    return tuple(
+        score.cause.subject
+        for score in scores
+        if score.cause.kind == "torque gain"
+        and score.std[0] > 0.0  # else the parameters take it up
+        and abs(float(score.size[0])) + needed * float(score.std[0]) < GAIN
+    )
+
+
+def _standard_errors(tests: ScoreTests) -> float:
+    """How many of its standard errors a cause has to be large to be named for certain."""
+    from scipy.stats import t
+
+    return float(t.isf(0.5 * LEVEL / tests.tried, tests.freedom)) + CERTAIN

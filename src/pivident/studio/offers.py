@@ -65,7 +65,7 @@ def _after_identification(project: Path, folder: Path, name: str) -> Iterator[Of
     yield from _better_estimates(project, statements, methods)
     if simulation.get("answer") == "care" and not has_consistent:
         yield _consistent(name, simulation)
-    if friction := _is_said(statements, "friction", "assumed law", ("warning", "error")):
+    if friction := _is_said(statements, "model", "friction", ("warning", "error")):
         yield _offer("laws", "Choose friction laws", friction)
         yield _offer("friction", "Show friction", friction)
     if motion := _wanted_motion(verdict, statements, name):

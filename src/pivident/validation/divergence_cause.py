@@ -135,12 +135,14 @@ def _trials(problem: Problem, described: list[str]) -> Iterator[Trial]:
 
 
 def _least_squares(problem: Problem) -> np.ndarray | None:
-    """What least squares makes of the records, None where it cannot."""
+    """Of least squares, nominal where records show nothing; None where it cannot."""
     try:
         whole = replace(problem, loop=None)
-        return identify(whole, LeastSquares(signals=RandomWalk())).theta
+        found = identify(whole, LeastSquares(signals=RandomWalk()))
     except PividentError:
         return None
+    values = dict(zip(problem.names, problem.initial_values(), strict=True))
+    return np.array(list((values | dict(zip(found.names, found.theta, strict=True))).values()))
 
 
 def _farthest(problem: Problem, nominal: np.ndarray, fitted: np.ndarray) -> str:

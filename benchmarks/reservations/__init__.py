@@ -1,0 +1,1 @@
+"""What verdicts say of records that are right and of records with one fault each."""
