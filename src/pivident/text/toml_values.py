@@ -1,9 +1,12 @@
-"""Keys and values as TOML, laid out for people who edit them."""
+"""Keys, values and comments as TOML, laid out for people who edit them."""
 
 from __future__ import annotations
 
 import re
+import textwrap
 from typing import Any
+
+from pivident.text.printable import escaped
 
 #: Width from which on a list takes a line for each entry, in characters.
 WIDTH = 98
@@ -49,3 +52,13 @@ def value_text(value: Any, width: int = WIDTH) -> str:
     if len(line) <= width:
         return line
     return "[\n" + "".join(f"    {entry},\n" for entry in entries) + "]"
+
+
+def comment(text: str) -> str:
+    """Text as comment lines that nothing in it can break out of."""
+    clean = escaped(text.replace("\n", " ").replace("\r", " ").replace("\t", " "))
+    clean = clean.encode("utf-8", "backslashreplace").decode()
+    if text.startswith("    ") or not clean:
+        return f"# {clean}".rstrip()
+    lines = textwrap.wrap(clean, WIDTH, break_long_words=False, break_on_hyphens=False)
+    return "\n".join(f"# {line}" for line in lines)

@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pivident.errors import ExperimentError
+from pivident.experiment.edited_file import confirmed, edited
 from pivident.experiment.explained import plain_form
-from pivident.studio.edits import confirmed, with_value, without
 from pivident.studio.rows import experiment_rows
 from pivident.text.toml import parse_toml
 from tests.planar_log import EXPERIMENT
@@ -71,6 +71,14 @@ def files(draw):
         own = lines(table, False)
         text += f"\n[{'.'.join(table)}]\n{own}" if own else ""
     return text.replace("\n", end)
+
+
+def with_value(text, place, value):
+    return edited(text, [(place, value)])
+
+
+def without(text, place):
+    return edited(text, [(place, None)])
 
 
 def numbered(place):
