@@ -23,7 +23,7 @@ class TomlLines:
     def __init__(self, text: str) -> None:
         self._found: dict[Place, int] = {}
         try:
-            document = toml_document(text)
+            document = toml_document(text, to_write=True)
         except ValueError:
             return
         places: list[Place] = []

@@ -46,15 +46,15 @@ def content_of(text: str) -> dict[str, Any]:
         raise ExperimentError(f"is not TOML: {error}", advice="correct this line") from error
 
 
-def document_of(text: str) -> tomlkit.TOMLDocument:
-    """The text of an experiment file, ready to be changed.
+def document_of(text: str, *, to_write: bool = True) -> tomlkit.TOMLDocument:
+    """The text of an experiment file with its comments, ready to be changed or only to be read.
 
     Raises:
-        ExperimentError: it is not TOML, or in an order that cannot be kept.
+        ExperimentError: it is not TOML, or is to be written and in an order that cannot be kept.
     """
     content_of(text)
     try:
-        return toml_document(text)
+        return toml_document(text, to_write=to_write)
     except ValueError as error:
         raise ExperimentError(
             f"cannot be changed here: {error}", advice="open the file as text and change it there"
@@ -160,16 +160,19 @@ def without(text: str, place: Place) -> str:
 
 def without_tables(document: tomlkit.TOMLDocument, place: Place) -> str:
     """The text without all tables and dotted keys at or below a place."""
+
+    def is_below(at: Place) -> bool:
+        return numbered(at)[: len(place)] == place
+
     for table, body in list(bodies(document)):
         for number, (key, item) in reversed(list(enumerate(body))):
             parts = behind_dots(body, number)[0] if is_line(key, item) else parts_of(key)
             inner = (*table, *parts)
+            gone = key is not None and is_below(inner)
             if isinstance(item, AoT):
-                numbers = [k for k in range(len(item)) if (*inner, k)[: len(place)] != place]
-                item.body[:] = [item.body[k] for k in numbers]
-            elif key is None or numbered(inner)[: len(place)] != place:
-                continue
-            if not (isinstance(item, AoT) and item.body):
+                item.body[:] = [x for k, x in enumerate(item.body) if not is_below((*inner, k))]
+                gone = not item.body
+            if gone:
                 del body[number]
     return document.as_string()
 
