@@ -10,8 +10,8 @@ a.b = 1
 
 [[recording]]
 files = "x.csv"   # "not [a] table"
-columns = {t = "t",
-}
+columns = {t = "t"}   # line 6
+
 [[recording]]
 files = "y = [1"
 [recording.units]

@@ -4,8 +4,8 @@ import tomllib
 
 import pytest
 
-from pivident.init.assumption import Assumption, comment, experiment_text
-from pivident.text.toml_values import value_text
+from pivident.init.assumption import Assumption, experiment_text
+from pivident.text.toml_values import comment, value_text
 
 NASTY = [
     'a "quoted" name', "it's", "back\\slash", "line\nend", "tab\tand\rreturn", "bell\x07",

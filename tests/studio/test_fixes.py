@@ -10,10 +10,11 @@ from pivident.check.geometry_check import candidates
 from pivident.check.gravity_check import GRAVITY
 from pivident.check.remark import of_finding
 from pivident.errors import ExperimentError
+from pivident.experiment.edited_file import edited
 from pivident.experiment.experiment import load_experiment
 from pivident.experiment.recording_tables import log_of
 from pivident.logs.log import factors_of
-from pivident.studio.fixes import Fix, applied, as_json, fixes, of_json
+from pivident.studio.fixes import Fix, as_json, fixes, of_json
 from pivident.text.repair import Edit, Repair, Reversed
 from pivident.text.toml import parse_toml
 from tests.other_arms import random_arm
@@ -45,7 +46,7 @@ def test_a_fault_is_gone_after_its_fix(name, tmp_path):
         ways = fixes(found[0], text)
         assert ways, found[0]
         assert of_json(json.loads(json.dumps(as_json(ways[0])))) == ways[0]
-        text = applied(text, ways[0])
+        text = edited(text, ways[0].edits)
         experiment.write_text(text, encoding="utf-8")
         left = checked(experiment)
         found = of_kind(left, fault.kind)
@@ -81,7 +82,7 @@ def test_what_is_accepted_is_refused_no_longer(tmp_path, kind, change, setting):
     (remark, *_) = (r for r in of_kind(checked(experiment), kind) if r["refused"])
     (fix,) = fixes(remark, EXPERIMENT)
     assert setting in fix.words
-    experiment.write_text(applied(EXPERIMENT, fix), encoding="utf-8")
+    experiment.write_text(edited(EXPERIMENT, fix.edits), encoding="utf-8")
     left = checked(experiment)
     assert not any(r["refused"] for r in of_kind(left, kind))
     assert setting in experiment.read_text("utf-8")
@@ -110,7 +111,7 @@ units = {q = ["rad", "rad", "rad"]}
     remark["joints"] = ["axis_1", "axis_2", "axis_3"]
     fix = fixes(remark, text)[0]
     assert fix.words.startswith(f"Leave {remark['joints'][1]} out")
-    experiment.write_text(applied(text, fix), encoding="utf-8")
+    experiment.write_text(edited(text, fix.edits), encoding="utf-8")
     assert not of_kind(checked(experiment), kind)
     (recording,) = load_experiment(experiment).recordings()
     np.testing.assert_allclose(recording.q, q[:, [0, 2]], rtol=1e-7)
@@ -125,7 +126,7 @@ def test_fixes_of_the_geometry_are_what_the_check_has_tried(tmp_path):
     for turned, finding in candidates(log, given.robot):
         remark = of_finding(finding, ("recording", 0))
         (fix,) = fixes(json.loads(json.dumps(remark.as_json())) | {"joints": JOINTS}, EXPERIMENT)
-        experiment.write_text(applied(EXPERIMENT, fix), encoding="utf-8")
+        experiment.write_text(edited(EXPERIMENT, fix.edits), encoding="utf-8")
         made = load_experiment(experiment)
         found = log_of(made.content.recording[0], made.robot, tmp_path)
         assert turned.robot is not None
@@ -154,7 +155,7 @@ def test_a_sign_is_reversed_in_whatever_unit():
         if expected == "none":
             assert found == ()  # the drive gain of the robot has to be reversed
             continue
-        value = parse_toml(applied(text, found[0]))["recording"]["units"]["tau"]
+        value = parse_toml(edited(text, found[0].edits))["recording"]["units"]["tau"]
         given = parse_toml(f"x = {unit}")["x"]
         given = given if isinstance(given, list) else [given, given]
         assert factors_of("tau", value)[0] == pytest.approx(
@@ -177,7 +178,7 @@ def test_several_stretches_between_gaps(tmp_path):
     first, *others = fixes(remark, EXPERIMENT)
     places = [place[-1] for place, _ in first.edits]
     assert places[0] == "part" and len(others) >= 1
-    experiment.write_text(applied(EXPERIMENT, first), encoding="utf-8")
+    experiment.write_text(edited(EXPERIMENT, first.edits), encoding="utf-8")
     assert not of_kind(checked(experiment), ("timing", "gap"))
     load_experiment(experiment).recordings()
 
@@ -191,7 +192,7 @@ def test_what_has_no_fix():
 def test_a_fix_of_another_text_is_refused():
     gone = Fix("Remove x.", ((("recording", 0, "rate"), None),))
     with pytest.raises(ExperimentError, match="reload the page"):
-        applied(EXPERIMENT, gone)
+        edited(EXPERIMENT, gone.edits)
     for bad in ({}, {"words": "x", "edits": 3}, {"words": "x", "edits": [["a", "b"]]}):
         with pytest.raises(ExperimentError, match="no fix of the check"):
             of_json(bad)

@@ -3,8 +3,8 @@
 import pytest
 
 from pivident.errors import ExperimentError
+from pivident.experiment.edited_file import edited
 from pivident.init.draft import draft_experiment
-from pivident.studio.edits import with_value
 from pivident.studio.rows import addable, experiment_rows
 from pivident.text.toml import parse_toml
 from tests.conftest import REPOSITORY
@@ -38,7 +38,7 @@ def test_rows_of_a_draft_are_its_assumptions(draft):
 
 
 def test_corrections_of_init_are_told_from_its_reasons():
-    """Every correction in the sources begins as `comments.CORRECTIONS` says."""
+    """Every correction in the sources begins as `file_lines.CORRECTIONS` says."""
     text = """\
 [recording]
 # likely: the log runs from 0 to 9 s. It stands at first. Times on the log's clock.
@@ -134,7 +134,7 @@ def test_what_can_be_added_is_what_the_file_has_not():
     for row in rows.values():
         assert row.value is None and row.kind and row.meaning
         parse_toml(f"x = {row.example}")
-    text = with_value(EXPERIMENT, ("recording", 0, "delay"), "0.001")
+    text = edited(EXPERIMENT, [(("recording", 0, "delay"), "0.001")])
     assert ("recording", 0, "delay") not in by_place(addable(text))
 
 

@@ -24,10 +24,10 @@ def apply(experiment: Path, number: int, /, *, results: Path | None = None) -> i
     from pivident.cli.console import DONE, UsageError
     from pivident.diagnostics.verdict_file import VERDICT_FILE, repairs_of, stored_experiment
     from pivident.errors import ExperimentError
+    from pivident.experiment.edited_file import with_repair
     from pivident.experiment.experiment import load_experiment
     from pivident.files import atomic_folder
     from pivident.logs.source_files import sha256
-    from pivident.studio.fixes import with_repair
 
     described = load_experiment(experiment)
     folder = results or described.output or Path(f"{experiment.stem}-results")

@@ -50,8 +50,7 @@ from pivident.estimation.summary_tables import (
     name_lines,
     rows_kind,
 )
-from pivident.experiment.explained import plain_form, toml_content
-from pivident.experiment.repairs import FileContent, edits_of
+from pivident.experiment.edited_file import with_repair
 from pivident.extras import is_installed
 from pivident.files import atomic_folder, check_output
 from pivident.friction.bearing_friction import bearing_friction
@@ -434,13 +433,13 @@ def screen_of(judged: Verdict, folder: Path, experiment: Path | None) -> Summary
 
 
 def refused_repairs(experiment: Path, judged: Verdict) -> set[int]:
-    """Numbers of the repairs that an experiment file contradicts as it is written."""
-    content, refused = FileContent(plain_form(toml_content(experiment)), judged.joints), set()
+    """Numbers of the repairs that cannot be written into an experiment file as it is."""
+    refused = set()
     for number, trial in enumerate(judged.repairs, start=1):
         try:
             if trial.repair is not None:
-                edits_of(trial.repair.below(("recording", 0)), content)
-        except PividentError:
+                with_repair(experiment.read_text(encoding="utf-8"), trial.repair, judged.joints)
+        except (PividentError, OSError, ValueError):
             refused.add(number)
     return refused
 

@@ -5,16 +5,15 @@ Assumptions as the text of an experiment file: every line below a comment that s
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from pivident.errors import PividentError
+from pivident.experiment.file_lines import SURE
 from pivident.logs.recognition.channel_words import Sureness
-from pivident.text.printable import escaped
 from pivident.text.sentences import capital
-from pivident.text.toml_values import WIDTH, key_text, value_text
+from pivident.text.toml_values import comment, key_text, value_text
 
 #: The answer to a question that nobody can answer.
 UNKNOWN = "unknown"
@@ -37,8 +36,6 @@ ORDER = (
     "identify",
     "validation",
 )
-#: How sure a line is, as its comment says it.
-SURE = {"certain": "seen", "likely": "likely", "assumed": "ASSUMED, please check"}
 
 
 class DraftError(PividentError):
@@ -136,13 +133,3 @@ def _table(
         elif commented:
             text.append(f"# {line.key} = {line.example}")
     return text
-
-
-def comment(text: str) -> str:
-    """Text as comment lines that nothing in it can break out of."""
-    clean = escaped(text.replace("\n", " ").replace("\r", " ").replace("\t", " "))
-    clean = clean.encode("utf-8", "backslashreplace").decode()
-    if text.startswith("    ") or not clean:
-        return f"# {clean}".rstrip()
-    lines = textwrap.wrap(clean, WIDTH, break_long_words=False, break_on_hyphens=False)
-    return "\n".join(f"# {line}" for line in lines)

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 from pivident.errors import ExperimentError, PividentError
-from pivident.studio.fixes import Fix, applied
+from pivident.experiment.edited_file import Edits, edited
 from pivident.studio.run_folder import OUTPUT
 from pivident.text.toml import parse_toml
 from pivident.text.toml_values import value_text
@@ -24,8 +24,8 @@ def joints_to_change(text: str, results: Path) -> list[str]:
         results: folder of the run that has chosen.
     """
     try:
-        fix = _fix(results)
-        return [str(p[-1]) for p, _ in fix.edits] if with_laws(text, results) != text else []
+        joints = [str(place[-1]) for place, _ in _edits(results)]
+        return joints if with_laws(text, results) != text else []
     except (PividentError, OSError, ValueError):
         return []
 
@@ -40,14 +40,14 @@ def with_laws(text: str, results: Path) -> str:
     Raises:
         ExperimentError: it has chosen none, or the file contradicts them.
     """
-    return applied(text, _fix(results))
+    return edited(text, _edits(results))
 
 
-def _fix(results: Path) -> Fix:
+def _edits(results: Path) -> Edits:
     """The laws as edits."""
     path = results / OUTPUT
     printed = _PRINTED.search(path.read_text(encoding="utf-8") if path.is_file() else "")
     if printed is None:
         raise ExperimentError(f"{results.name} has chosen no laws", advice="reload the page")
     laws = parse_toml(printed[0])["robot"]["joint_friction"]
-    return Fix("", tuple(((*PLACE, joint), value_text(law)) for joint, law in laws.items()))
+    return tuple(((*PLACE, joint), value_text(law)) for joint, law in laws.items())

@@ -9,7 +9,7 @@ from typing import Any
 from pivident.check.plan import Plan
 from pivident.studio.rows import Row, channel_of
 from pivident.text.lists import plural
-from pivident.text.toml_places import Place
+from pivident.text.repair import Place
 
 #: Severities from grave to harmless; what is right is not listed.
 SHOWN = ("error", "warning", "note")

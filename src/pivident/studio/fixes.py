@@ -11,15 +11,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from pivident.errors import ExperimentError, PividentError
-from pivident.experiment.explained import plain_form
-from pivident.experiment.repairs import FileContent, edits_of
-from pivident.studio.edits import changed, refuse_new_problems
+from pivident.experiment.edited_file import Edits, edited, edits_for
 from pivident.text.repair import Place, Repair
-from pivident.text.toml import parse_toml
-from pivident.text.toml_values import value_text
-
-#: Places and their new values as TOML, in their order; None: removed.
-Edits = tuple[tuple[Place, str | None], ...]
 
 
 @dataclass(frozen=True)
@@ -47,62 +40,14 @@ def fixes(remark: Mapping[str, Any], text: str) -> tuple[Fix, ...]:
     ways: list[Fix] = []
     for content in remark.get("repairs", ()):
         try:
-            fix = fix_of(Repair.of_json(content), text, tuple(remark.get("joints", ())))
-            works = applied(text, fix) != text
+            repair = Repair.of_json(content)
+            fix = Fix(*edits_for(repair, text, tuple(remark.get("joints", ()))))
+            works = edited(text, fix.edits) != text
         except (PividentError, ValueError):
             continue
         if works and all(fix.edits != other.edits for other in ways):
             ways.append(fix)
     return tuple(ways)
-
-
-def fix_of(repair: Repair, text: str, joints: tuple[str, ...]) -> Fix:
-    """A repair as edits of a text.
-
-    Args:
-        repair: of the recording in its table.
-        text: an experiment file.
-        joints: names of the robot's joints, in order.
-
-    Raises:
-        ExperimentError: it contradicts the file.
-        ValueError: the text is not TOML.
-    """
-    whole = edits_of(repair, FileContent(plain_form(parse_toml(text)), joints))
-    edits = tuple((place, None if x is None else value_text(x)) for place, x in whole.edits)
-    return Fix(whole.words, edits)
-
-
-def applied(text: str, fix: Fix) -> str:
-    """The text with all edits of a fix.
-
-    Raises:
-        ExperimentError: the text has changed since, so that it cannot be applied.
-    """
-    new = text
-    for place, value in fix.edits:
-        new = changed(new, place, value)
-    refuse_new_problems(text, new)
-    return new
-
-
-def with_repair(text: str, repair: Repair, joints: tuple[str, ...]) -> tuple[str, str]:
-    """The text with a repair of the verdict in all its recordings, and what was done, a sentence.
-
-    Args:
-        text: the experiment file that was identified.
-        repair: one that was tried.
-        joints: names of the robot's joints, in order.
-
-    Raises:
-        ExperimentError: it contradicts the file.
-        ValueError: the text is not TOML.
-    """
-    words = ""
-    for table in range(len(plain_form(parse_toml(text)).get("recording", ()))):
-        fix = fix_of(repair.below(("recording", table)), text, joints)
-        text, words = applied(text, fix), fix.words
-    return text, words
 
 
 def as_json(fix: Fix) -> dict[str, Any]:

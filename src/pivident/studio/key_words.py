@@ -10,19 +10,12 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from pivident.estimation.methods import METHODS
+from pivident.experiment.file_lines import SHORT_FORMS, numbered
 from pivident.experiment.manual import KeyWords, fields_of, table_in, words_of
 from pivident.experiment.schema import ExperimentFile
 from pivident.logs.units import UNITS_OF
-from pivident.text.toml_places import Place
+from pivident.text.repair import Place
 from pivident.text.toml_values import value_text
-
-#: Short forms of a file: where the key of a table stands that is written as its value.
-SHORT_FORMS: dict[Place, Place] = {
-    ("robot", "model"): ("robot",),
-    ("controller", "type"): ("controller",),
-    ("controller", "reference"): ("reference",),
-}
-
 
 #: Where the manual sends its reader, which the page cannot.
 _ELSEWHERE = re.compile(
@@ -32,14 +25,6 @@ _ELSEWHERE = re.compile(
 
 
 _LINK = re.compile(r"\[([^\]]*)\]\([^)]*\)")
-
-
-def numbered(place: Sequence[int | str]) -> Place:
-    """A place as the check has it: the only recording is number 0."""
-    place = tuple(place)
-    if place[:1] == ("recording",) and not isinstance((*place, "")[1], int):
-        return ("recording", 0, *place[1:])
-    return place
 
 
 def written_out(place: Sequence[int | str], value: str) -> Place:

@@ -28,7 +28,7 @@ from pivident.robot.naming import ROBOT_FILES
 from pivident.studio.arm_picture import Swept, motion_of, sweep
 from pivident.studio.signals import SIGNALS, write_channel, write_times
 from pivident.text.plain_values import plain, write_json
-from pivident.text.toml_places import Place
+from pivident.text.repair import Place
 
 #: What channels are called.
 TITLES = {

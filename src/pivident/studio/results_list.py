@@ -21,7 +21,7 @@ from pivident.studio.run_folder import read_object
 from pivident.studio.steps import EXPORTED, STEPS
 from pivident.studio.verdict_repairs import repair_words, says_the_same
 from pivident.text.numbers import bytes_in_words
-from pivident.text.toml_places import Place
+from pivident.text.repair import Place
 
 #: A finding as commands print it, and how many answer the question of a test.
 FINDING, MAX_ANSWERS = re.compile(r"^  (?:ok|note|warning|error) +(\S.*)$", re.MULTILINE), 2

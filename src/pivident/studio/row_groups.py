@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from pivident.studio.rows import Row
+from pivident.text.repair import Place
 from pivident.text.sentences import capital
-from pivident.text.toml_places import Place
 
 #: Keys that most files have, in words; all others go by their names.
 LABELS = {

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
-from pivident.errors import ExperimentError
-from pivident.studio.comments import comments, sureness
+from tomlkit.items import InlineTable, Item
+
+from pivident.experiment.edited_lines import document_of, table_name
+from pivident.experiment.file_lines import file_lines, sureness
 from pivident.studio.key_words import (
     KeyWords,
     example_of,
     keys_of_table,
-    numbered,
     words_of_key,
     written_out,
 )
-from pivident.text.toml import parse_toml
-from pivident.text.toml_places import Place, TomlItem, toml_items
+from pivident.text.repair import Place
+from pivident.text.toml_tree import keys_in
 
 #: Signal that a key of a recording is about.
 CHANNEL = {
@@ -81,30 +82,28 @@ def experiment_rows(text: str) -> tuple[Row, ...]:
     Raises:
         ExperimentError: the text is not TOML.
     """
-    items = checked_items(text)
-    above = {comment.place: comment for comment in comments(text)}
-    rows: list[tuple[int, Row]] = []
-    reason, inside = "", Place()
-    for item in items:
-        if item.kind != "key" or (inside and item.inline and item.place[: len(inside)] == inside):
-            continue  # a table of it has its row
-        value = text[item.value : item.stop]
-        place = written_out(item.place, value)
-        words = words_of_key(place)
-        reason = above[item.place].text if item.place in above else reason
-        if value.startswith("{") and words is not None and words.is_table:
-            continue
-        inside = item.place
-        rows.append((item.start, _row(place, value, "", reason, words)))
-    present = {row.place for _, row in rows}
-    for comment in above.values():
-        place = numbered(comment.place)
-        if comment.example is None or place in present:
-            continue
-        words = words_of_key(place)
-        if words is not None:
-            rows.append((comment.start, _row(place, None, comment.example, comment.text, words)))
-    return tuple(row for _, row in sorted(rows, key=lambda pair: pair[0]))
+    rows: list[Row] = []
+    for line in file_lines(document_of(text, to_write=False)):
+        words = words_of_key(line.place)
+        if line.example is None:
+            rows += _rows_of(line.place, line.value, line.reason)
+        elif words is not None:
+            rows.append(_row(line.place, None, line.example, line.reason, words))
+    shown = {row.place: row for row in reversed(rows)}
+    shown |= {row.place: row for row in rows if row.value is not None}
+    return tuple(row for row in rows if row is shown[row.place])
+
+
+def _rows_of(place: Place, value: Item, reason: str) -> Iterator[Row]:
+    """The row of a value, or those of the keys in it where it is a table of the schema."""
+    written = value.as_string()
+    place = written_out(place, written)
+    words = words_of_key(place)
+    if isinstance(value, InlineTable) and words is not None and words.is_table:
+        for parts, _, item in keys_in(value):
+            yield from _rows_of((*place, *parts), item, reason)
+    else:
+        yield _row(place, written, "", reason, words)
 
 
 def addable(text: str) -> tuple[Row, ...]:
@@ -125,24 +124,6 @@ def addable(text: str) -> tuple[Row, ...]:
                 continue
             rows.append(_row(place, None, example_of(words), "", words))
     return tuple(rows)
-
-
-def checked_items(text: str) -> list[TomlItem]:
-    """What stands in a text.
-
-    Raises:
-        ExperimentError: it is not TOML.
-    """
-    try:
-        parse_toml(text)
-    except ValueError as error:
-        raise ExperimentError(f"is not TOML: {error}", advice="correct this line") from error
-    return toml_items(text)
-
-
-def table_name(place: Sequence[int | str]) -> str:
-    """Tables of a place without their numbers."""
-    return ".".join(str(part) for part in place[:-1] if isinstance(part, str))
 
 
 def _row(

@@ -12,14 +12,14 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+from pivident.experiment.edited_file import confirmed, edited
 from pivident.logs.tables.tables import is_log
 from pivident.robot.gallery import gallery_names
 from pivident.robot.naming import nearest
 from pivident.studio.chosen_laws import with_laws
 from pivident.studio.drafting import DRAFT, draft
-from pivident.studio.edits import confirmed, with_value, without
 from pivident.studio.example import ROBOT, draft_example
-from pivident.studio.fixes import applied, of_json
+from pivident.studio.fixes import of_json
 from pivident.studio.gate import Gate, before_run, before_use
 from pivident.studio.looks import Looks
 from pivident.studio.projects import (
@@ -112,7 +112,7 @@ class Studio:
         elif view.robot != model:
             table = isinstance(view.content.get("robot"), dict)
             place = ("robot", "model") if table else ("robot",)
-            new = with_value(text, place, string_text(model))
+            new = edited(text, [(place, string_text(model))])
             self.projects.write(project, new, version)
 
     def brought(self, project: Project, path: Path) -> None:
@@ -206,9 +206,7 @@ class Studio:
             Changed: the file is no longer the one that the page shows.
         """
         text = project.text_of(version)
-        place = tuple(place)
-        new = without(text, place) if value is None else with_value(text, place, value)
-        self.projects.write(project, new, version)
+        self.projects.write(project, edited(text, [(place, value)]), version)
 
     def confirm(self, project: Project, place: Sequence[str | int], version: str) -> None:
         """Note that an assumption is right.
@@ -241,7 +239,7 @@ class Studio:
             raise Changed(
                 "the check has another result by now", advice="it is shown as it is"
             ) from None
-        self.projects.write(project, applied(text, fix), version)
+        self.projects.write(project, edited(text, fix.edits), version)
 
     def repair(self, project: Project, run: str, number: int, version: str) -> None:
         """Apply a repair that the verdict of a run has tried.

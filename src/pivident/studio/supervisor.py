@@ -20,8 +20,8 @@ from threading import Thread
 from typing import Any, BinaryIO
 
 from pivident.errors import ExperimentError, PividentError
+from pivident.experiment.edited_file import edited
 from pivident.files import atomic_folder, clear_up
-from pivident.studio.edits import with_value
 from pivident.studio.lock import take
 from pivident.studio.output import KeptStream, last_line, shown
 from pivident.studio.projects import EXPERIMENT
@@ -47,7 +47,7 @@ def with_title(text: str, title: str) -> str:
     try:
         if any(row.place == TITLE and row.value is not None for row in experiment_rows(text)):
             return text
-        return with_value(text, TITLE, string_text(title.replace("_", " ")))
+        return edited(text, [(TITLE, string_text(title.replace("_", " ")))])
     except ExperimentError:
         return text
 

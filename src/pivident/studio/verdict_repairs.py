@@ -8,8 +8,8 @@ from typing import Any
 
 from pivident.diagnostics.verdict_file import repairs_of
 from pivident.errors import PividentError
+from pivident.experiment.edited_file import with_repair
 from pivident.experiment.experiment import load_experiment
-from pivident.studio.fixes import with_repair
 from pivident.studio.projects import EXPERIMENT, Changed, Project
 from pivident.text.toml import parse_toml
 

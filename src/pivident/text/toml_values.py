@@ -1,9 +1,13 @@
-"""Keys and values as TOML, laid out for people who edit them."""
+"""Keys, values and comments as TOML, laid out for people who edit them."""
 
 from __future__ import annotations
 
 import re
+import textwrap
+from datetime import date, time
 from typing import Any
+
+from pivident.text.printable import escaped
 
 #: Width from which on a list takes a line for each entry, in characters.
 WIDTH = 98
@@ -44,8 +48,20 @@ def value_text(value: Any, width: int = WIDTH) -> str:
             + ", ".join(f"{key_text(k)} = {value_text(v, 10**9)}" for k, v in value.items())
             + "}"
         )
+    if isinstance(value, (date, time)):
+        return value.isoformat()
     entries = [value_text(entry, 10**9) for entry in value]
     line = "[" + ", ".join(entries) + "]"
     if len(line) <= width:
         return line
     return "[\n" + "".join(f"    {entry},\n" for entry in entries) + "]"
+
+
+def comment(text: str) -> str:
+    """Text as comment lines that nothing in it can break out of."""
+    clean = escaped(text.replace("\n", " ").replace("\r", " ").replace("\t", " "))
+    clean = clean.encode("utf-8", "backslashreplace").decode()
+    if text.startswith("    ") or not clean:
+        return f"# {clean}".rstrip()
+    lines = textwrap.wrap(clean, WIDTH, break_long_words=False, break_on_hyphens=False)
+    return "\n".join(f"# {line}" for line in lines)
