@@ -33,7 +33,6 @@ STEPS = {
     "offset jump": APART,
     "load drift": "Keep the load as it is, or identify shorter parts of the record.",
     "load jump": APART,
-    "clock": "Compare the log's clock with another one, and correct `rate` or `t`.",
     "spring": 'Describe it: with "spring" in the friction of the joint its ks is estimated.',
     "payload": "Identify the recordings apart, or take the load off; see `pivident payload`.",
     "missing parameter": "Estimate it, too ([identify] parameters).",
@@ -198,10 +197,14 @@ def _basis(found: ModelErrors, one: NamedCause) -> str:
 
 def _unchecked(errors: Sequence[UncheckedCause]) -> Iterator[Finding]:
     """Errors that would not be seen: the gravest of each kind, a line each."""
-    gravest = {one.cause.kind: one for one in reversed(errors)}
+    # causes of equal effect are one error in two words: a zero position, the angle of the base
+    apart = {(one.parameter, f"{one.shift:.2g}"): one for one in reversed(errors)}
+    gravest = {one.cause.kind: one for one in apart.values()}
     chosen = sorted(gravest.values(), key=lambda one: -one.shift)[:MAX_UNCHECKED]
     for one in chosen:
-        change = f"{percent(one.relative)}, {format_significant(one.shift, 2)} σ"
+        change = f"{format_significant(one.shift, 2)} σ"
+        if one.relative < 100.0:
+            change = f"{percent(one.relative)}, {change}"
         text = (
             f"The record does not check {_thing(one.cause)}: {one.size:g} {one.cause.unit} would "
             f"change {one.parameter} by {change} ({_shown_from(one)})."
