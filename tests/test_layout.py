@@ -36,7 +36,7 @@ DOORS = (
 #: filters, algebraic signals and lines, loops on a measured base, derivatives kept in blocks.
 MAX_LINES_OF_PACKAGE = 7800
 #: Statements of all modules without docstrings, but for generated ones; it only falls, but for what
-#: a judge needs that tries its own advice, and a studio that carries it out.
+#: a judge needs that tries its own advice, a studio that carries it out, and shapes of model error.
 MAX_STATEMENTS = 72_698
 #: Modules that `identify` needs, those that a registry names included: a file for each method and
 #: each friction term.

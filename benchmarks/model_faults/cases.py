@@ -153,7 +153,8 @@ def _trace(setup: Setup, record: int, records: int, seconds: float) -> Trace:
     cause = replace(setup, logged_late=0, lost=0.0, tremble=0.0, left_out=())
     if setup.feed_forward == "none":
         cause = replace(cause, believed=())
-    key = hashlib.sha256(repr((EDITION, cause, record, records, seconds)).encode()).hexdigest()
+    what = (EDITION, cause, record, records, seconds, *([setup.extra] if setup.extra else []))
+    key = hashlib.sha256(repr(what).encode()).hexdigest()
     path = RESULTS / f"{setup.arm.name}-{setup.made.seed}-{key[:16]}.npz"
     if path.exists():
         with np.load(path) as kept:

@@ -14,7 +14,7 @@ from benchmarks.unknown_arms.arms import JointPlace
 from benchmarks.unknown_arms.simulator import RigidModel
 from scipy.spatial.transform import Rotation
 
-from .machines import Payload, Setup, Spring
+from .machines import Extra, Payload, Setup, Spring
 
 #: What is right to name as the cause of a fault: the kind, and the joint or None.
 Cause = tuple[str, str | None]
@@ -182,11 +182,8 @@ def temperature(setup: Setup, rng: np.random.Generator) -> Planted:
 
 def payload(setup: Setup, rng: np.random.Generator) -> Planted:
     """The second of two records is taken with a load of 0.5 to 2 kg."""
-    mass = float(rng.uniform(0.5, 2.0))
-    # beyond the last body, along the last axis
-    out = np.array(setup.arm.boxes[-1].center) + 0.06 * np.array(setup.arm.joints[-1].axis)
-    load = Payload(mass, tuple((out + rng.uniform(-0.02, 0.02, 3)).tolist()), (1,))
-    return Planted(replace(setup, payload=load), (("payload", None),), mass, "kg")
+    load = _load(setup, rng)
+    return Planted(replace(setup, payload=load), (("payload", None),), load.mass, "kg")
 
 
 def missing_parameter(setup: Setup, rng: np.random.Generator) -> Planted:
@@ -197,6 +194,74 @@ def missing_parameter(setup: Setup, rng: np.random.Generator) -> Planted:
     kind = "rotor" if name.startswith("ia") else "friction"
     causes: tuple[Cause, ...] = (("missing parameter", joint), (kind, joint))
     return Planted(replace(setup, left_out=(name,)), causes, 1.0, name)
+
+
+def counter_spring(setup: Setup, rng: np.random.Generator) -> Planted:
+    """A spring holds a joint to the base, whose torque at one radian is that of dry friction."""
+    j = int(rng.choice(GEARED[setup.arm.name]))
+    size = float(rng.uniform(0.3, 1.5)) * setup.made.coulomb[j]
+    extra = Extra(stiffness=tuple(_one(setup, j, size)))
+    return _with_extra(setup, extra, ("spring", setup.arm.joints[j].name), size, "N m/rad")
+
+
+def encoder_share(setup: Setup, rng: np.random.Generator) -> Planted:
+    """The encoder of a joint turns with 2 to 6 % of the joint before it."""
+    turns = [joint.kind == "revolute" for joint in setup.arm.joints]
+    j = int(rng.choice([j for j in range(1, len(turns)) if turns[j] and turns[j - 1]]))
+    size = float(rng.uniform(0.02, 0.06) * rng.choice([-1.0, 1.0]))
+    shares = np.zeros((setup.arm.size, setup.arm.size))
+    shares[j, j - 1] = size
+    extra = Extra(shares=tuple(map(tuple, shares)))
+    return _with_extra(
+        setup, extra, ("encoder coupling", setup.arm.joints[j].name), 100 * size, "%"
+    )
+
+
+def tilted_frame(setup: Setup, rng: np.random.Generator) -> Planted:
+    """A joint is mounted with its axis off by 0.5 to 2°, and what it carries with it."""
+    j, size = int(rng.choice(AXES[setup.arm.name])), float(np.deg2rad(rng.uniform(0.5, 2.0)))
+    joint = setup.arm.joints[j]
+    along = np.cross(joint.axis, rng.standard_normal(3))
+    return _misplaced(setup, j, size, "rad", rpy=_turned(joint, size * _unit(along)))
+
+
+def tilted_axis(setup: Setup, rng: np.random.Generator) -> Planted:
+    """The axis of a joint alone is off by 0.5 to 2°: at zero all links are as drawn."""
+    j, size = int(rng.choice(AXES[setup.arm.name])), float(np.deg2rad(rng.uniform(0.5, 2.0)))
+    joint = setup.arm.joints[j]
+    along = _unit(np.cross(joint.axis, rng.standard_normal(3)))
+    axis = Rotation.from_rotvec(size * along).apply(joint.axis)
+    return _misplaced(setup, j, size, "rad", axis=tuple(axis.tolist()))
+
+
+def offset_drift(setup: Setup, rng: np.random.Generator) -> Planted:
+    """The offset of a torque drifts by 0.3 to 1 times the dry friction over all records."""
+    j = _with_friction(setup, rng)
+    size = float(rng.uniform(0.3, 1.0) * rng.choice([-1.0, 1.0])) * setup.made.coulomb[j]
+    extra = Extra(drift=tuple(_one(setup, j, size / (2 * 8.0))))
+    return _with_extra(setup, extra, ("offset drift", setup.arm.joints[j].name), size, "N m")
+
+
+def offset_jump(setup: Setup, rng: np.random.Generator) -> Planted:
+    """The offset of a torque jumps by 0.3 to 1 times the dry friction."""
+    j = _with_friction(setup, rng)
+    size = float(rng.uniform(0.3, 1.0) * rng.choice([-1.0, 1.0])) * setup.made.coulomb[j]
+    extra = Extra(jump=tuple(_one(setup, j, size)), instant=float(rng.uniform(0.2, 0.8)))
+    return _with_extra(setup, extra, ("offset jump", setup.arm.joints[j].name), size, "N m")
+
+
+def load_jump(setup: Setup, rng: np.random.Generator) -> Planted:
+    """A load of 0.5 to 2 kg is taken up during the records."""
+    load, instant = _load(setup, rng), float(rng.uniform(0.2, 0.8))
+    return _with_extra(
+        setup, Extra(load=load, instant=instant), ("load jump", None), load.mass, "kg"
+    )
+
+
+def load_drift(setup: Setup, rng: np.random.Generator) -> Planted:
+    """A load grows from nothing to 0.5 to 2 kg over all records."""
+    load = _load(setup, rng)
+    return _with_extra(setup, Extra(load=load, grows=True), ("load drift", None), load.mass, "kg")
 
 
 #: All faults, by the names on the command line.
@@ -221,6 +286,14 @@ FAULTS: dict[str, Fault] = {
         temperature,
         payload,
         missing_parameter,
+        counter_spring,
+        encoder_share,
+        tilted_frame,
+        tilted_axis,
+        offset_drift,
+        offset_jump,
+        load_jump,
+        load_drift,
     )
 }
 
@@ -228,6 +301,22 @@ FAULTS: dict[str, Fault] = {
 def is_possible(fault: str, arm: str) -> bool:
     """Whether a fault changes the torques of an arm."""
     return arm in {"link-length": LENGTHS, "joint-offset": ZEROS}.get(fault, (arm,))
+
+
+def _with_extra(setup: Setup, extra: Extra, cause: Cause, size: float, unit: str) -> Planted:
+    return Planted(replace(setup, extra=extra), (cause,), size, unit)
+
+
+def _load(setup: Setup, rng: np.random.Generator) -> Payload:
+    """0.5 to 2 kg beyond the last body, along the last axis."""
+    mass = float(rng.uniform(0.5, 2.0))
+    out = np.array(setup.arm.boxes[-1].center) + 0.06 * np.array(setup.arm.joints[-1].axis)
+    return Payload(mass, tuple((out + rng.uniform(-0.02, 0.02, 3)).tolist()), (1,))
+
+
+def _with_friction(setup: Setup, rng: np.random.Generator) -> int:
+    """A joint with dry friction of its own."""
+    return int(rng.choice(np.flatnonzero(setup.made.coulomb)))
 
 
 def _any(setup: Setup, rng: np.random.Generator) -> int:

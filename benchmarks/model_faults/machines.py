@@ -7,7 +7,7 @@ logged as the drives make them: without a fault the user's model is right.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from benchmarks.unknown_arms.arms import Arm, JointPlace
@@ -59,6 +59,29 @@ class Payload:
 
 
 @dataclass(frozen=True)
+class Extra:
+    """What acts on a machine beside its model; each joint array has a value for every joint.
+
+    Attributes:
+        stiffness: of springs to the base [N m/rad or N/m]; they rest in the middle of the travel.
+        shares: what each encoder sees of the other joints' positions, by joint.
+        drift: by which the offset of each torque grows [N m/s or N/s].
+        jump: by which it changes at an instant [N m or N].
+        load: at the flange, whose ``records`` are not asked.
+        grows: whether the load grows from nothing over all records, or comes at the instant.
+        instant: share of all records after which that happens.
+    """
+
+    stiffness: tuple[float, ...] = ()
+    shares: tuple[tuple[float, ...], ...] = ()
+    drift: tuple[float, ...] = ()
+    jump: tuple[float, ...] = ()
+    load: Payload | None = None
+    grows: bool = False
+    instant: float = 0.0
+
+
+@dataclass(frozen=True)
 class Setup:
     """A machine as it is, how it is logged, and what the user believes.
 
@@ -88,6 +111,7 @@ class Setup:
         lost: share of samples that the log lacks.
         believed: joints as the user describes them.
         left_out: standard parameters that the user does not estimate.
+        extra: what acts beside the model, or None; traces without it keep their names.
     """
 
     made: Machine
@@ -113,6 +137,7 @@ class Setup:
     lost: float = 0.0
     believed: tuple[JointPlace, ...] = ()
     left_out: tuple[str, ...] = ()
+    extra: Extra | None = field(default=None, repr=False)
 
     @property
     def arm(self) -> Arm:

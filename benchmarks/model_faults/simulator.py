@@ -10,7 +10,7 @@ iteration, and the torque s of an elastic gear, whose motor is one more coordina
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numba
 import numpy as np
@@ -18,10 +18,13 @@ from benchmarks.unknown_arms.motion import Motion
 from benchmarks.unknown_arms.simulator import RigidModel
 from benchmarks.unknown_arms.truth import Body
 
-from .machines import Payload, Setup
+from .machines import Extra, Payload, Setup
 
 #: Longest step [s].
 MAX_STEP = 2.5e-4
+
+#: Time after which a load that grows is made anew [s].
+GROWTH = 0.1
 
 #: Rows of the friction table.
 VISCOUS, COULOMB, OFFSET, GAMMA, EXCESS, SPEED = range(6)
@@ -59,14 +62,26 @@ class Plant:
             rotor[self._spring.joint] = 0.0
         if setup.payload is not None and record in setup.payload.records:
             bodies = (*bodies[:-1], loaded(bodies[-1], setup.payload))
-        self._rigid = RigidModel(setup.arm, bodies, rotor, made.shafts)
+        self._setup, self._bodies, self._rotor = setup, bodies, rotor
+        self.carry(0.0)
         self._inertia = np.zeros((self.size, self.size))
         if self._spring is not None:
             self._inertia[n, n] = made.rotor[self._spring.joint]
         self._rows, self._table = _friction(setup, self.motors, self.size)
         self._tanh = setup.tanh
+        travel = np.mean([joint.limits for joint in setup.arm.joints], axis=1)
+        stiffness = np.zeros(n) if setup.extra is None else np.resize(setup.extra.stiffness or 0, n)
+        self._springs = stiffness, travel
         turned = [] if self._spring is None else [q[self._spring.joint]]
         self.q, self.v = np.append(q, turned), np.zeros(self.size)
+
+    def carry(self, share: float) -> None:
+        """Carry a share of the load that changes with time."""
+        bodies, extra = self._bodies, self._setup.extra
+        if extra is not None and extra.load is not None and share > 0.0:
+            load = replace(extra.load, mass=share * extra.load.mass)
+            bodies = (*bodies[:-1], loaded(bodies[-1], load))
+        self._rigid = RigidModel(self._setup.arm, bodies, self._rotor, self._setup.made.shafts)
 
     def step(self, tau: np.ndarray, h: float, share: float) -> None:
         """One step of length h [s] under torques, shape (joints,), with a share of the friction."""
@@ -81,6 +96,7 @@ class Plant:
             forces[:] = 0.0
             forces[self.motors] += tau
             forces[:n] -= self._rigid.bias(w[:n])
+            forces[:n] -= self._springs[0] * (middle[:n] - self._springs[1])
             if self._spring is not None:
                 j, through = self._spring.joint, self._transmitted(middle, w)
                 forces[j] += through
@@ -185,11 +201,16 @@ def simulate(setup: Setup, motion: Motion, record: int, records: int) -> Trace:
     plant = Plant(setup, record, (motion.q[0] - setup.zero) / setup.gear)
     q_log, tau_log, moved = (np.zeros_like(motion.q) for _ in range(3))
     answers = [weight(0, motion.q[0])] * setup.late  # drives that wait begin with the weight
+    extra = setup.extra or Extra()
+    shares = np.resize(extra.shares or 0.0, (arm.size, arm.size))
+    carried = 0.0
     last, integral = None, np.zeros(arm.size)
     steps = int(np.ceil(1.0 / (setup.rate * MAX_STEP) - 1e-9))
     for k in range(ticks):
         turned = plant.q[plant.motors]
+        passed = (record + k / ticks) / records
         seen = setup.gear * turned + setup.zero + amplitude * np.sin(order * turned + phase)
+        seen = seen + shares @ turned
         measured = np.round((seen + noise[k]) * counts) / counts
         speed = np.zeros(arm.size) if last is None else (measured - last) * setup.rate
         last = measured
@@ -198,13 +219,30 @@ def simulate(setup: Setup, motion: Motion, record: int, records: int) -> Trace:
         u = u + integral + weight(k, measured)
         q_log[k], tau_log[k], moved[k] = measured, u, setup.gear * plant.v[plant.motors]
         answers.append(u)
-        acting = setup.drive * answers[k]
-        share = 1.0 - setup.drift * (record + k / ticks) / records
+        acting = setup.drive * answers[k] - _offset(extra, passed, ticks * records / setup.rate)
+        share = 1.0 - setup.drift * passed
+        load = _share_of_load(extra, passed, k, int(GROWTH * setup.rate))
+        if load is not None and load != carried:
+            carried = load
+            plant.carry(load)
         for _ in range(steps):
             plant.step(acting, 1.0 / (setup.rate * steps), share)
     if np.abs(tau_log).max(axis=0).max() > 1e6 or not np.isfinite(q_log).all():
         raise RuntimeError(f"{arm.name}, seed {setup.made.seed}: the loop is not stable")
     return Trace(motion, q_log, tau_log, moved)
+
+
+def _offset(extra: Extra, passed: float, seconds: float) -> np.ndarray | float:
+    """What the offsets have changed by after a share of all records, which last so long [s]."""
+    drift = np.array(extra.drift) * passed * seconds if extra.drift else 0.0
+    return drift + np.array(extra.jump) * (passed >= extra.instant) if extra.jump else drift
+
+
+def _share_of_load(extra: Extra, passed: float, tick: int, every: int) -> float | None:
+    """Share of the load that is carried; None: as before."""
+    if extra.load is None or (extra.grows and tick % every):
+        return None
+    return passed if extra.grows else float(passed >= extra.instant)
 
 
 def _weight(setup: Setup, motion: Motion):

@@ -17,8 +17,10 @@ def judged(problem, result):
 
 def test_nothing_is_found_on_a_right_model():
     diagnostics = judged(right_problem()[0], right_estimate())
-    (finding,) = (s for s in verdict(diagnostics).statements if s.topic == "model")
+    statements = [s for s in verdict(diagnostics).statements if s.topic == "model"]
+    finding, *others = statements
     assert (finding.severity, finding.kind) == ("ok", "no cause found")
+    assert all((s.severity, s.kind) == ("note", "not checked") for s in others)
     assert f"None of {len(causes())} causes" in finding.message
     np.testing.assert_array_equal(diagnostics.identifications["piv"].std, right_estimate().std)
 

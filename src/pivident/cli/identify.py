@@ -43,8 +43,8 @@ def identify(
         of the file, or else 5.
     free
         Causes of model error that are corrected with the estimate, each with an interval: delay,
-        geometry, gear-ratio, torque-gain, zero-position, position-scale, encoder; several separated
-        by commas. Default: those of the file, or else none.
+        geometry, gear-ratio, torque-gain, zero-position, position-scale, encoder, encoder-coupling;
+        several separated by commas. Default: those of the file, or else none.
     out
         Folder for the results. Default: that of the file, or else NAME-results for NAME.toml.
     details

@@ -21,6 +21,9 @@ from pivident.text.numbers import format_significant, percent
 from pivident.text.repair import RECORDING
 from pivident.text.sentences import capital
 
+#: What to do about what changes at an instant.
+APART = "Identify the parts of the record before and after it apart (`part`)."
+
 #: What to do about causes that no size corrects.
 STEPS = {
     "friction": "`pivident laws` compares friction laws on motion that was not fitted.",
@@ -28,6 +31,11 @@ STEPS = {
     "backlash": "Keep the motor pressed to one side, or leave the reversals out.",
     "warming up": "Warm the robot up before the record, or identify shorter parts of it.",
     "torque ripple": "`pivident friction` shows the ripple over the position.",
+    "offset drift": "Set the torque sensors to zero after warming up, or identify shorter parts.",
+    "offset jump": APART,
+    "load drift": "Keep the load as it is, or identify shorter parts of the record.",
+    "load jump": APART,
+    "spring": 'Describe it: with "spring" in the friction of the joint its ks is estimated.',
     "payload": "Identify the recordings apart, or take the load off; see `pivident payload`.",
     "missing parameter": "Estimate it, too ([identify] parameters).",
 }
@@ -38,7 +46,7 @@ REPAIRED = FindingKind(Topic("log", "Faults of the log"), "repaired", RECORDING)
 #: Kind of the note on errors that the record would not show.
 NOT_CHECKED = "not checked"
 
-#: Most of them in the sentence; the evidence has all.
+#: Most kinds of them, a line each; the evidence has all of a kind.
 MAX_UNCHECKED = 3
 
 
@@ -57,8 +65,8 @@ def model_errors(diagnostics: Diagnostics) -> Iterator[Finding]:
     if not found.named:
         text = (
             f"None of {found.tried} causes of model error is seen in the residual: geometry, "
-            "timing, gears, encoders, springs, friction, missing parameters; and no joints are "
-            "tied otherwise than described."
+            "timing, gears, encoders, springs, friction, missing parameters, changes with time; "
+            "and no joints are tied otherwise than described."
         )
         yield Finding("ok", "model", "no cause found", text)
     robot = diagnostics.identifications[diagnostics.recommended].robot
@@ -66,7 +74,7 @@ def model_errors(diagnostics: Diagnostics) -> Iterator[Finding]:
         own = [named for named in found.named if named.cause.kind == kind]
         yield _coupled(found, own, robot) if kind == COUPLED else _of_kind(found, own)
     if found.unchecked:
-        yield _unchecked(found.unchecked)
+        yield from _unchecked(found.unchecked)
 
 
 def log_faults(diagnostics: Diagnostics) -> Iterator[Finding]:
@@ -114,7 +122,7 @@ def repairs(diagnostics: Diagnostics) -> Iterator[Finding]:
 def _of_kind(found: ModelErrors, named: Sequence[NamedCause]) -> Finding:
     """The causes of one kind."""
     first = named[0]
-    sizes = listed([_size(one) for one in named], 3)
+    sizes = listed([one.text for one in named], 3)
     text = f"{capital(first.cause.kind)}: {sizes}"
     if first.cause.kind == "friction":
         whose = listed(list(dict.fromkeys(one.cause.subject for one in named)), 3)
@@ -207,28 +215,29 @@ def _basis(found: ModelErrors, one: NamedCause) -> str:
     )
 
 
-def _unchecked(errors: Sequence[UncheckedCause]) -> Finding:
-    """Errors that would not be seen: the gravest for each parameter."""
-    gravest = {one.parameter: one for one in reversed(errors)}
-    chosen = sorted(gravest.values(), key=lambda one: -one.shift)
-    said = [
-        f"{one.size:g} {one.cause.unit} in {_thing(one.cause)} would change {one.parameter} "
-        f"by about {format_significant(one.shift, 2)} σ ({_shown_from(one)})"
-        for one in chosen
-    ]
-    late = any(one.cause.kind == "delay" for one in chosen)
-    what = "description and log" if late else "the description"
-    text = f"The record does not check all of {what}: {listed(said, MAX_UNCHECKED)}."
-    where = (
-        "on the machine, in its drawing and in the logger"
-        if late
-        else "on the machine or its drawing"
-    )
-    step = f"Check them {where}; a longer or faster record shows smaller ones."
-    evidence = {
-        str(one.cause): Quantity(one.size, one.cause.unit, bound=one.shown_from) for one in errors
-    }
-    return Finding("note", "model", NOT_CHECKED, text, next_step=step, evidence=evidence)
+def _unchecked(errors: Sequence[UncheckedCause]) -> Iterator[Finding]:
+    """Errors that would not be seen: the gravest of each kind, a line each."""
+    # causes of equal effect are one error in two words: a zero position, the angle of the base
+    apart = {(one.parameter, f"{one.shift:.2g}"): one for one in reversed(errors)}
+    gravest = {one.cause.kind: one for one in apart.values()}
+    chosen = sorted(gravest.values(), key=lambda one: -one.shift)[:MAX_UNCHECKED]
+    for one in chosen:
+        change = f"{format_significant(one.shift, 2)} σ"
+        if one.relative < 100.0:
+            change = f"{percent(one.relative)}, {change}"
+        text = (
+            f"The record does not check {_thing(one.cause)}: {one.size:g} {one.cause.unit} would "
+            f"change {one.parameter} by {change} ({_shown_from(one)})."
+        )
+        last = one is chosen[-1]
+        step = "Check them on the machine, in its drawing and in the logger." if last else ""
+        evidence = {
+            str(own.cause): Quantity(own.size, own.cause.unit, bound=own.shown_from)
+            for own in errors
+            if own.cause.kind == one.cause.kind
+        }
+        subject = one.cause.subject
+        yield Finding("note", "model", NOT_CHECKED, text, subject, step, evidence)
 
 
 def _shown_from(one: UncheckedCause) -> str:
@@ -245,16 +254,12 @@ def _thing(cause: Cause) -> str:
             f"the delay of {f'the torque of {cause.subject}' if cause.subject else 'all torques'}"
         )
     what = cause.what.removeprefix("correction of ")
+    if cause.kind in ("torque gain", "gear ratio", "clock"):
+        what = what.replace("excess of", "the scale of")
     what = what if what.startswith("the ") else f"the {what}"
     return (
         what if not cause.subject or what.endswith(cause.subject) else f"{what} of {cause.subject}"
     )
-
-
-def _size(one: NamedCause) -> str:
-    """``axis_3, length along x from axis_2 to axis_3: 0.98 ± 0.02 mm``."""
-    subject = f"{one.cause.subject}, " if one.cause.subject else ""
-    return f"{subject}{one.cause.what}: {one.size_text}"
 
 
 def intervals(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:

@@ -159,8 +159,8 @@ class IdentifyKeys(Entry):
     free: Names | None = key(
         None,
         "causes of model error that are corrected with the estimate: `delay`, `geometry`, "
-        "`gear-ratio`, `torque-gain`, `zero-position`, `position-scale`, `encoder`; see "
-        "[causes of model error](theory/model_errors.md)",
+        "`gear-ratio`, `torque-gain`, `zero-position`, `position-scale`, `encoder`, "
+        "`encoder-coupling`; see [causes of model error](theory/model_errors.md)",
         kind="list of kinds",
         shown="–",
     )

@@ -30,6 +30,8 @@ from pivident.signals.bandpass import butterworth
 SAMPLES_PER_PERIOD, SMOOTH_SAMPLES_PER_PERIOD = 25.0, 10.0
 #: Step of the differences: of positions [rad or m], of speeds, or relative.
 STEP = 1e-6
+#: Share of a joint's torque below which shapes that slow changes resemble are of no consequence.
+NEGLIGIBLE = 0.005
 #: Cut-off before samples are left out, over the rate of those that stay.
 PASSED = 0.4
 
@@ -217,6 +219,9 @@ class Cause:
             measured motion: then those of the simulated motion stand for them.
         least: share of the residual, fitted and on blocks that were not, from which on it is named.
         least_torque: share of a joint's torque from which on it is named.
+        by_effect: whether one below is named, too, if it moves the estimate out of its intervals.
+        phrase: the cause in words with ``{size}`` in its place; empty: subject, what and size.
+        instant: when it began, since the first record did [s]; None: it has no instant.
     """
 
     kind: str
@@ -234,6 +239,9 @@ class Cause:
     is_rough: bool = False
     least: float = 0.0
     least_torque: float = 0.0
+    by_effect: bool = False
+    phrase: str = ""
+    instant: float | None = None
 
     def allows(self, size: np.ndarray) -> bool:
         """Whether a size, shape (columns,), makes sense."""

@@ -99,24 +99,37 @@ def cause_sums(
         block = (first + np.arange(length)) * blocks // max(sum(lengths), 1)
         shares = list(own.shares(slice(0, length)))
         first += length
-        for joint, (rows, lam) in enumerate(zip(record, variance, strict=True)):
-            _add_windows(made.windows, rows, lam, shares)
-            for part in np.unique(block):
-                here = block == part
+        _add_windows(made.windows, record, variance, shares)
+        whole = [np.zeros((rows.columns.size, rows.columns.size)) for rows in record]
+        for part in np.unique(block):
+            here = block == part
+            for joint, (rows, lam) in enumerate(zip(record, variance, strict=True)):
                 x, tau = rows.x[:, here], rows.tau[here]
                 gram, right, square = x / lam @ x.T, x / lam @ tau, tau @ tau / lam
                 made.blocks.put(part, rows.columns, gram, right)
-                made.joints.put(joint, rows.columns, gram, right)
+                whole[joint] += gram
+                made.joints.tau[joint, rows.columns] += right
                 made.squares[part] += square
                 made.joint_squares[joint] += square
+        for joint, rows in enumerate(record):
+            _put(made.joints.x[joint], rows.columns, whole[joint])
     return made
 
 
-def _add_windows(sums: Products, rows: JointRows, variance: float, shares: Iterable[Share]) -> None:
-    """Each row to the window that falls there and to the one that rises."""
+def _add_windows(
+    sums: Products, record: list[JointRows], variance: np.ndarray, shares: Iterable[Share]
+) -> None:
+    """Each row to the window that falls there and to the one that rises; joints innermost.
+
+    A window of many columns is larger than what is at hand of the memory.
+    """
+    parts: dict[int, list[tuple[slice, np.ndarray]]] = {}
     for share in shares:
-        x, tau = rows.x[:, share.part], rows.tau[share.part]
-        y = rows.y[:, share.part] / variance
-        rising = y * share.rising
-        sums.add(share.window, rows.columns, y - rising, x, tau)
-        sums.add(share.window + 1, rows.columns, rising, x, tau)
+        parts.setdefault(share.window, []).append((share.part, 1.0 - share.rising))
+        parts.setdefault(share.window + 1, []).append((share.part, share.rising))
+    for window, own in parts.items():
+        span = slice(own[0][0].start, own[-1][0].stop)
+        weight = np.concatenate([part for _, part in own])
+        for rows, lam in zip(record, variance, strict=True):
+            y = rows.y[:, span] * (weight / lam)
+            sums.add(window, rows.columns, y, rows.x[:, span], rows.tau[span])

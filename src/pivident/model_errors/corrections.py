@@ -36,7 +36,7 @@ from pivident.threads import linear_algebra_in_one_thread
 #: Kinds of causes that a size corrects.
 CORRECTED = (
     "delay", "geometry", "gear ratio", "torque gain", "zero position", "position scale", "encoder",
-    "wrench frame", "wrench gain",
+    "encoder coupling", "wrench frame", "wrench gain",
 )  # fmt: skip
 
 #: What to do about the others.
@@ -47,6 +47,12 @@ INSTEAD = {
     "backlash": "its size alone does not correct it",
     "torque ripple": "its size alone does not correct it",
     "warming up": "identify shorter parts of the record",
+    "offset drift": "identify shorter parts of the record",
+    "offset jump": "identify the parts before and after it apart",
+    "load drift": "identify shorter parts of the record",
+    "load jump": "identify the parts before and after it apart",
+    "clock": "correct the rate of the recording",
+    "spring": "describe it as a term of the joint's friction",
     "payload": "identify the recordings apart",
     "coupled joints": "describe the loop, the gear or the motor that ties them",
 }
@@ -137,7 +143,7 @@ def corrections(
         problem: what is given.
         method: how the parameters are estimated.
         kinds: ``delay``, ``geometry``, ``gear ratio``, ``torque gain``, ``zero position``,
-            ``position scale`` or ``encoder``.
+            ``position scale``, ``encoder`` or ``encoder coupling``.
         progress: called with one line at each stage.
 
     Returns:

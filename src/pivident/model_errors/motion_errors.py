@@ -1,8 +1,9 @@
 """Geometry and positions that are off: lengths, angles, zero, scale, encoder, spring and play.
 
 An error δq(t) of one joint's position changes speeds and accelerations with it, and the torque by
-its derivative along all three. Behind a spring of stiffness k the link is at q - τ_load/k, with
-play of width b at q - (b/2) sign(τ_load), and only what the link carries moves with it.
+its derivative along all three. An encoder that turns with a share s of another joint reads
+q + s q_i for its position q. Behind a spring of stiffness k the link is at q - τ_load/k, with play
+of width b at q - (b/2) sign(τ_load), and only what the link carries moves with it.
 
 Geometry that is off: lengths and angles between joints, and the way up.
 
@@ -17,15 +18,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import lru_cache
+from itertools import permutations
 
 import numpy as np
 
 from pivident.dynamics.regressor import Regressor
 from pivident.dynamics.robot_regressor import regressor_of
 from pivident.estimation.problem import Problem
-from pivident.model_errors.cause import SAMPLES_PER_PERIOD, STEP, Cause, RecordMotion
+from pivident.model_errors.cause import NEGLIGIBLE, SAMPLES_PER_PERIOD, STEP, Cause, RecordMotion
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
+from pivident.robot.joints import Joint
 from pivident.signals.bandpass import butterworth
 
 #: Percent, milliradian, and what a radian per newton metre is in the unit of compliances.
@@ -49,6 +52,8 @@ STEPS = {"mm": 1e-2, "°": 1e-3}
 UPRIGHT = 0.99
 #: A robot changed by a length [m] or an angle [rad].
 Change = Callable[[Robot, float], Robot]
+#: Positions of a joint corrected, shape (samples,), from these and those of all joints.
+Correct = Callable[[np.ndarray, np.ndarray], np.ndarray]
 AXES = "xyz"
 
 
@@ -65,9 +70,19 @@ def geometry_causes(robot: Robot) -> Iterator[Cause]:
                 joint.name, f"correction of the length along {axis} {way}", "mm", _moved(j, k)
             )
         about = [_turned(j, k) for k in range(2)]
+        tilted = f"the axis of {joint.name} is tilted by {{size}}"
         for k, axis in enumerate(AXES[:2]):
-            yield _cause(joint.name, f"correction of the angle about {axis} {way}", "°", about[k])
-        yield _cause(joint.name, f"correction of the direction of its axis {way}", "°", *about)
+            what, phrase = (
+                f"correction of the angle about {axis} {way}",
+                f"{tilted} about its {axis}",
+            )
+            yield _cause(joint.name, what, "°", about[k], phrase=phrase)
+        what = f"correction of the direction of its axis {way}"
+        yield _cause(joint.name, what, "°", *about, phrase=tilted)
+        if any(other.parent == j for other in robot.joints):
+            alone = [_turned_alone(j, k) for k in range(2)]
+            what = f"correction of the direction of its axis alone {way}"
+            yield _cause(joint.name, what, "°", *alone, phrase=f"{tilted}, and nothing beyond it")
     size = float(np.linalg.norm(robot.gravity))
     level = [k for k in range(3) if abs(robot.gravity[k]) < UPRIGHT * size]
     for k in level:
@@ -87,7 +102,7 @@ def rotation(axis: int, angle: float) -> np.ndarray:
     return turn
 
 
-def _cause(subject: str, what: str, unit: str, *changes: Change) -> Cause:
+def _cause(subject: str, what: str, unit: str, *changes: Change, phrase: str = "") -> Cause:
     """A cause of one change of the robot, or of several together."""
     scale, step = (MILLIMETRE if unit == "mm" else DEGREE), STEPS[unit]
 
@@ -116,6 +131,7 @@ def _cause(subject: str, what: str, unit: str, *changes: Change) -> Cause:
         correct,
         LARGEST[unit],
         is_smooth=True,
+        phrase=phrase,
     )
 
 
@@ -141,6 +157,21 @@ def _turned(joint: int, axis: int) -> Change:
     return change
 
 
+def _turned_alone(joint: int, axis: int) -> Change:
+    """The same, while what the joint carries stays where it is as long as the joint is at zero."""
+
+    def change(robot: Robot, angle: float) -> Robot:
+        back = rotation(axis, -angle)
+        for k, other in enumerate(robot.joints):
+            if other.parent == joint:
+                pose = back @ other.rotation, back @ other.translation
+                other = replace(other, rotation=pose[0], translation=pose[1])
+                robot = _with_joint(robot, k, other)
+        return _turned(joint, axis)(robot, angle)
+
+    return change
+
+
 def _tilted(axis: int) -> Change:
     """Gravity turned about an axis of the base."""
     return lambda robot, angle: robot.with_gravity(rotation(axis, angle) @ robot.gravity)
@@ -153,7 +184,13 @@ def _with_joint(robot: Robot, index: int, joint) -> Robot:
 
 
 def motion_causes(robot: Robot) -> Iterator[Cause]:
-    """Zero position, scale and errors of each encoder, spring and play behind each motor."""
+    """Zero position, scale and errors of each encoder, spring and play behind each motor.
+
+    An encoder may also see a share of each other joint.
+    """
+    driven = [j for j, joint in enumerate(robot.joints) if joint.motion == "driven"]
+    for j, other in permutations(driven, 2):
+        yield _shared(robot.joints[j], robot.joints[other], j, other)
     for j, joint in enumerate(robot.joints):
         if joint.motion != "driven":
             continue
@@ -173,13 +210,40 @@ def motion_causes(robot: Robot) -> Iterator[Cause]:
             yield _play(joint.name, j, turns)
 
 
+def _shared(joint: Joint, seen: Joint, j: int, other: int) -> Cause:
+    """An encoder that reads q_j + s q_i: the joint is at what it reads less the share."""
+    alike = joint.kind == seen.kind
+    scale, unit = (PERCENT, "%") if alike else (1.0, f"{joint.position_unit}/{seen.position_unit}")
+
+    def columns(motion: RecordMotion) -> np.ndarray:
+        change = motion.q[other], motion.dq[other], motion.ddq[other]
+        return -scale * motion.along(j, change, STEP)[None]
+
+    def correct(problem: Problem, size: np.ndarray) -> Problem:
+        share = scale * float(size[0])
+        return with_positions(problem, j, lambda q, every: q - share * every[:, other])
+
+    return Cause(
+        "encoder coupling",
+        joint.name,
+        f"share of {seen.name} that its encoder reads",
+        unit,
+        columns,
+        1,
+        correct,
+        LARGEST["%"] if alike else np.inf,
+        least_torque=NEGLIGIBLE,
+        phrase=f"the encoder of {joint.name} turns with {{size}} of {seen.name}",
+    )
+
+
 def _shifted(name: str, j: int, scale: float, unit: str) -> Cause:
     def columns(motion: RecordMotion) -> np.ndarray:
         one, none = np.ones(motion.q.shape[1]), np.zeros(motion.q.shape[1])
         return scale * motion.along(j, (one, none, none), STEP)[None]
 
     def correct(problem: Problem, size: np.ndarray) -> Problem:
-        return with_positions(problem, j, lambda q: q + scale * size[0])
+        return with_positions(problem, j, lambda q, _: q + scale * size[0])
 
     what = "correction of the zero position"
     return Cause("zero position", name, what, unit, columns, 1, correct, LARGEST[unit])
@@ -191,7 +255,7 @@ def _scaled(name: str, j: int) -> Cause:
         return PERCENT * motion.along(j, change, STEP)[None]
 
     def correct(problem: Problem, size: np.ndarray) -> Problem:
-        return with_positions(problem, j, lambda q: q * (1.0 + PERCENT * size[0]))
+        return with_positions(problem, j, lambda q, _: q * (1.0 + PERCENT * size[0]))
 
     return Cause(
         "position scale",
@@ -222,7 +286,7 @@ def _sine(name: str, j: int, order: float, words: str) -> Cause:
     def correct(problem: Problem, size: np.ndarray) -> Problem:
         a, b = MILLI * size
         return with_positions(
-            problem, j, lambda q: q + a * np.sin(order * q) + b * np.cos(order * q), ref=False
+            problem, j, lambda q, _: q + a * np.sin(order * q) + b * np.cos(order * q), ref=False
         )
 
     what = f"correction of the encoder once per {words}"
@@ -263,18 +327,17 @@ def _play(name: str, j: int, turns: bool) -> Cause:
     return _behind_motor(name, j, "backlash", "play behind the motor", unit, error, MILLI)
 
 
-def with_positions(
-    problem: Problem, j: int, change: Callable[[np.ndarray], np.ndarray], ref: bool = True
-) -> Problem:
+def with_positions(problem: Problem, j: int, change: Correct, ref: bool = True) -> Problem:
     """The problem with one joint's positions corrected, and its reference with them."""
 
     def corrected(recording: Recording) -> Recording:
         q = recording.q.copy()
-        q[:, j] = change(q[:, j])
+        q[:, j] = change(q[:, j], recording.q)
         reference = recording.q_ref
         if ref and reference is not None:
+            every = reference
             reference = reference.copy()
-            reference[:, j] = change(reference[:, j])
+            reference[:, j] = change(reference[:, j], every)
         return replace(recording, q=q, q_ref=reference)
 
     return replace(problem, recordings=tuple(corrected(r) for r in problem.recordings))

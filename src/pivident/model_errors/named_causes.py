@@ -10,25 +10,23 @@ Parameters that are not estimated: left out by choice, or carried in one recordi
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import Parameter, standard_parameters
-from pivident.dynamics.regressor import Regressor
-from pivident.dynamics.robot_regressor import regressor_of
 from pivident.errors import IdentificationError
 from pivident.estimation.identification import Identification
 from pivident.estimation.problem import Problem
-from pivident.model_errors.cause import Cause, Columns, Reach, RecordMotion
+from pivident.model_errors.cause import Cause, Reach, RecordMotion
 from pivident.model_errors.cause_rows import CauseRows, instrument_motions, smoothed
-from pivident.model_errors.coupling_errors import coupling_causes
+from pivident.model_errors.coupling_errors import COUPLED, coupling_causes
 from pivident.model_errors.motion_errors import geometry_causes, motion_causes
 from pivident.model_errors.score_tests import LEVEL, MOST_CAUSES, Score, ScoreTests
-from pivident.model_errors.torque_errors import friction_causes, torque_causes
+from pivident.model_errors.time_errors import LOAD, Instants, time_causes, torques_of
+from pivident.model_errors.torque_errors import friction_causes, spring_causes, torque_causes
 from pivident.model_errors.unchecked_causes import (
     UncheckedCause,
     checked_gains,
@@ -48,8 +46,8 @@ MATTERS = 2.0
 EXPLAINS = 0.1
 #: Share of the best cause's effect from which on another one cannot be told from it.
 ALIKE = 0.9
-#: A load at the flange: mass and first moments.
-LOAD = ("m", "mx", "my", "mz")
+#: The same where the best has many columns, those of joints that are tied otherwise.
+SIMPLER = 0.7
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +96,14 @@ class NamedCause:
         """Its size ± 2σ with the unit."""
         size, std = self.size
         return f"{plus_minus(size, 2.0 * std)} {self.cause.unit}"
+
+    @property
+    def text(self) -> str:
+        """``axis_3, length along x from axis_2 to axis_3: 0.98 ± 0.02 mm``."""
+        cause = self.cause
+        if cause.phrase:
+            return cause.phrase.replace("{size}", self.size_text)
+        return f"{f'{cause.subject}, ' * bool(cause.subject)}{cause.what}: {self.size_text}"
 
     def __str__(self) -> str:
         return f"{self.cause}, {self.size_text}"
@@ -152,7 +158,7 @@ def missing_causes(
 
 
 def _left_out(robot: Robot, name: str, parameter: Parameter) -> Cause:
-    torques = _torques_of([parameter])
+    torques = torques_of([parameter])
 
     joint = robot.tree.joint_names[parameter.joint]
     what = f"{name}, which is not estimated"
@@ -160,7 +166,7 @@ def _left_out(robot: Robot, name: str, parameter: Parameter) -> Cause:
 
 
 def _carried(robot: Robot, own: Sequence[Parameter], number: int, recording: str) -> Cause:
-    torques = _torques_of(own)
+    torques = torques_of(own)
 
     def columns(motion: RecordMotion) -> np.ndarray:
         found = torques(motion)
@@ -171,22 +177,8 @@ def _carried(robot: Robot, own: Sequence[Parameter], number: int, recording: str
     return Cause("payload", name, what, "kg", columns, len(own), by_first=True)
 
 
-def _torques_of(parameters: Sequence[Parameter]) -> Columns:
-    """Columns of parameters."""
-
-    @lru_cache(maxsize=1)
-    def regressor(robot: Robot) -> Regressor:
-        return regressor_of(robot, parameters)
-
-    def columns(motion: RecordMotion) -> np.ndarray:
-        matrix = regressor(motion.robot).matrix(motion.q.T, motion.dq.T, motion.ddq.T)
-        return np.ascontiguousarray(matrix.transpose(2, 1, 0))
-
-    return columns
-
-
 def all_causes(problem: Problem, found: Identification, reach: Reach) -> list[Cause]:
-    """Everything that is tried."""
+    """What is tried of one joint or of the whole, and does not change with time."""
     robot = problem.robot
     names = [r.name for r in problem.recordings]
     return [
@@ -195,14 +187,24 @@ def all_causes(problem: Problem, found: Identification, reach: Reach) -> list[Ca
         *motion_causes(robot),
         *missing_causes(robot, found.parameters, names),
         *friction_causes(robot, reach),
+        *spring_causes(robot, reach),
         *wrench_causes(problem),
     ]
 
 
 def score_tests(
-    problem: Problem, found: Identification, kinds: Sequence[str] | None = None
+    problem: Problem,
+    found: Identification,
+    kinds: Sequence[str] | None = None,
+    near: Sequence[float] = (),
 ) -> ScoreTests:
-    """Tests of an estimate, ready to be asked; ``kinds``: of these causes only.
+    """Tests of an estimate, ready to be asked.
+
+    Args:
+        problem: what was given.
+        found: the estimate.
+        kinds: of these causes only; None: of all.
+        near: jumps at instants near these alone [s]; none: all over the records.
 
     Raises:
         IdentificationError: the estimate comes from a file and has no signals.
@@ -216,10 +218,15 @@ def score_tests(
     kinematics = smoothed(problem, found)
     motions = instrument_motions(problem, found, kinematics)
     reach = reach_of(kinematics)
-    causes = all_causes(problem, found, reach)
-    # fewer than the others; each of both sets is held to the level by the number of the larger one
-    tried = len(causes)
-    causes += coupling_causes(problem.robot, reach)
+    instants = Instants.of(kinematics)
+    sets = [
+        all_causes(problem, found, reach),
+        list(time_causes(problem.robot, instants.near(near) if near else instants)),
+        list(coupling_causes(problem.robot, reach)),
+    ]
+    # each of the sets is held to the level by the number of the largest one
+    tried = max(len(own) for own in sets)
+    causes = [cause for own in sets for cause in own]
     if kinds is not None:
         causes = [cause for cause in causes if cause.kind in kinds]
     rows = CauseRows(problem, found, causes, kinematics, motions)
@@ -242,7 +249,11 @@ def named_causes(problem: Problem, found: Identification) -> ModelErrors:
         IdentificationError: the estimate comes from a file and has no signals.
     """
     with linear_algebra_in_one_thread():
-        return _named_causes(score_tests(problem, found), found)
+        errors = _named_causes(score_tests(problem, found), found)
+        jumps = {one.cause.instant for one in errors.named if one.cause.instant is not None}
+        if jumps:  # the next instants to them are near enough to name a cause, not to measure it
+            errors = _named_causes(score_tests(problem, found, near=sorted(jumps)), found)
+        return errors
 
 
 def is_found(score: Score, tried: int) -> bool:
@@ -252,10 +263,14 @@ def is_found(score: Score, tried: int) -> bool:
     return helps and score.significance * tried < LEVEL and score.cause.allows(score.size)
 
 
-def _is_large(tests: ScoreTests, corrected: Sequence[int], number: int) -> bool:
-    """Whether the torque of a cause is large enough for it to be named, where that is asked."""
-    least = tests.causes[number].least_torque
-    return not least or float(tests.torques(corrected, number).max()) > least
+def _is_large(
+    tests: ScoreTests, corrected: Sequence[int], number: int, score: Score, std: np.ndarray
+) -> bool:
+    """Whether a cause is large enough to be named, where that is asked: in torque or in effect."""
+    cause, least = score.cause, score.cause.least_torque
+    if not least or float(tests.torques(corrected, number).max()) > least:
+        return True
+    return cause.by_effect and float(np.max(np.abs(score.shift) / std)) > MATTERS
 
 
 def _named_causes(tests: ScoreTests, found: Identification) -> ModelErrors:
@@ -268,11 +283,11 @@ def _named_causes(tests: ScoreTests, found: Identification) -> ModelErrors:
         candidates = {
             k: s
             for k, s in scores.items()
-            if is_found(s, tests.tried) and _is_large(tests, corrected, k)
+            if is_found(s, tests.tried) and _is_large(tests, corrected, k, s, found.std)
         }
         if not candidates:
             break
-        best = max(candidates, key=lambda k: candidates[k].unseen)
+        best = _best(candidates)
         torques = tests.torques(corrected, best)
         named.append(_named(found, candidates[best], candidates, torques))
         corrected.append(best)
@@ -282,14 +297,39 @@ def _named_causes(tests: ScoreTests, found: Identification) -> ModelErrors:
         tests.tried,
         1.0 - base.residual / max(start.residual, 1e-300),
         1.0 - base.unseen / max(start.unseen, 1e-300),
-        unchecked_causes(tests, scores.values(), found, MATTERS),
+        unchecked_causes(tests, scores, corrected, found, MATTERS),
         checked_gains(tests, scores.values()),
     )
 
 
+def _best(candidates: Mapping[int, Score]) -> int:
+    """The one that helps most, or a simpler one that helps nearly as much.
+
+    Joints are tied otherwise, or something jumped, only where nothing simpler explains it.
+    """
+    order = sorted(candidates, key=lambda k: -candidates[k].unseen)
+    simple = next((k for k in order if _is_simple(candidates[k].cause)), order[0])
+    first = candidates[order[0]]
+    share = SIMPLER if first.cause.kind == COUPLED else ALIKE
+    return simple if candidates[simple].unseen > share * first.unseen else order[0]
+
+
+def _is_simple(cause: Cause) -> bool:
+    """Whether it is neither one of many columns nor one of many instants."""
+    return cause.kind != COUPLED and cause.instant is None
+
+
 def alternatives(best: Score, candidates: Iterable[Score]) -> tuple[Score, ...]:
-    """Causes of which the record says nearly as much as of the best one."""
-    return tuple(s for s in candidates if s is not best and s.unseen > ALIKE * best.unseen)
+    """Causes of which the record says nearly as much as of the best one; of jumps one instant."""
+    chosen: list[Score] = []
+    jumps = {(best.cause.kind, best.cause.subject)}
+    for score in sorted(candidates, key=lambda one: -one.unseen):
+        what = score.cause.kind, score.cause.subject
+        is_known = score.cause.instant is not None and what in jumps
+        if score is not best and score.unseen > ALIKE * best.unseen and not is_known:
+            chosen.append(score)
+            jumps.add(what)
+    return tuple(chosen)
 
 
 def _named(

@@ -1,8 +1,10 @@
-"""Torques and friction that are off: instant, scale, ripple and gear ratio, shapes of friction.
+"""Torques and friction that are off: instant, scale, ripple, gear ratio, springs, friction.
 
 A torque that was logged T later than it acted is τ(t - T), which adds -T dτ/dt; one that acts later
 than it was logged has the other sign. A gain that is off by κ adds κ τ_j. With a gear ratio that is
 off, positions and torques of the joint are off in opposite directions, q/(1 + κ) and τ(1 + κ).
+
+A spring that holds a joint to the link before it, as one that carries weight, adds k (q - q_0).
 
 Friction may have other shapes over the speed, the position, the load and the time. Their columns
 stand beside those of the law that the joint has; they are amplitudes of shapes, not a law:
@@ -19,12 +21,13 @@ import numpy as np
 
 from pivident.dynamics.friction import expression_value
 from pivident.estimation.problem import Problem
-from pivident.model_errors.cause import STEP, Cause, Reach, RecordMotion, on_joint
+from pivident.model_errors.cause import NEGLIGIBLE, STEP, Cause, Reach, RecordMotion, on_joint
 from pivident.model_errors.motion_errors import PERCENT, with_positions
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.robot.friction_column import names_in
 from pivident.robot.friction_terms import TERM_KINDS
+from pivident.robot.joints import Joint
 
 #: Milliseconds, the unit of delays [s].
 MILLISECOND = 1e-3
@@ -34,8 +37,10 @@ LARGEST = {"ms": 8.0, "%": 30.0}
 
 
 def torque_causes(robot: Robot) -> Iterator[Cause]:
-    """Delay of all torques and of each, gain and ripple of each, ratio of each gear."""
+    """Delay and gain of all torques and of each, ripple of each, ratio of each gear, the clock."""
     yield _delay(robot, None)
+    yield _gain_of_all()
+    yield _clock()
     for j, joint in enumerate(robot.joints):
         if joint.motion != "driven":
             continue
@@ -43,7 +48,7 @@ def torque_causes(robot: Robot) -> Iterator[Cause]:
             yield _delay(robot, j)
         yield _gain(joint.name, j)
         if robot.torque_side == "motor":
-            yield _ratio(joint.name, j)
+            yield _ratio(joint.name, j, "ratio" if joint.kind == "revolute" else "pitch")
             motor = abs(float(robot.transmission.reduction[j, j]))
             if joint.kind == "revolute" and motor > 1.0:
                 yield _ripple(joint.name, j, motor, joint.torque_unit)
@@ -75,17 +80,41 @@ def _gain(name: str, j: int) -> Cause:
     return Cause("torque gain", name, what, "%", columns, 1, correct, LARGEST["%"])
 
 
-def _ratio(name: str, j: int) -> Cause:
+def _gain_of_all() -> Cause:
+    """A gain of all torques, which no record shows: all parameters have it."""
+
+    def columns(motion: RecordMotion) -> np.ndarray:
+        return PERCENT * motion.torque[None]
+
+    return Cause("torque gain", "", "excess of all logged torques", "%", columns)
+
+
+def _clock() -> Cause:
+    """A clock that runs fast: speeds are less than it says, accelerations by twice as much.
+
+    No size is believed: much else that is wrong with the whole resembles it. Logged speeds show it.
+    """
+
+    def columns(motion: RecordMotion) -> np.ndarray:
+        still = np.zeros(motion.q.shape[1])
+        changes = zip(motion.dq, 2.0 * motion.ddq, strict=True)
+        moved = [motion.along(j, (still, *own), STEP) for j, own in enumerate(changes)]
+        return -PERCENT * np.sum(moved, axis=0)[None]
+
+    return Cause("clock", "", "excess of the assumed rate", "%", columns, largest=0.0)
+
+
+def _ratio(name: str, j: int, word: str) -> Cause:
     def columns(motion: RecordMotion) -> np.ndarray:
         change = motion.q[j], motion.dq[j], motion.ddq[j]
         moved = motion.along(j, change, STEP)[None]
         return PERCENT * (moved + on_joint(j, [motion.torque[j]], motion))
 
     def correct(problem: Problem, size: np.ndarray) -> Problem:
-        moved = with_positions(problem, j, lambda q: q * (1.0 + PERCENT * size[0]))
+        moved = with_positions(problem, j, lambda q, _: q * (1.0 + PERCENT * size[0]))
         return with_gain(moved, j, float(size[0]))
 
-    what = "excess of the assumed ratio"
+    what = f"excess of the assumed {word}"
     return Cause("gear ratio", name, what, "%", columns, 1, correct, LARGEST["%"])
 
 
@@ -129,6 +158,37 @@ def with_delay(problem: Problem, joint: int | None, delay: float) -> Problem:
     return replace(problem, recordings=tuple(corrected(r) for r in problem.recordings))
 
 
+def spring_causes(robot: Robot, reach: Reach) -> Iterator[Cause]:
+    """A spring beside the motor of each joint whose law has none; it rests at any position."""
+    for j, joint in enumerate(robot.joints):
+        if joint.motion == "driven" and "spring" not in _columns_of(joint):
+            yield _spring(joint, j, 0.5 * float(reach.low[j] + reach.high[j]))
+
+
+def _spring(joint: Joint, j: int, middle: float) -> Cause:
+    """Torque k (q - q_0) on one joint; k q_0 is in its offset."""
+    count = 1 if "offset" in _columns_of(joint) else 2
+
+    def columns(motion: RecordMotion) -> np.ndarray:
+        signals = [motion.q[j] - middle, np.ones(motion.q.shape[1])]
+        return on_joint(j, signals[:count], motion)
+
+    unit = f"{joint.torque_unit}/{'rad' if joint.kind == 'revolute' else 'm'}"
+    return Cause(
+        "spring",
+        joint.name,
+        "stiffness of a spring",
+        unit,
+        columns,
+        count,
+        by_first=True,
+        is_smooth=True,
+        least_torque=NEGLIGIBLE,
+        by_effect=True,
+        phrase=f"a spring of {{size}} at {joint.name}",
+    )
+
+
 #: Factors of the slope of the smoothed sign that are tried.
 STEEPNESS = (0.3, 3.0)
 
@@ -146,11 +206,15 @@ def friction_causes(robot: Robot, reach: Reach) -> Iterator[Cause]:
             continue
         unit = joint.torque_unit
         slope = max(joint.friction.slopes, default=joint.default_gamma)
-        names = {term.column.name for term in joint.friction.terms}
-        for what, shapes in _shapes(reach, j, slope, names).items():
+        for what, shapes in _shapes(reach, j, slope, _columns_of(joint)).items():
             yield _cause("friction", joint.name, what, unit, j, slope, shapes)
         warming, unit = _warming(float(reach.fastest[j])), f"{unit}/min"
         yield _cause("warming up", joint.name, "friction by time", unit, j, slope, warming)
+
+
+def _columns_of(joint: Joint) -> set[str]:
+    """Names of the columns of a joint's law."""
+    return {term.column.name for term in joint.friction.terms}
 
 
 def _shapes(reach: Reach, joint: int, slope: float, names: set[str]) -> dict[str, list[Shape]]:

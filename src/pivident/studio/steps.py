@@ -16,6 +16,7 @@ from pivident.studio.step_arguments import Argument, StepError
 #: Causes of model error that `identify` corrects.
 CAUSES = (
     "delay", "geometry", "gear-ratio", "torque-gain", "zero-position", "position-scale", "encoder",
+    "encoder-coupling",
 )  # fmt: skip
 
 #: Blocks of the motion that are held out in turn; one would leave nothing to fit.
