@@ -92,6 +92,38 @@ def test_no_command_is_shown_that_would_be_refused(project, monkeypatch):
     assert run("apply", path, 1) == WRONG_INPUT
 
 
+def test_no_command_is_shown_of_a_repair_that_cannot_be_written(project, monkeypatch, capsys):
+    """Tables of a list with others between them would be written in another order."""
+    monkeypatch.chdir(project)
+    table = EXPERIMENT[EXPERIMENT.index("[recording]") : EXPERIMENT.index("[identify]")]
+    again = table.replace("[recording]", "[[recording]]")
+    path = project / "apart.toml"
+    path.write_text(EXPERIMENT.replace(table, again) + f"\n{again}")
+    assert run("identify", path) == 0
+    summary = json.loads((project / "apart-results" / "verdict.json").read_text("utf-8"))["summary"]
+    assert summary["items"][0]["effect"] and summary["items"][0]["command"] == ""
+    assert "pivident apply" not in capsys.readouterr().out
+    assert run("apply", path, 1) == WRONG_INPUT
+    assert "cannot be changed here" in capsys.readouterr().err
+
+
+def test_units_with_tables_of_their_own(project, monkeypatch, capsys):
+    """What `pivident apply` is shown for, it can do."""
+    monkeypatch.chdir(project)
+    units = 'units = {tau = ["N m", -1.0, "N m"]}   # as the logger says\n'
+    assert units in EXPERIMENT
+    gains = (1.5, -1.0, 0.75)
+    tables = [f'[[recording.units.tau]]\nunit = "A"\ngain = {gain}  # of it\n' for gain in gains]
+    path = project / "tables.toml"
+    path.write_text(EXPERIMENT.replace(units, "".join(tables)))
+    assert run("identify", path) == 0
+    assert f"pivident apply {path} 1" in capsys.readouterr().out
+    before = path.read_text()
+    assert run("apply", path, 1) == 0
+    changed = "# Set by hand. Before: -1.0.\ngain = 1.0  # of it"
+    assert path.read_text() == before.replace("gain = -1.0  # of it", changed)
+
+
 def test_every_other_byte_stays(project, monkeypatch):
     monkeypatch.chdir(project)
     path = project / "windows.toml"

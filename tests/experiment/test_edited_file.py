@@ -7,10 +7,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pivident.errors import ExperimentError
-from pivident.experiment.edited_file import confirmed, edited
+from pivident.experiment.edited_file import confirmed, edited, with_repair
 from pivident.experiment.explained import plain_form
 from pivident.studio.rows import experiment_rows
+from pivident.text.repair import Repair, Reversed
 from pivident.text.toml import parse_toml
+from tests.conftest import REPOSITORY
 from tests.planar_log import EXPERIMENT
 
 COMMENTS = ("", "# a word\n", "# ASSUMED, please check: seen, it is. Or else.\n", "\n# x\n\n")
@@ -247,3 +249,104 @@ def test_the_last_dotted_key_takes_its_table_along():
     new = without(text, ("recording", 0, "units", "tau"))
     assert parse_toml(new) == {"robot": "arm", "recording": {"files": "log.csv"}}
     assert '# units.tau = {unit = "A", gain = 2.0}' in new
+
+
+SUB_TABLE = """\
+robot = "arm"
+
+[recording]
+files = "log.csv"
+columns = {q = ["a", "b"], tau = ["c", "d"]}
+
+[recording.units]
+q = "deg"   # as logged
+
+# the drive
+[recording.units.tau]
+unit = "V"
+gain = 35.15   # of the data sheet
+
+[validation]
+folds = 4
+"""
+
+
+def test_a_table_with_a_header_is_changed_key_by_key():
+    """Also where the new value is given as a whole."""
+    text = SUB_TABLE.replace("\n", "\r\n")
+    for place, value in (
+        (("recording", 0, "units", "tau"), '{unit = "V", gain = -35.15}'),
+        (("recording", 0, "units", "tau", "gain"), "-35.15"),
+    ):
+        changed = "# Set by hand. Before: 35.15.\r\ngain = -35.15   # of"
+        assert with_value(text, place, value) == text.replace("gain = 35.15   # of", changed)
+
+
+def test_a_table_with_a_header_becomes_a_list():
+    """Its comment says what it was; the rest of the file stays."""
+    units = [{"unit": "V", "gain": -35.15}, {"unit": "V", "gain": 35.15}]
+    value = '[{unit = "V", gain = -35.15}, {unit = "V", gain = 35.15}]'
+    alone = SUB_TABLE.replace('[recording.units]\nq = "deg"   # as logged\n', "")
+    for text, line in ((SUB_TABLE, f"tau = {value}"), (alone, f"units = {{tau = {value}}}")):
+        new = with_value(text, ("recording", 0, "units", "tau"), value)
+        assert parse_toml(new)["recording"]["units"]["tau"] == units
+        assert f'# Set by hand. Before: {{unit = "V", gain = 35.15}}.\n{line}\n' in new
+        table = text[text.index("[recording.units.tau]") : text.index("[validation]")]
+        assert set(text.replace(table, "").splitlines()) < set(new.splitlines())
+
+
+def test_tables_of_a_list_are_changed_one_by_one():
+    text = SUB_TABLE.replace("[recording.units.tau]", "[[recording.units.tau]]").replace(
+        "\n[validation]", '\n[[recording.units.tau]]\nunit = "A"\ngain = 2.0\n\n[validation]'
+    )
+    value = '[{unit = "V", gain = 35.15}, {unit = "A", gain = -2.0}]'
+    new = with_value(text, ("recording", 0, "units", "tau"), value)
+    assert new == text.replace("gain = 2.0", "# Set by hand. Before: 2.0.\ngain = -2.0")
+    one = with_value(text, ("recording", 0, "units", "tau"), '"N m"')
+    assert parse_toml(one)["recording"]["units"] == {"q": "deg", "tau": "N m"}
+
+
+def test_a_repair_reverses_the_unit_of_such_a_table():
+    repair = Repair((Reversed(channel="tau", joints=("one",)),))
+    new, words = with_repair(SUB_TABLE, repair, ("one",))
+    assert words == "Reverse the sign of the torque of one."
+    assert parse_toml(new)["recording"]["units"]["tau"] == {"unit": "V", "gain": -35.15}
+
+
+def test_tables_of_a_list_with_others_between_are_left_alone():
+    """`tomlkit` would write them together."""
+    first = "robot = 'arm'\n[[recording]]\nfiles = 'a.csv'\n"
+    rest = "[[recording]]\nfiles = 'b.csv'\n"
+    text = f"{first}[validation]\nfolds = 3\n{rest}"
+    with pytest.raises(ExperimentError, match=r"cannot be changed here.*others between.*as text"):
+        with_value(text, ("validation", "folds"), "4")
+    together = f"{first}{rest}[validation]\nfolds = 3\n"
+    assert "folds = 4" in with_value(together, ("validation", "folds"), "4")
+
+
+@pytest.mark.parametrize("path", sorted(REPOSITORY.glob("examples/*/*.toml")), ids=str)
+def test_examples_say_what_they_said_with_the_value_at_its_place(path):
+    """Every key is removed, taken back and changed."""
+    text = path.read_text("utf-8")
+    if "[recording" not in text and "\nrecording" not in text:
+        pytest.skip("a robot or a table of friction")
+    for row in experiment_rows(text):
+        try:
+            new = without(text, row.place)
+        except ExperimentError as error:  # what the file cannot do without, a law for its reference
+            assert "cannot be changed" not in str(error) or "\nreference = " in text
+            continue
+        expected = copy.deepcopy(content(text))
+        at(expected, row.place[:-1]).pop(row.place[-1])
+        assert content(new) == expected
+        assert content(with_value(new, row.place, row.value)) == content(text)
+        try:
+            new = with_value(text, row.place, row.example)
+        except ExperimentError as error:
+            assert "cannot be changed" not in str(error)
+            continue
+        at(expected, row.place[:-1])[row.place[-1]] = parse_toml(f"x = {row.example}")["x"]
+        assert content(new) == expected
+        assert [k for k in kept_lines(new) if k.startswith("[")] == [
+            k for k in kept_lines(text) if k.startswith("[")
+        ]

@@ -11,6 +11,7 @@ and of several ways to write a key that was not there, the first that fulfils th
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from typing import Any
 
 import tomlkit
@@ -22,7 +23,7 @@ from pivident.experiment.edited_lines import (
     comment_lines,
     content_of,
     document_of,
-    found_line,
+    line_at,
     short,
     table_name,
     ways_to_add,
@@ -80,8 +81,8 @@ def confirmed(text: str, place: Sequence[int | str]) -> str:
     """
     place = numbered(place)
     document = document_of(text)
-    found = found_line(document, place)
-    line = None if found is None else found[0]
+    spot = line_at(document, place)
+    line = None if spot is None else spot[0]
     if line is None or sureness(line.reason)[0] != "assumed":
         raise ExperimentError(
             f"{called(place)} is no assumption any more", advice="reload the page"
@@ -152,15 +153,23 @@ def _changed(text: str, place: Place, value: str | None) -> str:
     replaced = with_value(text, place, value)
     if replaced is not None:
         return _verified([replaced], wanted, place)
-    if isinstance(old, dict) and isinstance(new, dict):  # a table with a header
-        for key in {**old, **new}:
-            if old.get(key) != new.get(key):
-                written = value_text(new[key]) if key in new else None
-                text = _changed(text, (*place, key), written)
+    changes = _changes(old, new)
+    if changes is not None:  # tables with headers
+        for part, inner in changes.items():
+            text = _changed(text, (*place, part), None if inner is None else value_text(inner))
         return text
     before = "not set" if old is None else short(value_text(old))
     rest = text if old is None else without_tables(document_of(text), place)
     return _verified(ways_to_add(rest, place, value, before), wanted, place)
+
+
+def _changes(old: Any, new: Any) -> dict[int | str, Any] | None:
+    """What differs between two tables, or two lists of one length; None where they are neither."""
+    if isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
+        old, new = dict(enumerate(old)), dict(enumerate(new))
+    if not (isinstance(old, dict) and isinstance(new, dict)):
+        return None
+    return {part: new.get(part) for part in old | new if old.get(part) != new.get(part)}
 
 
 def _checked_value(value: str, place: Place) -> str:
@@ -182,12 +191,11 @@ def _checked_value(value: str, place: Place) -> str:
 
 def _verified(ways: Iterable[str], wanted: Sequence[Any], place: Place) -> str:
     """The first text that says what is wanted."""
-    for text in ways:
-        try:
-            if plain_form(parse_toml(text)) in wanted:
-                return text
-        except ValueError:
-            continue
+    with suppress(TOMLKitError):  # the same key twice
+        for text in ways:
+            with suppress(ValueError):
+                if plain_form(parse_toml(text)) in wanted:
+                    return text
     raise ExperimentError(
         f"{called(place)} cannot be changed here",
         advice="open the file as text and change it there",
@@ -206,9 +214,9 @@ def _assumed_scales(value: Any, place: Place) -> Iterator[Place]:
 def _refuse_new_problems(old: str, new: str) -> None:
     """Refuse what the schema finds wrong with a text and not with an older one."""
     before, after = (every_problem(content_of(text)) for text in (old, new))
-    known = {(p.location, str(p.said)) for p in before}
+    old_problems = {(p.location, str(p.said)) for p in before}
     for problem in after:
-        if (problem.location, str(problem.said)) not in known:
+        if (problem.location, str(problem.said)) not in old_problems:
             heading = table_name(problem.location)
             raise ExperimentError.of_part(f"[{heading}] " if heading else "", problem.said)
 

@@ -39,29 +39,33 @@ REMOVED = "Removed by hand."
 
 
 def content_of(text: str) -> dict[str, Any]:
-    """What a text says, its short forms written out."""
+    """What a text says, its short forms written out.
+
+    Raises:
+        ExperimentError: it is not TOML.
+    """
     try:
         return plain_form(parse_toml(text))
     except ValueError as error:
         raise ExperimentError(f"is not TOML: {error}", advice="correct this line") from error
 
 
-def document_of(text: str) -> tomlkit.TOMLDocument:
-    """The text of an experiment file, ready to be changed.
+def document_of(text: str, *, to_write: bool = True) -> tomlkit.TOMLDocument:
+    """The text of an experiment file with its comments, ready to be changed or only to be read.
 
     Raises:
-        ExperimentError: it is not TOML, or in an order that cannot be kept.
+        ExperimentError: it is not TOML, or is to be written and in an order that cannot be kept.
     """
     content_of(text)
     try:
-        return toml_document(text)
+        return toml_document(text, to_write=to_write)
     except ValueError as error:
         raise ExperimentError(
             f"cannot be changed here: {error}", advice="open the file as text and change it there"
         ) from error
 
 
-def found_line(document: tomlkit.TOMLDocument, place: Place) -> tuple[FileLine, Place] | None:
+def line_at(document: tomlkit.TOMLDocument, place: Place) -> tuple[FileLine, Place] | None:
     """The line in which a value stands, which may be written in short, and where inside of it."""
     for line in file_lines(document):
         rest = place[len(line.place) :]
@@ -91,10 +95,10 @@ def with_value(text: str, place: Place, value: str) -> str | None:
     the first change by hand is said, not every step.
     """
     document = document_of(text)
-    found = found_line(document, place)
-    if found is None:
+    spot = line_at(document, place)
+    if spot is None:
         return None
-    line, rest = found
+    line, rest = spot
     old = _put(line, rest, tomlkit.value(value))
     if old == value:
         return text
@@ -136,10 +140,10 @@ def _braces(around: InlineTable | Table, left_out: Place = (), more: Sequence[st
 def without(text: str, place: Place) -> str:
     """The text without what is at a place; a line stays as a suggestion, so that it can be back."""
     document = document_of(text)
-    found = found_line(document, place)
-    if found is None:
+    spot = line_at(document, place)
+    if spot is None:
         return without_tables(document, place)
-    line, rest = found
+    line, rest = spot
     if rest:
         around: Any = _inside(line.value, rest[:-1])
         if isinstance(around, Array):
@@ -160,16 +164,19 @@ def without(text: str, place: Place) -> str:
 
 def without_tables(document: tomlkit.TOMLDocument, place: Place) -> str:
     """The text without all tables and dotted keys at or below a place."""
+
+    def is_below(at: Place) -> bool:
+        return numbered(at)[: len(place)] == place
+
     for table, body in list(bodies(document)):
         for number, (key, item) in reversed(list(enumerate(body))):
             parts = behind_dots(body, number)[0] if is_line(key, item) else parts_of(key)
             inner = (*table, *parts)
+            gone = key is not None and is_below(inner)
             if isinstance(item, AoT):
-                numbers = [k for k in range(len(item)) if (*inner, k)[: len(place)] != place]
-                item.body[:] = [item.body[k] for k in numbers]
-            elif key is None or numbered(inner)[: len(place)] != place:
-                continue
-            if not (isinstance(item, AoT) and item.body):
+                item.body[:] = [x for k, x in enumerate(item.body) if not is_below((*inner, k))]
+                gone = not item.body
+            if gone:
                 del body[number]
     return document.as_string()
 
@@ -209,9 +216,9 @@ def _accepted(text: str, place: Place, pair: str) -> Iterator[str]:
 def _in_table(text: str, table: Place, pair: str, before: str) -> Iterator[str]:
     """A key inside of a table that is there, in whichever form."""
     document = document_of(text)
-    found = found_line(document, table)
-    if found is not None:
-        line, rest = found
+    spot = line_at(document, table)
+    if spot is not None:
+        line, rest = spot
         around: Any = _inside(line.value, rest)
         for whole, short_form in SHORT_FORMS.items():
             if short_form == line.place and isinstance(around, String):
@@ -220,16 +227,16 @@ def _in_table(text: str, table: Place, pair: str, before: str) -> Iterator[str]:
             _put(line, rest, _braces(around, more=[pair]))
         yield document.as_string()
         return
-    spots = [
+    ends = [
         (line.body, line.number + 1, line.prefix)
         for line in file_lines(document)
         if line.prefix and numbered(line.place[:-1]) == table
     ]
     for place, body in bodies(document):
-        if numbered(place) == table and not spots:
+        if numbered(place) == table and not ends:
             lines = [k for k, (key, item) in enumerate(body) if is_line(key, item)]
-            spots = [(body, max(lines, default=-1) + 1, "")]
-    for body, number, prefix in spots[-1:]:
+            ends = [(body, max(lines, default=-1) + 1, "")]
+    for body, number, prefix in ends[-1:]:
         body[number:number] = _line(f"{prefix}{pair}", before, text)
         yield document.as_string()
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import tomlkit
-from tomlkit.items import Comment, Item
+from tomlkit.items import Array, Comment, Item
 
 from pivident.text.repair import Place
 from pivident.text.toml import parse_toml
@@ -44,7 +44,7 @@ class FileLine:
     """A key on a line of its own, or one that a comment suggests.
 
     Attributes:
-        place: of the key; the only recording is number 0.
+        place: of the key; the only recording is number 0, but where the value is the list of all.
         reason: the comment above it in one line, empty without one.
         body: the lines of its table.
         start: number of the first line of its comment there.
@@ -94,7 +94,10 @@ def file_lines(document: tomlkit.TOMLDocument) -> Iterator[FileLine]:
                 place, header = tuple(heading[2].split(".")), number
             elif is_line(key, item):
                 place, header = table, None
-                inner = numbered((*table, *behind_dots(body, number)[0]))
+                parts, holder, at = behind_dots(body, number)
+                inner = (*table, *parts)
+                if not (len(inner) == 1 and isinstance(holder[at][1], Array)):
+                    inner = numbered(inner)
                 yield FileLine(inner, reason, body, start, number)
             words, start = [], number + 1
 

@@ -83,7 +83,7 @@ def experiment_rows(text: str) -> tuple[Row, ...]:
         ExperimentError: the text is not TOML.
     """
     rows: list[Row] = []
-    for line in file_lines(document_of(text)):
+    for line in file_lines(document_of(text, to_write=False)):
         words = words_of_key(line.place)
         if line.example is None:
             rows += _rows_of(line.place, line.value, line.reason)

@@ -19,8 +19,12 @@ from pivident.text.toml import parse_toml
 Body = list[tuple[Key | None, Item]]
 
 
-def toml_document(text: str) -> tomlkit.TOMLDocument:
+def toml_document(text: str, *, to_write: bool) -> tomlkit.TOMLDocument:
     """A text with its comments and its order.
+
+    Args:
+        text: the text.
+        to_write: whether the text is to be the same when it is written again.
 
     Raises:
         ValueError: it is not TOML, or `tomlkit` would write it in another order.
@@ -30,7 +34,7 @@ def toml_document(text: str) -> tomlkit.TOMLDocument:
         document = tomlkit.parse(text)
     except (TOMLKitError, RecursionError) as error:
         raise ValueError(str(error)) from None
-    if document.as_string() != text:
+    if to_write and document.as_string() != text:
         raise ValueError("the tables of a list have others between them")
     return document
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import textwrap
+from datetime import date, time
 from typing import Any
 
 from pivident.text.printable import escaped
@@ -47,6 +48,8 @@ def value_text(value: Any, width: int = WIDTH) -> str:
             + ", ".join(f"{key_text(k)} = {value_text(v, 10**9)}" for k, v in value.items())
             + "}"
         )
+    if isinstance(value, (date, time)):
+        return value.isoformat()
     entries = [value_text(entry, 10**9) for entry in value]
     line = "[" + ", ".join(entries) + "]"
     if len(line) <= width:
