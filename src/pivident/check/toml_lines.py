@@ -21,7 +21,7 @@ class TomlLines:
     """
 
     def __init__(self, text: str) -> None:
-        self._found: dict[Place, int] = {}
+        self._rows: dict[Place, int] = {}
         try:
             document = toml_document(text, to_write=True)
         except ValueError:
@@ -38,13 +38,13 @@ class TomlLines:
         row = 1
         for k, part in enumerate(document.as_string().split(_MARK)):
             if k % 2:
-                self._found.setdefault(numbered(places[int(part)]), row)
+                self._rows.setdefault(numbered(places[int(part)]), row)
             row += part.count("\n")
 
     def line(self, place: Sequence[int | str]) -> int | None:
         """Line of a place, or of the nearest table around it, counted from 1; None without one."""
         around = (numbered(place[:length]) for length in range(len(place), 0, -1))
-        return next((self._found[known] for known in around if known in self._found), None)
+        return next((self._rows[place] for place in around if place in self._rows), None)
 
 
 def _keys(place: Place, key: Key | None, item: Item) -> Iterator[tuple[Place, Key]]:

@@ -23,7 +23,7 @@ from pivident.experiment.edited_lines import (
     comment_lines,
     content_of,
     document_of,
-    found_line,
+    line_at,
     short,
     table_name,
     ways_to_add,
@@ -81,8 +81,8 @@ def confirmed(text: str, place: Sequence[int | str]) -> str:
     """
     place = numbered(place)
     document = document_of(text)
-    found = found_line(document, place)
-    line = None if found is None else found[0]
+    spot = line_at(document, place)
+    line = None if spot is None else spot[0]
     if line is None or sureness(line.reason)[0] != "assumed":
         raise ExperimentError(
             f"{called(place)} is no assumption any more", advice="reload the page"
@@ -214,9 +214,9 @@ def _assumed_scales(value: Any, place: Place) -> Iterator[Place]:
 def _refuse_new_problems(old: str, new: str) -> None:
     """Refuse what the schema finds wrong with a text and not with an older one."""
     before, after = (every_problem(content_of(text)) for text in (old, new))
-    known = {(p.location, str(p.said)) for p in before}
+    old_problems = {(p.location, str(p.said)) for p in before}
     for problem in after:
-        if (problem.location, str(problem.said)) not in known:
+        if (problem.location, str(problem.said)) not in old_problems:
             heading = table_name(problem.location)
             raise ExperimentError.of_part(f"[{heading}] " if heading else "", problem.said)
 

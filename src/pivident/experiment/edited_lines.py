@@ -39,7 +39,11 @@ REMOVED = "Removed by hand."
 
 
 def content_of(text: str) -> dict[str, Any]:
-    """What a text says, its short forms written out."""
+    """What a text says, its short forms written out.
+
+    Raises:
+        ExperimentError: it is not TOML.
+    """
     try:
         return plain_form(parse_toml(text))
     except ValueError as error:
@@ -61,7 +65,7 @@ def document_of(text: str, *, to_write: bool = True) -> tomlkit.TOMLDocument:
         ) from error
 
 
-def found_line(document: tomlkit.TOMLDocument, place: Place) -> tuple[FileLine, Place] | None:
+def line_at(document: tomlkit.TOMLDocument, place: Place) -> tuple[FileLine, Place] | None:
     """The line in which a value stands, which may be written in short, and where inside of it."""
     for line in file_lines(document):
         rest = place[len(line.place) :]
@@ -91,10 +95,10 @@ def with_value(text: str, place: Place, value: str) -> str | None:
     the first change by hand is said, not every step.
     """
     document = document_of(text)
-    found = found_line(document, place)
-    if found is None:
+    spot = line_at(document, place)
+    if spot is None:
         return None
-    line, rest = found
+    line, rest = spot
     old = _put(line, rest, tomlkit.value(value))
     if old == value:
         return text
@@ -136,10 +140,10 @@ def _braces(around: InlineTable | Table, left_out: Place = (), more: Sequence[st
 def without(text: str, place: Place) -> str:
     """The text without what is at a place; a line stays as a suggestion, so that it can be back."""
     document = document_of(text)
-    found = found_line(document, place)
-    if found is None:
+    spot = line_at(document, place)
+    if spot is None:
         return without_tables(document, place)
-    line, rest = found
+    line, rest = spot
     if rest:
         around: Any = _inside(line.value, rest[:-1])
         if isinstance(around, Array):
@@ -212,9 +216,9 @@ def _accepted(text: str, place: Place, pair: str) -> Iterator[str]:
 def _in_table(text: str, table: Place, pair: str, before: str) -> Iterator[str]:
     """A key inside of a table that is there, in whichever form."""
     document = document_of(text)
-    found = found_line(document, table)
-    if found is not None:
-        line, rest = found
+    spot = line_at(document, table)
+    if spot is not None:
+        line, rest = spot
         around: Any = _inside(line.value, rest)
         for whole, short_form in SHORT_FORMS.items():
             if short_form == line.place and isinstance(around, String):
@@ -223,16 +227,16 @@ def _in_table(text: str, table: Place, pair: str, before: str) -> Iterator[str]:
             _put(line, rest, _braces(around, more=[pair]))
         yield document.as_string()
         return
-    spots = [
+    ends = [
         (line.body, line.number + 1, line.prefix)
         for line in file_lines(document)
         if line.prefix and numbered(line.place[:-1]) == table
     ]
     for place, body in bodies(document):
-        if numbered(place) == table and not spots:
+        if numbered(place) == table and not ends:
             lines = [k for k, (key, item) in enumerate(body) if is_line(key, item)]
-            spots = [(body, max(lines, default=-1) + 1, "")]
-    for body, number, prefix in spots[-1:]:
+            ends = [(body, max(lines, default=-1) + 1, "")]
+    for body, number, prefix in ends[-1:]:
         body[number:number] = _line(f"{prefix}{pair}", before, text)
         yield document.as_string()
 

@@ -44,7 +44,7 @@ class FileLine:
     """A key on a line of its own, or one that a comment suggests.
 
     Attributes:
-        place: of the key; the only recording is number 0, but for a list that is the value itself.
+        place: of the key; the only recording is number 0, but where the value is the list of all.
         reason: the comment above it in one line, empty without one.
         body: the lines of its table.
         start: number of the first line of its comment there.
@@ -96,7 +96,8 @@ def file_lines(document: tomlkit.TOMLDocument) -> Iterator[FileLine]:
                 place, header = table, None
                 parts, holder, at = behind_dots(body, number)
                 inner = (*table, *parts)
-                inner = inner if isinstance(holder[at][1], Array) else numbered(inner)
+                if not (len(inner) == 1 and isinstance(holder[at][1], Array)):
+                    inner = numbered(inner)
                 yield FileLine(inner, reason, body, start, number)
             words, start = [], number + 1
 
