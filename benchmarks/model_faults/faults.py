@@ -253,9 +253,10 @@ def offset_jump(setup: Setup, rng: np.random.Generator) -> Planted:
 def load_jump(setup: Setup, rng: np.random.Generator) -> Planted:
     """A load of 0.5 to 2 kg is taken up during the records."""
     load, instant = _load(setup, rng), float(rng.uniform(0.2, 0.8))
-    return _with_extra(
-        setup, Extra(load=load, instant=instant), ("load jump", None), load.mass, "kg"
-    )
+    extra = Extra(load=load, instant=instant)
+    # where one record ends and the next begins both are the same
+    causes: tuple[Cause, ...] = (("load jump", None), ("payload", None))
+    return Planted(replace(setup, extra=extra), causes, load.mass, "kg")
 
 
 def load_drift(setup: Setup, rng: np.random.Generator) -> Planted:

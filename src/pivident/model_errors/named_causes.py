@@ -46,8 +46,9 @@ MATTERS = 2.0
 EXPLAINS = 0.1
 #: Share of the best cause's effect from which on another one cannot be told from it.
 ALIKE = 0.9
-#: The same where the best has many columns, those of joints that are tied otherwise.
-SIMPLER = 0.7
+#: The same for a simpler one to be named instead: where the best has many columns, those of joints
+#: that are tied otherwise, and where it has one of many instants.
+SIMPLER, STEADY = 0.7, 0.99
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,8 +251,9 @@ def named_causes(problem: Problem, found: Identification) -> ModelErrors:
     """
     with linear_algebra_in_one_thread():
         errors = _named_causes(score_tests(problem, found), found)
-        jumps = {one.cause.instant for one in errors.named if one.cause.instant is not None}
-        if jumps:  # the next instants to them are near enough to name a cause, not to measure it
+        causes = [c for one in errors.named for c in (one.cause, *one.alternatives)]
+        jumps = {cause.instant for cause in causes if cause.instant is not None}
+        if jumps:  # the next instants to them are near enough to find a cause, not to measure it
             errors = _named_causes(score_tests(problem, found, near=sorted(jumps)), found)
         return errors
 
@@ -310,7 +312,7 @@ def _best(candidates: Mapping[int, Score]) -> int:
     order = sorted(candidates, key=lambda k: -candidates[k].unseen)
     simple = next((k for k in order if _is_simple(candidates[k].cause)), order[0])
     first = candidates[order[0]]
-    share = SIMPLER if first.cause.kind == COUPLED else ALIKE
+    share = SIMPLER if first.cause.kind == COUPLED else STEADY
     return simple if candidates[simple].unseen > share * first.unseen else order[0]
 
 
