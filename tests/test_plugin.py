@@ -318,11 +318,12 @@ def test_the_finding_is_said_by_check_and_audit_and_its_repair_sets_it_right(res
     code = (
         "import json; from pathlib import Path; "
         "from pivident.check.experiment_check import check_experiment; "
-        "from pivident.studio.fixes import applied, fixes; file = Path('experiment.toml'); "
+        "from pivident.experiment.edited_file import edited; "
+        "from pivident.studio.fixes import fixes; file = Path('experiment.toml'); "
         "look = lambda: [r.as_json() for r in check_experiment(file).remarks "
         "if r.kind == 'quiet end']; "
         "(remark,) = look(); (fix,) = fixes(remark, file.read_text()); "
-        "file.write_text(applied(file.read_text(), fix)); "
+        "file.write_text(edited(file.read_text(), fix.edits)); "
         "print(json.dumps([remark['place'], fix.words, look()]))"
     )
     place, words, left = json.loads(resting.python("-c", code).stdout)

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from pivident.errors import ExperimentError
+from pivident.experiment.edited_file import with_repair
 from pivident.experiment.experiment import load_experiment
 from pivident.experiment.explained import plain_form
 from pivident.experiment.repaired_problem import repaired
 from pivident.experiment.repairs import FileContent, edits_of
-from pivident.studio.fixes import applied, fix_of
 from pivident.text.repair import (
     Edit,
     LeftOut,
@@ -71,8 +71,7 @@ def test_samples_and_file_agree(folder, name, zeros):
     experiment = load_experiment(path)
     given = experiment.problem()
     repair = Repair((REPAIRS[name](*given.robot.joint_names[:2]),))
-    fix = fix_of(repair.below(("recording", 0)), text, given.robot.joint_names)
-    path.write_text(applied(text, fix))
+    path.write_text(with_repair(text, repair, given.robot.joint_names)[0])
     read, made = load_experiment(path).problem(), repaired(given, repair)
     (a,), (b,) = read.recordings, made.recordings
     for channel in ("q", "tau", "dq"):
