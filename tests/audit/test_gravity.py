@@ -16,7 +16,9 @@ from tests.other_arms import Setting, make_log
 SETTING = Setting("regular", 200.0, 20.0, 0.0, 0.005, "none", 0.8)
 
 
-def examined(gravity: tuple[float, ...] | None, described=(0.0, 0.0, -9.81)) -> Examination:
+def examined(
+    gravity: tuple[float, ...] | None, described=(0.0, 0.0, -9.81), unit: float = 1.0
+) -> Examination:
     """The check of an arm of Pinocchio's; ``gravity``: of the logged torques, None: as described.
 
     Both are arms of the same masses and frictions.
@@ -26,7 +28,7 @@ def examined(gravity: tuple[float, ...] | None, described=(0.0, 0.0, -9.81)) -> 
     tau = made.tau
     if gravity is not None:
         tau = tau - static(robot, made.q) + static(robot.with_gravity(np.array(gravity)), made.q)
-    channels = {"q": made.q, "tau": tau}
+    channels = {"q": made.q, "tau": unit * tau}
     log = Log("log", robot.joint_names, {}, {"t": made.t}, logged=channels, channels=channels,
               robot=robot.with_gravity(np.array(described)))  # fmt: skip
     timing = check_timing(log)
@@ -57,11 +59,15 @@ def test_other_gravity_is_another_fault(gravity):
     assert examined(gravity).findings == ()
 
 
-def test_shares_are_those_of_the_torques():
-    shares = gravity_shares(examined((0.0, 0.0, -4.905)).model)
-    assert len(shares) > 1
-    for share, spread, _ in shares.values():
-        assert share == pytest.approx(0.5, abs=4.0 * spread + 0.02)
+@pytest.mark.parametrize("unit", [1e-3, 0.02, 50.0])
+def test_no_unit_of_the_torque_hides_gravity(unit):
+    """Currents and kilonewton metres hold as much of it as newton metres do."""
+    seen, scaled = examined(None), examined(None, unit=unit)
+    assert scaled.findings == ()
+    whole, same = gravity_shares(seen.model), gravity_shares(scaled.model)
+    assert len(whole) > 1 and whole.keys() == same.keys()
+    for name, (share, _, _) in whole.items():
+        assert share > 0.1 and same[name][0] == pytest.approx(share, rel=0.05)
 
 
 def test_without_gravity_in_the_description_nothing_is_asked():

@@ -309,7 +309,7 @@ def test_the_verdict_ends_with_the_command_of_the_next_motion(designed, folder, 
     assert quickly(Path("experiment.toml"), Path("my results")) == 0
     lines = capsys.readouterr().out.strip().splitlines()
     (last,) = [line for line in lines if line.startswith("Next ")]
-    command = shlex.split(last.removeprefix("Next "))
+    command = shlex.split(last.removeprefix("Next "), comments=True)
     content = json.loads(Path("my results/verdict.json").read_text("utf-8"))
     assert command[:3] == ["pivident", "excite", "my results"] and "'my results'" in last
     assert command[3:] == ["--for", ",".join(content["open"])]

@@ -5,8 +5,9 @@ g_j and of inertia i_j each joint is fitted by
 
     τ_j = a g_j + b i_j + c ddq_j + friction.
 
-Where a is zero on all joints that gravity would load, although little else is left unexplained,
-the torques hold none. Gravity in another direction is another fault: it leaves much.
+Where a g_j is nothing of the torque on all joints whose gravity would be more than their inertia,
+although little else is left unexplained, the torques hold none. No unit of the torque changes that.
+Gravity in another direction is another fault: it leaves much.
 """
 
 from __future__ import annotations
@@ -27,11 +28,11 @@ NO_GRAVITY = FindingKind(
     Topic("gravity", "Gravity in the torques"), "none", ("robot", "gravity"), reservation=True
 )
 
-#: Joints are asked whose gravity would be this share of their torque.
-LOADED = 0.1
+#: Joints are asked whose gravity would be so many times their torque of inertia.
+LOADED = 1.0
 
-#: Share of gravity, with its two standard errors, below which a torque holds none of it.
-NONE_OF_IT = 0.15
+#: Share of gravity in a torque, with its two standard errors, below which it holds none of it.
+NONE_OF_IT = 0.03
 
 #: Share of a torque that may be left unexplained without gravity.
 UNEXPLAINED = 0.25
@@ -50,10 +51,10 @@ class GravityCheck(LogCheck):
         if len(free) < 2 or not all(free):
             return seen
         most = max(a + 2.0 * s for a, s, _ in shares.values())
-        sizes = listed([f"{name} {plus_minus(a, 2 * s)}" for name, (a, s, _) in shares.items()], 3)
+        sizes = [f"{name} {plus_minus(100 * a, 200 * s)} %" for name, (a, s, _) in shares.items()]
         text = (
-            "The torques hold no gravity: the drives have taken it out. Times that of the "
-            f"description it is {sizes}."
+            "The torques hold no gravity: the drives have taken it out. It makes so much of them: "
+            f"{listed(sizes, 3)}."
         )
         step = "Set gravity = [0, 0, 0] under [robot]."
         repairs = [Repair((Edit(("robot", "gravity"), [0.0, 0.0, 0.0]),))]
@@ -64,16 +65,16 @@ class GravityCheck(LogCheck):
 
 
 def gravity_shares(model: InverseModel) -> dict[str, tuple[float, float, float]]:
-    """Logged over described gravity, its standard error, and what is left of the torque, by joint.
+    """Gravity in the torque, its standard error, and what is left unexplained, by joint.
 
-    Only of joints that gravity would load.
+    All as shares of the torque's rms; only of joints that gravity would load.
     """
     tau, shares = model.tau(), {}
     for j, joint in enumerate(model.robot.joints):
         rows = model.moving[:, j]
         weight, inertial = model.gravity[rows, j], model.inertial[rows, j]
         size = float(np.std(tau[rows, j])) if rows.any() else 0.0
-        if not model.usable(j) or size == 0.0 or np.std(weight) < LOADED * size:
+        if not model.usable(j) or size == 0.0 or np.std(weight) < LOADED * np.std(inertial):
             continue
         parameters = model.base.parameters
         friction = [k for k, p in enumerate(model.own[j]) if parameters[p].friction is not None]
@@ -85,9 +86,10 @@ def gravity_shares(model: InverseModel) -> dict[str, tuple[float, float, float]]
         fit = blocked_fit(columns[:, kept] / length[kept], tau[rows, j], model.block[rows])
         left = tau[rows, j] - (columns[:, kept] / length[kept]) @ fit.estimate
         spread = float(jackknife(fit.replicates[:, :1])[0])
+        unit = float(np.std(weight)) / (size * float(length[0]))
         shares[joint.name] = (
-            abs(float(fit.estimate[0])) / float(length[0]),
-            spread / float(length[0]),
+            abs(float(fit.estimate[0])) * unit,
+            spread * unit,
             float(np.linalg.norm(left) / np.linalg.norm(tau[rows, j])),
         )
     return shares
