@@ -2,6 +2,7 @@
 
 import tomllib
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -37,6 +38,7 @@ from pivident.signals.bandpass import butterworth
 from pivident.validation.held_out.segment_sums import Segments, SegmentSums, effective_rows
 from tests.friction_laws.friction_axis import Axis, Noise
 from tests.friction_laws.friction_cases import CASES
+from tests.planar_log import EXPERIMENT, write_experiment
 
 BASE = FrictionLaw((viscous(), coulomb(), offset()))
 NOISE = Noise(encoder=2e-7, torque=0.3)
@@ -273,3 +275,18 @@ def test_a_depth_of_nothing_is_refused(tmp_path, capsys):
     (tmp_path / "arm.toml").write_text('robot = "planar_2r"\n')
     assert main(["laws", str(tmp_path / "arm.toml"), "--depth", "0"]) == 1
     assert "--depth 0 leaves no law to try" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("lines", ['[robot.joint_friction]\n"elbow" = []', ""])
+def test_chosen_laws_are_written_where_asked(tmp_path, capsys, monkeypatch, lines):
+    """The lines that are printed; no file where no law changes."""
+    choice = SimpleNamespace(toml=lambda: lines, problem=None)
+    monkeypatch.setattr("pivident.friction_laws.law_choice.choose_laws", lambda *a, **k: choice)
+    monkeypatch.setattr("pivident.cli.laws._checked", lambda *given: "checked")
+    experiment = write_experiment(tmp_path, EXPERIMENT)
+    out = tmp_path / "found" / "laws.toml"
+    assert main(["laws", str(experiment), "--out", str(out)]) == 0
+    assert out.is_file() == bool(lines)
+    if lines:
+        assert tomllib.loads(out.read_text("utf-8")) == {"robot": {"joint_friction": {"elbow": []}}}
+        assert "belongs in" in capsys.readouterr().err

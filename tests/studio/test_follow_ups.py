@@ -45,12 +45,8 @@ def test_a_result_is_tested_on_another_log(client, arm, tmp_path):
     assert re.search(r"test_logs/other\.csv</th><td>log for tests", files)
 
 
-LAWS = """elbow: tried up to 1.00 times the fitted speed.
-
-[robot.joint_friction]
+LAWS = """[robot.joint_friction]
 "elbow" = [{term = "viscous"}, {term = "coulomb", smoothing = "tanh", gamma = 100.0}]
-
-held-out error on 5 blocks  torque % < 20 Hz
 """
 
 
@@ -60,7 +56,7 @@ def test_chosen_laws_are_written_into_the_file(client, arm):
     folder.mkdir(parents=True)
     (folder / "output.txt").write_text("no law predicts significantly better\n", "utf-8")
     assert "laws of elbow" not in results(client)
-    (folder / "output.txt").write_text(LAWS, "utf-8")
+    (folder / "laws.toml").write_text(LAWS, "utf-8")
     (folder / "run.json").write_text(json.dumps({"step": "laws", "state": "done"}), "utf-8")
     assert "Write the laws of elbow into the experiment" in results(client)
     body = {"run": "001", "version": version(client)}

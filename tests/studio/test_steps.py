@@ -75,7 +75,7 @@ def test_what_is_written_on_the_command_line(project):
     assert STEPS["export"].command(project, FULL["export"], OUT)[-1] == f"{OUT}/robot_estimate.xml"
     shown = STEPS["export"].command(project, {"result": "001-identify", "to": "rrd"}, OUT)
     assert shown[4:6] == ["--log", "experiment.toml"] and shown[-1] == f"{OUT}/robot_motion.rrd"
-    assert "--out" not in STEPS["laws"].command(project, {}, OUT)
+    assert STEPS["laws"].command(project, {}, OUT)[-2:] == ["--out", f"{OUT}/laws.toml"]
     tested = {"result": "001-identify", "log": "-x.csv"}
     assert STEPS["predict"].command(project, tested, OUT)[2] == "./-x.csv"  # no option
 

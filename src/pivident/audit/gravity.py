@@ -56,12 +56,16 @@ class GravityCheck(LogCheck):
             "The torques hold no gravity: the drives have taken it out. It makes so much of them: "
             f"{listed(sizes, 3)}."
         )
-        step = "Set gravity = [0, 0, 0] under [robot]."
-        repairs = [Repair((Edit(("robot", "gravity"), [0.0, 0.0, 0.0]),))]
-        evidence = {"largest share": Quantity(most, bound=NONE_OF_IT)}
-        finding = NO_GRAVITY.finding("error", text, "", step, evidence, repairs=repairs)
-        weightless = replace(model, gravity=np.zeros_like(model.gravity))
-        return seen.after(self.name, [finding], shares, weightless)
+        finding = NO_GRAVITY.finding(
+            "error",
+            text,
+            next_step="Set gravity = [0, 0, 0] under [robot].",
+            evidence={"largest share": Quantity(most, bound=NONE_OF_IT)},
+            repairs=[Repair((Edit(("robot", "gravity"), [0.0, 0.0, 0.0]),))],
+        )
+        return seen.after(
+            self.name, [finding], shares, replace(model, gravity=np.zeros_like(model.gravity))
+        )
 
 
 def gravity_shares(model: InverseModel) -> dict[str, tuple[float, float, float]]:

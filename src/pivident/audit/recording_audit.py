@@ -19,22 +19,14 @@ from pivident.audit.examination import Examination, LogCheck, in_turn
 from pivident.audit.inverse_model import build_inverse_model
 from pivident.audit.log_checks import CHECKS
 from pivident.audit.saturation import CLIPPED, check_channels
-from pivident.audit.scale import (
-    ALIKE,
-    GAIN,
-    LOAD,
-    MEDIAN,
-    WARNING,
-    PositionUnitCheck,
-    check_scale,
-)
+from pivident.audit.scale import ALIKE, GAIN, LOAD, PositionUnitCheck, check_scale
 from pivident.audit.standstill import check_rest_at_ends
 from pivident.audit.timing import Timing, check_timing
 from pivident.errors import PividentError
 from pivident.logs.log import Log
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
-from pivident.text.finding import Finding, Quantity, gravest_first, serious
+from pivident.text.finding import Finding, gravest_first, serious
 from pivident.threads import linear_algebra_in_one_thread
 
 
@@ -124,23 +116,7 @@ class GainsCheck(LogCheck):
             for f in scale.findings
             if f.declared is LOAD or (f.declared is GAIN and same_shape[f.subject])
         )
-        return seen.after(
-            self.name,
-            [
-                replace(
-                    f,
-                    severity="warning",
-                    evidence={
-                        **f.evidence,
-                        MEDIAN: Quantity(float(np.nanmedian(scale.factors)), bound=WARNING),
-                    },
-                )
-                if f.declared is GAIN
-                else f
-                for f in serious(kept)
-            ],
-            scale,
-        )
+        return seen.after(self.name, [replace(f, severity="warning") for f in serious(kept)], scale)
 
 
 def log_of(robot: Robot, recording: Recording) -> Log:

@@ -431,10 +431,10 @@ def _gain_findings(
             )
             step = f"If that is right, write gain = {1 / a:.4g} beside the unit of tau."
             repairs = [Repair((Gain(gains=((joint.name, float(f"{1 / a:.4g}")),)),))]
+        bound = ERROR if severity == "error" else WARNING
         evidence = {
-            "factor": Quantity(
-                a, bound=WARNING if severity != "error" else ERROR, interval=interval
-            )
+            "factor": Quantity(a, bound=bound, interval=interval),
+            MEDIAN: Quantity(float(np.nanmedian(found.factors)), bound=WARNING),
         }
         findings.append(GAIN.finding(severity, text, joint.name, step, evidence, repairs=repairs))
     return findings

@@ -100,6 +100,6 @@ def check_rest_at_ends(q: np.ndarray, seconds: np.ndarray) -> list[Finding]:
     rests = " and ".join(text for text, t in zip(ends, (before, behind), strict=True) if t >= 0.05)
     part = [float(f"{first:.6g}"), float(f"{last:.6g}")]
     step = f"Keep to the motion: part = [{part[0]:g}, {part[1]:g}] under [recording]."
-    evidence = {"rest": Quantity(before + behind, "s")}
-    text, repairs = f"The arm rests for {rests}.", [setting("part", value=part)]
+    evidence, repairs = {"rest": Quantity(before + behind, "s")}, [setting("part", value=part)]
+    text = f"The arm rests for {rests}."
     return [AT_ENDS.finding("warning", text, "", step, evidence, repairs=repairs)]

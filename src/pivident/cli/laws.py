@@ -10,6 +10,7 @@ from cyclopts import Parameter
 
 from pivident.cli.console import Progress, note
 from pivident.errors import ExperimentError
+from pivident.files import atomic_folder
 from pivident.text.lists import separated
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ def laws(
     blocks: int = 10,
     band: float | None = None,
     depth: int = 3,
+    out: Path | None = None,
 ) -> int:
     """Try friction laws on each joint and report which one fits the next motion.
 
@@ -53,6 +55,9 @@ def laws(
         an eighth of a low rate.
     depth
         Largest number of terms by which a law may be changed.
+    out
+        TOML file for the chosen laws, with the lines that are printed; none is written where no law
+        changes.
     """
     from pivident.experiment.experiment import load_experiment
     from pivident.friction_laws.law_choice import choose_laws
@@ -77,7 +82,11 @@ def laws(
         checked = _checked(problem, choice, chosen, given.unseen_recordings())
     print(choice)
     print(f"\n{checked}")
-    if not any(j.is_changed for j in choice.joints):
+    lines = choice.toml()
+    if lines and out is not None:
+        with atomic_folder(out.parent) as build:
+            (build / out.name).write_text(f"{lines}\n", encoding="utf-8")
+    if not lines:
         note("no law predicts significantly better than the present ones")
     else:
         note(

@@ -93,7 +93,8 @@ def log_faults(diagnostics: Diagnostics) -> Iterator[Finding]:
     for finding in diagnostics.log:
         of_masses = finding.declared is LOAD or (finding.declared is GAIN and agree)
         common = finding.evidence[MEDIAN].value if of_masses else 0.0
-        if not finding.repairs and 1.0 / WARNING < common < WARNING:
+        is_open = finding.severity != "note" and not finding.repairs
+        if is_open and 1.0 / WARNING < common < WARNING:
             finding = replace(
                 finding,
                 severity="note",

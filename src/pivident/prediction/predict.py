@@ -45,10 +45,10 @@ from pivident.text.numbers import format_significant, percent
 from pivident.validation.held_out.cross_validation import CrossValidation
 from pivident.validation.held_out.folds import moving_part
 from pivident.validation.held_out.held_out_errors import (
-    ALL_JOINTS,
     HeldOutErrors,
     LogError,
     jackknife_spread,
+    log_errors,
 )
 from pivident.validation.held_out.prediction import Judge, PredictionError, total_error
 
@@ -259,12 +259,8 @@ def _moving_errors(
     sizes = np.sqrt(_without_each(torque))
     totals = [total_error(e, t, errors.units) for e, t in zip(left_out, sizes, strict=True)]
     spreads = jackknife_spread(np.column_stack([totals, left_out / np.maximum(sizes, 1e-300)]))
-    values = [errors.total_moving_in_band, *errors.moving_in_band]
-    names = (ALL_JOINTS, *errors.joint_names)
-    return {
-        name: LogError(float(x), float(s), count)
-        for name, x, s in zip(names, values, spreads, strict=True)
-    }
+    values = np.array([errors.total_moving_in_band, *errors.moving_in_band])
+    return log_errors(errors.joint_names, values, spreads, count)
 
 
 def _error_findings(error: ErrorOnLog, held_out: HeldOutErrors | None) -> list[Finding]:

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 from pivident.errors import ExperimentError, PividentError
 from pivident.experiment.edited_file import Edits, edited
-from pivident.studio.run_folder import OUTPUT
 from pivident.text.toml import parse_toml
 from pivident.text.toml_values import value_text
 
-#: Where the experiment file has laws by joint, as the command prints them.
-PLACE = ("robot", "joint_friction")
-_PRINTED = re.compile(r"^\[robot\.joint_friction\]\n(?:.+\n)+", re.MULTILINE)
+#: File of the chosen laws, and where they belong in an experiment file.
+LAWS, PLACE = "laws.toml", ("robot", "joint_friction")
 
 
 def joints_to_change(text: str, results: Path) -> list[str]:
@@ -45,9 +42,8 @@ def with_laws(text: str, results: Path) -> str:
 
 def _edits(results: Path) -> Edits:
     """The laws as edits."""
-    path = results / OUTPUT
-    printed = _PRINTED.search(path.read_text(encoding="utf-8") if path.is_file() else "")
-    if printed is None:
+    path = results / LAWS
+    if not path.is_file():
         raise ExperimentError(f"{results.name} has chosen no laws", advice="reload the page")
-    laws = parse_toml(printed[0])["robot"]["joint_friction"]
+    laws = parse_toml(path.read_text(encoding="utf-8"))["robot"]["joint_friction"]
     return tuple(((*PLACE, joint), value_text(law)) for joint, law in laws.items())

@@ -10,6 +10,7 @@ from typing import Any
 from pivident.consistency.options import CONSISTENT_METHODS
 from pivident.estimation.methods import METHODS
 from pivident.export.formats import FORMATS
+from pivident.studio.chosen_laws import LAWS
 from pivident.studio.projects import EXPERIMENT
 from pivident.studio.step_arguments import Argument, StepError
 
@@ -199,7 +200,7 @@ STEPS: dict[str, Step] = {
                      high=10),
         ),
         _experiment,
-        _prints,
+        lambda out, given: ["--out", f"{out}/{LAWS}"],
     ),
     "predict": Step(
         "Test on another log",

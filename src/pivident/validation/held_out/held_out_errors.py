@@ -9,7 +9,7 @@ out in turn (jackknife, Efron and Tibshirani 1993, section 11):
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -38,6 +38,16 @@ class LogError:
     blocks: int = 0
 
 
+def log_errors(
+    joints: Sequence[str], values: np.ndarray, spreads: np.ndarray, blocks: int
+) -> dict[str, LogError]:
+    """Errors by name, those of all joints first; values and spreads, shape (1 + joints,)."""
+    return {
+        name: LogError(float(x), float(s), blocks)
+        for name, x, s in zip((ALL_JOINTS, *joints), values, spreads, strict=True)
+    }
+
+
 def jackknife_spread(left_out: np.ndarray) -> np.ndarray:
     """Standard deviation of the logarithm of values with each block left out, blocks first."""
     logs = np.log(np.maximum(left_out, 1e-300))
@@ -57,11 +67,7 @@ def moving_errors(parts: list[PredictionError]) -> dict[str, LogError]:
         spread = jackknife_spread(
             np.array([values(parts[:k] + parts[k + 1 :]) for k in range(count)])
         )
-    names = (ALL_JOINTS, *parts[0].joint_names)
-    return {
-        name: LogError(float(x), float(s), count)
-        for name, x, s in zip(names, every, spread, strict=True)
-    }
+    return log_errors(parts[0].joint_names, every, spread, count)
 
 
 @dataclass(frozen=True)
