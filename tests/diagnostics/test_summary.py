@@ -61,6 +61,16 @@ def test_of_many_joints_the_worst_are_shown():
     assert len(lines) <= 24 and max(map(len, lines)) <= WIDTH
 
 
+def test_no_number_and_no_command_is_cut_off(judged):
+    """A long sentence goes on, a comment that has no room is left out."""
+    _, found = judged
+    error = f"Torque on motion that was not fitted: {'3.9 % off, ' * 10}plain least squares 4.1 %"
+    long = f"pivident excite results --for {','.join(f'parameter_{k}' for k in range(12))}"
+    text = replace(found.summary, error=error, next_step=long, items=()).text()
+    assert "plain least squares 4.1 %" in " ".join(text.split())
+    assert text.splitlines()[-1] == f"Next       {long}"
+
+
 def test_errors_on_the_screen_are_those_of_the_tables(judged):
     diagnostics, found = judged
     error = diagnostics.out_of_sample.results["ls"].prediction

@@ -44,6 +44,9 @@ BASELINES = {"description": "your description", "plain law": "plain least square
 #: Commands that answer a reservation, by its topic and kind.
 ANSWERED_BY = {("model", "friction"): "laws"}
 
+#: What to take away before a repair.
+NOT_YET = "nothing yet: apply, identify again, then pivident export"
+
 #: What commands are for.
 MEANT = {
     "excite": "designs a motion that tells more",
@@ -154,18 +157,18 @@ class Summary:
 
     def text(self) -> str:
         """The screen; items take the room that is left."""
-        lines = [_cut(self.subject), *textwrap.wrap(self.answer, WIDTH), _cut(self.error), ""]
+        said = (line for text in (self.answer, self.error) for line in textwrap.wrap(text, WIDTH))
+        lines = [_cut(self.subject), *said, ""]
         if self.joints:
             lines += [_cut(line) for line in self.table().splitlines()]
         lines += [*textwrap.wrap(self.known, WIDTH), ""]
-        repaired = any(item.effect and item.command for item in self.items)
-        taken = "nothing yet: apply, identify again, then pivident export" * repaired
+        later = NOT_YET * any(item.effect and item.command for item in self.items)
         named = (
-            ("Take away", self.take_away or taken),
+            ("Take away", self.take_away or later),
             ("Next", self.next_step),
             ("Details", self.details),
         )
-        tail = [_cut(f"{title:<11}{_explained(line)}") for title, line in named if line]
+        tail = [_explained(f"{title:<11}", line) for title, line in named if line]
         room = LINES - len(lines) - len(tail) - 2  # a blank line, and how many more there are
         shown = min(len(self.items), room // ITEM_LINES)
         for number, item in enumerate(self.items[:shown], start=1):
@@ -314,10 +317,11 @@ def _item(statement: Finding) -> Item:
     return Item(f"{first}\n{step}".rstrip(), command)
 
 
-def _explained(line: str) -> str:
-    """A command with what it is for, as a comment of the shell."""
+def _explained(title: str, line: str) -> str:
+    """A command with what it is for, as a comment of the shell, where there is room for that."""
     meant = next((MEANT[word] for word in line.split()[1:2] if word in MEANT), "")
-    return f"{line}   # {meant}" if meant else line
+    whole = f"{title}{line}   # {meant}"
+    return whole if meant and len(whole) <= WIDTH else f"{title}{line}"
 
 
 def _aligned(cells: Sequence[str]) -> list[str]:

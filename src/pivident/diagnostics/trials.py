@@ -326,8 +326,12 @@ def consequences(log: Sequence[Finding], trials: Iterable[Trial]) -> tuple[Findi
 
 def _of_description(finding: Finding, lost: Trial) -> Finding:
     """A torque of another size than the description's that is no gain."""
-    text = (
-        f"{finding.message} It is no gain (tried: {lost.effect}): its masses in the description "
-        "are wrong, or something is mounted that it lacks. The estimate does not use them."
+    return replace(
+        finding,
+        severity="note",
+        message=f"{finding.message} It is no gain (tried: {lost.effect}): its masses in the "
+        "description are wrong, or something is mounted that it lacks. The estimate does not use "
+        "them.",
+        next_step="",
+        repairs=(),
     )
-    return replace(finding, severity="note", message=text, next_step="", repairs=())

@@ -255,12 +255,11 @@ def _moving_errors(
     errors: PredictionError, squares: np.ndarray, torque: np.ndarray
 ) -> dict[str, LogError]:
     """Errors in motion with their scatter; arguments as of `joint_intervals`, in the band."""
-    left_out, count = np.sqrt(_without_each(squares)), len(squares)
-    sizes = np.sqrt(_without_each(torque))
+    left_out, sizes = (np.sqrt(_without_each(x)) for x in (squares, torque))
     totals = [total_error(e, t, errors.units) for e, t in zip(left_out, sizes, strict=True)]
     spreads = jackknife_spread(np.column_stack([totals, left_out / np.maximum(sizes, 1e-300)]))
-    values = np.array([errors.total_moving_in_band, *errors.moving_in_band])
-    return log_errors(errors.joint_names, values, spreads, count)
+    every = np.array([errors.total_moving_in_band, *errors.moving_in_band])
+    return log_errors(errors.joint_names, every, spreads, len(squares))
 
 
 def _error_findings(error: ErrorOnLog, held_out: HeldOutErrors | None) -> list[Finding]:
