@@ -72,4 +72,10 @@ def test_no_unit_of_the_torque_hides_gravity(unit):
 
 def test_without_gravity_in_the_description_nothing_is_asked():
     seen = examined(None, described=(0.0, 0.0, 0.0))
-    assert seen.findings == () and gravity_shares(replace(seen).model) == {}
+    assert seen.findings == () and gravity_shares(seen.model) == {}
+
+
+def test_without_bodies_in_the_description_nothing_is_asked():
+    model = examined(None).model
+    nothing = np.zeros_like(model.gravity)
+    assert gravity_shares(replace(model, gravity=nothing, inertial=nothing)) == {}

@@ -78,7 +78,7 @@ def gravity_shares(model: InverseModel) -> dict[str, tuple[float, float, float]]
         rows = model.moving[:, j]
         weight, inertial = model.gravity[rows, j], model.inertial[rows, j]
         size = float(np.std(tau[rows, j])) if rows.any() else 0.0
-        if not model.usable(j) or size == 0.0 or np.std(weight) < LOADED * np.std(inertial):
+        if not model.usable(j) or size == 0.0 or np.std(weight) <= LOADED * np.std(inertial):
             continue
         parameters = model.base.parameters
         friction = [k for k, p in enumerate(model.own[j]) if parameters[p].friction is not None]
