@@ -14,7 +14,7 @@ from pivident.audit.audit import audit_log
 from pivident.cli.workflow import Results, identify_all, write_results
 from pivident.diagnostics.diagnostics import diagnose
 from pivident.diagnostics.verdict import verdict
-from pivident.errors import PividentError
+from pivident.errors import Attempts, PividentError
 from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Problem
 from pivident.experiment.experiment import load_experiment
@@ -86,7 +86,8 @@ def _run(problem: Problem, names: tuple[str, ...]) -> tuple[float, float, float]
     """Processor times of estimators, judgement, and files with report [s]."""
     methods = {name: METHODS[name] for name in names}
     times = [time.process_time()]
-    found = identify_all(problem, methods, _Silent()).identifications  # type: ignore[arg-type]
+    outcome = identify_all(problem, methods, _Silent(), Attempts())  # type: ignore[arg-type]
+    found = outcome.identifications
     times.append(time.process_time())
     diagnostics = diagnose(problem, found, methods, folds=FOLDS)
     str(verdict(diagnostics))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pivident.model_errors.cause import Cause
-from pivident.model_errors.cause_sums import JointRows, cause_sums
+from pivident.model_errors.cause_sums import CauseSums, JointRows
 from pivident.model_errors.column_tests import Normal, Partition, Parts
 from pivident.model_errors.score_tests import ScoreTests
 
@@ -31,9 +31,10 @@ def made(seed=0, size=0.0):
 
 
 def score_tests(records, variance):
-    causes = [Cause(kind, "", kind, "", lambda m: m.q) for kind in "abc"]
-    sums = cause_sums(records, variance, 3, 6, BLOCKS)
-    return ScoreTests(sums, causes, np.array([3, 4, 5, 6]), 3)
+    # none explains too little to be tested
+    causes = [Cause(kind, "", kind, "", lambda m: m.q, least=-np.inf) for kind in "abc"]
+    first = np.array([3, 4, 5, 6])
+    return ScoreTests(CauseSums(records, variance, first, BLOCKS), causes, first, 3)
 
 
 def stacked(records, variance, rows=slice(None)):
@@ -137,13 +138,12 @@ def test_several_columns_are_tested_as_single_ones_are(corrected):
     stay = np.sort(tests.columns(corrected))
     others = np.setdiff1d(np.arange(6), stay)
     mask = np.isin(np.arange(6), stay)
-    windows, blocks = tests.sums.windows, tests.sums.blocks
-    parts = Parts(
-        Partition.of(Normal(tests.yx, tests.yt), mask, tests.scale),
-        Partition.of(Normal(tests.yx, tests.yt, windows.x, windows.tau), mask, tests.scale),
-        Partition.of(Normal(tests.xx, tests.xt, blocks.x, blocks.tau), mask, tests.scale),
-    )
     base, scores = tests.all_scores(corrected)
+    parts = Parts(
+        Partition.of(Normal(tests.yx), mask, tests.scale),
+        Partition.of(Normal(tests.yx, tests.sums.windows), mask, tests.scale),
+        Partition.of(Normal(tests.xx, tests.sums.blocks), mask, tests.scale),
+    )
     for number, score in scores.items():
         general = tests._score(number, base, parts, stay, others)
         for name in ("size", "covariance", "significance", "explained", "unseen", "shift"):
@@ -151,28 +151,47 @@ def test_several_columns_are_tested_as_single_ones_are(corrected):
             np.testing.assert_allclose(getattr(score, name), expected, rtol=1e-7, atol=1e-12)
 
 
-def test_a_partition_asks_only_for_entries_of_the_columns_that_join():
+def test_two_causes_meet_only_once_one_of_them_stays():
     """Of all columns against all there are as many as causes squared, in each part of the rows."""
-    _, _, tests = made(size=0.3)
-    windows, stay = tests.sums.windows, np.array([0, 1])
-    asked = np.zeros((6, 6), bool)
+    records, variance, _ = made(size=0.3)
+    first = np.array([2, 3, 6])  # a cause of one column and one of three
+    sums = CauseSums(records, variance, first, BLOCKS)
+    y, x, tau = stacked(records, variance)
+    whole, right = y.T @ x, y.T @ tau
+    every = np.arange(6)
 
-    class Watched(Normal):
-        def of(self, rows, columns):
-            asked[rows, columns] = True
-            return super().of(rows, columns)
+    def entries(rows, columns):
+        return sums.windows.of(rows, columns).sum(axis=0)
 
-    normal = Watched(tests.yx, tests.yt, windows.x, windows.tau)
-    part = Partition.of(normal, np.isin(np.arange(6), stay), tests.scale)
-    asked[:2], asked[:, :2] = False, False
-    assert not asked.any()
-    own = np.array([1, 3])
+    own = np.array([3, 4, 5])
+    np.testing.assert_allclose(entries(own[:, None], own), whole[3:, 3:], rtol=1e-10)
+    np.testing.assert_allclose(entries(every[:, None], every[:2]), whole[:, :2], rtol=1e-10)
+    np.testing.assert_allclose(entries(every[:2, None], every), whole[:2], rtol=1e-10)
+    np.testing.assert_allclose(sums.windows.tau.sum(axis=0), right, rtol=1e-10)
+    with pytest.raises(ValueError, match="neither of which stays"):
+        entries(every[:, None], every)
+    sums.stay(np.array([2]))
+    np.testing.assert_allclose(entries(every[:, None], every), whole, rtol=1e-10)
+    x_x = sums.blocks.of(every[:, None], every).sum(axis=0)
+    np.testing.assert_allclose(x_x, x.T @ x, rtol=1e-10)
+    assert sums.squares.sum() == pytest.approx(tau @ tau)
+
+
+def test_columns_join_each_part_as_a_whole_solution_has_them():
+    """δ and θ of a cause of three columns, with each window left out in turn."""
+    records, variance, _ = made(size=0.3)
+    first, stay = np.array([2, 3, 6]), np.array([0, 1])
+    sums = CauseSums(records, variance, first, BLOCKS)
+    whole, windows = sums.windows.total, sums.windows
+    part = Partition.of(Normal(whole, windows), np.isin(np.arange(6), stay), np.ones(6))
+    own = np.array([1, 3])  # among the others
     theta, delta = part.joined(own)
-    assert asked.sum() == own.size**2
     columns = np.r_[stay, 2 + own]
-    for k, (x, tau) in enumerate(zip(windows.x, windows.tau, strict=True)):
-        whole = np.linalg.solve((tests.yx - x)[np.ix_(columns, columns)], (tests.yt - tau)[columns])
-        np.testing.assert_allclose(np.r_[theta[k], delta[k]], whole, rtol=1e-8, atol=1e-12)
+    gram, right = whole.of(columns[:, None], columns)[0], whole.tau[0, columns]
+    parts = windows.of(columns[:, None], columns), windows.tau[:, columns]
+    for k, (x, tau) in enumerate(zip(*parts, strict=True)):
+        direct = np.linalg.solve(gram - x, right - tau)
+        np.testing.assert_allclose(np.r_[theta[k], delta[k]], direct, rtol=1e-8, atol=1e-12)
     np.testing.assert_allclose(
         part.schur_diagonal(own), part.schur(own)[:, [0, 1], [0, 1]], rtol=1e-10
     )

@@ -8,6 +8,7 @@ samples; a step without a way back is a place at which the log has to be cut.
 from __future__ import annotations
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from pivident.logs.clocks.timestamps import GAP, runs_of
 
@@ -76,14 +77,18 @@ def excursions(x: np.ndarray, t: np.ndarray | None) -> tuple[list[tuple[int, int
         return [], []
     usual, smallest = float(np.quantile(counted, 0.9)), float(counted.min())
     steps, clear = [], set()
-    wide = np.pad(np.nan_to_num(step), AROUND)
-    for k in np.flatnonzero(np.nan_to_num(step) > max(usual, 2.0 * smallest)).tolist():
-        around = np.delete(wide[k : k + 2 * AROUND + 1], AROUND)
-        above = step[k] / max(float(np.sort(around)[-1 - OTHERS_OUT_OF_PLACE]), 1e-300)
-        if above > REMARKABLE and not _is_turn(step[k]):
-            steps.append(k)
-            if above > ABOVE_NEIGHBOURS and step[k] > max(ABOVE_USUAL * usual, 5.0 * smallest):
-                clear.add(k)
+    finite = np.nan_to_num(step)
+    large = np.flatnonzero(finite > max(usual, 2.0 * smallest))
+    around = np.delete(
+        sliding_window_view(np.pad(finite, AROUND), 2 * AROUND + 1)[large], AROUND, 1
+    )
+    highest = np.sort(around, axis=1)[:, -1 - OTHERS_OUT_OF_PLACE]
+    above = finite[large] / np.maximum(highest, 1e-300)
+    for k, ratio in zip(large[above > REMARKABLE], above[above > REMARKABLE], strict=True):
+        if not _is_turn(step[k]):
+            steps.append(int(k))
+            if ratio > ABOVE_NEIGHBOURS and step[k] > max(ABOVE_USUAL * usual, 5.0 * smallest):
+                clear.add(int(k))
     if t is not None and len(t) == len(x) and clear:
         intervals = np.diff(t)
         steps = [k for k in steps if intervals[k] <= GAP * np.median(intervals)]

@@ -32,7 +32,7 @@ from pivident.model_errors.cause import (
     stride_of,
     thinned,
 )
-from pivident.model_errors.cause_sums import CauseSums, JointRows, cause_sums
+from pivident.model_errors.cause_sums import CauseSums, JointRows
 from pivident.motion.motion import Kinematics, Motion, measured_samples
 from pivident.signals.bandpass import bandpass_response
 from pivident.threads import run_in_threads
@@ -315,7 +315,7 @@ class CauseRows:
 
     def sums(self, variance: np.ndarray) -> CauseSums:
         """All sums, with weights 1/λ_j."""
-        return cause_sums(self.joints, variance, len(self.found.theta), int(self.first[-1]), BLOCKS)
+        return CauseSums(self.joints, variance, self.first, BLOCKS)
 
 
 def without_neighbours(used: np.ndarray, reach: int) -> np.ndarray:

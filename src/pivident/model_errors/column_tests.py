@@ -30,20 +30,18 @@ RCOND = 1e-14
 class Normal:
     """G and r, for one part or several: leading axes are kept."""
 
-    gram: np.ndarray  # of all rows, shape (columns, columns)
-    right: np.ndarray  # likewise, shape (columns,)
-    gram_part: np.ndarray | None = None  # of those left out, shape (…, columns, columns)
-    right_part: np.ndarray | None = None  # likewise, shape (…, columns)
+    whole: Products  # of all rows, one part
+    parts: Products | None = None  # of those left out in turn
 
     def of(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """Some entries of G, by indices that are broadcast."""
-        whole = self.gram[rows, columns]
-        return whole if self.gram_part is None else whole - self.gram_part[..., rows, columns]
+        whole = self.whole.of(rows, columns)[0]
+        return whole if self.parts is None else whole - self.parts.of(rows, columns)
 
     def right_of(self, columns: np.ndarray) -> np.ndarray:
         """Some entries of r."""
-        whole = self.right[columns]
-        return whole if self.right_part is None else whole - self.right_part[..., columns]
+        whole = self.whole.tau[0, columns]
+        return np.asarray(whole if self.parts is None else whole - self.parts.tau[:, columns])
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,11 +164,11 @@ def _variance(
 
     Infinite where all that is known of a column lies within one window.
     """
-    inside, across = windows.x[:, stay[:, None], stay], windows.x[:, own[:, None], stay]
-    beside = windows.x[:, stay[:, None], own]
+    inside, across = windows.of(stay[:, None], stay), windows.of(own[:, None], stay)
+    beside, alone = windows.of(stay[:, None], own), windows.of(own, own)
     scores = windows.tau[:, stay, None] - inside @ theta - beside * size
     rest = windows.tau[:, own] - np.einsum("wci,ic->wc", across, theta)
-    rest = rest - windows.x[:, own, own] * size
+    rest = rest - alone * size
     rest = rest - np.einsum("wci,wic->wc", without.cross[:, place], without.inverse @ scores)
     shown = without.schur_diagonal(place)
     steps = np.divide(rest, shown, out=np.full(shown.shape, np.inf), where=shown != 0.0)
@@ -188,8 +186,8 @@ def _squares(
     """‖τ - Xθ - D δ‖² on each block, shape (blocks, columns)."""
     if theta.ndim == 2:  # one estimate for all blocks
         theta, size = theta[None], size[None]
-    inside, beside = blocks.x[:, stay[:, None], stay], blocks.x[:, stay[:, None], own]
+    inside, beside = blocks.of(stay[:, None], stay), blocks.of(stay[:, None], own)
     fitted = np.sum(theta * (inside @ theta + 2.0 * beside * size[:, None]), axis=1)
-    fitted = fitted + blocks.x[:, own, own] * size**2
+    fitted = fitted + blocks.of(own, own) * size**2
     crossed = np.sum(theta * blocks.tau[:, stay, None], axis=1) + blocks.tau[:, own] * size
     return np.maximum(squares[:, None] - 2.0 * crossed + fitted, 0.0)

@@ -82,18 +82,26 @@ class ScoreTests:
         self, sums: CauseSums, causes: Sequence[Cause], first: np.ndarray, tried: int
     ) -> None:
         self.sums, self.causes, self.first, self.tried = sums, causes, first, tried
-        self.yx, self.yt = sums.windows.x.sum(axis=0), sums.windows.tau.sum(axis=0)
-        self.xx, self.xt = sums.blocks.x.sum(axis=0), sums.blocks.tau.sum(axis=0)
-        self.scale = np.sqrt(np.maximum(np.diag(self.xx), 1e-300))
+        self.yx, self.xx = sums.windows.total, sums.blocks.total
+        every = np.arange(first[-1])
+        self.scale = np.sqrt(np.maximum(self.xx.of(every, every)[0], 1e-300))
         self.freedom = degrees_of_freedom(sums.lengths)
-        self._rest: dict[bytes, np.ndarray] = {}
+        self._known_shares: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
 
     def columns(self, chosen: Sequence[int]) -> np.ndarray:
         """Indices of the model's columns and of those of some causes that others do not hide."""
         kept = np.arange(self.sums.parameters)
-        for k in chosen:
+        for number, k in enumerate(chosen):
             kept = np.r_[kept, self._distinct(kept, self.of(k))]
+            if number < len(chosen) - 1:
+                self._stay(kept)
         return kept
+
+    def _stay(self, columns: np.ndarray) -> None:
+        """Columns that all others are to be tested beside."""
+        if not self.sums.windows.stays(columns).all():
+            self.sums.stay(columns)
+            self.yx, self.xx = self.sums.windows.total, self.sums.blocks.total
 
     def of(self, number: int) -> np.ndarray:
         """Indices of all columns of a cause."""
@@ -101,15 +109,14 @@ class ScoreTests:
 
     def fit(self, columns: np.ndarray) -> Fit:
         """θ and δ, and the residual on fitted and on unseen blocks."""
-        blocks, squares = self.sums.blocks, self.sums.squares
-        grid = np.ix_(columns, columns)
-        theta = self._solve(self.yx[grid], self.yt[columns], columns)
+        theta, squares = self._estimate(columns), self.sums.squares
+        xx, xt = self.xx.of(columns[:, None], columns)[0], self.xx.tau[0, columns]
+        blocks = self.sums.blocks.of(columns[:, None], columns), self.sums.blocks.tau[:, columns]
         unseen = 0.0
-        for x, tau, square in zip(blocks.x, blocks.tau, squares, strict=True):
-            own = self._solve((self.xx - x)[grid], (self.xt - tau)[columns], columns)
-            unseen += _squares(own, x[grid], tau[columns], square)
-        total = float(squares.sum())
-        return Fit(theta, _squares(theta, self.xx[grid], self.xt[columns], total), unseen)
+        for x, tau, square in zip(*blocks, squares, strict=True):
+            own = self._solve(xx - x, xt - tau, columns)
+            unseen += _squares(own, x, tau, square)
+        return Fit(theta, _squares(theta, xx, xt, float(squares.sum())), unseen)
 
     def torques(self, corrected: Sequence[int], number: int) -> np.ndarray:
         """Torque that goes with a cause beside those that are corrected, shape (joints,).
@@ -117,46 +124,47 @@ class ScoreTests:
         The root of what it takes from the residual's sum of squares, over that of the torque's.
         """
         before, after = (
-            self._joint_squares(self.columns(chosen))
-            for chosen in (corrected, [*corrected, number])
+            self.sums.joint_squares(columns, self._estimate(columns))
+            for columns in (self.columns(corrected), self.columns([*corrected, number]))
         )
-        taken = np.maximum(before - after, 0.0)
-        return np.asarray(np.sqrt(taken / np.maximum(self.sums.joint_squares, 1e-300)))
+        taken, torque = np.maximum(before - after, 0.0), self.sums.torque_squares
+        return np.asarray(np.sqrt(taken / np.maximum(torque, 1e-300)))
 
-    def _joint_squares(self, columns: np.ndarray) -> np.ndarray:
-        """Sum of squares of each joint's residual."""
-        joints, grid = self.sums.joints, np.ix_(columns, columns)
-        theta = self._solve(self.yx[grid], self.yt[columns], columns)
-        rows = zip(joints.x, joints.tau, self.sums.joint_squares, strict=True)
-        return np.array([_squares(theta, x[grid], tau[columns], tt) for x, tau, tt in rows])
+    def _estimate(self, columns: np.ndarray) -> np.ndarray:
+        """(Yᵀ X)⁻¹ Yᵀ τ."""
+        gram, right = self.yx.of(columns[:, None], columns)[0], self.yx.tau[0, columns]
+        return self._solve(gram, right, columns)
 
     def covariance(self, columns: np.ndarray, theta: np.ndarray) -> np.ndarray:
         """Of all of them, by the jackknife over windows, shape (columns, columns)."""
-        grid = np.ix_(columns, columns)
-        windows = self.sums.windows.x[:, grid[0], grid[1]]
+        windows = self.sums.windows.of(columns[:, None], columns)
         scores = self.sums.windows.tau[:, columns] - windows @ theta
-        return jackknife_of(windows, scores, self.yx[grid]).covariance
+        return jackknife_of(windows, scores, windows.sum(axis=0)).covariance
 
     def sensitivity(self, columns: np.ndarray) -> np.ndarray:
         """-∂θ/∂δ = (Zᵀ Φ)⁻¹ Zᵀ D, shape (parameters, columns of the causes)."""
         n = self.sums.parameters
         own, others = columns[:n], columns[n:]
         scale = self.scale[own]
-        gram = self.yx[np.ix_(own, own)] / np.outer(scale, scale)
-        cross = self.yx[np.ix_(own, others)] / scale[:, None]
+        gram = self.yx.of(own[:, None], own)[0] / np.outer(scale, scale)
+        cross = self.yx.of(own[:, None], others)[0] / scale[:, None]
         return np.asarray(np.linalg.lstsq(gram, cross, rcond=1e-14)[0] / scale[:, None])
 
     def all_scores(self, corrected: Sequence[int]) -> tuple[Fit, dict[int, Score]]:
-        """The estimate with some causes corrected, and the tests of all others beside them."""
+        """The estimate with some causes corrected, and the tests of others beside them.
+
+        Causes of several columns are among them only where they explain what they at least have to.
+        """
         stay = np.zeros(self.scale.size, bool)
         stay[self.columns(corrected)] = True
+        self._stay(np.flatnonzero(stay))
         own, others = np.flatnonzero(stay), np.flatnonzero(~stay)
         base = self.fit(own)
         windows, blocks = self.sums.windows, self.sums.blocks
         parts = Parts(
-            Partition.of(Normal(self.yx, self.yt), stay, self.scale),
-            Partition.of(Normal(self.yx, self.yt, windows.x, windows.tau), stay, self.scale),
-            Partition.of(Normal(self.xx, self.xt, blocks.x, blocks.tau), stay, self.scale),
+            Partition.of(Normal(self.yx), stay, self.scale),
+            Partition.of(Normal(self.yx, windows), stay, self.scale),
+            Partition.of(Normal(self.xx, blocks), stay, self.scale),
         )
         found = self._single_scores(base, parts, own, others, corrected)
         for number, cause in enumerate(self.causes):
@@ -177,7 +185,7 @@ class ScoreTests:
         """The tests of all causes of one column that the columns that stay do not hide."""
         from scipy.stats import t
 
-        rest = np.diag(self._projected(stay))
+        rest = self._projected(stay)
         numbers = [
             k
             for k, cause in enumerate(self.causes)
@@ -207,30 +215,35 @@ class ScoreTests:
     def _score(
         self, number: int, base: Fit, parts: Parts, stay: np.ndarray, others: np.ndarray
     ) -> Score | None:
-        """The test of one cause; None: the columns that stay hide it."""
+        """The test of one cause; None: the columns that stay hide it, or it explains too little."""
         from scipy.stats import f
 
-        whole = self.of(number)
+        whole, least = self.of(number), self.causes[number].least
         own = self._distinct(stay, whole)
         if not own.size:
             return None
-        place = np.searchsorted(others, own)
+        place, columns = np.searchsorted(others, own), np.r_[stay, own]
         try:
             theta, size = parts.all.joined(place)
+            residual = _squares(
+                np.r_[theta, size],
+                self.xx.of(columns[:, None], columns)[0],
+                self.xx.tau[0, columns],
+                float(self.sums.squares.sum()),
+            )
+            explained = 1.0 - residual / max(base.residual, 1e-300)
+            if explained < least:
+                return None
+            unseen = 1.0 - self._unseen(parts, stay, own, place) / max(base.unseen, 1e-300)
+            if unseen <= least:
+                return None
             covariance = self._covariance_of(parts, stay, own, place, np.r_[theta, size])
-            unseen = self._unseen(parts, stay, own, place)
             statistic = float(size @ np.linalg.solve(covariance, size)) / own.size
         except np.linalg.LinAlgError:  # all that is known of it lies within one window
             return None
         left = self.freedom - own.size + 1.0
         significance = float(f.sf(statistic * left / self.freedom, own.size, left))
-        columns, n = np.r_[stay, own], self.sums.parameters
-        residual = _squares(
-            np.r_[theta, size],
-            self.xx[np.ix_(columns, columns)],
-            self.xt[columns],
-            float(self.sums.squares.sum()),
-        )
+        n = self.sums.parameters
         every, square = np.zeros(whole.size), np.zeros((whole.size, whole.size))
         known = own - whole[0]
         every[known], square[np.ix_(known, known)] = size, covariance
@@ -239,8 +252,8 @@ class ScoreTests:
             every,
             square,
             significance,
-            1.0 - residual / max(base.residual, 1e-300),
-            1.0 - unseen / max(base.unseen, 1e-300),
+            explained,
+            unseen,
             theta[:n] - base.theta[:n],
         )
 
@@ -254,7 +267,7 @@ class ScoreTests:
     ) -> np.ndarray:
         """The part of :meth:`covariance` that belongs to a cause, shape (own, own)."""
         windows, columns = self.sums.windows, np.r_[stay, own]
-        scores = windows.tau[:, columns] - windows.x[:, columns[:, None], columns] @ theta
+        scores = windows.tau[:, columns] - windows.of(columns[:, None], columns) @ theta
         split = stay.size
         steps = parts.without_window.solved(scores[:, :split], scores[:, split:], place)
         return np.asarray(steps.T @ steps / OVERLAP)
@@ -263,7 +276,7 @@ class ScoreTests:
         """Sum of squares on the blocks, each predicted from the others."""
         blocks, columns = self.sums.blocks, np.r_[stay, own]
         theta = np.concatenate(parts.without_block.joined(place), axis=1)
-        gram = blocks.x[:, columns[:, None], columns]
+        gram = blocks.of(columns[:, None], columns)
         fitted = np.einsum("bi,bij,bj->b", theta, gram, theta, optimize=True)
         crossed = np.einsum("bi,bi->b", theta, blocks.tau[:, columns])
         return float(np.sum(np.maximum(self.sums.squares - 2.0 * crossed + fitted, 0.0)))
@@ -271,7 +284,9 @@ class ScoreTests:
     def _distinct(self, stay: np.ndarray, own: np.ndarray) -> np.ndarray:
         """The columns of a cause of which enough is left beside the others, one after the other."""
         scale = self.scale[own]
-        rest = self._projected(stay)[np.ix_(own, own)] / np.outer(scale, scale)
+        rest = self._projected(stay, own) / np.outer(scale, scale)
+        if np.linalg.eigvalsh(rest)[0] > DISTINCT:  # then that of each part is larger still
+            return own
         kept: list[int] = []
         for k in range(own.size):
             lowest = np.linalg.eigvalsh(rest[np.ix_([*kept, k], [*kept, k])])[0]
@@ -279,19 +294,29 @@ class ScoreTests:
                 kept.append(k)
         return own[kept]
 
-    def _projected(self, stay: np.ndarray) -> np.ndarray:
-        """Xᵀ X without what lies in the space of the columns that stay."""
+    def _projected(self, stay: np.ndarray, own: np.ndarray | None = None) -> np.ndarray:
+        """Xᵀ X without what lies in the space of the columns that stay.
+
+        Of some columns, or the diagonal of all.
+        """
+        cross, share = self._shares(stay)
+        if own is None:
+            return np.asarray(self.scale**2 - np.einsum("ij,ij->j", cross, share))
+        return np.asarray(self.xx.of(own[:, None], own)[0] - cross[:, own].T @ share[:, own])
+
+    def _shares(self, stay: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Products of the columns that stay, scaled, with all, and what they take of each."""
         key = stay.tobytes()
-        if key not in self._rest:
-            scale = self.scale[stay]
-            gram = self.xx[np.ix_(stay, stay)] / np.outer(scale, scale)
-            cross = self.xx[stay] / scale[:, None]
+        if key not in self._known_shares:
+            scale, every = self.scale[stay], np.arange(self.scale.size)
+            gram = self.xx.of(stay[:, None], stay)[0] / np.outer(scale, scale)
+            cross = self.xx.of(stay[:, None], every)[0] / scale[:, None]
             inverse = np.linalg.pinv(gram, rcond=1e-13)
             share = inverse @ cross
             for _ in range(2):  # refined: of a column that is there already rounding is left
                 share += inverse @ (cross - gram @ share)
-            self._rest = {key: self.xx - cross.T @ share}
-        return self._rest[key]
+            self._known_shares = {key: (cross, share)}
+        return self._known_shares[key]
 
     def _solve(self, gram: np.ndarray, right: np.ndarray, columns: np.ndarray) -> np.ndarray:
         scale = self.scale[columns]
