@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Hashable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
@@ -42,6 +42,11 @@ def shared_work() -> Iterator[SharedWork]:
         yield own
     finally:
         _shared.reset(token)
+
+
+def work_in_common() -> AbstractContextManager[object]:
+    """A block of shared work, or that within which it is called."""
+    return nullcontext() if is_shared() else shared_work()
 
 
 def is_shared() -> bool:

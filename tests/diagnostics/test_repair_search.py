@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from pivident.diagnostics.diagnostics import diagnose
+from pivident.diagnostics.reading_rows import ReadingRows
 from pivident.diagnostics.repair_search import search
 from pivident.diagnostics.verdict import verdict
 from pivident.estimation.identification_file import save_identification
@@ -56,7 +57,7 @@ def exchanged(values, j, k):
 
 def test_a_right_log_is_left_as_it_is(log):
     problem = problem_of(log, log.q, log.tau)
-    assert search(problem) == ()
+    assert search(ReadingRows.of(problem)) == ()
     found = judged(problem)
     assert not found.repairs
     assert [s.severity for s in found.statements if s.topic == "physics"] in (["ok"], ["note"])
@@ -79,7 +80,7 @@ def test_exchanged_joints_are_named(log, j, k):
 @pytest.mark.parametrize("j", [1, 2])
 def test_a_joint_that_counts_backwards_is_named(log, j):
     sign = np.where(np.arange(4) == j, -1.0, 1.0)
-    (one,) = search(problem_of(log, sign * log.q, sign * log.tau))
+    (one,) = search(ReadingRows.of(problem_of(log, sign * log.q, sign * log.tau)))
     (edit,) = one.repair.edits
     assert (edit.channel, edit.joints) == ("", (log.arm.joint_names[j],))
 
@@ -88,14 +89,14 @@ def test_an_arm_in_a_mirror_is_an_arm(short):
     """Turned backwards about the vertical, three joints have the torques of their mirror image."""
     sign = np.array([-1.0, 1.0, 1.0])
     problem = problem_of(short, sign * short.q, sign * short.tau)
-    assert search(problem) == ()
+    assert search(ReadingRows.of(problem)) == ()
     assert identify(problem, "ls").relative_error < 0.02
 
 
 def test_readings_that_no_torque_tells_apart_are_all_given(short):
     sign = np.array([1.0, 1.0, -1.0])
     problem = problem_of(short, sign * short.q, sign * short.tau)
-    (one,) = search(problem)
+    (one,) = search(ReadingRows.of(problem))
     joints = {repair.edits[0].joints for repair in (one.repair, *one.alike)}
     assert joints == {(name,) for name in short.arm.joint_names[1:]}
     (said,) = [s for s in judged(problem).statements if s.topic == "log"]
@@ -124,13 +125,13 @@ def test_exchanged_currents_have_the_gains_of_their_places(log):
 def test_torques_that_are_computed_say_nothing_about_the_log(log):
     problem = problem_of(log, exchanged(log.q, 0, 1), exchanged(log.tau, 0, 1))
     made = replace(problem.recordings[0], torque_source="law")
-    assert search(replace(problem, recordings=(made,))) == ()
+    assert ReadingRows.of(replace(problem, recordings=(made,))) is None
 
 
 def test_a_wrong_direction_of_gravity_is_named(log):
     problem = problem_of(log, log.q, log.tau)
     turned = replace(problem, robot=problem.robot.with_gravity(np.array([-9.81, 0.0, 0.0])))
-    (one,) = search(turned)
+    (one,) = search(ReadingRows.of(turned))
     assert one.repair.edits[0].place == ("robot", "gravity")
 
 
@@ -146,7 +147,8 @@ def test_a_result_from_a_file_is_asked_for_a_machine_too(log, tmp_path):
 @pytest.mark.parametrize(("j", "k"), [(0, 1), (1, 2), (2, 3)])
 def test_gains_from_the_masses_do_not_hide_exchanged_joints(log, j, k):
     amperes = log.tau / GAIN
-    found = search(by_masses(problem_of(log, exchanged(log.q, j, k), exchanged(amperes, j, k))))
+    wrong = problem_of(log, exchanged(log.q, j, k), exchanged(amperes, j, k))
+    found = search(ReadingRows.of(by_masses(wrong)))
     edit = found[0].repair.edits[0]
     assert isinstance(edit, Reordered) and {edit.order[j], edit.order[k]} == {j, k}
-    assert search(by_masses(problem_of(log, log.q, amperes))) == ()
+    assert search(ReadingRows.of(by_masses(problem_of(log, log.q, amperes)))) == ()

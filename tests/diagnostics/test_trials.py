@@ -7,6 +7,7 @@ import pytest
 
 from pivident.audit.scale import GAIN
 from pivident.diagnostics.diagnostics import diagnose
+from pivident.diagnostics.reading_rows import ReadingRows
 from pivident.diagnostics.repair_search import search
 from pivident.diagnostics.trials import consequences, tried
 from pivident.diagnostics.verdict import verdict
@@ -55,7 +56,7 @@ def joint(problem: Problem, number: int) -> str:
 
 
 def test_nothing_is_found_in_a_right_log(right):
-    assert search(right) == ()
+    assert search(ReadingRows.of(right)) == ()
     assert tried(right, (), METHODS["ls"], 5) == ()
 
 
@@ -88,7 +89,7 @@ def test_two_faults_are_found_one_after_the_other(right):
         Reversed(channel="tau", joints=(joint(right, 2),)),
         Shifted(offsets=((joint(right, 1), float(np.pi / 2)),)),
     )
-    candidates = search(wrong)
+    candidates = search(ReadingRows.of(wrong))
     assert {type(one.repair.edits[0]) for one in candidates} == {Reversed, Shifted}
 
 

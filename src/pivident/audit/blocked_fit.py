@@ -7,6 +7,7 @@ stretch after the other is left out instead, and the scatter of the answers take
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import lstsq
@@ -37,12 +38,29 @@ def orthonormal(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 class BlockedFit:
     """A least squares fit with one replicate for each stretch of time left out."""
 
-    estimate: np.ndarray  # coefficients, shape (columns,)
-    replicates: np.ndarray  # without each block, shape (blocks, columns)
+    grams: np.ndarray  # AᵀA of each block, shape (blocks, columns, columns)
+    rights: np.ndarray  # Aᵀy of each block, shape (blocks, columns)
+
+    @cached_property
+    def estimate(self) -> np.ndarray:
+        """Coefficients, shape (columns,)."""
+        return _solved(self.grams.sum(axis=0), self.rights.sum(axis=0))
+
+    @cached_property
+    def replicates(self) -> np.ndarray:
+        """Coefficients without each block, shape (blocks, columns)."""
+        gram, right = self.grams.sum(axis=0), self.rights.sum(axis=0)
+        parts = zip(self.grams, self.rights, strict=True)
+        return np.array([_solved(gram - g, right - r) for g, r in parts])
 
     def spread(self, of: np.ndarray | None = None) -> np.ndarray:
         """Jackknife standard errors of the coefficients, or of functions of them."""
         return jackknife(self.replicates if of is None else of)
+
+
+def _solved(gram: np.ndarray, right: np.ndarray) -> np.ndarray:
+    # LAPACK's default, by singular values, does not converge on some sound matrices
+    return np.asarray(lstsq(gram, right, cond=1e-12, lapack_driver="gelsy")[0])
 
 
 def jackknife(replicates: np.ndarray) -> np.ndarray:
@@ -53,13 +71,5 @@ def jackknife(replicates: np.ndarray) -> np.ndarray:
 
 def blocked_fit(columns: np.ndarray, y: np.ndarray, block: np.ndarray) -> BlockedFit:
     """Ordinary least squares and its leave-one-block-out replicates, from normal equations."""
-    present = np.unique(block)
-    parts = [(columns[block == b], y[block == b]) for b in present]
-    grams = [(a.T @ a, a.T @ b) for a, b in parts]
-    gram, right = sum(g for g, _ in grams), sum(r for _, r in grams)
-
-    def solve(g: np.ndarray, r: np.ndarray) -> np.ndarray:
-        # LAPACK's default, by singular values, does not converge on some sound matrices
-        return lstsq(g, r, cond=1e-12, lapack_driver="gelsy")[0]
-
-    return BlockedFit(solve(gram, right), np.array([solve(gram - g, right - r) for g, r in grams]))
+    parts = [(columns[block == b], y[block == b]) for b in np.unique(block)]
+    return BlockedFit(np.array([a.T @ a for a, _ in parts]), np.array([a.T @ b for a, b in parts]))

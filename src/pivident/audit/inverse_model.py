@@ -113,6 +113,15 @@ class InverseModel:
         torque = CubicSpline(x, butterworth(self.torque(x), self.rate, band))
         return replace(self, columns=columns, torque=torque)
 
+    def roughly_scaled(self, factor: float) -> InverseModel:
+        """So many times the positions, with columns of the low-passed motion as they are."""
+        q, dq, ddq = (np.ascontiguousarray(factor * x.T) for x in (self.q, self.dq, self.ddq))
+        regressor = regressor_of(self.robot, self.base.parameters)
+        theta = self.base.values(nominal_values(self.robot, self.base.standard))
+        packed = regressor.packed(q, dq, ddq, inner=regressor.inner(q, dq, ddq, theta))
+        bounds = zip(regressor.offsets[:-1], regressor.offsets[1:], strict=True)
+        return replace(self, columns=tuple(packed[i:j].T for i, j in bounds))
+
     @property
     def _mixed(self) -> int:
         """Rows over which the low-pass mixes what lies beside one another."""

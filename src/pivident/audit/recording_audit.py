@@ -16,12 +16,13 @@ from dataclasses import replace
 import numpy as np
 
 from pivident.audit.examination import Examination, LogCheck, in_turn
-from pivident.audit.inverse_model import build_inverse_model
+from pivident.audit.inverse_model import InverseModel, build_inverse_model
 from pivident.audit.log_checks import CHECKS
 from pivident.audit.saturation import CLIPPED, check_channels
 from pivident.audit.scale import ALIKE, GAIN, LOAD, PositionUnitCheck, check_scale
 from pivident.audit.standstill import check_rest_at_ends
 from pivident.audit.timing import Timing, check_timing
+from pivident.common_work import once
 from pivident.errors import PividentError
 from pivident.logs.log import Log
 from pivident.recording.recording import Recording
@@ -66,15 +67,17 @@ def _faults(robot: Robot, recording: Recording) -> list[Finding]:
     findings = [*timing.findings, *map(_allowed, check_channels(seen))]
     findings += check_rest_at_ends(recording.q, recording.t)
     if recording.has_torque:  # one from the control law fits the motion whatever is wrong
-        findings += _against_torque(log, timing, recording.drive_delay)
+        findings += _against_torque(robot, recording, log, timing)
     return serious(finding for finding in findings if finding.is_reservation)
 
 
-def _against_torque(log: Log, timing: Timing, drive_delay: float) -> tuple[Finding, ...]:
+def _against_torque(
+    robot: Robot, recording: Recording, log: Log, timing: Timing
+) -> tuple[Finding, ...]:
     """What torque and motion say about each other, as far as they can be compared."""
     findings: tuple[Finding, ...] = ()
     with suppress(PividentError, np.linalg.LinAlgError):  # too short, for example
-        seen = Examination(log, timing, build_inverse_model(log, timing).delayed(-drive_delay))
+        seen = Examination(log, timing, recording_model(robot, recording, log, timing))
         for check in _checks():
             seen = in_turn(seen, [check])
             findings = seen.findings
@@ -117,6 +120,24 @@ class GainsCheck(LogCheck):
             if f.declared is LOAD or (f.declared is GAIN and same_shape[f.subject])
         )
         return seen.after(self.name, [replace(f, severity="warning") for f in serious(kept)], scale)
+
+
+def recording_model(
+    robot: Robot, recording: Recording, log: Log | None = None, timing: Timing | None = None
+) -> InverseModel:
+    """Rows of the inverse model of a recording, at the instants of its torque.
+
+    ``log`` and ``timing``: of the recording, where they are at hand.
+
+    Raises:
+        RecordingError: it is too short for that.
+    """
+
+    def make() -> InverseModel:
+        own = log or log_of(robot, recording)
+        return build_inverse_model(own, timing or check_timing(own))
+
+    return once(("inverse model", robot, recording), make).delayed(-recording.drive_delay)
 
 
 def log_of(robot: Robot, recording: Recording) -> Log:

@@ -23,6 +23,7 @@ from pivident.check.expected_time import (
 from pivident.cli.compile_ahead import compile_ahead
 from pivident.cli.console import Progress, note
 from pivident.cli.designs import design_accounts, design_texts, designs_beside, write_designs
+from pivident.common_work import shared_work
 from pivident.consistency.consistent_estimate import (
     ConsistentEstimate,
     NoConsistentEstimate,
@@ -126,7 +127,7 @@ def run_experiment(
     """
     from pivident.experiment.experiment import load_experiment
 
-    with Progress() as progress:
+    with Progress() as progress, shared_work():
         attempts = Attempts(progress.keep)
         experiment, hashed = load_experiment(path), sha256(path)
         methods = experiment.methods(free_methods(names))
@@ -214,7 +215,7 @@ def run_demo(out: Path, seed: int = 0) -> Outcome:
 
     check_output(out)
     compile_ahead()
-    with Progress() as progress:
+    with Progress() as progress, shared_work():
         attempts = Attempts(progress.keep)
         progress.say("simulating the closed loop of a TX40 (the first run compiles, be patient)")
         problem, truth = tx40_machine(seed)

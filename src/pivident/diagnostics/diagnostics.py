@@ -13,6 +13,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from pivident.audit.recording_audit import recording_faults
+from pivident.common_work import work_in_common
 from pivident.consistency.consistent_model import ConsistentModel, make_consistent
 from pivident.diagnostics.baselines import Baselines, baselines
 from pivident.diagnostics.ranges import block_ranges, friction_ranges
@@ -135,7 +136,7 @@ def diagnose(
             f"there is no method for the results {', '.join(unknown)}",
             advice=f"give `methods` by the same names, or use the names {', '.join(METHODS)}",
         )
-    with linear_algebra_in_one_thread():
+    with linear_algebra_in_one_thread(), work_in_common():
         attempts = attempts or Attempts()
         return _diagnose(problem, identifications, methods, folds, gap, recordings, say, attempts)
 

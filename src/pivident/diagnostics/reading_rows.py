@@ -20,12 +20,12 @@ from functools import cached_property
 import numpy as np
 
 from pivident.audit.blocked_fit import BLOCKS
-from pivident.audit.inverse_model import BANDWIDTH, InverseModel, build_inverse_model
-from pivident.audit.recording_audit import log_of
-from pivident.audit.timing import check_timing
+from pivident.audit.inverse_model import BANDWIDTH, InverseModel
+from pivident.audit.recording_audit import recording_model
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.dynamics.robot_regressor import regressor_of
+from pivident.errors import PividentError
 from pivident.estimation.problem import Problem
 from pivident.experiment.repaired_problem import channels_after, zeros_of
 from pivident.robot.description import Robot
@@ -78,17 +78,23 @@ class ReadingRows:
     known: np.ndarray | None = None
 
     @classmethod
-    def of(cls, problem: Problem) -> ReadingRows:
+    def of(cls, problem: Problem) -> ReadingRows | None:
         """Rows of a problem whose torques were measured.
 
-        Raises:
-            PividentError: its recordings are too short for that.
+        None for mechanisms with closed loops or measured bases, and where recordings are too short.
         """
-        models = []
-        for recording in problem.recordings:
-            log = log_of(problem.robot, recording)
-            model = build_inverse_model(log, check_timing(log))
-            models.append(model.delayed(-recording.drive_delay))
+        robot = problem.robot
+        measured = all(r.torque_source == "measured" for r in problem.recordings)
+        if robot.constraints is not None or robot.base_joints or not measured:
+            return None
+        try:
+            return cls._of(problem)
+        except (PividentError, np.linalg.LinAlgError):
+            return None
+
+    @classmethod
+    def _of(cls, problem: Problem) -> ReadingRows:
+        models = [recording_model(problem.robot, r) for r in problem.recordings]
         some = [slice(None, None, _stride(model)) for model in models]
         pairs = list(zip(models, some, strict=True))
         channels = {c: np.vstack([getattr(m, c)[own] for m, own in pairs]) for c in MOTION}
@@ -178,30 +184,28 @@ def scores(sums: Sums) -> np.ndarray:
     """Mean logarithm of the joints' relative errors in each stretch, shape (stretches,)."""
     gram, right, square = sums
     whole = gram.sum(axis=0), right.sum(axis=0), square.sum(axis=0)
-    left = _left(_solved(whole[0], whole[1], np.ones(len(whole[2]))), *whole)
+    left = _left(_solved(whole[0].sum(axis=0), whole[1].sum(axis=0)), *whole)
     weights = whole[2] / np.maximum(left, LEAST**2 * whole[2] + 1e-300)
-    mean = whole[2] / len(gram)
-    found = []
-    for own in zip(gram, right, square, strict=True):
-        theta = _solved(whole[0] - own[0], whole[1] - own[1], weights)
-        moves = own[2] > STILL * mean
-        missed = _left(theta, *own)[moves] / own[2][moves]
-        found.append(np.mean(0.5 * np.log(np.maximum(missed, LEAST**2))) if moves.any() else 0.0)
-    return np.array(found)
+    a, b = np.einsum("j,bjik->bik", weights, gram, optimize=True), weights @ right
+    theta = _solved(a.sum(axis=0) - a, b.sum(axis=0) - b)
+    moves = square > STILL * whole[2] / len(gram)
+    missed = _left(theta, gram, right, square) / np.where(moves, square, 1.0)
+    found = np.where(moves, 0.5 * np.log(np.maximum(missed, LEAST**2)), 0.0)
+    return np.asarray(found.sum(axis=1) / np.maximum(moves.sum(axis=1), 1))
 
 
-def _solved(gram: np.ndarray, right: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """θ of weighted sums of the joints."""
-    a = np.tensordot(weights, gram, axes=1)
-    size = np.sqrt(np.maximum(np.diag(a), 1e-300))
-    a = a / np.outer(size, size) + RIDGE * np.eye(len(a))
-    return np.linalg.solve(a, weights @ right / size) / size
+def _solved(gram: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """θ of normal equations, shape (…, parameters); leading axes are kept."""
+    size = np.sqrt(np.maximum(np.einsum("...ii->...i", gram), 1e-300))
+    scaled = gram / (size[..., :, None] * size[..., None, :]) + RIDGE * np.eye(gram.shape[-1])
+    return np.asarray(np.linalg.solve(scaled, (right / size)[..., None])[..., 0] / size)
 
 
 def _left(theta: np.ndarray, gram: np.ndarray, right: np.ndarray, square: np.ndarray) -> np.ndarray:
-    """‖τ_j - Φ_j θ‖² of each joint."""
-    explained = np.einsum("i,jik,k->j", theta, gram, theta) - 2.0 * right @ theta
-    return np.maximum(square + explained, 0.0)
+    """‖τ_j - Φ_j θ‖² of each joint, shape (…, joints); leading axes are kept."""
+    turned = theta[..., None, :]
+    explained = np.sum(turned * ((gram @ turned[..., None])[..., 0] - 2.0 * right), axis=-1)
+    return np.asarray(np.maximum(square + explained, 0.0))
 
 
 def _stride(model: InverseModel) -> int:

@@ -23,7 +23,6 @@ import numpy as np
 
 from pivident.diagnostics.reading_rows import ReadingRows
 from pivident.errors import PividentError
-from pivident.estimation.problem import Problem
 from pivident.robot.description import Robot
 from pivident.text.repair import (
     Change,
@@ -74,24 +73,11 @@ class Candidate:
     alike: tuple[Repair, ...] = ()
 
 
-def search(problem: Problem) -> tuple[Candidate, ...]:
+def search(rows: ReadingRows) -> tuple[Candidate, ...]:
     """Repairs that lower the error clearly, one after the other, each upon those before.
 
-    Args:
-        problem: whose recordings have measured torques.
-
-    Returns:
-        The repairs in the order in which they were found; empty where the log is best as it is
-        read, and for mechanisms with closed loops or measured bases.
+    The repairs are in the order in which they were found; none where the log is best as it is read.
     """
-    robot = problem.robot
-    measured = all(r.torque_source == "measured" for r in problem.recordings)
-    if robot.constraints is not None or robot.base_joints or not measured:
-        return ()
-    try:
-        rows = ReadingRows.of(problem)
-    except (PividentError, np.linalg.LinAlgError):  # too short, for example
-        return ()
     found: list[Candidate] = []
     for _ in range(ROUNDS):
         best = _best(rows)
@@ -127,6 +113,21 @@ def _kind(repair: Repair) -> tuple[str, str]:
     """What kind of fault a repair undoes."""
     edit = repair.edits[0]
     return type(edit).__name__, getattr(edit, "channel", "")
+
+
+def raises_the_error(rows: ReadingRows, repair: Repair) -> tuple[float, float] | None:
+    """Errors without and with a repair that clearly raises them; None where it may not.
+
+    Geometric means over joints and stretches, each predicted from all others [%].
+    """
+    try:
+        given, other = rows.scores(), rows.after(repair).scores()
+    except (PividentError, np.linalg.LinAlgError):  # the rows do not show it
+        return None
+    if not clearly_lower(given - other, 1):
+        return None
+    before, after = (100.0 * float(np.exp(x.mean())) for x in (given, other))
+    return before, after
 
 
 def clearly_lower(change: np.ndarray, tried: int, least: float = LEAST_GAIN) -> bool:

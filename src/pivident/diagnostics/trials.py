@@ -23,7 +23,8 @@ import numpy as np
 from pivident.audit.scale import GAIN
 from pivident.audit.steps import LOST, REPEATED_SAMPLE, unsteady_steps
 from pivident.diagnostics.logged_speeds import speed_evidence
-from pivident.diagnostics.repair_search import Candidate, joined, search
+from pivident.diagnostics.reading_rows import ReadingRows
+from pivident.diagnostics.repair_search import Candidate, joined, raises_the_error, search
 from pivident.diagnostics.repair_words import cause_of
 from pivident.dynamics.signs import negative_parameters
 from pivident.errors import PividentError
@@ -141,10 +142,15 @@ def tried(
     Raises:
         PividentError: least squares finds nothing in the log as it is.
     """
-    waiting = _suspicions(problem, log, method)
+    rows = ReadingRows.of(problem)
+    waiting, done = _suspicions(problem, log, method, rows), list[Trial]()
+    number, winners = len(waiting), list[Trial]()
+    if rows is not None:
+        lost = [(one, _lost(one, rows)) for one in waiting]
+        done = [trial for _, trial in lost if trial is not None]
+        waiting = [one for one, trial in lost if trial is None]
     if not waiting:
-        return ()
-    number, done, winners = len(waiting), list[Trial](), list[Trial]()
+        return tuple(done)
     given = _judged(problem, method, folds, gap)
     while waiting:
         results = [
@@ -181,11 +187,14 @@ def _possible(problem: Problem, one: Candidate, method: Method) -> Candidate:
     return replace(one, repair=best, alike=tuple(others))
 
 
-def _suspicions(problem: Problem, log: Iterable[Finding], method: Method) -> list[_Suspicion]:
+def _suspicions(
+    problem: Problem, log: Iterable[Finding], method: Method, rows: ReadingRows | None
+) -> list[_Suspicion]:
     """What is tried: a search's repairs, those of the logged speeds, those of an audit."""
     found: list[_Suspicion] = []
     names = problem.robot.joint_names
-    candidates = [_possible(problem, one, method) for one in search(problem)]
+    found_by_search = () if rows is None else search(rows)
+    candidates = [_possible(problem, one, method) for one in found_by_search]
     if candidates:
         whole = joined(candidates)
         alike = tuple(cause_of(r, names) for one in candidates for r in one.alike)
@@ -231,6 +240,16 @@ def without_unsteady_steps(problem: Problem) -> Problem:
         return replace(recording, valid=None if valid.all() else valid, **filled)
 
     return replace(problem, recordings=tuple(map(without, problem.recordings)), loop=None)
+
+
+def _lost(one: _Suspicion, rows: ReadingRows) -> Trial | None:
+    """The trial of what an audit suggests, where the rows of the search say that it is in vain."""
+    if one.finding is None or one.repair is None:
+        return None
+    errors = raises_the_error(rows, one.repair)
+    if errors is None:
+        return None
+    return Trial(one.repair, one.cause, "worse", *errors, one.evidence, one.alike, one.finding)
 
 
 def _trial(
