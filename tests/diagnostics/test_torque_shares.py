@@ -5,7 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from pivident.diagnostics.estimate_statements import determined, open_parameters, torque_shares
+from pivident.diagnostics.estimate_statements import determined, open_parameters
+from pivident.diagnostics.slight_terms import torque_shares
 from pivident.estimation.identify import identify
 from pivident.experiment.simulated_tx40 import tx40_fine
 

@@ -17,6 +17,8 @@ from pivident.common_work import work_in_common
 from pivident.consistency.consistent_model import ConsistentModel, make_consistent
 from pivident.diagnostics.baselines import Baselines, baselines
 from pivident.diagnostics.ranges import block_ranges, friction_ranges
+from pivident.diagnostics.reading_rows import ReadingRows
+from pivident.diagnostics.slight_terms import LeftOut, left_out
 from pivident.diagnostics.trials import Trial, consequences, tried
 from pivident.errors import Attempts, ExperimentError, PividentError
 from pivident.estimation.identification import Identification, torque_sums
@@ -67,6 +69,7 @@ class Diagnostics:
         nearest: physically possible parameters nearest to the recommended result; None where they
             were not looked for: on measured bases, and from torques whose scales nobody knows.
         trials: repairs of the log that were tried, the winners first.
+        left_out: what leaving out the terms of no consequence did; None where there are none.
         baselines: errors of simpler models on the same held-out motion.
     """
 
@@ -84,6 +87,7 @@ class Diagnostics:
     log: tuple[Finding, ...] = ()
     nearest: ConsistentModel | None = None
     trials: tuple[Trial, ...] = ()
+    left_out: LeftOut | None = None
     baselines: Baselines = field(default_factory=Baselines)
 
     @property
@@ -200,6 +204,11 @@ def _diagnose(
         suspected = partial(tried, problem, log, least_squares, folds or FOLDS, gap)
         trials = attempts.of("Repairs could not be tried", suspected, otherwise=())
     log = consequences(log, trials)
+    rows = ReadingRows.of(problem)
+    slight = None
+    if rows is not None:
+        failed = "Terms of no consequence were not left out on trial"
+        slight = attempts.of(failed, left_out, rows, own)
     say("asking whether a machine can have these parameters")
     failed = "Whether a machine can have these parameters could not be asked"
     own, nearest = attempts.of(failed, _nearest_machine, own, otherwise=(own, None))
@@ -214,6 +223,7 @@ def _diagnose(
         log=log,
         nearest=nearest,
         trials=trials,
+        left_out=slight,
         baselines=others,
     )
 

@@ -12,16 +12,12 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from pivident.diagnostics.diagnostics import Diagnostics
+from pivident.diagnostics.slight_terms import SLIGHT, torque_shares, zero_and_slight
 from pivident.dynamics.signs import NegativeParameter, negative_parameters
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import ParameterRow, parameter_rows
 from pivident.logs.torque_scale import marked_scales, scale_sentences
-from pivident.motion.wanted_motion import (
-    SENTENCES,
-    FullMotion,
-    MotionLimits,
-    motions_for,
-)
+from pivident.motion.wanted_motion import SENTENCES, FullMotion, MotionLimits, motions_for
 from pivident.robot.description import Robot
 from pivident.text.finding import Finding, Quantity, Severity
 from pivident.text.lists import listed
@@ -30,8 +26,6 @@ from pivident.text.sentences import capital
 
 #: A parameter whose 2σ is below this share of its value is well determined [%].
 WELL = 10.0
-#: Share of any joint's torque below which a parameter that may be zero makes no difference.
-SLIGHT = 0.01
 #: Most warnings about an identified law that are reported one by one.
 MAX_OF_LAW = 3
 #: Topics of an estimator's warnings that have a statement of their own in the verdict.
@@ -41,8 +35,6 @@ RESTATED = (
 )  # fmt: skip
 #: The same for single negative parameters; reversed signs are said by the estimator alone.
 NEGATIVE = ("signs", "negative")
-#: Samples of the record at which the columns are looked at.
-SAMPLES = 400
 
 
 def choice(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
@@ -173,59 +165,6 @@ def open_parameters(result: Identification) -> tuple[str, ...]:
     return zero or tuple(r.name for r in rows if not is_known(r) and r.name not in slight)
 
 
-def torque_shares(result: Identification, names: Sequence[str]) -> np.ndarray:
-    """Largest share of a joint's torque that each parameter makes at the far end of its interval.
-
-        max_j  (|θ_i| + 2σ_i) rms φ_ji / rms (Φθ)_j
-
-    It is the larger one of the shares in the record and in motion within the robot's limits: a
-    parameter of little torque here may have much there, and the other way round.
-
-    Args:
-        result: the estimate.
-        names: parameters of it.
-
-    Returns:
-        Shares, shape (names,); NaN where the result has no record.
-    """
-    if not names or not result.recordings:
-        return np.full(len(names), np.nan)
-    robot, records = result.robot, result.recordings
-    q, dq, ddq = (np.vstack([getattr(r, name) for r in records]) for name in ("q", "dq", "ddq"))
-    full = FullMotion.within(robot, MotionLimits.of(robot, q, dq, ddq))
-    some = np.unique(np.linspace(0, len(q) - 1, min(SAMPLES, len(q))).astype(int))
-    places = [result.names.index(name) for name in names]
-    reach = (np.abs(result.theta) + 2.0 * result.std)[places]
-    shares = np.zeros(len(names))
-    for motion in (full, FullMotion(robot, q[some], dq[some], ddq[some])):
-        columns = motion.columns(result.parameters)
-        torque = np.sqrt(np.mean((columns @ result.theta) ** 2, axis=0))
-        own = np.sqrt(np.mean(columns[:, :, places] ** 2, axis=0)) * reach
-        share = np.divide(own, torque[:, None], out=np.where(own > 0.0, np.inf, 0.0),
-                          where=torque[:, None] > 0.0)  # fmt: skip
-        shares = np.maximum(shares, share.max(axis=0))
-    return shares
-
-
-def zero_and_slight(
-    result: Identification, rows: Sequence[ParameterRow]
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Parameters that may be zero, and those among them that make hardly any torque in any case.
-
-    The second are not in the first: no motion is needed to tell what makes no difference.
-
-    Args:
-        result: the estimate.
-        rows: its parameters.
-    """
-    names = [r.name for r in rows if r.includes_zero]
-    slight = (torque_shares(result, names) < SLIGHT).tolist()  # unknown shares are not slight
-    return (
-        tuple(name for name, small in zip(names, slight, strict=True) if not small),
-        tuple(name for name, small in zip(names, slight, strict=True) if small),
-    )
-
-
 def corrected(result: Identification) -> Iterator[Finding]:
     """What was corrected with the estimate, each with its interval."""
     yield from (w for w in result.warnings if w.topic == "correction")
@@ -240,6 +179,23 @@ def torque_scale(result: Identification) -> Iterator[Finding]:
 def torque_side(result: Identification) -> Iterator[Finding]:
     """What torques behind the gears leave out of the model, and which friction stays in it."""
     yield from (w for w in result.warnings if w.topic == "torque side")
+
+
+def slight_terms(diagnostics: Diagnostics) -> Iterator[Finding]:
+    """What leaving out the terms of no consequence did."""
+    trial = diagnostics.left_out
+    if trial is None:
+        return
+    before, after = percent(trial.before), percent(trial.after)
+    names = f"{listed(trial.names)} make less than {100 * SLIGHT:g} % of any joint's torque"
+    evidence = {"with them": Quantity(trial.before, "%"), "without": Quantity(trial.after, "%")}
+    if trial.is_needed:
+        text = f"{names}, but without them the error in motion is {after} instead of {before}."
+        yield Finding("note", "parameters", "needed", text, evidence=evidence)
+        return
+    text = f"{names}; left out on trial, the error in motion is {after} (with them {before})."
+    step = "To leave them out, list the others as parameters = [...] under [identify]."
+    yield Finding("note", "parameters", "left out", text, "", step, evidence)
 
 
 def signs(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:

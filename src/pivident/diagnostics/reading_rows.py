@@ -13,7 +13,7 @@ relative errors: no unit and no gain of a joint changes it by itself.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -22,6 +22,7 @@ import numpy as np
 from pivident.audit.blocked_fit import BLOCKS
 from pivident.audit.inverse_model import BANDWIDTH, InverseModel
 from pivident.audit.recording_audit import recording_model
+from pivident.common_work import once
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.dynamics.robot_regressor import regressor_of
@@ -88,7 +89,7 @@ class ReadingRows:
         if robot.constraints is not None or robot.base_joints or not measured:
             return None
         try:
-            return cls._of(problem)
+            return once(("reading rows", problem), lambda: cls._of(problem))
         except (PividentError, np.linalg.LinAlgError):
             return None
 
@@ -145,6 +146,12 @@ class ReadingRows:
         gram[:, joint] /= factor**2
         right[:, joint] /= factor
         return scores((gram, right, square))
+
+    def without(self, names: Collection[str]) -> np.ndarray:
+        """The same without some parameters."""
+        kept = [k for k, name in enumerate(self.parameters) if name not in names]
+        gram, right, square = self.sums
+        return scores((gram[:, :, kept][..., kept], right[:, :, kept], square))
 
     @cached_property
     def matrix(self) -> np.ndarray:

@@ -27,6 +27,7 @@ from pivident.diagnostics.estimate_statements import (
     is_restated,
     open_parameters,
     signs,
+    slight_terms,
     torque_scale,
     torque_side,
 )
@@ -177,6 +178,7 @@ def verdict(diagnostics: Diagnostics | Identification, attempts: Attempts | None
         convergence: own,
         determined: own,
         signs: both,
+        slight_terms: every,
         feedback_bias: both,
         noise: (result, diagnostics.residuals[name]),
         spectral_lines: own,
