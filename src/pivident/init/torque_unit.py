@@ -53,6 +53,7 @@ class Comparison:
     factors: np.ndarray  # logged torque per torque of the description, NaN where it is not known
     standard_errors: np.ndarray  # of the factors
     reversed: tuple[int, ...] = ()  # joints whose friction would give energy
+    right: tuple[int, ...] = ()  # joints whose friction clearly takes energy
     angle_unit: bool = False  # whether positions in the other angle unit fit much better
     errors: np.ndarray | None = None  # share of each joint's torque that no parameters explain
     trouble: str = ""  # why nothing could be compared, or empty
@@ -71,6 +72,36 @@ class TorqueUnit:
     correct: str  # how to correct it
     motor_side: bool = False  # whether the torques are those of the motors
     question: Question | None = None  # what to ask, where somebody may know better
+
+
+def undecided_signs(found: Comparison) -> list[int]:
+    """Joints of which neither gravity nor friction tells the sign."""
+    decided = {*found.reversed, *found.right, *np.flatnonzero(np.isfinite(found.factors)).tolist()}
+    return [j for j in range(len(found.factors)) if j not in decided]
+
+
+def reversed_signs(found: Comparison) -> list[int]:
+    """Joints whose torque has the other sign; the undecided ones follow where all others have."""
+    wrong = [
+        j
+        for j, factor in enumerate(found.factors)
+        if factor < 0 or (j in found.reversed and not factor > 0)
+    ]
+    undecided = undecided_signs(found)
+    follow = bool(wrong) and len(wrong) + len(undecided) == len(found.factors)
+    return sorted([*wrong, *undecided]) if follow else wrong
+
+
+def _signs_text(robot: Robot, found: Comparison, wrong: list[int]) -> str:
+    """Which signs are reversed and why, and which nothing decides."""
+    undecided = undecided_signs(found)
+    shown = [robot.joints[j].name for j in wrong if j not in undecided]
+    text = f"the sign of {', '.join(shown)} is reversed, as gravity or friction show"
+    if undecided:
+        names = ", ".join(robot.joints[j].name for j in undecided)
+        taken = "that of the others" if set(undecided) <= set(wrong) else "as logged"
+        text += f"; nothing tells that of {names}, which is taken {taken}"
+    return text
 
 
 def without_torque(robot: Robot) -> Comparison:
@@ -117,6 +148,7 @@ def compare(robot: Robot, q: np.ndarray, tau: np.ndarray, seconds: np.ndarray) -
         factors,
         standard_errors,
         reversed_,
+        power.right,
         errors=model.relative_errors.copy(),
         load=load,
         torque_side=side,
@@ -184,17 +216,11 @@ def _newton_metres(
     robot: Robot, found: Comparison, unit: str, sure: Sureness, reason: str
 ) -> TorqueUnit:
     """N m, with the sign turned where gravity and friction say so."""
-    wrong = [
-        j
-        for j in range(robot.size)
-        if found.factors[j] < 0 or (j in found.reversed and not found.factors[j] > 0)
-    ]
-    scale = TORQUE[unit]
+    wrong, scale = reversed_signs(found), TORQUE[unit]
     if wrong:
         value: Any = [-scale if j in wrong else scale for j in range(robot.size)]
-        names = ", ".join(robot.joints[j].name for j in wrong)
-        reason += f"; the sign of {names} is reversed, as gravity or friction show"
-        sure = "likely"
+        reason += f"; {_signs_text(robot, found, wrong)}"
+        sure = "assumed" if undecided_signs(found) else "likely"
     else:
         value = _sliding(robot, unit)
     correct = 'Factors to N m by joint, {unit = "A", gain = …} or "N m" are possible.'
@@ -255,9 +281,8 @@ def _command(
             spread = 2.0 * found.standard_errors[j] / abs(found.factors[j])
             texts.append(f"{joint.name} {gains[j]:.3g} ± {100 * spread:.1g} %")
     seen += f" ({', '.join(texts)})" + _load_text(robot, found)
-    if (gains < 0).any():
-        turned = ", ".join(joint.name for j, joint in enumerate(robot.joints) if gains[j] < 0)
-        seen += f"; the sign of {turned} is reversed, as gravity or friction show"
+    if wrong := reversed_signs(found):
+        seen += f"; {_signs_text(robot, found, wrong)}"
     correct = (
         "Write the drives' own gains, torque constant times gear ratio, where you know them, and "
         "leave scale out; errors in per cent do not depend on them, parameters do."
@@ -272,10 +297,10 @@ def gains_of(robot: Robot, found: Comparison, unit: float) -> tuple[np.ndarray, 
     """N m per unit by joint, and the joints that got the typical gain of the others."""
     gains = 1.0 / (found.factors * unit)
     known = np.isfinite(gains)
-    assumed = [j for j in range(robot.size) if not known[j]]
+    assumed, wrong = [j for j in range(robot.size) if not known[j]], reversed_signs(found)
     for j in assumed:
         magnitude = _typical_gain(robot, np.where(known, np.abs(gains), np.nan), j, 1.0 / unit)
-        gains[j] = -magnitude if j in found.reversed else magnitude  # friction takes energy
+        gains[j] = -magnitude if j in wrong else magnitude
     return gains, assumed
 
 
