@@ -11,12 +11,12 @@ import pytest
 from pivident.diagnostics.diagnostics import diagnose
 from pivident.diagnostics.reading_rows import ReadingRows
 from pivident.diagnostics.repair_search import search
+from pivident.diagnostics.repaired_problem import repaired
 from pivident.diagnostics.verdict import verdict
 from pivident.estimation.identification_file import save_identification
 from pivident.estimation.identify import identify
 from pivident.estimation.problem import Problem
 from pivident.estimation.stored_identification import load_identification
-from pivident.experiment.repaired_problem import repaired
 from pivident.recording.recording import Recording
 from pivident.robot.urdf import parse_urdf
 from pivident.text.repair import Reordered, Repair

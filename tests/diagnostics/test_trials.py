@@ -9,12 +9,12 @@ from pivident.audit.scale import GAIN
 from pivident.diagnostics.diagnostics import diagnose
 from pivident.diagnostics.reading_rows import ReadingRows
 from pivident.diagnostics.repair_search import search
+from pivident.diagnostics.repaired_problem import repaired
 from pivident.diagnostics.trials import consequences, tried
 from pivident.diagnostics.verdict import verdict
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Problem
-from pivident.experiment.repaired_problem import repaired
 from pivident.recording.recording import Recording
 from pivident.robot.urdf import parse_urdf
 from pivident.text.finding import FindingKind, Quantity, Topic

@@ -23,12 +23,12 @@ from pivident.audit.blocked_fit import BLOCKS
 from pivident.audit.inverse_model import BANDWIDTH, InverseModel
 from pivident.audit.recording_audit import recording_model
 from pivident.common_work import once
+from pivident.diagnostics.repaired_problem import channels_after, zeros_of
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.dynamics.robot_regressor import regressor_of
 from pivident.errors import PividentError
 from pivident.estimation.problem import Problem
-from pivident.experiment.repaired_problem import channels_after, zeros_of
 from pivident.robot.description import Robot
 from pivident.text.repair import Change, Edit, Repair, Retimed
 

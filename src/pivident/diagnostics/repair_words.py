@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from pivident.experiment.repairs import CALLED
 from pivident.text.lists import listed
 from pivident.text.numbers import format_significant
 from pivident.text.repair import (
+    CALLED,
     Change,
     Edit,
     Multiplied,

@@ -26,12 +26,12 @@ from pivident.diagnostics.logged_speeds import speed_evidence
 from pivident.diagnostics.reading_rows import ReadingRows
 from pivident.diagnostics.repair_search import Candidate, joined, raises_the_error, search
 from pivident.diagnostics.repair_words import cause_of
+from pivident.diagnostics.repaired_problem import repaired
 from pivident.dynamics.signs import negative_parameters
 from pivident.errors import PividentError
 from pivident.estimation.identify import identify
 from pivident.estimation.method import Method
 from pivident.estimation.problem import Problem
-from pivident.experiment.repaired_problem import repaired
 from pivident.recording.recording import Recording
 from pivident.text.finding import Finding
 from pivident.text.numbers import percent

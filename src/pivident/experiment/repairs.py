@@ -17,6 +17,7 @@ from pivident.errors import ExperimentError
 from pivident.logs.units import COMMAND, TIME, UNITS_OF
 from pivident.robot.naming import URDF_FILES
 from pivident.text.repair import (
+    CALLED,
     Change,
     Edit,
     Gain,
@@ -37,9 +38,6 @@ from pivident.text.toml_values import value_text
 
 #: Channels of a joint that count the way in which it turns.
 COUNTED = ("q", "tau", "q_ref", "dq_ref", "ddq_ref", "dq")
-
-#: What a channel is called in a sentence.
-CALLED = {"tau": "torque", "q_ref": "reference", "q": "position"}
 
 
 @dataclass(frozen=True)

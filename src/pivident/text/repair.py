@@ -27,6 +27,10 @@ def placed(place: Place, table: Place) -> Place:
     return (*table, *place[1:]) if is_open and table else place
 
 
+#: What a channel is called in a sentence.
+CALLED = {"tau": "torque", "q_ref": "reference", "q": "position"}
+
+
 @dataclass(frozen=True)
 class Change:
     """One edit.

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from pivident.diagnostics.repaired_problem import repaired
 from pivident.errors import ExperimentError
 from pivident.experiment.edited_file import with_repair
 from pivident.experiment.experiment import load_experiment
 from pivident.experiment.explained import plain_form
-from pivident.experiment.repaired_problem import repaired
 from pivident.experiment.repairs import FileContent, edits_of
 from pivident.text.repair import (
     Edit,
