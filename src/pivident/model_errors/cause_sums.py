@@ -56,6 +56,7 @@ class Products:
         self._right = np.zeros((parts, columns, 0))  # A of all, X of the columns that stay
         self._own = np.zeros((parts, int(np.sum(sizes**2))))  # of each cause's with one another
         self._place = np.full(columns, -1)  # of a column among those that stay
+        # The cause of a column, -1 for the model; its place there; where its products begin
         self._cause = np.r_[np.zeros(first[0], int) - 1, np.repeat(np.arange(sizes.size), sizes)]
         self._within = np.arange(columns) - np.r_[0, first][self._cause + 1]
         begin = np.r_[0, np.cumsum(sizes**2)][self._cause]
