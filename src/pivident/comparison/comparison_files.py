@@ -28,6 +28,7 @@ from pivident.comparison.comparison_text import (
 from pivident.comparison.entry import Entry
 from pivident.comparison.friction_curves import FrictionCurve, JointFriction
 from pivident.comparison.remarks import findings, level_sentence, rows_text, share_text
+from pivident.document.table import Table
 from pivident.files import atomic_folder
 from pivident.report.builder import page_environment, page_of
 from pivident.report.intervals import Interval, IntervalDrawing
@@ -35,8 +36,7 @@ from pivident.report.plot_parts import LEGEND, Trace, band, packed
 from pivident.report.plotly_figures import Figure, colour, empty_plot
 from pivident.text.identifiers import latex_name, latex_text, one_line
 from pivident.text.numbers import format_significant, latex_number, latex_unit, with_spread
-from pivident.text.plain_values import csv_table, json_of_entries, plain
-from pivident.text.printable import sheet_text
+from pivident.text.plain_values import json_of_entries, plain
 from pivident.version import __version__
 
 #: Version of the layout of ``comparison.json``.
@@ -47,10 +47,6 @@ PAGE, TABLE, JSON, LATEX = (f"comparison.{kind}" for kind in ("html", "csv", "js
 _OF_DIFFERENCE = (
     "difference", "difference_low", "difference_high", "relative_percent", "z", "p_value",
     "p_adjusted", "significant",
-)  # fmt: skip
-#: Columns of the table: one row for each parameter and result.
-CSV_COLUMNS = (
-    "parameter", "unit", "group", "result", "value", "low", "high", *_OF_DIFFERENCE,
 )  # fmt: skip
 HEADINGS = {
     "glance": "At a glance",
@@ -173,7 +169,7 @@ def save_comparison(comparison: ComparedResults, folder: str | PathLike[str]) ->
     """Write page, table, JSON and LaTeX into a folder, all or nothing."""
     texts = {
         PAGE: render_page(comparison),
-        TABLE: to_csv(comparison),
+        TABLE: comparison_table(comparison).to_csv(),
         JSON: json_of_entries(to_values(comparison)),
         LATEX: to_latex(comparison),
     }
@@ -182,25 +178,25 @@ def save_comparison(comparison: ComparedResults, folder: str | PathLike[str]) ->
             (build / name).write_text(text, encoding="utf-8", errors="backslashreplace")
 
 
-def rows(comparison: ComparedResults) -> list[dict[str, Any]]:
-    """One row for each parameter and result that has it, by `CSV_COLUMNS`."""
-    made = []
-    for p in comparison.parameters:
+def comparison_table(comparison: ComparedResults) -> Table:
+    """One row for each parameter and result that has it, with the difference from the first."""
+    rows = [
+        {"parameter": p.name, "unit": p.unit, "group": p.expression, "result": label}
+        | {"value": estimate.value, "low": estimate.low, "high": estimate.high}
+        | _difference_values(comparison, found)
+        for p in comparison.parameters
         for label, estimate, found in zip(
             comparison.labels, p.estimates, p.differences, strict=True
-        ):
-            if estimate is None:
-                continue
-            head = {"parameter": p.name, "unit": p.unit, "group": p.expression, "result": label}
-            own = {"value": estimate.value, "low": estimate.low, "high": estimate.high}
-            made.append(head | own | _difference_values(comparison, found))
-    return made
-
-
-def to_csv(comparison: ComparedResults) -> str:
-    """The rows as text; numbers that are not finite are left empty."""
-    cells = ([_cell(row[name]) for name in CSV_COLUMNS] for row in rows(comparison))
-    return csv_table(CSV_COLUMNS, cells)
+        )
+        if estimate is not None
+    ]
+    meanings = {
+        "low": "lower end of the interval, at 2σ",
+        "high": "upper end",
+        "difference": "from the first result",
+        "p_adjusted": "after Holm, among all differences of the comparison",
+    }
+    return Table.of_rows("parameters", rows, meanings)
 
 
 def to_values(comparison: ComparedResults) -> dict[str, Any]:
@@ -307,14 +303,6 @@ def _in_mathematics(text: str) -> str:
     value = value.removeprefix("+") if not spread else value
     shown = latex_number(value)
     return f"{shown} $\\pm$ {latex_number(spread)}" if spread else shown
-
-
-def _cell(value: Any) -> Any:
-    """A cell that a sheet does not take for a formula."""
-    value = plain(value)
-    if isinstance(value, str):
-        return sheet_text(value)
-    return "" if value is None else value
 
 
 def _entry_values(entry: Entry, same_record: bool) -> dict[str, Any]:

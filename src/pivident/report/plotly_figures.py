@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import html
 import math
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from pivident.control_law.law_equations import START
+from pivident.document.curves import Curve, Curves, compared, torque_axis
 from pivident.estimation.identification import FittedRecording, Identification
 from pivident.report.plot_parts import LEGEND, Plot, Trace, kept_samples, packed, stretches
 from pivident.simulation.control_loop import IdentifiedLaw
@@ -42,6 +43,10 @@ DARK_COLOURS = {
 }
 
 
+#: Points of a trace.
+POINTS = 3000
+
+
 @dataclass(frozen=True)
 class Figure:
     """A drawing with its words."""
@@ -61,6 +66,24 @@ def colour(method: int) -> str:
     return METHOD_COLOURS[method % len(METHOD_COLOURS)]
 
 
+def drawn(
+    curves: Curves, points: int = POINTS, recording: str = "log", zero: float | None = None
+) -> Figure:
+    """Curves as a figure of a page.
+
+    Args:
+        curves: the lines.
+        points: of each of them.
+        recording: whose time it is.
+        zero: instant at which the axis is zero [s]; None: the first one.
+    """
+    zero = float(curves.t[0]) if zero is None else zero
+    plot = empty_plot(curves.axis)
+    plot.x_axis("time [s]")
+    plot.data += _traces(curves.t - zero, curves.curves, points)
+    return Figure(plot, 250, curves.title, curves.label, curves.note, recording, zero)
+
+
 def torque_figure(
     identification: Identification, recording: FittedRecording, joint: int, method: int, points: int
 ) -> Figure:
@@ -68,68 +91,18 @@ def torque_figure(
     fit = identification.joints[joint]
     origin = "Measured" if recording.torque_source == "measured" else "Commanded"
     measured, model = recording.tau[:, joint], recording.tau_model[:, joint]
-    t = _time(recording)
-    plot = _torque_plot(fit.torque_unit)
-    plot.data += _compared(
-        t, measured, model, points, "reconstructed", colour(method), recording.torque_label
-    )
-    _shade(plot, _excluded(recording, joint), t)
     error = f"relative error {percent(100.0 * fit.relative_error)}"
-    rms = f"rms error {format_significant(fit.rms_error)} {fit.torque_unit}"
-    return Figure(
-        plot,
-        height=250,
-        title=fit.name,
-        label=f"{origin} and reconstructed torque of {fit.name} over "
-        f"{format_significant(t[-1])} s: {error}, {rms}",
-        note=f"{error}, {rms}",
-        recording=recording.name,
-        start=_start(recording),
+    curves = Curves(
+        fit.name,
+        torque_axis(fit.torque_unit),
+        recording.t,
+        compared(measured, model, "reconstructed", method, recording.torque_label),
+        f"{origin} and reconstructed torque of {fit.name}",
+        f"{error}, rms error {format_significant(fit.rms_error)} {fit.torque_unit}",
     )
-
-
-def compared_figure(
-    name: str,
-    unit: str,
-    t: np.ndarray,
-    measured: np.ndarray | None,
-    model: np.ndarray,
-    points: int,
-    note: str,
-) -> Figure:
-    """Measured and predicted torque of one joint, and their difference; or the predicted alone."""
-    plot, own = _torque_plot(unit), t - t[0]
-    if measured is None:
-        plot.data.append(line(own, model, points, "predicted", colour(0), width=1.2))
-    else:
-        plot.data += _compared(own, measured, model, points, "predicted", colour(0))
-    what = "Predicted" if measured is None else "Measured and predicted"
-    label = f"{what} torque of {name} over {format_significant(own[-1])} s"
-    label += f": {note}" if note else ""
-    return Figure(plot, 250, name, label, note, recording="log", start=float(t[0]))
-
-
-def errors_figure(
-    name: str, unit: str, t: np.ndarray, errors: Mapping[str, np.ndarray], points: int, note: str
-) -> Figure:
-    """Errors of one joint's position over time, one line for each of several models.
-
-    ``errors``: by the model's name, each (samples,) [unit]; the first is drawn below the others.
-    """
-    plot, own = empty_plot(f"position error [{unit}]"), t - t[0]
-    plot.update(xaxis={"title": {"text": "time [s]"}})
-    for k, (model, error) in enumerate(errors.items()):
-        shade = MEASURED if k == 0 else colour(k - 1)
-        plot.data.append(line(own, error, points, model, shade, width=1.2))
-    label = f"Position error of {name} over {format_significant(own[-1])} s: {note}"
-    return Figure(plot, 230, name, label, note, recording="log", start=float(t[0]))
-
-
-def _torque_plot(unit: str) -> Plot:
-    """Axes of torque and time."""
-    plot = empty_plot(f"torque [{unit}]" if unit != "N" else "force [N]")
-    plot.x_axis("time [s]")
-    return plot
+    figure = drawn(curves, points, recording.name)
+    _shade(figure.plot, _excluded(recording, joint), _time(recording))
+    return figure
 
 
 def law_figure(found: IdentifiedLaw, joint: int, method: int, points: int) -> Figure:
@@ -139,7 +112,7 @@ def law_figure(found: IdentifiedLaw, joint: int, method: int, points: int) -> Fi
     t = np.arange(len(found.output))[used] / found.rate
     plot = empty_plot(f"{found.compared} [{found.unit}]")
     plot.x_axis("time [s]")
-    plot.data += _compared(t, measured, model, points, "law", colour(method))
+    plot.data += _traces(t, compared(measured, model, "law", method), points)
     rms = f"rms {format_significant(law.rms)} {found.unit}"
     note = f"not explained {percent(100.0 * law.relative_error)}, {rms}"
     span = f"over {format_significant(t[-1])} s"
@@ -158,7 +131,7 @@ def reference_figure(
     t = _time(recording)
     measured, reference = recording.q_measured[:, joint], recording.q_ref[:, joint]
     plot = empty_plot("")
-    lines = _compared(t, measured, reference, points, "reference", colour(method))
+    lines = _traces(t, compared(measured, reference, "reference", method), points)
     plot.data += [*lines[:2], lines[2] | {"yaxis": "y2"}]
     plot.stack([f"q [{unit}]", f"difference [{unit}]"])
     plot.update(yaxis2={"automargin": True})
@@ -317,20 +290,13 @@ def line(
     }
 
 
-def _compared(
-    t: np.ndarray,
-    measured: np.ndarray,
-    model: np.ndarray,
-    points: int,
-    name: str,
-    own: str,
-    label: str = "measured",
-) -> list[Trace]:
-    """What was measured, what a model makes of it, and the error, as three lines."""
+def _traces(t: np.ndarray, curves: Sequence[Curve], points: int) -> list[Trace]:
+    """Curves as lines in the colours of their roles."""
+    shades = {"measured": MEASURED, "error": ERROR}
     return [
-        line(t, measured, points, label, MEASURED, width=2.4),
-        line(t, model, points, name, own, width=1.2),
-        line(t, measured - model, points, "error", ERROR, width=1.0),
+        line(t, one.values, points, one.name, shade, width=one.width)
+        for one in curves
+        for shade in [shades[one.role] if isinstance(one.role, str) else colour(one.role)]
     ]
 
 

@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from pivident.diagnostics.verdict import Verdict
-from pivident.tables.columns import Table
+from pivident.document.table import Table
 from pivident.validation.held_out.cross_validation import CrossValidation
 from pivident.validation.residuals.autocorrelation import LjungBoxTest
 from pivident.validation.residuals.residual_tests import ResidualTests

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from pivident.document.table import Table, TableError
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import parameter_rows
-from pivident.tables.columns import Table, TableError
 
 #: Meanings that the columns of estimates share.
 ESTIMATES = {

@@ -7,12 +7,12 @@ import math
 import numpy as np
 
 from pivident.audit.audit import Audit
+from pivident.document.table import Table
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
-from pivident.tables.columns import Table
 from pivident.text.finding import Quantity
 
 
@@ -140,7 +140,7 @@ def problem_signals(problem: Problem) -> Table:
         ),
     }
     for name in channels:
-        parts = [t.columns.get(name, np.full(len(t), math.nan)) for t in tables]
+        parts = [t[name] if name in t.columns else np.full(len(t), math.nan) for t in tables]
         if name == "joint":
             joined[name] = tuple(joint for part in parts for joint in part)
         else:

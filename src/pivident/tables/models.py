@@ -6,7 +6,7 @@ import numpy as np
 
 from pivident.consistency.consistent_model import ConsistentModel
 from pivident.consistency.profile_intervals import ProfileIntervals
-from pivident.tables.columns import Table, Values
+from pivident.document.table import Table, Values
 
 _ENDS = {
     "low": "lower end, -∞ where nothing bounds it, NaN where the solver found none",
@@ -29,7 +29,7 @@ def profile_intervals(found: ProfileIntervals) -> Table:
 
 def consistent_parameters(model: ConsistentModel) -> Table:
     """All standard parameters with their 95 % intervals, which take a second or two."""
-    made = profile_intervals(model.intervals(of="standard")).columns
+    made = profile_intervals(model.intervals(of="standard"))
     joints = [model.robot.tree.joints[p.joint].name for p in model.parameters]
     links = [model.robot.tree.links[p.joint].name for p in model.parameters]
     head: dict[str, Values] = {
@@ -37,7 +37,7 @@ def consistent_parameters(model: ConsistentModel) -> Table:
         "joint": tuple(joints),
         "link": tuple(links),
     }
-    rest = {name: values for name, values in made.items() if name != "quantity"}
+    rest = {name: made[name] for name in made.columns if name != "quantity"}
     return Table("parameters", head | rest, _ENDS)
 
 
