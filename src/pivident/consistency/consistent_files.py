@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from pivident.consistency.consistent_estimate import CONFIDENCE, ConsistentEstimate
-from pivident.consistency.link_intervals import LinkRow, Quantity
+from pivident.consistency.link_quantities import LinkRow, Quantity
 from pivident.document.table import Table, Values
 from pivident.robot.robot_values import robot_values
 
