@@ -459,8 +459,8 @@ def _print_tables(results: Results, judged: Verdict, truth: Mapping[str, float] 
             note(f"{methods}: {warning.advised}")
     compared = results.diagnostics.out_of_sample
     if compared is not None:
-        print(f"\n{compared.table()}")
+        print(f"\n{compared.table().text()}")
         if found[0].robot.size > 1:
-            print(f"\n{compared.joint_heading()}\n{compared.joint_table()}")
-        if positions := compared.position_table():
-            print(f"\n{compared.position_heading()}\n{positions}")
+            print(f"\n{compared.joint_heading()}\n{compared.joint_table().text()}")
+        if (positions := compared.position_table()) is not None:
+            print(f"\n{compared.position_heading()}\n{positions.text()}")

@@ -44,11 +44,13 @@ class Column:
         title: heading for the eye; empty: the name of the column.
         shown: where it is shown: everywhere, on pages only, or in files and frames only.
         spread: half width of the interval of each value, which is then rounded to two digits of it
-            and followed by a column of its own; not finite: the value alone.
+            and followed by a column of its own.
         spread_title: heading of that column.
-        digits: significant digits that are shown; None: the value's own, at most six.
+        digits: significant digits that are shown, beside a spread those of values without one;
+            None: the value's own, at most six.
         file_format: of its numbers in a file, such as ``%.10g``; empty: all digits.
         cells: what is shown in place of the values.
+        align: ``<``, ``>`` or ``.`` for decimal points; empty: by the values.
     """
 
     values: Values
@@ -59,6 +61,7 @@ class Column:
     digits: int | None = None
     file_format: str = ""
     cells: Sequence[str] | None = None
+    align: str = ""
 
     @property
     def series(self) -> Any:
@@ -71,17 +74,21 @@ class Column:
         if self.spread is not None:
             pairs = zip(head, self.spread[:most].tolist(), strict=True)
             texts = [
-                with_spread(x, half) if np.isfinite(half) else (format_significant(x), "–")
+                with_spread(x, half)
+                if self.digits is None or np.isfinite(half)
+                else (format_significant(x, self.digits), "–")
                 for x, half in pairs
             ]
             titles = title, self.spread_title
             return [(titles[k], ".", [text[k] for text in texts]) for k in (0, 1)]
         is_number = any(isinstance(x, float | int) and not isinstance(x, bool) for x in head)
-        cells = [
-            _text(x) if self.digits is None else format_significant(x, self.digits) for x in head
-        ]
-        shown = cells if self.cells is None else list(self.cells[:most])
-        return [(title, "." if is_number else "<", shown)]
+        if self.cells is not None:
+            cells = list(self.cells[:most])
+        elif self.digits is not None:
+            cells = [format_significant(x, self.digits) for x in head]
+        else:
+            cells = [_text(x, None if most is None else _MAX_CELL) for x in head]
+        return [(title, self.align or ("." if is_number else "<"), cells)]
 
     def written(self) -> list[Any]:
         """The values in a file: what is not known is empty, no text is a formula of a sheet."""
@@ -247,8 +254,8 @@ def _plain(values: Values) -> list[Any]:
     return values.tolist() if isinstance(values, np.ndarray) else list(values)
 
 
-def _text(value: Any) -> str:
-    """One cell for the eye."""
+def _text(value: Any, most: int | None) -> str:
+    """One cell for the eye, of so many characters."""
     if value is None:
         return "–"
     if isinstance(value, bool):
@@ -256,4 +263,4 @@ def _text(value: Any) -> str:
     if isinstance(value, float):
         return "–" if np.isnan(value) else f"{value:.6g}"
     text = escaped(" ".join(str(value).split()))
-    return text if len(text) <= _MAX_CELL else f"{text[: _MAX_CELL - 1]}…"
+    return text if most is None or len(text) <= most else f"{text[: most - 1]}…"

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import html
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from pivident.control_law.law_equations import START
 from pivident.document.curves import Curve, Curves, compared, torque_axis
 from pivident.estimation.identification import FittedRecording, Identification
-from pivident.report.plot_parts import LEGEND, Plot, Trace, kept_samples, packed, stretches
+from pivident.report.plot_parts import LEGEND, Plot, Trace, kept_samples, packed, stretches, trace
 from pivident.simulation.control_loop import IdentifiedLaw
 from pivident.text.numbers import format_significant, percent
 from pivident.validation.residuals.residual_tests import JointResidualTests
@@ -78,9 +79,7 @@ def drawn(
         zero: instant at which the axis is zero [s]; None: the first one.
     """
     zero = float(curves.t[0]) if zero is None else zero
-    plot = empty_plot(curves.axis)
-    plot.x_axis("time [s]")
-    plot.data += _traces(curves.t - zero, curves.curves, points)
+    plot = empty_plot(curves.axis, "time [s]", _traces(curves.t - zero, curves.curves, points))
     return Figure(plot, 250, curves.title, curves.label, curves.note, recording, zero)
 
 
@@ -110,9 +109,8 @@ def law_figure(found: IdentifiedLaw, joint: int, method: int, points: int) -> Fi
     law, used = found.joints[joint], slice(START, None)  # before, there is no speed yet
     measured, model = found.output[used, joint], found.model[used, joint]
     t = np.arange(len(found.output))[used] / found.rate
-    plot = empty_plot(f"{found.compared} [{found.unit}]")
-    plot.x_axis("time [s]")
-    plot.data += _traces(t, compared(measured, model, "law", method), points)
+    traces = _traces(t, compared(measured, model, "law", method), points)
+    plot = empty_plot(f"{found.compared} [{found.unit}]", "time [s]", traces)
     rms = f"rms {format_significant(law.rms)} {found.unit}"
     note = f"not explained {percent(100.0 * law.relative_error)}, {rms}"
     span = f"over {format_significant(t[-1])} s"
@@ -130,9 +128,8 @@ def reference_figure(
     name, unit = identification.joints[joint].name, identification.robot.joints[joint].position_unit
     t = _time(recording)
     measured, reference = recording.q_measured[:, joint], recording.q_ref[:, joint]
-    plot = empty_plot("")
     lines = _traces(t, compared(measured, reference, "reference", method), points)
-    plot.data += [*lines[:2], lines[2] | {"yaxis": "y2"}]
+    plot = empty_plot("", traces=[*lines[:2], lines[2] | {"yaxis": "y2"}])
     plot.stack([f"q [{unit}]", f"difference [{unit}]"])
     plot.update(yaxis2={"automargin": True})
     rms = format_significant(float(np.sqrt(np.mean((measured - reference) ** 2))))
@@ -147,25 +144,30 @@ def residual_figure(tests: JointResidualTests, method: int) -> Figure:
     """Autocorrelation of one joint's residual with the band of white noise."""
     found = tests.autocorrelation
     lags = np.arange(1, found.rho.size + 1)
-    plot = empty_plot("autocorrelation")
-    plot.x_axis(f"lag [samples of {format_significant(1e3 / found.rate)} ms]")
-    plot.add(
+    bars = trace(
         "bar",
         x=packed(lags),
         y=packed(found.rho),
         marker={"color": colour(method)},
         name="autocorrelation",
     )
-    for sign in (-1.0, 1.0):
-        plot.add(
+    ends = [
+        trace(
             x=packed(lags),
             y=packed(sign * found.band),
             mode="lines",
             line={"color": ERROR, "width": 1, "dash": "dash"},
             name="±2/√n",
         )
+        for sign in (-1.0, 1.0)
+    ]
     reach = 1.15 * max(float(np.nanmax(np.abs(found.rho))), 2.0 * float(np.median(found.band)))
-    plot.y_axis(range=[-reach, reach])
+    plot = empty_plot(
+        "autocorrelation",
+        f"lag [samples of {format_significant(1e3 / found.rate)} ms]",
+        [bars, *ends],
+        y={"range": [-reach, reach]},
+    )
     note = f"{percent(100.0 * found.outside)} outside ±2/√n. {tests.whiteness}"
     label = f"Autocorrelation of the residual of {tests.name} at lags 1 to {lags[-1]}: {note}"
     return Figure(plot, height=220, title=tests.name, label=label, note=note)
@@ -182,14 +184,13 @@ def signal_figure(
         ("dq", f"{unit}/s", recording.dq),
         ("ddq", f"{unit}/s²", recording.ddq),
     )
-    plot = empty_plot("")
-    plot.data.append(
-        line(t, recording.q_measured[:, joint], points, "measured", MEASURED, width=2.4)
-    )
-    for k, (name, _, signal) in enumerate(rows, start=1):
-        axis = "y" if k == 1 else f"y{k}"
-        own = line(t, signal[:, joint], points, f"{name} estimated", colour(method), width=1.2)
-        plot.data.append(own | {"yaxis": axis})
+    lines = [
+        line(t, signal[:, joint], points, f"{name} estimated", colour(method), width=1.2)
+        | {"yaxis": f"y{k}" if k > 1 else "y"}
+        for k, (name, _, signal) in enumerate(rows, start=1)
+    ]
+    measured = line(t, recording.q_measured[:, joint], points, "measured", MEASURED, width=2.4)
+    plot = empty_plot("", traces=[measured, *lines])
     plot.stack([f"{name} [{row_unit}]" for name, row_unit, _ in rows])
     _shade(plot, _excluded(recording, joint), t)
     note = (
@@ -208,19 +209,24 @@ def distance_figure(identification: Identification) -> Figure:
     with np.errstate(divide="ignore", invalid="ignore"):
         distance = np.abs(theta - identification.theta) / identification.std
     distance[~(np.isfinite(distance) & (distance > 0.0))] = np.nan
-    plot = empty_plot("distance from the estimate [σ]")
-    plot.x_axis("iteration", dtick=1, range=[0.8, len(history) + 0.2])
-    plot.y_axis(type="log", exponentformat="power", dtick=1)
     columns = zip(identification.names, identification.parameters, distance.T, strict=True)
-    for name, parameter, values in columns:
-        plot.add(
-            x=packed(np.arange(1, len(history) + 1)),
-            y=packed(values),
-            name=html.escape(name, quote=False),
-            mode="lines+markers",
-            line={"color": colour(parameter.joint), "width": 1.2},
-            marker={"size": 4},
-        )
+    plot = empty_plot(
+        "distance from the estimate [σ]",
+        "iteration",
+        [
+            trace(
+                x=packed(np.arange(1, len(history) + 1)),
+                y=packed(values),
+                name=html.escape(name, quote=False),
+                mode="lines+markers",
+                line={"color": colour(parameter.joint), "width": 1.2},
+                marker={"size": 4},
+            )
+            for name, parameter, values in columns
+        ],
+        x={"dtick": 1, "range": [0.8, len(history) + 0.2]},
+        y={"type": "log", "exponentformat": "power", "dtick": 1},
+    )
     plot.horizontal(1.0, {"color": ERROR, "width": 1, "dash": "dash"})
     label = (
         f"Distance of {len(identification.names)} parameters from their estimate over "
@@ -238,21 +244,26 @@ def change_figure(identification: Identification) -> Figure:
     history = identification.history
     fitted = identification.simulation is not None
     error = "weighted simulation error" if fitted else "relative error of the torque"
-    plot = empty_plot("%")
-    plot.x_axis("iteration", dtick=1, range=[0.8, len(history) + 0.2])
-    plot.y_axis(type="log", exponentformat="power")
-    for name, line_colour, values in (
-        ("largest relative change", METHOD_COLOURS[0], [i.change for i in history]),
-        (error, METHOD_COLOURS[1], [i.residual for i in history]),
-    ):
-        plot.add(
-            x=packed(np.arange(1, len(history) + 1)),
-            y=packed(100.0 * np.array(values, dtype=float)),
-            name=name,
-            mode="lines+markers",
-            line={"color": line_colour, "width": 1.6},
-        )
-    plot.update(showlegend=True, legend=LEGEND)
+    plot = empty_plot(
+        "%",
+        "iteration",
+        [
+            trace(
+                x=packed(np.arange(1, len(history) + 1)),
+                y=packed(100.0 * np.array(values, dtype=float)),
+                name=name,
+                mode="lines+markers",
+                line={"color": line_colour, "width": 1.6},
+            )
+            for name, line_colour, values in (
+                ("largest relative change", METHOD_COLOURS[0], [i.change for i in history]),
+                (error, METHOD_COLOURS[1], [i.residual for i in history]),
+            )
+        ],
+        x={"dtick": 1, "range": [0.8, len(history) + 0.2]},
+        y={"type": "log", "exponentformat": "power"},
+        legend=True,
+    )
     last = history[-1]
     label = (
         f"Largest relative change and {error} over {len(history)} iterations; at the end "
@@ -264,15 +275,38 @@ def change_figure(identification: Identification) -> Figure:
     return Figure(plot, height=300, title="Criteria", label=label, note=note)
 
 
-def empty_plot(y_title: str) -> Plot:
-    """Axes without decoration."""
-    return Plot(
+def empty_plot(
+    y_title: str,
+    x_title: str | None = None,
+    traces: Iterable[Trace] = (),
+    *,
+    x: Mapping[str, Any] | None = None,
+    y: Mapping[str, Any] | None = None,
+    legend: bool = False,
+    **layout: Any,
+) -> Plot:
+    """Axes without decoration.
+
+    Args:
+        y_title: of the ordinate.
+        x_title: of the abscissa; None: none.
+        traces: what is drawn, the last on top.
+        x: further attributes of the abscissa.
+        y: further attributes of the ordinate.
+        legend: whether there is one.
+        layout: further parts of the layout.
+    """
+    plot = Plot(
+        *traces,
         margin={"l": 58, "r": 12, "t": 8, "b": 42},
-        showlegend=False,
+        showlegend=legend,
         hovermode="closest",
         xaxis={"automargin": False, "zeroline": False},
         yaxis={"title": {"text": y_title, "standoff": 4}, "zeroline": True},
     )
+    plot.x_axis(x_title, **(x or {}))
+    plot.update(yaxis=y or {}, **({"legend": LEGEND} | layout if legend else layout))
+    return plot
 
 
 def line(

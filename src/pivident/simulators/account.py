@@ -67,7 +67,7 @@ def values_table(fit: SimulatorFit) -> Table:
     columns = {
         "quantity": Column(rows["quantity"]),
         "joint": Column(rows["joint"], cells=[joint or "all" for joint in rows["joint"]]),
-        "value": Column(rows["value"], spread=spread),
+        "value": Column(rows["value"], spread=spread, digits=3),
         "std": Column(rows["std"], shown="files"),
         "lower": Column(rows["low"], shown="files"),
         "upper": Column(rows["high"], shown="files"),
