@@ -20,8 +20,8 @@ from pivident.comparison.comparison_files import (
     to_latex,
     to_values,
 )
-from pivident.comparison.comparison_text import comparison_text
 from pivident.comparison.entry import ComparisonError
+from pivident.comparison.side_by_side import comparison_text
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import IdentificationFileError
 from pivident.robot.friction import FrictionLaw, coulomb, offset, viscous

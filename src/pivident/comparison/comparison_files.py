@@ -19,15 +19,15 @@ from pivident.comparison.compared_results import (
     Difference,
     Estimate,
 )
-from pivident.comparison.comparison_text import (
+from pivident.comparison.entry import Entry
+from pivident.comparison.friction_curves import FrictionCurve, JointFriction
+from pivident.comparison.remarks import findings, level_sentence, rows_text, share_text
+from pivident.comparison.side_by_side import (
     condition_text,
     difference_text,
     estimate_text,
     format_z,
 )
-from pivident.comparison.entry import Entry
-from pivident.comparison.friction_curves import FrictionCurve, JointFriction
-from pivident.comparison.remarks import findings, level_sentence, rows_text, share_text
 from pivident.document.table import Table
 from pivident.files import atomic_folder
 from pivident.report.builder import page_environment, page_of

@@ -12,8 +12,8 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from pivident.comparison.compare import Comparison
-from pivident.comparison.comparison_text import difference_text, estimate_text
 from pivident.comparison.remarks import findings, level_sentence
+from pivident.comparison.side_by_side import difference_text, estimate_text
 from pivident.diagnostics.verdict import Verdict
 from pivident.document.document import Accounted, Document
 from pivident.document.table import Table
