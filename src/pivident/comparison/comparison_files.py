@@ -27,6 +27,8 @@ from pivident.comparison.side_by_side import (
     difference_text,
     estimate_text,
     format_z,
+    pair_columns,
+    value_columns,
 )
 from pivident.document.table import Table
 from pivident.files import atomic_folder
@@ -248,61 +250,52 @@ def to_values(comparison: ComparedResults) -> dict[str, Any]:
 
 def to_latex(comparison: ComparedResults) -> str:
     r"""A booktabs table: every parameter with ±2σ in each result, to be read in by ``\input``."""
-    labels = [latex_text(one_line(label)) for label in comparison.labels]
-    pair = len(labels) == 2
-    head = ["Parameter", "Unit", *labels, *(["Difference", "$z$"] if pair else [])]
-    lines = [
-        "% " + one_line(f"Comparison of {', '.join(comparison.labels)}."),
-        r"% In the preamble: \usepackage{amsmath,booktabs}",
-        rf"\begin{{tabular}}{{ll{'r' * (len(head) - 2)}}}",
-        r"\toprule",
-        " & ".join(head) + r" \\",
-        r"\midrule",
+    labels, entries = [latex_text(one_line(x)) for x in comparison.labels], comparison.entries
+    values, heads = value_columns(comparison), labels
+    if len(labels) == 2:
+        values, heads = pair_columns(comparison), [*labels, "Difference", "$z$"]
+    rows = [
+        [f"${latex_name(one_line(p.name))}$", latex_unit(p.unit), *map(_latex_cell, cells)]
+        for p, *cells in zip(comparison.parameters, *(own for _, _, own in values), strict=True)
     ]
-    for p in comparison.parameters:
-        cells = [
-            _in_mathematics(estimate_text(e)) + _mark(comparison, None if pair else d)
-            for e, d in zip(p.estimates, p.differences, strict=True)
+    errors = [
+        "--"
+        if math.isnan(e.relative_error)
+        else rf"{latex_number(format_significant(100.0 * e.relative_error, 2))}\,\%"
+        for e in entries
+    ]
+    blank = [""] * (len(heads) - len(labels))
+    below = [
+        ["Torque error", "", *errors, *blank],
+        ["Condition number", "", *(latex_number(condition_text(e)) for e in entries), *blank],
+    ]
+    return "\n".join(
+        [
+            "% " + one_line(f"Comparison of {', '.join(comparison.labels)}."),
+            r"% In the preamble: \usepackage{amsmath,booktabs}",
+            rf"\begin{{tabular}}{{ll{'r' * len(heads)}}}",
+            r"\toprule",
+            " & ".join(["Parameter", "Unit", *heads]) + r" \\",
+            r"\midrule",
+            *(" & ".join(row) + r" \\" for row in rows),
+            r"\midrule",
+            *(" & ".join(row) + r" \\" for row in below),
+            r"\bottomrule",
+            r"\end{tabular}",
+            "% Values and differences with 2 sigma. " + one_line(level_sentence(comparison)),
+            *(f"% {one_line(note)}" for note in comparison.notes),
+            "",
         ]
-        if pair:
-            found = p.differences[1]
-            z = "–" if found is None or found.z != found.z else format_z(found.z)
-            cells += [_in_mathematics(difference_text(found)), latex_number(z)]
-            cells[-1] += _mark(comparison, found)
-        lines.append(" & ".join([f"${latex_name(one_line(p.name))}$", latex_unit(p.unit), *cells]))
-        lines[-1] += r" \\"
-    width, none = len(head) - 2, "--"
-    errors = [e.relative_error for e in comparison.entries]
-    figures = [
-        ("Torque error", [_percent(error) if error == error else none for error in errors]),
-        ("Condition number", [latex_number(condition_text(e)) for e in comparison.entries]),
-    ]
-    lines.append(r"\midrule")
-    for name, cells in figures:
-        lines.append(" & ".join([name, "", *cells, *[""] * (width - len(cells))]) + r" \\")
-    lines += [
-        r"\bottomrule",
-        r"\end{tabular}",
-        "% Values and differences with 2 sigma. " + one_line(level_sentence(comparison)),
-        *(f"% {one_line(note)}" for note in comparison.notes),
-    ]
-    return "\n".join(lines) + "\n"
+    )
 
 
-def _percent(error: float) -> str:
-    return rf"{latex_number(format_significant(100.0 * error, 2))}\,\%"
-
-
-def _mark(comparison: ComparedResults, found: Difference | None) -> str:
-    return r"\rlap{*}" if comparison.is_marked(found) else ""
-
-
-def _in_mathematics(text: str) -> str:
-    """``0.12 ± 0.01``, with exponents set as powers of ten."""
-    value, _, spread = text.partition(" ± ")
-    value = value.removeprefix("+") if not spread else value
-    shown = latex_number(value)
-    return f"{shown} $\\pm$ {latex_number(spread)}" if spread else shown
+def _latex_cell(text: str) -> str:
+    """``0.12±0.01 *`` with exponents set as powers of ten and a mark that takes no room."""
+    number, mark, _ = text.partition(" *")
+    value, _, spread = number.strip().partition("±")
+    shown = latex_number(value if spread else value.removeprefix("+"))
+    shown += f" $\\pm$ {latex_number(spread)}" if spread else ""
+    return shown + r"\rlap{*}" * bool(mark)
 
 
 def _entry_values(entry: Entry, same_record: bool) -> dict[str, Any]:

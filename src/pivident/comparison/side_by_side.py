@@ -45,13 +45,17 @@ def _parts(comparison: ComparedResults, width: int) -> Iterator[str]:
     first: list[Column] = [("", "<", names), ("unit", "<", [p.unit for p in comparison.parameters])]
     values, level = "Parameters ± 2σ", fill(level_sentence(comparison), width)
     if len(comparison.entries) == 2:
-        tables = _tables(values, _pair_columns(comparison, first, width), width)
+        pair = [*first, *pair_columns(comparison)]
+        taken = sum(max(map(len, [name, *cells])) + len(GAP) for name, _, cells in pair)
+        if taken - len(GAP) > width:  # no room for the difference
+            del pair[-2]
+        tables = _tables(values, pair, width)
     else:  # the first result is in every table
-        columns = _value_columns(comparison)
+        columns = value_columns(comparison)
         tables = _tables(values, [*first, columns[0]], width, columns[1:])
         tables += _tables(*_differences(comparison), width)
     yield from tables[:-1]
-    yield f"{tables[-1]}\n{level}"
+    yield "\n".join([*tables[-1:], level])
     yield _lines([f"· {sentence}" for sentence in findings(comparison)], width)
     if comparison.torques:
         labels: Column = ("parameters of", "<", comparison.labels)
@@ -171,11 +175,10 @@ def _source_columns(comparison: ComparedResults) -> list[Column]:
     ]
 
 
-def _pair_columns(comparison: ComparedResults, first: Sequence[Column], width: int) -> list[Column]:
-    """Two results: values, their difference where there is room for it, and how sure it is."""
+def pair_columns(comparison: ComparedResults) -> list[Column]:
+    """Two results: values, their difference, and how sure it is."""
     found = [p.differences[1] for p in comparison.parameters]
-    columns: list[Column] = [
-        *first,
+    return [
         *(
             (label, ">", [_narrow(estimate_text(p.estimates[k])) for p in comparison.parameters])
             for k, label in enumerate(comparison.labels)
@@ -183,15 +186,13 @@ def _pair_columns(comparison: ComparedResults, first: Sequence[Column], width: i
         ("difference", ">", [_narrow(difference_text(d)) for d in found]),
         ("z", ">", [z_text(comparison, d) for d in found]),
     ]
-    taken = sum(max(map(len, [name, *cells])) + len(GAP) for name, _, cells in columns)
-    return columns if taken - len(GAP) <= width else [*columns[:-2], columns[-1]]
 
 
 def _narrow(text: str) -> str:
     return text.replace(" ± ", "±")
 
 
-def _value_columns(comparison: ComparedResults) -> list[Column]:
+def value_columns(comparison: ComparedResults) -> list[Column]:
     """Three results or more: values, marked where they differ from those of the first."""
 
     def cell(p: ComparedParameter, k: int) -> str:

@@ -206,7 +206,7 @@ class Prediction(Accounted):
         )
         legend = textwrap.fill(self._legend(), WIDTH, break_on_hyphens=False)
         errors = Part("Errors", (headline, self.table(), legend))
-        torques = Part("Torques", figures=[self._curves(j) for j in range(self.robot.size)])
+        torques = Part("Torques", figures=[self.curves(j) for j in range(self.robot.size)])
         title = f"{self.robot.name}: torques predicted by {self.method}"
         return Document(title, (errors, torques), self.findings, sheet=self._signals())
 
@@ -264,13 +264,18 @@ class Prediction(Accounted):
             )
         return text
 
-    def _curves(self, j: int) -> Curves:
-        """Measured and predicted torque of one joint, and their difference."""
-        name, unit, model = self.robot.joint_names[j], self.units[j], self.tau_model[:, j]
+    def curves(self, j: int, part: slice = slice(None)) -> Curves:
+        """Measured and predicted torque of one joint, and their difference.
+
+        Args:
+            j: index of the joint.
+            part: of the samples.
+        """
+        name, unit, model = self.robot.joint_names[j], self.units[j], self.tau_model[part, j]
         curves: Sequence[Curve] = [Curve("predicted", model, 0)]
         subject, note = f"Predicted torque of {name}", ""
         if self.tau is not None:
-            curves = compared(self.tau[:, j], model, "predicted")
+            curves = compared(self.tau[part, j], model, "predicted")
             subject = f"Measured and predicted torque of {name}"
         if self.error is not None:
             e = self.error.errors
@@ -278,7 +283,7 @@ class Prediction(Accounted):
                 f"error {percent(e.relative[j])}, rms {format_significant(e.rms[j])} {unit}, from "
                 "the first to the last motion"
             )
-        return Curves(name, torque_axis(unit), self.t, curves, subject, note)
+        return Curves(name, torque_axis(unit), self.t[part], curves, subject, note)
 
     def _signals(self) -> Table:
         """Time, positions, measured and predicted torques, one row for each sample."""

@@ -83,15 +83,15 @@ def drawn(
     return Figure(plot, 250, curves.title, curves.label, curves.note, recording, zero)
 
 
-def torque_figure(
-    identification: Identification, recording: FittedRecording, joint: int, method: int, points: int
-) -> Figure:
+def torque_curves(
+    identification: Identification, recording: FittedRecording, joint: int, method: int
+) -> Curves:
     """Measured, or commanded, and reconstructed torque of one joint, and their difference."""
     fit = identification.joints[joint]
     origin = "Measured" if recording.torque_source == "measured" else "Commanded"
     measured, model = recording.tau[:, joint], recording.tau_model[:, joint]
     error = f"relative error {percent(100.0 * fit.relative_error)}"
-    curves = Curves(
+    return Curves(
         fit.name,
         torque_axis(fit.torque_unit),
         recording.t,
@@ -99,6 +99,13 @@ def torque_figure(
         f"{origin} and reconstructed torque of {fit.name}",
         f"{error}, rms error {format_significant(fit.rms_error)} {fit.torque_unit}",
     )
+
+
+def torque_figure(
+    identification: Identification, recording: FittedRecording, joint: int, method: int, points: int
+) -> Figure:
+    """The same as a figure; rows that were not used are shaded."""
+    curves = torque_curves(identification, recording, joint, method)
     figure = drawn(curves, points, recording.name)
     _shade(figure.plot, _excluded(recording, joint), _time(recording))
     return figure
