@@ -28,7 +28,7 @@ def made_table():
         ),
         "std": Column(np.array([0.025, np.inf]), shown="files"),
         "start": Column(np.array([1.0, 2.0]), "first value", shown="pages", digits=2),
-        "kind": Column((None, True)),
+        "kind": Column((None, True), "σ known"),
     }
     return Table("values", columns, title="What was found")
 
@@ -55,11 +55,11 @@ class Found(Accounted):
 
 def test_columns_are_shown_where_they_belong():
     made = made_table()
-    assert [title for title, *_ in made.shown()] == ["joint", "value", "±", "kind"]
+    assert [title for title, *_ in made.shown()] == ["joint", "value", "±", "σ known"]
     page = {title: (align, cells) for title, align, cells in made.shown(page=True)}
-    assert list(page) == ["joint", "value", "±", "first value", "kind"]
+    assert list(page) == ["joint", "value", "±", "first value", "σ known"]
     assert page["value"] == (".", ["1.235", "7.00"]) and page["±"] == (".", ["0.050", "–"])
-    assert page["first value"] == (".", ["1.0", "2.0"]) and page["kind"] == ("<", ["–", "yes"])
+    assert page["first value"] == (".", ["1.0", "2.0"]) and page["σ known"] == ("<", ["–", "yes"])
     assert made["std"][1] == np.inf and made.to_polars().columns == list(made.columns)
     assert made.shown(1)[0] == ("joint", "<", ["a"])
 
@@ -100,6 +100,7 @@ def test_the_text_has_tables_under_their_titles_and_findings_at_the_end():
 def test_everything_on_a_page_is_escaped(tmp_path):
     page = write_account(Found(), tmp_path / "page.html").read_text("utf-8")
     assert HOSTILE not in page and page.count("&lt;script&gt;alert(1)") >= 4
+    assert ">First value</th>" in page and ">σ known</th>" in page
     assert "<code>a command</code>" in page and 'id="values_of_arm"' in page
     assert page.index("It is loud.") < page.index('id="curves"')
     assert re.search(r'class="key measured"></span> measured', page)
