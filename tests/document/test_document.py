@@ -87,7 +87,6 @@ def test_the_text_has_tables_under_their_titles_and_findings_at_the_end():
     assert text == "\n\n".join(
         [
             "Headline with `a command`.",
-            "What was found:",
             made_table().text(),
             "What is drawn.",
             "! noise: It is loud.",

@@ -207,7 +207,7 @@ class ConsistentEstimate:
             "moved_sigmas": Column(moved, "moved [σ]", cells=[f"{x:+.2f}" for x in moved]),
             "unit": Column([free.units[k] for k in rows]),
         }
-        return Table("moved", columns)
+        return Table("moved", columns, title="Parameters that moved")
 
     def __str__(self) -> str:
         parts = ["\n".join([self.label, *(f"  {line}" for line in self.sentences())])]

@@ -79,7 +79,7 @@ def link_table(bodies: Sequence[LinkBody], rows: Sequence[LinkRow] = ()) -> Tabl
         "i1_kg_m2": "principal moment about the centre of mass",
         "ixx_kg_m2": "inertia about the centre of mass, along the axes of the link's frame",
     }
-    return Table("links", columns, meanings)
+    return Table("links", columns, meanings, "Links")
 
 
 def _interval(name: str, texts: Sequence[str]) -> dict[str, Column]:

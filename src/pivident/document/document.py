@@ -57,13 +57,9 @@ class Document(Displayed):
 
     @property
     def body(self) -> str:
-        """The text without the findings: a table has its title above it."""
-        blocks = []
-        for block in (block for part in self.parts for block in part.blocks):
-            is_titled = isinstance(block, Table) and block.title
-            blocks += [f"{block.title}:"] if is_titled else []
-            blocks.append(block if isinstance(block, str) else block.text())
-        return "\n\n".join(blocks)
+        """The text without the findings."""
+        blocks = (block for part in self.parts for block in part.blocks)
+        return "\n\n".join(b if isinstance(b, str) else b.text() for b in blocks)
 
     def __str__(self) -> str:
         return "\n\n".join([self.body, *map(str, self.findings)])

@@ -114,7 +114,7 @@ class Table(Displayed):
         name: what it is a table of, such as ``parameters``.
         columns: by name, in order; values alone are columns shown by their name.
         meanings: what the columns mean where their name does not say it.
-        title: what it shows, in words; empty: its name.
+        title: what it shows, for those who do not see it and over it in notebooks; empty: its name.
     """
 
     name: str

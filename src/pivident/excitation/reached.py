@@ -126,7 +126,7 @@ class ReachedErrors(Accounted):
             "ratio": Column(numbers[:, 2], "reached/predicted", digits=3),
             "unit": Column([e.unit for e in self.errors]),
         }
-        return Table("errors", columns)
+        return Table("errors", columns, title=self.heading)
 
     def account(self) -> Document:
         """The standard errors side by side, and what they say."""

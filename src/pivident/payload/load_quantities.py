@@ -67,7 +67,7 @@ def determined(quantities: Table) -> Table:
             for a, b, own in ends
         ]
         columns["interval"] = Column([texts[k] for k in rows], "95 % interval")
-    return Table("determined", columns)
+    return Table("determined", columns, title="Determined quantities of the load")
 
 
 def load_sentences(load: LoadEstimate, nearest: PossibleLoad | None) -> list[str]:

@@ -242,7 +242,7 @@ class Prediction(Accounted):
             answers = [ratios[name].answer if name in ratios else "" for name in names]
             if any(answers):
                 columns["in_motion"] = Column(answers, "in motion")
-        return Table("errors", columns)
+        return Table("errors", columns, title="Errors of the predicted torques")
 
     def _legend(self) -> str:
         """What the columns of the table are, in sentences."""

@@ -30,6 +30,7 @@ def page_of_documents(documents: Sequence[Document], names: Sequence[str] = ("",
         for k, part in enumerate(document.parts):
             body = template.render(
                 part=part,
+                first="note" if k else "headline",
                 findings=[] if k else [f for f in document.findings if not isinstance(f, str)],
                 remarks=[] if k else [f for f in document.findings if isinstance(f, str)],
                 figures=[drawn(curves) for curves in part.figures],

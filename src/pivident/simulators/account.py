@@ -34,7 +34,8 @@ def account(fit: SimulatorFit, robot: RobotFile | None, held_out: HeldOut | None
     )
     parts, findings, errors = [Part("Fitted values", (headline, values))], [*fit.findings()], None
     if held_out is not None:
-        blocks = errors_table(held_out), f"{held_out.meaning}."
+        what = f"Position error of MuJoCo on {held_out.name}, root mean square:"
+        blocks = what, errors_table(held_out), f"{held_out.meaning}."
         figures = [error_curves(held_out, j) for j in range(held_out.robot.size)]
         parts.append(Part(f"Errors on {held_out.name}", blocks, figures))
         findings += held_out.findings()
@@ -74,7 +75,7 @@ def values_table(fit: SimulatorFit) -> Table:
         "start": Column(rows["start"], shown="pages", digits=3),
         "unit": Column(rows["unit"]),
     }
-    return Table("values", columns)
+    return Table("values", columns, title="Fitted values with intervals of 95 %")
 
 
 def errors_table(held_out: HeldOut) -> Table:
@@ -84,8 +85,7 @@ def errors_table(held_out: HeldOut) -> Table:
     for title, errors in held_out.rms().items():
         columns[title] = Column(1e3 * errors, cells=[*map(milli, errors.tolist())])
     columns["unit"] = Column(["mrad" if j.position_unit == "rad" else "mm" for j in joints])
-    title = f"Position error of MuJoCo on {held_out.name}, root mean square"
-    return Table("held_out", columns, title=title)
+    return Table("held_out", columns, title="Position errors on motion that the fit has not seen")
 
 
 def error_curves(held_out: HeldOut, j: int) -> Curves:

@@ -34,6 +34,7 @@ class HeldOutSection(Section):
         context: dict[str, Any] = {
             "compared": compared,
             "judged": judged,
+            "methods": {label: k for label, k, _ in judged},
             "split": diagnostics.model_error,
         }
         if compared is not None:

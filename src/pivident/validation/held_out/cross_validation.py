@@ -203,7 +203,7 @@ class CrossValidation:
                 "position_rms": Column(replay.position, "position rms", digits=3),
                 "position_unit": Column(replay.position_units, "unit"),
             }
-        return Table("joints", columns)
+        return Table("joints", columns, title="Errors on held-out motion joint by joint")
 
     def sentences(self) -> list[str]:
         """The warning, failures and notes."""

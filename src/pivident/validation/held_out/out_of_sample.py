@@ -187,7 +187,8 @@ class OutOfSample:
         for name, error in judged.items():
             title = f"{self._label(name)}{', open loop' if error.loop == 'open' else ''}"
             columns[name] = Column(error.position[shown], title, digits=3)
-        return Table("positions", columns | {"unit": Column([first.units[j] for j in shown])})
+        columns["unit"] = Column([first.units[j] for j in shown])
+        return Table("positions", columns, title="Errors of the simulated positions")
 
     def position_heading(self) -> str:
         """What the table of positions shows."""

@@ -170,7 +170,7 @@ class ModelError:
         values, intervals = zip(*map(_percentages, joints), strict=True)
         columns["noise_share"] = Column(values, "noise, % of variance", align=".")
         columns["interval"] = Column(intervals, "2σ", align=">")
-        return Table("joints", columns)
+        return Table("joints", columns, title="Model error and noise joint by joint")
 
     def parameter_tables(self) -> list[Table]:
         """Both kinds of standard errors side by side, where they are known."""
@@ -184,7 +184,7 @@ class ModelError:
             "total": Column(total, "with model error ±2σ", digits=2),
             "unit": Column(found.units),
         }
-        return [Table("repeatability", columns)]
+        return [Table("repeatability", columns, title="Standard errors from noise alone")]
 
 
 def _column(values: Sequence[float], title: str) -> Column:
