@@ -44,7 +44,7 @@ def fit_simulator(
     from pivident.robot.mjcf_model import mujoco_library
     from pivident.simulators.account import account, file_name
     from pivident.simulators.joint_quantities import DEFAULT_QUANTITIES
-    from pivident.simulators.simulator_table import simulator_of
+    from pivident.simulators.simulator_of_experiment import simulator_of
     from pivident.text.lists import separated
 
     mujoco_library("fitting a simulator")
