@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from pivident.cli.friction import run_friction
+from pivident.document.table import Table
 from pivident.errors import PividentError
 from pivident.extras import MissingExtra, require
 from pivident.logs.bags.decompression import unpacked
@@ -18,7 +19,6 @@ from pivident.logs.tables.read_csv import read_csv_forgiving
 from pivident.logs.tables.tables import read_table
 from pivident.many.batch.results_folder import ResultsFolder
 from pivident.robot.gallery import load_robot
-from pivident.tables.columns import Table
 from tests.planar_log import write_experiment
 
 PROJECT = Path(__file__).parents[1] / "pyproject.toml"

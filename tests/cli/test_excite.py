@@ -296,7 +296,7 @@ def test_identify_prints_predicted_beside_reached(designed, capsys):
     text = (out / "design_check.txt").read_text("utf-8").strip()
     assert text in printed
     page = (out / "report.html").read_text("utf-8")
-    assert 'id="designed-motion"' in page and "reached/predicted" in page
+    assert 'id="designed-motion"' in page and "Reached/predicted" in page
 
 
 def test_the_verdict_ends_with_the_command_of_the_next_motion(designed, folder, capsys):

@@ -14,9 +14,14 @@ import pytest
 import pivident as pv
 from pivident.cli import main
 from pivident.comparison.compare import compare
-from pivident.comparison.comparison_files import render_page, to_csv, to_latex, to_values
-from pivident.comparison.comparison_text import comparison_text
+from pivident.comparison.comparison_files import (
+    comparison_table,
+    render_page,
+    to_latex,
+    to_values,
+)
 from pivident.comparison.entry import ComparisonError
+from pivident.comparison.side_by_side import comparison_text
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import IdentificationFileError
 from pivident.robot.friction import FrictionLaw, coulomb, offset, viscous
@@ -204,7 +209,7 @@ def test_the_terminal_needs_80_columns(days, count):
 
 
 def test_table_and_json_hold_every_number(comparison):
-    rows = list(csv.DictReader(io.StringIO(to_csv(comparison))))
+    rows = list(csv.DictReader(io.StringIO(comparison_table(comparison).to_csv())))
     assert len(rows) == 39
     marked = [(r["parameter"], r["result"]) for r in rows if r["significant"] == "True"]
     assert marked == [("fv1", "friday")]
@@ -240,7 +245,7 @@ def test_the_page_escapes_and_needs_nothing_else(days):
     assert "<script>alert(1)" not in page
     assert _Tags(page).seen.count("section") == 6
     assert not re.search(r'(src|href)="https?:', page.split("<script>")[0])
-    sheet = to_csv(compare(days[:2], ["=1+1", "b"]))
+    sheet = comparison_table(compare(days[:2], ["=1+1", "b"])).to_csv()
     assert "'=1+1" in sheet and not re.search(r"(^|,)=1", sheet, re.MULTILINE)
 
 

@@ -11,8 +11,8 @@ import pytest
 
 from pivident.consistency.cone_program import solve_cone_program
 from pivident.consistency.consistent_model import make_consistent
-from pivident.consistency.consistent_tables import link_table, moments_text
 from pivident.consistency.constraints import Bounds, make_constraints
+from pivident.consistency.link_quantities import link_table, moments_text
 from pivident.consistency.metric import make_metric
 from pivident.consistency.nearest_consistent import imposed, standard_space
 from pivident.consistency.pseudo_inertia import LinkBody
@@ -133,7 +133,7 @@ def test_printed_moments_are_those_of_a_body(seed):
         turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
         inertia = turn @ np.diag(second.sum() - second) @ turn.T
         bodies.append(LinkBody("link", 1.0, np.zeros(3), inertia))
-    rows = link_table(bodies).splitlines()[-len(bodies) :]
+    rows = link_table(bodies).text().splitlines()[-len(bodies) :]
     for body, row in zip(bodies, rows, strict=True):
         a, b, c = sorted(Decimal(text) for text in row.split()[-3:])
         assert a > 0

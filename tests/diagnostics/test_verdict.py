@@ -300,7 +300,7 @@ def test_a_validation_recording_is_called_by_its_name(simulated, tmp_path):
     compared = diagnosed.out_of_sample
     assert "on the validation recording friday, below 20 Hz" in compared.joint_heading()
     errors = compared.results["ls"].prediction
-    rows = compared.joint_table().splitlines()[1:]
+    rows = compared.joint_table().text().splitlines()[1:]
     (largest,) = [row for row in rows if row.endswith("largest")]
     assert largest.split()[0] == errors.joint_names[int(np.argmax(errors.relative_in_band))]
     save_verdict(judged, tmp_path / "verdict.json")

@@ -22,7 +22,7 @@ from pivident.excitation import (
     reached_errors,
     write_design,
 )
-from pivident.excitation.reached import ReachedError, ReachedErrors, reached_text, sentences
+from pivident.excitation.reached import ReachedError, ReachedErrors, sentences
 from pivident.recording.recording import Recording
 from tests.excitation.designs import made_design, named
 from tests.planar_arm import LAW
@@ -85,7 +85,7 @@ def test_the_noise_that_was_expected_gives_what_was_predicted(tmp_path):
     (found,) = reached_errors([file], [planar_record()], planar_estimate())
     assert len(found.compared) == len(base_parameters(PLANAR))
     assert found.ratio == pytest.approx(1.0, abs=SCATTER)
-    assert "are as predicted" in reached_text(found) and found.followed[0].is_same
+    assert "are as predicted" in str(found) and found.followed[0].is_same
 
 
 def test_more_noise_on_one_joint_shows_on_that_joint(tmp_path):
@@ -97,7 +97,7 @@ def test_more_noise_on_one_joint_shows_on_that_joint(tmp_path):
     assert ratios["fc2"] == pytest.approx(3.0, rel=0.2)  # no other joint tells of its friction
     by_joint = found.ratio_by_joint
     assert by_joint["shoulder"] < 1.5 < by_joint["elbow"] < 3.3
-    text = reached_text(found)
+    text = str(found)
     assert "larger than predicted" in text and "on elbow" in text.replace("\n", " ")
 
 
@@ -117,7 +117,7 @@ def test_half_the_speed_is_another_motion(tmp_path):
     (found,) = reached_errors([file], [planar_record(**slow)], planar_estimate("ls", **slow))
     assert found.errors == () and math.isnan(found.ratio)
     assert "holds another motion than the design" in found.reason
-    assert "σ predicted" not in reached_text(found)
+    assert "σ predicted" not in str(found)
 
 
 def test_what_earlier_records_know_is_left_out_of_the_prediction_for_one_record():
@@ -249,12 +249,12 @@ def test_ratios_of_what_is_unknown_do_not_count():
     )
     found = ReachedErrors(Path("design.json"), "IDIM-PIV", errors=errors)
     assert found.ratio == pytest.approx(1.0) and [e.name for e in found.compared] == ["a", "b"]
-    assert "Estimated, although the design predicted nothing: c." in reached_text(found)
+    assert "Estimated, although the design predicted nothing: c." in str(found)
     values = found.to_values()
     assert values["parameters"][2]["ratio"] is None and values["ratio"] == pytest.approx(1.0)
 
 
 def test_nothing_to_compare_is_said():
     found = ReachedErrors(Path("design.json"), "IDIM-PIV", reason="The robot is another one.")
-    assert reached_text(found).splitlines()[1:] == ["The robot is another one."]
+    assert str(found).splitlines()[1:] == ["The robot is another one."]
     assert found.ratio_by_joint == {}

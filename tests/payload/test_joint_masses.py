@@ -9,7 +9,6 @@ from pivident.estimation.identify import identify
 from pivident.logs.torque_scale import TorqueScale
 from pivident.payload.identify_payload import identify_payload
 from pivident.payload.joint_masses import JointMasses
-from pivident.payload.payload_files import payload_values
 from pivident.payload.payload_findings import disagreement, scale_sentence
 from pivident.recording.recording import Recording
 from tests.load_scenario import LOAD, tx40_with_load
@@ -60,7 +59,7 @@ def test_two_gains_that_are_off_are_named_with_their_masses(wrong):
     (warning,) = [w for w in wrong.warnings if w.kind == "joints disagree"]
     assert "joint_2 1.10" in warning.message and "joint_5 0.90" in warning.message
     assert warning.message in str(wrong) and "joints agree" not in str(wrong)
-    stored = payload_values(wrong)["masses"]
+    stored = wrong.account().values["masses"]
     assert stored["disagree"] and stored["joints"][1]["joint"] == "joint_2"
     # the interval without what the gains add would miss the truth
     assert abs(load.mass - LOAD.mass) < 2.0 * load.mass_std
@@ -88,7 +87,7 @@ def test_without_the_record_of_the_arm_no_joint_has_a_mass_of_its_own():
     arm = tx40_with_load(0, samples=5000)
     known = replace(identify(arm.problem, "ls"), equations=None)
     found = identify_payload(known, loaded(arm), "ls")
-    assert found.masses is None and payload_values(found)["masses"] is None
+    assert found.masses is None and found.account().values["masses"] is None
     assert "The mass has the scale of the logged torque" in str(found)
 
 

@@ -9,8 +9,8 @@ from pivident.errors import ExperimentError
 from pivident.payload import possible_load as module
 from pivident.payload.arm_and_load import KnownParts
 from pivident.payload.load_estimate import NATURAL, LoadEstimate
+from pivident.payload.load_quantities import load_sentences
 from pivident.payload.payload_findings import contradicted
-from pivident.payload.payload_text import load_sentences
 from pivident.payload.possible_load import possible_load
 from pivident.robot.frames import Pose, rotation_from_rpy
 from pivident.robot.inertia import from_center_of_mass, tensor

@@ -10,10 +10,8 @@ from pivident.consistency.consistent_estimate import (
     ConsistentEstimate,
     NoConsistentEstimate,
     consistent_estimates,
-    ends_text,
 )
-from pivident.consistency.consistent_tables import millimetres
-from pivident.consistency.link_intervals import LinkRow, Quantity
+from pivident.consistency.link_quantities import LinkRow, Quantity, ends_text, millimetres
 from pivident.consistency.options import ConsistencyOptions
 from pivident.diagnostics.diagnostics import diagnose_one
 from pivident.diagnostics.verdict import verdict
@@ -112,9 +110,12 @@ def test_table_and_figure_show_the_same_step():
     assert len(found.model.base_values) > len(free.names)
     step = dict(zip(free.names, (found.model.theta - free.theta) / free.std, strict=True))
     assert max(map(abs, step.values())) > 0.1
-    for row in found.moved_rows():
-        assert row.moved == pytest.approx(step[row.name])
-        assert row.moved * row.spread / 1.96 == pytest.approx(row.consistent - row.free)
+    table = found.moved_table()
+    spread = dict(zip(table["parameter"], table.columns["free"].spread, strict=True))
+    for row in table.rows():
+        assert row["moved_sigmas"] == pytest.approx(step[row["parameter"]])
+        moved = row["moved_sigmas"] * spread[row["parameter"]] / 1.96
+        assert moved == pytest.approx(row["consistent"] - row["free"])
     (figure,) = [f for f in _figures(found, 0) if f.title == "Free and consistent intervals"]
     points = figure.plot.data[-1]
     np.testing.assert_allclose(points["x"], [step[name] for name in points["y"]], atol=1e-5)

@@ -5,7 +5,7 @@ from collections import namedtuple
 import pytest
 
 from pivident.experiment.experiment import load_experiment
-from pivident.simulators.simulator_table import simulator_of
+from pivident.simulators.simulator_of_experiment import simulator_of
 from tests.simulators.leg import write_leg
 
 Fitted = namedtuple("Fitted", "folder truth fit file judged")

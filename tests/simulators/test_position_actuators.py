@@ -13,7 +13,7 @@ from pivident.cli import main
 from pivident.experiment.experiment import load_experiment
 from pivident.robot.mjcf_actuators import actuator_law
 from pivident.simulators.held_out import HeldOut
-from pivident.simulators.simulator_table import simulator_of
+from pivident.simulators.simulator_of_experiment import simulator_of
 from tests.simulators.two_links import KP, KV, POSITIONS, TRUE, model_text, write_log
 
 

@@ -12,10 +12,10 @@ import pivident as pv
 from pivident.audit.audit_file import audit_file
 from pivident.consistency.consistent_model import make_consistent
 from pivident.consistency.profile_intervals import ProfileIntervals
+from pivident.document.table import Table, TableError
 from pivident.experiment.experiment import load_experiment
 from pivident.extras import MissingExtra
 from pivident.tables.chosen import TABLES, table, table_names
-from pivident.tables.columns import Table, TableError
 from pivident.validation.residuals.residual_tests import residual_tests
 from tests.planar_log import write_experiment
 from tests.synthetic_identification import synthetic_identification

@@ -28,21 +28,19 @@ def compare(
     out
         Folder for comparison.html, .csv, .json and .tex. Default: only the terminal.
     """
-    from rich.console import Console
+    import shutil
+    import sys
 
     from pivident.cli.workflow import check_output
     from pivident.comparison.compare import compare as compare_results
-    from pivident.comparison.comparison_text import WIDTH, comparison_tables, comparison_text
+    from pivident.comparison.side_by_side import WIDTH, comparison_text
 
     if out is not None:
         check_output(out)
     labels = None if names is None else names.split(",")
     found = compare_results(results, labels, level=level)
-    console = Console(highlight=False)
-    if console.is_terminal:
-        console.print(comparison_tables(found, console.width))
-    else:
-        print(comparison_text(found, WIDTH))
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else WIDTH
+    print(comparison_text(found, width))
     if out is not None:
         found.save(out)
         print(

@@ -12,7 +12,6 @@ from pivident.estimation.identification import Identification
 from pivident.experiment.experiment import Experiment
 from pivident.experiment.recording_tables import design_file
 from pivident.recording.recording import Recording
-from pivident.report.report_data import DesignAccount
 
 if TYPE_CHECKING:
     from pivident.excitation.reached import ReachedErrors
@@ -60,26 +59,6 @@ def write_designs(found: Sequence[ReachedErrors], build: Path) -> None:
         return
     from pivident.text.plain_values import write_json
 
-    text = design_texts(found)
+    text = "\n\n".join(map(str, found))
     (build / TEXT_FILE).write_text(f"{text}\n", encoding="utf-8", errors="backslashreplace")
     write_json(build / JSON_FILE, {"schema": 1, "designs": [own.to_values() for own in found]})
-
-
-def design_texts(found: Sequence[ReachedErrors]) -> str:
-    """The comparisons for a terminal."""
-    from pivident.excitation.reached import reached_text
-
-    return "\n\n".join(map(reached_text, found))
-
-
-def design_accounts(found: Sequence[ReachedErrors]) -> tuple[DesignAccount, ...]:
-    """The comparisons for the report."""
-    if not found:
-        return ()
-    from pivident.excitation.reached import heading, sentences, table
-
-    made = []
-    for own in found:
-        head, *rows = table(own)
-        made.append(DesignAccount(heading(own), head, rows, sentences(own)))
-    return tuple(made)

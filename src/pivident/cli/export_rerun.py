@@ -46,5 +46,5 @@ def export_rerun(result: Path, log: Path | None, out: Path) -> None:
         progress.say("writing the file of Rerun")
         write_rerun(made, out)
     for one in made:
-        print(f"{one.account()}\n")
+        print(f"{one.account().body}\n")
     print(f"Written: {out} (Rerun; rerun {out} shows it)")

@@ -42,10 +42,9 @@ def fit_simulator(
     from pivident.extras import is_installed
     from pivident.files import check_output
     from pivident.robot.mjcf_model import mujoco_library
+    from pivident.simulators.account import account, file_name
     from pivident.simulators.joint_quantities import DEFAULT_QUANTITIES
-    from pivident.simulators.simulator_files import file_name, save_simulator
-    from pivident.simulators.simulator_table import simulator_of
-    from pivident.simulators.simulator_text import simulator_text
+    from pivident.simulators.simulator_of_experiment import simulator_of
     from pivident.text.lists import separated
 
     mujoco_library("fitting a simulator")
@@ -58,8 +57,14 @@ def fit_simulator(
         )
         progress.say("writing the results")
         drawn = is_installed("plotly")
-        save_simulator(fit, robot, judged, folder, page=drawn)
-    print(simulator_text(fit, judged))
+        document, page = account(fit, robot, judged), ""
+        if drawn:
+            from pivident.report.pages import page_of_documents
+
+            page = page_of_documents([document])
+        more = {} if robot is None else {file_name(robot): robot.content}
+        document.save(folder, "simulator", page, more)
+    print(document)
     for sentence in () if robot is None else robot.differences:
         note(f"{sentence}.")
     names = [] if robot is None else [file_name(robot)]

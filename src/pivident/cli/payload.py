@@ -35,8 +35,7 @@ def payload(
     """
     from pivident.cli.workflow import check_output
     from pivident.experiment.experiment import load_experiment
-    from pivident.payload.payload_files import save_payload
-    from pivident.payload.payload_table import default_folder, load_of
+    from pivident.payload.load_of_experiment import default_folder, load_of
 
     file = first if second is None else second
     if second is None and first.suffix == ".json":
@@ -56,8 +55,9 @@ def payload(
     with Progress() as progress:
         found = load_of(experiment, arm, method, progress.say)
         progress.say("writing the results")
-        save_payload(found, folder)
-    print(found)
+        account = found.account()
+        account.save(folder, "payload")
+    print(account)
     print(f"\nFiles: {folder / 'payload.json'}, payload.csv, payload.txt")
     return 0 if found.converged else 3
 

@@ -36,7 +36,6 @@ def predict(
     """
     from pivident.cli.workflow import can_draw, check_output
     from pivident.prediction.new_logs import new_logs, stored_result
-    from pivident.prediction.prediction_page import write_csv
 
     for file in (csv, html):
         if file is not None:
@@ -56,13 +55,14 @@ def predict(
         progress.say("predicting")
         made = [stored.predict(new.recording) for new in logs]
         if csv is not None:
-            written.append(f"CSV:  {write_csv(made[0], csv)}")
+            made[0].account().tables["signals"].to_csv(csv)
+            written.append(f"CSV:  {csv}")
         if html is not None and can_draw(progress, html.name):
-            from pivident.prediction.prediction_page import write_html
+            from pivident.report.pages import write_account
 
-            written.append(f"Page: {write_html(made, html)}")
+            written.append(f"Page: {write_account(made, html, [one.recording for one in made])}")
     for one, new in zip(made, logs, strict=True):
-        print(f"{new.note}\n{one.account()}\n")
+        print(f"{new.note}\n{one.account().body}\n")
         print_findings(one.findings)
     print("\n".join(["", *written]) if written else "", end="\n" if written else "")
     return 0

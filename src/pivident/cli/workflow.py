@@ -22,7 +22,7 @@ from pivident.check.expected_time import (
 )
 from pivident.cli.compile_ahead import compile_ahead
 from pivident.cli.console import Progress, note
-from pivident.cli.designs import design_accounts, design_texts, designs_beside, write_designs
+from pivident.cli.designs import designs_beside, write_designs
 from pivident.common_work import shared_work
 from pivident.consistency.consistent_estimate import (
     ConsistentEstimate,
@@ -345,7 +345,7 @@ def write_results(
                     title=title,
                     diagnostics=results.diagnostics,
                     screen=screen,
-                    designs=design_accounts(results.designs),
+                    designs=[own.account() for own in results.designs],
                     attempts=attempts,
                 )
 
@@ -419,7 +419,7 @@ def _print_asked(results: Results, truth: Mapping[str, float] | None) -> None:
         None if results.essential is None else str(results.essential),
         None if truth is None else truth_lines([*results.identifications.values()], truth),
         *(str(made) for made in consistent if isinstance(made, ConsistentEstimate)),
-        design_texts(results.designs) if results.designs else None,
+        "\n\n".join(map(str, results.designs)),
     ]
     for text in filter(None, asked):
         print(f"\n{text}\n")
@@ -460,8 +460,8 @@ def _print_tables(results: Results, judged: Verdict, truth: Mapping[str, float] 
             note(f"{methods}: {warning.advised}")
     compared = results.diagnostics.out_of_sample
     if compared is not None:
-        print(f"\n{compared.table()}")
+        print(f"\n{compared.table().text()}")
         if found[0].robot.size > 1:
-            print(f"\n{compared.joint_heading()}\n{compared.joint_table()}")
-        if positions := compared.position_table():
-            print(f"\n{compared.position_heading()}\n{positions}")
+            print(f"\n{compared.joint_heading()}\n{compared.joint_table().text()}")
+        if (positions := compared.position_table()) is not None:
+            print(f"\n{compared.position_heading()}\n{positions.text()}")

@@ -28,7 +28,6 @@ from pivident.comparison.compared_results import (
     holm,
     share_a_record,
 )
-from pivident.comparison.comparison_text import comparison_text
 from pivident.comparison.entry import (
     ComparisonError,
     Entry,
@@ -40,6 +39,7 @@ from pivident.comparison.entry import (
 from pivident.comparison.friction_curves import friction_curves
 from pivident.comparison.groups import Key, difference_of_geometry
 from pivident.comparison.remarks import remarks
+from pivident.comparison.side_by_side import comparison_text
 from pivident.estimation.identification import Identification
 
 #: Probability of one false mark or more in a comparison.

@@ -19,15 +19,18 @@ from pivident.comparison.compared_results import (
     Difference,
     Estimate,
 )
-from pivident.comparison.comparison_text import (
+from pivident.comparison.entry import Entry
+from pivident.comparison.friction_curves import FrictionCurve, JointFriction
+from pivident.comparison.remarks import findings, level_sentence, rows_text, share_text
+from pivident.comparison.side_by_side import (
     condition_text,
     difference_text,
     estimate_text,
     format_z,
+    pair_columns,
+    value_columns,
 )
-from pivident.comparison.entry import Entry
-from pivident.comparison.friction_curves import FrictionCurve, JointFriction
-from pivident.comparison.remarks import findings, level_sentence, rows_text, share_text
+from pivident.document.table import Table
 from pivident.files import atomic_folder
 from pivident.report.builder import page_environment, page_of
 from pivident.report.intervals import Interval, IntervalDrawing
@@ -35,8 +38,7 @@ from pivident.report.plot_parts import LEGEND, Trace, band, packed
 from pivident.report.plotly_figures import Figure, colour, empty_plot
 from pivident.text.identifiers import latex_name, latex_text, one_line
 from pivident.text.numbers import format_significant, latex_number, latex_unit, with_spread
-from pivident.text.plain_values import csv_table, json_of_entries, plain
-from pivident.text.printable import sheet_text
+from pivident.text.plain_values import json_of_entries, plain
 from pivident.version import __version__
 
 #: Version of the layout of ``comparison.json``.
@@ -47,10 +49,6 @@ PAGE, TABLE, JSON, LATEX = (f"comparison.{kind}" for kind in ("html", "csv", "js
 _OF_DIFFERENCE = (
     "difference", "difference_low", "difference_high", "relative_percent", "z", "p_value",
     "p_adjusted", "significant",
-)  # fmt: skip
-#: Columns of the table: one row for each parameter and result.
-CSV_COLUMNS = (
-    "parameter", "unit", "group", "result", "value", "low", "high", *_OF_DIFFERENCE,
 )  # fmt: skip
 HEADINGS = {
     "glance": "At a glance",
@@ -173,7 +171,7 @@ def save_comparison(comparison: ComparedResults, folder: str | PathLike[str]) ->
     """Write page, table, JSON and LaTeX into a folder, all or nothing."""
     texts = {
         PAGE: render_page(comparison),
-        TABLE: to_csv(comparison),
+        TABLE: comparison_table(comparison).to_csv(),
         JSON: json_of_entries(to_values(comparison)),
         LATEX: to_latex(comparison),
     }
@@ -182,25 +180,25 @@ def save_comparison(comparison: ComparedResults, folder: str | PathLike[str]) ->
             (build / name).write_text(text, encoding="utf-8", errors="backslashreplace")
 
 
-def rows(comparison: ComparedResults) -> list[dict[str, Any]]:
-    """One row for each parameter and result that has it, by `CSV_COLUMNS`."""
-    made = []
-    for p in comparison.parameters:
+def comparison_table(comparison: ComparedResults) -> Table:
+    """One row for each parameter and result that has it, with the difference from the first."""
+    rows = [
+        {"parameter": p.name, "unit": p.unit, "group": p.expression, "result": label}
+        | {"value": estimate.value, "low": estimate.low, "high": estimate.high}
+        | _difference_values(comparison, found)
+        for p in comparison.parameters
         for label, estimate, found in zip(
             comparison.labels, p.estimates, p.differences, strict=True
-        ):
-            if estimate is None:
-                continue
-            head = {"parameter": p.name, "unit": p.unit, "group": p.expression, "result": label}
-            own = {"value": estimate.value, "low": estimate.low, "high": estimate.high}
-            made.append(head | own | _difference_values(comparison, found))
-    return made
-
-
-def to_csv(comparison: ComparedResults) -> str:
-    """The rows as text; numbers that are not finite are left empty."""
-    cells = ([_cell(row[name]) for name in CSV_COLUMNS] for row in rows(comparison))
-    return csv_table(CSV_COLUMNS, cells)
+        )
+        if estimate is not None
+    ]
+    meanings = {
+        "low": "lower end of the interval, at 2σ",
+        "high": "upper end",
+        "difference": "from the first result",
+        "p_adjusted": "after Holm, among all differences of the comparison",
+    }
+    return Table.of_rows("parameters", rows, meanings)
 
 
 def to_values(comparison: ComparedResults) -> dict[str, Any]:
@@ -252,69 +250,52 @@ def to_values(comparison: ComparedResults) -> dict[str, Any]:
 
 def to_latex(comparison: ComparedResults) -> str:
     r"""A booktabs table: every parameter with ±2σ in each result, to be read in by ``\input``."""
-    labels = [latex_text(one_line(label)) for label in comparison.labels]
-    pair = len(labels) == 2
-    head = ["Parameter", "Unit", *labels, *(["Difference", "$z$"] if pair else [])]
-    lines = [
-        "% " + one_line(f"Comparison of {', '.join(comparison.labels)}."),
-        r"% In the preamble: \usepackage{amsmath,booktabs}",
-        rf"\begin{{tabular}}{{ll{'r' * (len(head) - 2)}}}",
-        r"\toprule",
-        " & ".join(head) + r" \\",
-        r"\midrule",
+    labels, entries = [latex_text(one_line(x)) for x in comparison.labels], comparison.entries
+    values, heads = value_columns(comparison), labels
+    if len(labels) == 2:
+        values, heads = pair_columns(comparison), [*labels, "Difference", "$z$"]
+    rows = [
+        [f"${latex_name(one_line(p.name))}$", latex_unit(p.unit), *map(_latex_cell, cells)]
+        for p, *cells in zip(comparison.parameters, *(own for _, _, own in values), strict=True)
     ]
-    for p in comparison.parameters:
-        cells = [
-            _in_mathematics(estimate_text(e)) + _mark(comparison, None if pair else d)
-            for e, d in zip(p.estimates, p.differences, strict=True)
+    errors = [
+        "--"
+        if math.isnan(e.relative_error)
+        else rf"{latex_number(format_significant(100.0 * e.relative_error, 2))}\,\%"
+        for e in entries
+    ]
+    blank = [""] * (len(heads) - len(labels))
+    below = [
+        ["Torque error", "", *errors, *blank],
+        ["Condition number", "", *(latex_number(condition_text(e)) for e in entries), *blank],
+    ]
+    return "\n".join(
+        [
+            "% " + one_line(f"Comparison of {', '.join(comparison.labels)}."),
+            r"% In the preamble: \usepackage{amsmath,booktabs}",
+            rf"\begin{{tabular}}{{ll{'r' * len(heads)}}}",
+            r"\toprule",
+            " & ".join(["Parameter", "Unit", *heads]) + r" \\",
+            r"\midrule",
+            *(" & ".join(row) + r" \\" for row in rows),
+            r"\midrule",
+            *(" & ".join(row) + r" \\" for row in below),
+            r"\bottomrule",
+            r"\end{tabular}",
+            "% Values and differences with 2 sigma. " + one_line(level_sentence(comparison)),
+            *(f"% {one_line(note)}" for note in comparison.notes),
+            "",
         ]
-        if pair:
-            found = p.differences[1]
-            z = "–" if found is None or found.z != found.z else format_z(found.z)
-            cells += [_in_mathematics(difference_text(found)), latex_number(z)]
-            cells[-1] += _mark(comparison, found)
-        lines.append(" & ".join([f"${latex_name(one_line(p.name))}$", latex_unit(p.unit), *cells]))
-        lines[-1] += r" \\"
-    width, none = len(head) - 2, "--"
-    errors = [e.relative_error for e in comparison.entries]
-    figures = [
-        ("Torque error", [_percent(error) if error == error else none for error in errors]),
-        ("Condition number", [latex_number(condition_text(e)) for e in comparison.entries]),
-    ]
-    lines.append(r"\midrule")
-    for name, cells in figures:
-        lines.append(" & ".join([name, "", *cells, *[""] * (width - len(cells))]) + r" \\")
-    lines += [
-        r"\bottomrule",
-        r"\end{tabular}",
-        "% Values and differences with 2 sigma. " + one_line(level_sentence(comparison)),
-        *(f"% {one_line(note)}" for note in comparison.notes),
-    ]
-    return "\n".join(lines) + "\n"
+    )
 
 
-def _percent(error: float) -> str:
-    return rf"{latex_number(format_significant(100.0 * error, 2))}\,\%"
-
-
-def _mark(comparison: ComparedResults, found: Difference | None) -> str:
-    return r"\rlap{*}" if comparison.is_marked(found) else ""
-
-
-def _in_mathematics(text: str) -> str:
-    """``0.12 ± 0.01``, with exponents set as powers of ten."""
-    value, _, spread = text.partition(" ± ")
-    value = value.removeprefix("+") if not spread else value
-    shown = latex_number(value)
-    return f"{shown} $\\pm$ {latex_number(spread)}" if spread else shown
-
-
-def _cell(value: Any) -> Any:
-    """A cell that a sheet does not take for a formula."""
-    value = plain(value)
-    if isinstance(value, str):
-        return sheet_text(value)
-    return "" if value is None else value
+def _latex_cell(text: str) -> str:
+    """``0.12±0.01 *`` with exponents set as powers of ten and a mark that takes no room."""
+    number, mark, _ = text.partition(" *")
+    value, _, spread = number.strip().partition("±")
+    shown = latex_number(value if spread else value.removeprefix("+"))
+    shown += f" $\\pm$ {latex_number(spread)}" if spread else ""
+    return shown + r"\rlap{*}" * bool(mark)
 
 
 def _entry_values(entry: Entry, same_record: bool) -> dict[str, Any]:

@@ -15,22 +15,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pivident.consistency.consistent_tables import link_table
+from pivident.consistency.link_quantities import ends_text, link_table
 from pivident.consistency.metric import HALF_INTERVAL
 from pivident.consistency.options import ConsistencyOptions, consistent_label
 from pivident.consistency.profile_intervals import ProfileIntervals, not_found_sentence
+from pivident.document.table import Column, Table
 from pivident.errors import Attempts, IdentificationError, in_words
 from pivident.estimation.identification import Identification, torque_sums
 from pivident.recording.recording import Recording
-from pivident.text.numbers import format_significant, with_spread
-from pivident.text.plain_table import plain_table
+from pivident.text.numbers import format_significant
 from pivident.text.sentences import capital
 from pivident.validation.held_out.cross_validation import CrossValidation, HeldOut
 from pivident.validation.held_out.prediction import Judge, PredictionError, pooled
 
 if TYPE_CHECKING:
     from pivident.consistency.consistent_model import ConsistentModel
-    from pivident.consistency.link_intervals import LinkRow, Quantity
+    from pivident.consistency.link_quantities import LinkRow
     from pivident.validation.held_out.out_of_sample import OutOfSample
 
 
@@ -127,22 +127,6 @@ LISTED_MOVE = 0.05
 #: Constraints with a smaller share of the distance are not listed.
 LISTED_SHARE = 0.005
 
-#: Text of an unbounded end, and of one that the solver did not find.
-OPEN, NOT_FOUND = "open", "not found"
-
-
-@dataclass(frozen=True)
-class MovedRow:
-    """A base parameter that was moved."""
-
-    name: str  # of the parameter
-    free: float  # free estimate [unit]
-    spread: float  # half of its 95 % interval [unit]
-    consistent: float  # consistent estimate [unit]
-    interval: str  # of the consistent one, as text
-    moved: float  # consistent less free estimate [σ of the free one]
-    unit: str  # of the parameter
-
 
 @dataclass(frozen=True, eq=False)
 class ConsistentEstimate:
@@ -198,54 +182,38 @@ class ConsistentEstimate:
         """Active constraints, the most expensive first."""
         return [str(a) for a in self.model.active if a.share >= LISTED_SHARE]
 
-    def link_table(self) -> str:
-        """The links with the intervals of their masses."""
-        intervals = [interval_text(row.mass) for row in self.links]
-        return link_table(self.model.links, (f"{CONFIDENCE:.0%} interval", "<", intervals))
+    def link_table(self) -> Table:
+        """The links with their intervals."""
+        return link_table(self.model.links, self.links)
 
-    def moved_rows(self) -> list[MovedRow]:
-        """Base parameters that moved, the farthest first; none if the estimate was consistent."""
+    def moved_table(self) -> Table:
+        """Base parameters that moved, the farthest first; no row if the estimate was consistent."""
         model, free = self.model, self.model.free
-        if model.was_consistent:
-            return []
         order = np.argsort(-np.abs(model.moved), kind="stable")
-        return [
-            MovedRow(
-                name=model.names[k],
-                free=float(free.theta[k]),
-                spread=float(HALF_INTERVAL * free.std[k]),
-                consistent=float(model.theta[k]),
-                interval=ends_text(self.base.low[k], self.base.high[k]),
-                moved=float(model.moved[k]),
-                unit=free.units[k],
-            )
-            for k in order
-            if abs(model.moved[k]) >= LISTED_MOVE
+        rows = order[np.abs(model.moved[order]) >= LISTED_MOVE][
+            : 0 if model.was_consistent else None
         ]
-
-    def moved_table(self) -> str:
-        """The same as a table; empty if none moved."""
-        rows = self.moved_rows()
-        if not rows:
-            return ""
-        free = [with_spread(r.free, r.spread) for r in rows]
-        return plain_table(
-            [
-                ("parameter", "<", [r.name for r in rows]),
-                ("free", ".", [value for value, _ in free]),
-                (f"±{HALF_INTERVAL:g}σ", ".", [spread for _, spread in free]),
-                ("consistent", ".", [format_significant(r.consistent, 4) for r in rows]),
-                (f"{CONFIDENCE:.0%} interval", "<", [r.interval for r in rows]),
-                ("moved [σ]", ".", [f"{r.moved:+.2f}" for r in rows]),
-                ("unit", "<", [r.unit for r in rows]),
-            ]
-        )
+        intervals = [ends_text(self.base.low[k], self.base.high[k]) for k in rows]
+        moved = model.moved[rows]
+        columns = {
+            "parameter": Column([model.names[k] for k in rows]),
+            "free": Column(
+                free.theta[rows],
+                spread=HALF_INTERVAL * free.std[rows],
+                spread_title=f"±{HALF_INTERVAL:g}σ",
+            ),
+            "consistent": Column(model.theta[rows], digits=4),
+            "interval": Column(intervals, f"{CONFIDENCE:.0%} interval"),
+            "moved_sigmas": Column(moved, "moved [σ]", cells=[f"{x:+.2f}" for x in moved]),
+            "unit": Column([free.units[k] for k in rows]),
+        }
+        return Table("moved", columns, title="Parameters that moved")
 
     def __str__(self) -> str:
         parts = ["\n".join([self.label, *(f"  {line}" for line in self.sentences())])]
-        parts.append(self.link_table())
+        parts.append(self.link_table().text())
         if moved := self.moved_table():
-            parts.append(moved)
+            parts.append(moved.text())
         if held_back := self.held_back():
             parts.append("\n".join(["Held back by", *(f"  {line}" for line in held_back)]))
         return "\n\n".join(parts)
@@ -316,23 +284,3 @@ def consistent_estimates(
             found = replace(found, prediction=prediction)
         made[name] = found
     return made
-
-
-def interval_text(quantity: Quantity, factor: float = 1.0, digits: int = 3) -> str:
-    """An interval with its value times ``factor``, as text."""
-    return ends_text(factor * quantity.low, factor * quantity.high, digits)
-
-
-def ends_text(low: float, high: float, digits: int = 3) -> str:
-    """``0.02 to 15.5``; ``open`` where nothing bounds an end, ``not found`` where it is unknown."""
-    ends = [_end_text(end, digits) for end in (low, high)]
-    if ends[0] == ends[1] and ends[0] in (OPEN, NOT_FOUND):
-        return ends[0]
-    return " to ".join(ends)
-
-
-def _end_text(end: float, digits: int) -> str:
-    """A number, ``open`` or ``not found``."""
-    if math.isnan(end):
-        return NOT_FOUND
-    return OPEN if math.isinf(end) else format_significant(end, digits)

@@ -15,18 +15,15 @@ from pathlib import Path
 from typing import Any
 
 from pivident.consistency.consistent_estimate import CONFIDENCE, ConsistentEstimate
-from pivident.consistency.link_intervals import LinkRow, Quantity
+from pivident.consistency.link_quantities import LinkRow, Quantity
+from pivident.document.table import Table, Values
 from pivident.robot.robot_values import robot_values
-from pivident.text.plain_values import csv_table
 
 #: Version of the layout of ``consistent.json``.
 SCHEMA = 1
 
 #: Names of the files.
 CONSISTENT_FILE, TABLE_FILE = "consistent.json", "consistent_parameters.csv"
-
-#: Columns of the table; ends of the 95 % interval in the unit of their row.
-CSV_COLUMNS = ("name", "value", "low", "high", "unit", "joint", "link")
 
 
 def write_consistent(estimate: ConsistentEstimate, folder: Path, identification: Path) -> None:
@@ -77,16 +74,19 @@ def consistent_json(estimate: ConsistentEstimate, identification: Path) -> str:
 
 
 def consistent_csv(estimate: ConsistentEstimate) -> str:
-    """All standard parameters with their intervals."""
+    """All standard parameters with the ends of their 95 % intervals in the unit of their row."""
     model, intervals = estimate.model, estimate.standard
     tree = model.robot.tree
-    rows = []
-    for p, value, low, high in zip(
-        model.parameters, model.values, intervals.low, intervals.high, strict=True
-    ):
-        joint, link = tree.joints[p.joint].name, tree.links[p.joint].name
-        rows.append([p.name, float(value), _number(low), _number(high), p.unit, joint, link])
-    return csv_table(CSV_COLUMNS, rows)
+    columns: dict[str, Values] = {
+        "name": [p.name for p in model.parameters],
+        "value": model.values,
+        "low": intervals.low,
+        "high": intervals.high,
+        "unit": [p.unit for p in model.parameters],
+        "joint": [tree.joints[p.joint].name for p in model.parameters],
+        "link": [tree.links[p.joint].name for p in model.parameters],
+    }
+    return Table("parameters", columns).to_csv()
 
 
 def _link_values(row: LinkRow) -> dict[str, Any]:

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from pivident.consistency.consistent_tables import link_table
 from pivident.consistency.constraints import (
     Bounds,
     Constraint,
@@ -22,6 +21,7 @@ from pivident.consistency.constraints import (
     place_of_link,
     plausible_masses,
 )
+from pivident.consistency.link_quantities import link_table
 from pivident.consistency.metric import NOTABLE_COST, cost_notes, is_far, make_metric, probability
 from pivident.consistency.nearest_consistent import (
     ROOM,
@@ -34,6 +34,7 @@ from pivident.consistency.priors import PRIORS
 from pivident.consistency.profile_intervals import ProfileIntervals, profile_intervals
 from pivident.consistency.pseudo_inertia import LinkBody, link_body
 from pivident.consistency.reference import body_links, density_of_estimate, make_reference
+from pivident.document.table import Column, Table
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
 from pivident.dynamics.parameters import Parameter
 from pivident.errors import ExperimentError, NoConsistentModelNear
@@ -43,7 +44,6 @@ from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
 from pivident.robot.refusals import without_base
 from pivident.text.numbers import format_significant
-from pivident.text.plain_table import plain_table
 
 #: Diameter of the steel ball that bounds every link from below [m]: about the size of the smallest
 #: part built into a joint. It weighs 4 g and has a second moment of 2e-8 kg m².
@@ -226,24 +226,25 @@ class ConsistentModel:
             )
         return text
 
-    def table(self) -> str:
+    def table(self) -> Table:
         """Links as bodies: mass, centre of mass, principal moments."""
         return link_table(self.links)
 
-    def moved_table(self) -> str:
+    def moved_table(self) -> Table:
         """Estimated base parameters: free, consistent, moved."""
-        return plain_table(
-            [
-                ("parameter", "<", list(self.names)),
-                ("free", ".", [format_significant(v) for v in self.free.theta]),
-                ("consistent", ".", [format_significant(v) for v in self.theta]),
-                ("moved [σ]", ".", [f"{v:+.2f}" for v in self.moved]),
-                ("unit", "<", list(self.free.units)),
-            ]
-        )
+        moved = np.asarray(self.moved, dtype=float)
+        columns = {
+            "parameter": Column(self.names),
+            "free": Column(np.asarray(self.free.theta, dtype=float), digits=3),
+            "free_std": Column(np.asarray(self.free.std, dtype=float), shown="files"),
+            "value": Column(np.asarray(self.theta, dtype=float), "consistent", digits=3),
+            "moved_sigmas": Column(moved, "moved [σ]", cells=[f"{v:+.2f}" for v in moved]),
+            "unit": Column(self.free.units),
+        }
+        return Table("moved", columns, {"moved_sigmas": "(value - free)/free_std"})
 
     def __str__(self) -> str:
-        parts = [self.headline(), self.table(), self.moved_table()]
+        parts = [self.headline(), self.table().text(), self.moved_table().text()]
         if self.active:
             parts.append("Held back by:\n" + "\n".join(f"  {a}" for a in self.active))
         return "\n\n".join([*parts, *self.notes])

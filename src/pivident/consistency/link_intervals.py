@@ -14,13 +14,13 @@ Over the consistent sets that the record allows (see `profile_intervals`),
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pivident.consistency.cone_program import Requirement
 from pivident.consistency.constraints import Constraint
+from pivident.consistency.link_quantities import LinkRow, Quantity
 from pivident.consistency.nearest_consistent import StandardSpace, imposed
 from pivident.consistency.profile_intervals import allowed, lowest, profile_intervals
 from pivident.consistency.pseudo_inertia import moment_about_axis, principal_axes
@@ -30,30 +30,6 @@ if TYPE_CHECKING:
 
 #: Distance beyond the reach of the arm up to which centres of mass are searched [m].
 REACH = 1.0
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """A value and its interval."""
-
-    value: float  # at the consistent point
-    low: float  # lower end; -∞ if unbounded, NaN if the solver found none
-    high: float  # upper end
-
-
-@dataclass(frozen=True, eq=False)
-class LinkRow:
-    """One link of the consistent robot."""
-
-    name: str  # of the link
-    mass: Quantity  # [kg]
-    center_of_mass: tuple[Quantity, Quantity, Quantity]  # coordinates in the link's frame [m]
-    # principal moments about the centre of mass, ascending [kg m²], with the intervals of the
-    # moments about these axes
-    moments: tuple[Quantity, Quantity, Quantity]
-    # principal axes of the moments, as columns in the link's frame, shape (3, 3)
-    axes: np.ndarray
-    inertia: np.ndarray  # ten inertial parameters in the link's frame, shape (10,)
 
 
 def link_rows(model: ConsistentModel, confidence: float = 0.95) -> tuple[LinkRow, ...]:

@@ -20,6 +20,7 @@ import numpy as np
 from pivident.consistency.cone_program import Requirement, Solved, solve_cone_program
 from pivident.consistency.constraints import Constraint
 from pivident.consistency.nearest_consistent import StandardSpace, imposed, within_distance
+from pivident.document.table import Column, Table
 from pivident.errors import IdentificationError
 
 #: Undetermined parameters are searched up to this many times the size of the reference. An end that
@@ -28,6 +29,13 @@ SEARCHED, GROWS = 1e3, 0.1
 
 #: Accuracy of the ends of the intervals, relative to their scale, and a fallback.
 GAP, POOR_GAP = 1e-6, 1e-3
+
+
+#: What the ends of intervals mean.
+ENDS = {
+    "low": "lower end, -∞ where nothing bounds it, NaN where the solver found none",
+    "high": "upper end, likewise",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,18 +69,19 @@ class ProfileIntervals:
         missing = np.isnan(self.low) | np.isnan(self.high)
         return tuple(n for n, o in zip(self.names, missing, strict=True) if o)
 
-    def __str__(self) -> str:
-        from pivident.text.plain_table import plain_table
+    def table(self) -> Table:
+        """One row for each quantity."""
+        ends = {"value": self.values, "low": self.low, "high": self.high}
+        columns = {
+            "quantity": Column(self.names, "parameter"),
+            **{key: Column(x, cells=[f"{v:.4g}" for v in x]) for key, x in ends.items()},
+            "unit": Column(self.units),
+            "confidence": Column(np.full(len(self.names), self.confidence), shown="files"),
+        }
+        return Table("intervals", columns, ENDS)
 
-        text = plain_table(
-            [
-                ("parameter", "<", list(self.names)),
-                ("value", ".", [f"{v:.4g}" for v in self.values]),
-                ("low", ".", [f"{v:.4g}" for v in self.low]),
-                ("high", ".", [f"{v:.4g}" for v in self.high]),
-                ("unit", "<", list(self.units)),
-            ]
-        )
+    def __str__(self) -> str:
+        text = self.table().text()
         if self.unbounded:
             text += f"\nNothing bounds {', '.join(self.unbounded)} on both sides."
         if self.not_found:

@@ -5,7 +5,6 @@ A motion as tables: samples at a rate, and the postures that one types into a te
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -14,6 +13,7 @@ import numpy as np
 
 from pivident.collision.bodies import Body
 from pivident.collision.obstacles import Obstacle
+from pivident.document.table import Column, Table
 from pivident.excitation.motions import RISE_SHARE, ExcitingMotion
 from pivident.robot.description import Joint, Robot
 from pivident.text import display
@@ -219,14 +219,17 @@ def samples_csv(design: Design, rate: float) -> str:
         design: the design.
         rate: of the samples [Hz].
     """
-    joints = design.robot.joints
-    heads = ["t [s]"]
-    for stem, per in (("q", ""), ("dq", "/s"), ("ddq", "/s^2")):
-        heads += [f"{stem}_{joint.name} [{joint.position_unit}{per}]" for joint in joints]
-    table = np.column_stack([design.motion.times(rate), *design.motion.sampled(rate)])
-    stream = io.StringIO()
-    np.savetxt(stream, table + 0.0, fmt=f"%.{DIGITS}g", delimiter=",")  # + 0.0: no -0
-    return csv_table(heads, ()) + stream.getvalue()
+    signals = np.column_stack([design.motion.times(rate), *design.motion.sampled(rate)]) + 0.0
+    heads = (
+        "t [s]",
+        *(
+            f"{stem}_{joint.name} [{joint.position_unit}{per}]"
+            for stem, per in (("q", ""), ("dq", "/s"), ("ddq", "/s^2"))
+            for joint in design.robot.joints
+        ),
+    )
+    columns = [Column(x, file_format=f"%.{DIGITS}g") for x in signals.T]
+    return Table("motion", dict(zip(heads, columns, strict=True))).to_csv()
 
 
 def sample_arrays(design: Design, rate: float) -> dict[str, np.ndarray]:

@@ -18,6 +18,8 @@ from typing import Any
 
 import numpy as np
 
+from pivident.document.document import Accounted, Document, Part
+from pivident.document.table import Column, Table
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.estimation.identification import Identification
 from pivident.excitation.design import Design
@@ -26,7 +28,6 @@ from pivident.excitation.followed_motion import ANOTHER, FollowedMotion, followe
 from pivident.recording.recording import Recording
 from pivident.text.lists import listed
 from pivident.text.numbers import format_significant
-from pivident.text.plain_table import plain_table
 from pivident.text.plain_values import plain
 from pivident.text.printable import escaped
 
@@ -69,7 +70,7 @@ class ReachedError:
 
 
 @dataclass(frozen=True, eq=False)
-class ReachedErrors:
+class ReachedErrors(Accounted):
     """Standard errors that a design predicts, beside those of the estimate from its record.
 
     Attributes:
@@ -109,6 +110,34 @@ class ReachedErrors:
             if math.isfinite(error.ratio):
                 joints.setdefault(error.joint, []).append(error.ratio)
         return {joint: _geometric_mean(ratios) for joint, ratios in joints.items()}
+
+    @property
+    def heading(self) -> str:
+        """What is compared, without a full stop."""
+        return f"Standard errors predicted by {self.file.name} and reached by {self.method}"
+
+    def table(self) -> Table:
+        """One row for each parameter."""
+        numbers = np.array([(e.predicted, e.reached, e.ratio) for e in self.errors]).reshape(-1, 3)
+        columns = {
+            "parameter": Column([e.name for e in self.errors]),
+            "predicted": Column(numbers[:, 0], "σ predicted", digits=3),
+            "reached": Column(numbers[:, 1], "σ reached", digits=3),
+            "ratio": Column(numbers[:, 2], "reached/predicted", digits=3),
+            "unit": Column([e.unit for e in self.errors]),
+        }
+        return Table("errors", columns, title=self.heading)
+
+    def account(self) -> Document:
+        """The standard errors side by side, and what they say."""
+        tables = [self.table()] if self.errors else []
+        text = " ".join([f"{self.heading}.", *sentences(self)])
+        return Document(self.heading, [Part("Designed motion", [*tables, text])])
+
+    def __str__(self) -> str:
+        tables = [self.table().text()] if self.errors else []
+        lines = [line for text in sentences(self) for line in wrap(text, WIDTH)]
+        return escaped("\n".join([self.heading, *tables, *lines]))
 
     def to_values(self) -> dict[str, Any]:
         """Plain values for a file; numbers that are not finite are None."""
@@ -238,62 +267,6 @@ def _errors(
 def _geometric_mean(ratios: Sequence[float]) -> float:
     """NaN of nothing."""
     return float(np.exp(np.mean(np.log(ratios)))) if ratios else math.nan
-
-
-def reached_text(found: ReachedErrors) -> str:
-    """The comparison for a terminal.
-
-    Args:
-        found: predicted and reached standard errors.
-
-    Returns:
-        A heading, the table and sentences.
-    """
-    lines = [heading(found)]
-    if found.errors:
-        head, *rows = table(found)
-        lines.append(
-            plain_table(
-                [
-                    (title, "<" if k in (0, len(head) - 1) else ".", [row[k] for row in rows])
-                    for k, title in enumerate(head)
-                ]
-            )
-        )
-    for sentence in sentences(found):
-        lines += wrap(sentence, WIDTH)
-    return escaped("\n".join(lines))
-
-
-def heading(found: ReachedErrors) -> str:
-    """What is compared, without a full stop.
-
-    Args:
-        found: predicted and reached standard errors.
-    """
-    return f"Standard errors predicted by {found.file.name} and reached by {found.method}"
-
-
-def table(found: ReachedErrors) -> list[list[str]]:
-    """Head and rows as text.
-
-    Args:
-        found: predicted and reached standard errors.
-    """
-    head = ["parameter", "σ predicted", "σ reached", "reached/predicted", "unit"]
-    return [
-        head,
-        *(
-            [
-                error.name,
-                format_significant(error.predicted),
-                format_significant(error.reached),
-                format_significant(error.ratio),
-                error.unit,
-            ]
-            for error in found.errors
-        ),
-    ]
 
 
 def sentences(found: ReachedErrors) -> list[str]:

@@ -68,7 +68,7 @@ def write_rerun(predictions: Sequence[Prediction], path: Path) -> None:
         for one in predictions:
             _log_arm(stream, one)
             _log_torques(stream, one)
-            text = rr.TextDocument(one.account())
+            text = rr.TextDocument(one.account().body)
             stream.log(rr.new_entity_path([one.recording, "account"]), text, static=True)
         stream.flush()
         stream.disconnect()

@@ -6,7 +6,7 @@ Figures with a panel for each joint: which joints of which recording, traces and
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pivident.document.curves import Curves
 from pivident.errors import PividentError
 from pivident.extras import require
 from pivident.report.plot_parts import kept_samples
@@ -222,6 +223,14 @@ def draw_trace(ax: Axes, t: np.ndarray, y: np.ndarray, **style: Any) -> None:
     """Draw a signal by at most ``POINTS`` of its samples, every peak among them."""
     kept = kept_samples(np.asarray(y, dtype=float), POINTS)
     ax.plot(t[kept], y[kept], **style)
+
+
+def draw_curves(ax: Axes, curves: Curves, looks: Mapping[str | int, Mapping[str, Any]]) -> None:
+    """Draw curves over time, each in the look of its role."""
+    t = curves.t - curves.t[0]
+    for curve in curves.curves:
+        draw_trace(ax, t, curve.values, label=curve.name, **looks[curve.role])
+    ax.set(ylabel=curves.axis, xlim=(0.0, float(t[-1])))
 
 
 def legend_above(figure: Figure, ax: Axes, across: int) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from pivident.figures.paper_style import (
     MEASURED,
     FigureError,
     chosen_signals,
+    draw_curves,
     draw_trace,
     joint_panels,
     joints_named,
@@ -23,6 +24,7 @@ from pivident.figures.paper_style import (
 )
 from pivident.prediction.prediction import Prediction
 from pivident.report.plot_parts import stretches
+from pivident.report.plotly_figures import torque_curves
 from pivident.simulation.control_loop import FittedLaw
 from pivident.text.numbers import percent
 
@@ -32,7 +34,17 @@ if TYPE_CHECKING:
 #: Measured, predicted and error, as Brunot et al. (2018, figure 4) draw them.
 _MEASURED = {"color": "#0072B2", "linewidth": 1.4}
 _PREDICTED = {"color": "#D55E00", "linewidth": 0.9, "linestyle": (0, (4, 1.5))}
-_ERROR = {"color": "#000000", "linewidth": 0.7, "linestyle": ":"}
+_COMPARED: dict[str | int, dict[str, Any]] = {
+    "measured": _MEASURED,
+    0: _PREDICTED,
+    "error": {"color": "#000000", "linewidth": 0.7, "linestyle": ":"},
+}
+#: The same of what was fitted.
+_FITTED: dict[str | int, dict[str, Any]] = {
+    "measured": {"color": MEASURED, "linewidth": 1.8},
+    0: {"color": "#000000", "linewidth": 0.8},
+    "error": {"color": ERROR, "linewidth": 0.8, "linestyle": ":"},
+}
 
 
 def figure_of_torques(
@@ -62,15 +74,10 @@ def figure_of_torques(
     with paper_style():
         figure, axes = joint_panels(len(chosen), columns=columns, xlabel="time [s]")
         for ax, j in zip(axes, chosen, strict=True):
-            fit = result.joints[j]
-            tau, model = record.tau[:, j], record.tau_model[:, j]
             for start, stop in stretches(~np.asarray(record.used, dtype=bool)[:, j], t):
                 ax.axvspan(start, stop, color="#000000", alpha=0.07, linewidth=0)
-            draw_trace(ax, t, tau, label=record.torque_label, color=MEASURED, linewidth=1.8)
-            draw_trace(ax, t, model, label="reconstructed", color="#000000", linewidth=0.8)
-            draw_trace(ax, t, tau - model, label="error", color=ERROR, linewidth=0.8, linestyle=":")
-            quantity = "force" if fit.torque_unit == "N" else "torque"
-            ax.set(ylabel=f"{quantity} [{fit.torque_unit}]", xlim=(0.0, float(t[-1])))
+            draw_curves(ax, torque_curves(result, record, j, 0), _FITTED)
+            fit = result.joints[j]
             ax.set_title(f"{plain(fit.name)}, relative error {percent(100 * fit.relative_error)}")
         legend_above(figure, axes[0], 3)
     return figure
@@ -108,15 +115,10 @@ def figure_of_predictions(
         for k, own in enumerate(made):
             if own.tau is None:
                 raise FigureError(f"the log {own.recording!r} has no torques to compare with")
-            part = own.moving
-            t, error = own.t[part] - own.t[part][0], own.tau[part] - own.tau_model[part]
             for ax, j in zip(axes[k :: len(made)], chosen, strict=True):
-                draw_trace(ax, t, own.tau[part, j], label="measured", **_MEASURED)
-                draw_trace(ax, t, own.tau_model[part, j], label="predicted", **_PREDICTED)
-                draw_trace(ax, t, error[:, j], label="error", **_ERROR)
+                draw_curves(ax, own.curves(j, own.moving), _COMPARED)
                 unit = own.robot.joints[j].torque_unit
                 ax.set_ylabel(f"{plain(own.robot.joint_names[j])} [{unit}]" if k == 0 else "")
-                ax.set_xlim(0.0, float(np.max(t)))
             axes[k].set_title(plain(own.method))
             axes[-len(made) + k].set_xlabel("time [s]")
         legend_above(figure, axes[0], 3)

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
-from dataclasses import fields, is_dataclass
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from markupsafe import Markup
@@ -18,8 +15,9 @@ from pivident.flexibility.joint_study import JointFlexibility
 from pivident.flexibility.resonance import Resonance
 from pivident.report.audit.audit_figures import audit_plot
 from pivident.report.builder import page_environment, page_of, write_page
-from pivident.report.plot_parts import LEGEND, Plot
+from pivident.report.plot_parts import trace
 from pivident.report.plotly_figures import MEASURED, METHOD_COLOURS, Figure
+from pivident.text.plain_values import plain
 
 #: Points of one trace.
 POINTS = 1500
@@ -70,21 +68,26 @@ def deflection_figure(compliance: Compliance, sliding: bool = False) -> Figure:
     """Deflection over the torque through the spring."""
     torque, measured, model = compliance.fitted
     kept = np.arange(0, len(torque), max(1, len(torque) // POINTS))
-    plot = audit_plot(of_kind("motor less link [mrad]", sliding))
-    for values, name, colour in (
-        (measured, "recorded, without transmission error", MEASURED),
-        (model, "model", METHOD_COLOURS[0]),
-    ):
-        plot.add(
+    points = [
+        trace(
             x=torque[kept].astype(np.float32),
             y=(1e3 * values[kept]).astype(np.float32),
             mode="markers",
             name=name,
             marker={"color": colour, "size": 3, "opacity": 0.6},
         )
+        for values, name, colour in (
+            (measured, "recorded, without transmission error", MEASURED),
+            (model, "model", METHOD_COLOURS[0]),
+        )
+    ]
     quantity = "force" if sliding else "torque"
-    plot.x_axis(of_kind(f"{quantity} through the spring [N m]", sliding))
-    _with_legend(plot)
+    plot = audit_plot(
+        of_kind("motor less link [mrad]", sliding),
+        of_kind(f"{quantity} through the spring [N m]", sliding),
+        points,
+        legend=True,
+    )
     stiffness = of_kind(str(compliance.stiffness), sliding)
     note = f"stiffness {stiffness}; lag and offset of the encoders are not removed"
     if not compliance.explained:
@@ -97,24 +100,30 @@ def response_figure(resonance: Resonance, sliding: bool = False) -> Figure:
     frequency, measured, fitted = resonance.response
     quantity = "force" if sliding else "torque"
     conclusion = of_kind(resonance.conclusion, sliding)
-    plot = audit_plot(of_kind(f"speed over {quantity} [rad/s per N m]", sliding))
-    plot.add(
-        x=frequency,
-        y=measured,
-        mode="markers",
-        name="measured",
-        marker={"color": MEASURED, "size": 3},
+    traces = [
+        trace(
+            x=frequency,
+            y=measured,
+            mode="markers",
+            name="measured",
+            marker={"color": MEASURED, "size": 3},
+        ),
+        trace(
+            x=frequency,
+            y=fitted,
+            mode="lines",
+            name="fitted",
+            line={"color": METHOD_COLOURS[0], "width": 1.4},
+        ),
+    ]
+    plot = audit_plot(
+        of_kind(f"speed over {quantity} [rad/s per N m]", sliding),
+        "frequency [Hz]",
+        traces,
+        x={"type": "log"},
+        y={"type": "log"},
+        legend=True,
     )
-    plot.add(
-        x=frequency,
-        y=fitted,
-        mode="lines",
-        name="fitted",
-        line={"color": METHOD_COLOURS[0], "width": 1.4},
-    )
-    plot.x_axis("frequency [Hz]", type="log")
-    plot.y_axis(type="log", exponentformat="power")
-    _with_legend(plot)
     return Figure(
         plot,
         320,
@@ -124,30 +133,10 @@ def response_figure(resonance: Resonance, sliding: bool = False) -> Figure:
     )
 
 
-def _with_legend(plot: Plot) -> None:
-    plot.update(showlegend=True, legend=LEGEND)
-
-
 def write_study(found: Sequence[JointFlexibility], folder: str | Path) -> Path:
     """Write ``flexibility.json`` and ``flexibility.html``, both or neither; returns the page."""
-    content = {"schema": "pivident-flexibility/1", "joints": [_plain(joint) for joint in found]}
+    content = {"schema": "pivident-flexibility/1", "joints": plain(list(found))}
     page = render_page(found)
     with atomic_folder(folder) as build:
         write_page(build, "flexibility", page, content)
     return Path(folder) / "flexibility.html"
-
-
-def _plain(value: Any) -> Any:
-    """Values that JSON has; drawn arrays stay out, numbers that are not finite become None."""
-    if is_dataclass(value) and not isinstance(value, type):
-        shown = [f.name for f in fields(value) if f.repr]
-        return {name: _plain(getattr(value, name)) for name in shown}
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
-    if isinstance(value, (tuple, list)):
-        return [_plain(item) for item in value]
-    if isinstance(value, (float, np.floating)):
-        return float(value) if math.isfinite(value) else None
-    return value.item() if isinstance(value, np.generic) else value

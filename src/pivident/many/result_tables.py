@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
-from pivident.tables.columns import Table
+from pivident.document.table import Table
 
 if TYPE_CHECKING:
     from pivident.many.fleet.identify_fleet import Fleet

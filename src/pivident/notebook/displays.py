@@ -12,9 +12,11 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from pivident.comparison.compare import Comparison
-from pivident.comparison.comparison_text import difference_text, estimate_text
 from pivident.comparison.remarks import findings, level_sentence
+from pivident.comparison.side_by_side import difference_text, estimate_text
 from pivident.diagnostics.verdict import Verdict
+from pivident.document.document import Accounted, Document
+from pivident.document.table import Table
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import parameter_rows
 from pivident.estimation.problem import Problem
@@ -28,7 +30,6 @@ from pivident.estimation.summary_tables import (
 from pivident.recording.recording import Recording
 from pivident.report.intervals import interval_drawing
 from pivident.robot.description import Robot
-from pivident.tables.columns import Table
 from pivident.text.finding import MARKS
 from pivident.text.numbers import format_exact, format_significant, percent
 from pivident.text.printable import escaped
@@ -126,9 +127,23 @@ def comparison_html(comparison: Comparison) -> str:
 @html_of.register
 def table_html(table: Table) -> str:
     """The first rows of a table."""
-    columns = table.shown(MAX_ROWS)
-    cells = list(zip(*(column for _, _, column in columns), strict=True))
-    return _rendered("table", table=table, columns=columns, cells=cells)
+    return _rendered("table", sentences=(), tables=[table], findings=(), rows=MAX_ROWS)
+
+
+@html_of.register
+def document_html(document: Document) -> str:
+    """Sentences, then tables, then findings."""
+    findings = [str(finding) for finding in document.findings]
+    blocks = [block for part in document.parts for block in part.blocks]
+    sentences = [block for block in blocks if isinstance(block, str)]
+    tables = [block for block in blocks if isinstance(block, Table)]
+    return _rendered("table", sentences=sentences, tables=tables, findings=findings, rows=MAX_ROWS)
+
+
+@html_of.register
+def account_html(result: Accounted) -> str:
+    """The account of any result that has one."""
+    return document_html(result.account())
 
 
 @cache

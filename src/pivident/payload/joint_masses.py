@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -75,6 +76,17 @@ class JointMasses:
         """Joint by joint with ±2σ."""
         rows = zip(self.joints, self.mass, 2 * self.std, strict=True)
         return ", ".join(f"{name} {plus_minus(m, spread)} kg" for name, m, spread in rows)
+
+    def stored(self) -> dict[str, Any]:
+        """The masses, and whether they agree, by key."""
+        rows = zip(self.joints, self.mass, self.std, strict=True)
+        return {
+            "joints": [{"joint": name, "mass": m, "std": std} for name, m, std in rows],
+            "statistic": self.statistic,
+            "p_value": self.p_value,
+            "spread": self.spread,
+            "disagree": self.disagree,
+        }
 
 
 def joint_masses(

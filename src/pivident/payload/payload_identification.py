@@ -2,26 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
+from pivident.document.document import Accounted, Document, Part
+from pivident.document.table import Table
 from pivident.estimation.identification import Identification
 from pivident.payload.arm_and_load import KnownParts
 from pivident.payload.joint_masses import IMPROBABLE, NOTABLE, JointMasses
 from pivident.payload.load_estimate import LoadEstimate
-from pivident.payload.payload_text import load_rows, load_sentences, load_table
+from pivident.payload.load_quantities import determined, load_quantities, load_sentences
 from pivident.payload.possible_load import PossibleLoad, possible_load
+from pivident.robot.description import INERTIAL
 from pivident.text.finding import Finding
 from pivident.text.numbers import percent, plus_minus
+
+#: Version of the layout of ``payload.json``.
+SCHEMA = 1
 
 #: Change of a friction parameter, in standard errors, above which it is named.
 FRICTION_NAMED = 3.0
 
 
 @dataclass(frozen=True, eq=False)
-class PayloadIdentification:
+class PayloadIdentification(Accounted):
     """An identified load with the quantities to assess it.
 
     Attributes:
@@ -77,28 +85,37 @@ class PayloadIdentification:
         """The nearest physically possible load; None without a positive mass."""
         return possible_load(self.load) if self.load.mass > 0 else None
 
-    def __str__(self) -> str:
-        load = self.load
+    def account(self) -> Document:
+        """Determined quantities, what speaks for and against them, all values."""
+        quantities = load_quantities(self.load)
+        blocks: list[str | Table] = [
+            f"Load on link {self.link!r} by {self.method}, {self.iterations} estimates.\n"
+            f"Frame: {self.load.frame}.",
+            determined(quantities),
+            *load_sentences(self.load, self.possible),
+            *self._sentences(),
+        ]
+        title = f"{self.arm.robot.name}: load on link {self.link}"
+        return Document(
+            title, [Part("Load", blocks)], self.warnings, self._stored(quantities), quantities
+        )
+
+    def _sentences(self) -> Iterator[str]:
+        """Scale and mass by joints, errors, what differs between the records."""
         errors = ", ".join(
             f"{name} {100 * e:.1f} % ({100 * fit.relative_error:.1f})"
             for name, e, fit in zip(self.joints, self.relative_errors, self.arm.joints, strict=True)
         )
         worst = int(np.argmax(np.abs(self.arm_change)))
-        parts = [
-            f"Load on link {self.link!r} by {self.method}, {self.iterations} estimates.\n"
-            f"Frame: {load.frame}.",
-            load_table(load_rows(load)),
-            *load_sentences(load, self.possible),
-            self.scale,
-            *self._mass_sentences(),
-            f"Torque error with the load (and without): {errors}.",
+        yield self.scale
+        yield from self._mass_sentences()
+        yield f"Torque error with the load (and without): {errors}."
+        yield (
             "The arm in both records: largest difference "
-            f"{abs(self.arm_change[worst]):.1f} standard errors ({self.arm.names[worst]}).",
-        ]
+            f"{abs(self.arm_change[worst]):.1f} standard errors ({self.arm.names[worst]})."
+        )
         if changed := self._friction_sentence():
-            parts.append(changed)
-        parts += [str(warning) for warning in self.warnings]
-        return "\n\n".join(parts)
+            yield changed
 
     def _mass_sentences(self) -> list[str]:
         """The mass by each joint, where two or more determine one."""
@@ -124,3 +141,41 @@ class PayloadIdentification:
             if abs(change) > FRICTION_NAMED * std
         ]
         return f"Friction that differs with the load: {', '.join(named)}." if named else ""
+
+    def _stored(self, quantities: Table) -> dict[str, Any]:
+        """The content of ``payload.json``."""
+        load, nearest, masses = self.load, self.possible, self.masses
+        keys = "was_possible", "distance", "p_value", "values", "intervals", "not_found"
+        changes = zip(self.friction_names, self.friction_change, self.friction_std, strict=True)
+        arm = zip(self.arm.names, self.arm_change, strict=True)
+        return {
+            "schema": SCHEMA,
+            "robot": self.arm.robot.name,
+            "link": self.link,
+            "joint": self.joint,
+            "frame": load.frame,
+            "method": self.method,
+            "converged": self.converged,
+            "iterations": self.iterations,
+            "load": [
+                {"name": name, "value": value, "std": std, "interval": (low, high), "unit": unit}
+                for name, value, std, low, high, unit in map(dict.values, quantities.rows())
+            ],
+            "parameters": INERTIAL,
+            "values": load.values,
+            "covariance": load.covariance,
+            "rank": load.rank,
+            "undetermined": load.undetermined.T,
+            "possible": None if nearest is None else {key: getattr(nearest, key) for key in keys},
+            "known": self.known,
+            "scale": self.scale,
+            "masses": None if masses is None else masses.stored(),
+            "friction": [{"name": name, "change": x, "std": std} for name, x, std in changes],
+            "arm": [{"name": name, "change_over_std": x} for name, x in arm],
+            "relative_errors": dict(zip(self.joints, self.relative_errors, strict=True)),
+            "rms_errors": dict(zip(self.joints, self.rms_errors, strict=True)),
+            "recordings": self.recordings,
+            "warnings": [warning.as_json() for warning in self.warnings],
+            "sources": {"without_load": self.arm.sources, "with_load": self.sources},
+            "version": self.version,
+        }

@@ -9,18 +9,20 @@ does not have.
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from pivident.document.curves import Curve, Curves, compared, torque_axis
+from pivident.document.document import Accounted, Document, Part
+from pivident.document.table import Column, Table
 from pivident.estimation.equation_record import MotionRange
 from pivident.estimation.kinematics import Kinematics
 from pivident.prediction.beside_held_out import error_ratios
 from pivident.robot.description import Robot
 from pivident.text.finding import Finding, Quantity
 from pivident.text.numbers import format_significant, percent
-from pivident.text.plain_table import plain_table
 from pivident.validation.held_out.held_out_errors import HeldOutErrors, LogError
 from pivident.validation.held_out.prediction import PredictionError
 
@@ -153,7 +155,7 @@ def exit_findings(
 
 
 @dataclass(frozen=True, eq=False)
-class Prediction:
+class Prediction(Accounted):
     """Torques of one recording by one result; arrays have shape (samples, joints).
 
     Attributes:
@@ -194,49 +196,55 @@ class Prediction:
         """Unit of each joint's torque."""
         return tuple("N m" if j.kind == "revolute" else "N" for j in self.robot.joints)
 
-    @property
-    def headline(self) -> str:
-        """What was predicted, and over which time."""
+    def account(self) -> Document:
+        """Errors of each joint and what they are, the torques over time, the findings."""
         t = self.t[self.moving]
-        span = f"{format_significant(t[-1] - t[0])} s of motion"
-        rate = (self.t.size - 1) / (self.t[-1] - self.t[0])
-        return (
-            f"Torques of {self.recording} by {self.method}, {self.robot.name}: {span} at "
-            f"{rate:.6g} Hz"
+        headline = (
+            f"Torques of {self.recording} by {self.method}, {self.robot.name}: "
+            f"{format_significant(t[-1] - t[0])} s of motion at "
+            f"{(self.t.size - 1) / (self.t[-1] - self.t[0]):.6g} Hz."
         )
+        legend = textwrap.fill(self._legend(), WIDTH, break_on_hyphens=False)
+        errors = Part("Errors", (headline, self.table(), legend))
+        torques = Part("Torques", figures=[self.curves(j) for j in range(self.robot.size)])
+        title = f"{self.robot.name}: torques predicted by {self.method}"
+        return Document(title, (errors, torques), self.findings, sheet=self._signals())
 
-    def table(self) -> str:
-        """One line for each joint."""
-        return plain_table(list(self.columns()))
-
-    def columns(self) -> Iterator[tuple[str, str, list[str]]]:
-        """Title, alignment and cells of each column of the table."""
+    def table(self) -> Table:
+        """Errors, one row for each joint."""
         model, error = self.tau_model[self.moving], self.error
-        yield "joint", "<", list(self.robot.joint_names)
+        columns: dict[str, Column] = {"joint": Column(self.robot.joint_names)}
         if error is None:
             rms, peak = np.sqrt(np.mean(model**2, axis=0)), np.abs(model).max(axis=0)
-            yield "predicted rms", ".", [format_significant(x) for x in rms]
-            yield "largest", ".", [format_significant(x) for x in peak]
-            yield "unit", "<", list(self.units)
-            return
-        e = error.errors
-        yield "torque rms", ".", [format_significant(x) for x in e.torque]
-        yield "error rms", ".", [format_significant(x) for x in e.rms]
-        yield "unit", "<", list(self.units)
-        yield "error %", ".", [format_significant(x) for x in e.relative]
-        yield "95 %", "<", [interval_text(x) for x in error.intervals]
+            columns["predicted_rms"] = Column(rms, "predicted rms", digits=3)
+            columns["largest"] = Column(peak, digits=3)
+            return Table("errors", columns | {"unit": Column(self.units)})
+        e, intervals = error.errors, tuple(map(interval_text, error.intervals))
+        columns |= {
+            "torque_rms": Column(e.torque, "torque rms", digits=3),
+            "error_rms": Column(e.rms, "error rms", digits=3),
+            "unit": Column(self.units),
+            "error_percent": Column(e.relative, "error %", digits=3),
+            "interval": Column(intervals, "95 %"),
+            "low_percent": Column(error.intervals[:, 0], shown="files"),
+            "high_percent": Column(error.intervals[:, 1], shown="files"),
+        }
         for name, shares in zip(("slower", "in band", "faster"), error.shares_by_band, strict=True):
-            yield f"{name} %", ".", [format_significant(x, 2) for x in shares]
-        yield f"< {e.band:g} Hz %", ".", [format_significant(x) for x in e.relative_in_band]
+            key = f"{name.replace(' ', '_')}_percent"
+            columns[key] = Column(shares, f"{name} %", digits=2)
+        in_band = Column(e.relative_in_band, f"< {e.band:g} Hz %", digits=3)
+        columns["error_in_band_percent"] = in_band
         if self.held_out is not None:
-            held = [self.held_out.joints.get(name, np.nan) for name in self.robot.joint_names]
-            yield "held out %", ".", [format_significant(x) for x in held]
-            ratios = error_ratios(error.moving, self.held_out, self.robot.joint_names)
-            answers = [ratios[n].answer if n in ratios else "" for n in self.robot.joint_names]
+            names = self.robot.joint_names
+            held = np.array([self.held_out.joints.get(name, np.nan) for name in names])
+            columns["held_out_percent"] = Column(held, "held out %", digits=3)
+            ratios = error_ratios(error.moving, self.held_out, names)
+            answers = [ratios[name].answer if name in ratios else "" for name in names]
             if any(answers):
-                yield "in motion", "<", answers
+                columns["in_motion"] = Column(answers, "in motion")
+        return Table("errors", columns, title="Errors of the predicted torques")
 
-    def legend(self) -> str:
+    def _legend(self) -> str:
         """What the columns of the table are, in sentences."""
         error = self.error
         if error is None:
@@ -256,13 +264,39 @@ class Prediction:
             )
         return text
 
-    def account(self) -> str:
-        """Headline, table and what its columns are."""
-        legend = textwrap.fill(self.legend(), WIDTH, break_on_hyphens=False)
-        return "\n\n".join([f"{self.headline}.", self.table(), legend])
+    def curves(self, j: int, part: slice = slice(None)) -> Curves:
+        """Measured and predicted torque of one joint, and their difference.
 
-    def __str__(self) -> str:
-        return "\n".join([self.account(), "", *map(str, self.findings)]).rstrip()
+        Args:
+            j: index of the joint.
+            part: of the samples.
+        """
+        name, unit, model = self.robot.joint_names[j], self.units[j], self.tau_model[part, j]
+        curves: Sequence[Curve] = [Curve("predicted", model, 0)]
+        subject, note = f"Predicted torque of {name}", ""
+        if self.tau is not None:
+            curves = compared(self.tau[part, j], model, "predicted")
+            subject = f"Measured and predicted torque of {name}"
+        if self.error is not None:
+            e = self.error.errors
+            note = (
+                f"error {percent(e.relative[j])}, rms {format_significant(e.rms[j])} {unit}, from "
+                "the first to the last motion"
+            )
+        return Curves(name, torque_axis(unit), self.t[part], curves, subject, note)
+
+    def _signals(self) -> Table:
+        """Time, positions, measured and predicted torques, one row for each sample."""
+        # stamps since 1970 have ten digits before the point, and microseconds behind it
+        digits = max(10, len(str(int(np.abs(self.t).max(initial=0.0)))) + 6)
+        columns = {"t [s]": Column(self.t, file_format=f"%.{digits}g")}
+        for j, (joint, unit) in enumerate(zip(self.robot.joints, self.units, strict=True)):
+            named = {f"q_{joint.name} [{joint.position_unit}]": self.q}
+            if self.tau is not None:
+                named[f"tau_{joint.name} [{unit}]"] = self.tau
+            named[f"tau_model_{joint.name} [{unit}]"] = self.tau_model
+            columns |= {key: Column(x[:, j], file_format="%.10g") for key, x in named.items()}
+        return Table("signals", columns)
 
     def __repr__(self) -> str:
         error = self.error

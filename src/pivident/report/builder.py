@@ -15,6 +15,7 @@ from markupsafe import Markup, escape
 
 from pivident.diagnostics.diagnostics import Diagnostics, diagnose_one
 from pivident.diagnostics.summary import Summary
+from pivident.document.document import Document
 from pivident.errors import Attempts, PividentError, in_words
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import method_labels
@@ -22,7 +23,7 @@ from pivident.files import atomic_folder
 from pivident.report.intervals import marker
 from pivident.report.plot_parts import drawing_library, to_json
 from pivident.report.plotly_figures import DARK_COLOURS, ERROR, MEASURED, METHOD_COLOURS, Figure
-from pivident.report.report_data import DesignAccount, ReportData
+from pivident.report.report_data import ReportData
 from pivident.report.sections import SECTIONS, Section
 from pivident.text.numbers import format_exact, format_significant, percent, with_spread
 from pivident.text.plain_values import write_json
@@ -53,7 +54,7 @@ def write_report(
     diagnostics: Diagnostics | None = None,
     *,
     screen: Summary | None = None,
-    designs: Sequence[DesignAccount] = (),
+    designs: Sequence[Document] = (),
     attempts: Attempts | None = None,
 ) -> Path:
     """Write a report about one result, or several side by side, as one HTML file.
@@ -101,7 +102,7 @@ def render_report(
     diagnostics: Diagnostics | None = None,
     *,
     screen: Summary | None = None,
-    designs: Sequence[DesignAccount] = (),
+    designs: Sequence[Document] = (),
     attempts: Attempts | None = None,
 ) -> str:
     """The page as text; arguments as of `write_report`."""

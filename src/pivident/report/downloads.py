@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from pivident.document.table import Column, Table
 from pivident.estimation.identification import FittedRecording, Identification
 from pivident.estimation.identification_file import to_csv, to_json
 from pivident.estimation.parameter_rows import parameter_rows
 from pivident.text.identifiers import identifiers, latex_name, latex_text, one_line
 from pivident.text.numbers import latex_number, latex_unit
-from pivident.text.plain_values import csv_table
 
 #: Numbers of all tables of signals together; one takes 9 bytes of the page.
 MAX_NUMBERS = 30_000
@@ -99,21 +98,17 @@ def signal_step(identification: Identification, recordings: Sequence[FittedRecor
 def signals_csv(identification: Identification, recording: FittedRecording, step: int = 1) -> str:
     """Signals as the estimator saw them, one row per instant; numbers not finite are left empty."""
     origin = "measured" if recording.torque_source == "measured" else "commanded"
-    heads, columns = ["time [s]"], [recording.t[::step]]
+    # The clock may count from 1970: six digits do not distinguish its samples.
+    columns = {"time [s]": Column(recording.t[::step], file_format="%.15g")}
     for j, (joint, fit) in enumerate(
         zip(identification.robot.joints, identification.joints, strict=True)
     ):
-        for words, unit, attribute in SIGNALS:
+        for words, unit, attribute in (*SIGNALS, ("used", "0 or 1", "used")):
             shown = unit.format(p=joint.position_unit, t=fit.torque_unit)
-            named = words.format(m=origin)
-            heads.append(f"{joint.name} {named} [{shown}]")
-            columns.append(np.asarray(getattr(recording, attribute), dtype=float)[::step, j])
-        heads.append(f"{joint.name} used [0 or 1]")
-        columns.append(np.asarray(recording.used, dtype=float)[::step, j])
-    # The clock may count from 1970: six digits do not distinguish its samples.
-    row = ",".join(["%.15g"] + ["%.6g"] * (len(heads) - 1)) + "\n"
-    table = "".join([row % values for values in zip(*(c.tolist() for c in columns), strict=True)])
-    return csv_table(heads, ()) + re.sub("-?(nan|inf)", "", table)
+            values = np.asarray(getattr(recording, attribute), dtype=float)[::step, j]
+            head = f"{joint.name} {words.format(m=origin)} [{shown}]"
+            columns[head] = Column(values, file_format="%.6g")
+    return Table("signals", columns).to_csv()
 
 
 def to_latex(identification: Identification) -> str:

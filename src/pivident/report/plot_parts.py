@@ -33,14 +33,13 @@ class Plot:
         layout: axes, legend, shapes and the rest.
     """
 
-    def __init__(self, **layout: Any) -> None:
-        self.data: list[Trace] = []
+    def __init__(self, *traces: Trace, **layout: Any) -> None:
+        self.data: list[Trace] = [*traces]
         self.layout: dict[str, Any] = layout
 
     def add(self, kind: str = "scatter", **attributes: Any) -> None:
-        """One more trace; attributes that are None keep their default."""
-        known = {name: value for name, value in attributes.items() if value is not None}
-        self.data.append({"type": kind} | known)
+        """One more trace; see `trace`."""
+        self.data.append(trace(kind, **attributes))
 
     def update(self, **layout: Any) -> None:
         """Change parts of the layout; dictionaries are merged, all else is replaced."""
@@ -86,6 +85,11 @@ class Plot:
     def content(self) -> dict[str, Any]:
         """Traces and layout, arrays as plotly.js unpacks them."""
         return {"data": [_written(trace) for trace in self.data], "layout": self.layout}
+
+
+def trace(kind: str = "scatter", **attributes: Any) -> Trace:
+    """A curve, a row of bars, a map; attributes that are None keep their default."""
+    return {"type": kind} | {name: x for name, x in attributes.items() if x is not None}
 
 
 def packed(x: np.ndarray) -> np.ndarray:

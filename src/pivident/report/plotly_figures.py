@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import html
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from pivident.control_law.law_equations import START
+from pivident.document.curves import Curve, Curves, compared, torque_axis
 from pivident.estimation.identification import FittedRecording, Identification
-from pivident.report.plot_parts import LEGEND, Plot, Trace, kept_samples, packed, stretches
+from pivident.report.plot_parts import LEGEND, Plot, Trace, kept_samples, packed, stretches, trace
 from pivident.simulation.control_loop import IdentifiedLaw
 from pivident.text.numbers import format_significant, percent
 from pivident.validation.residuals.residual_tests import JointResidualTests
@@ -42,6 +44,10 @@ DARK_COLOURS = {
 }
 
 
+#: Points of a trace.
+POINTS = 3000
+
+
 @dataclass(frozen=True)
 class Figure:
     """A drawing with its words."""
@@ -61,75 +67,48 @@ def colour(method: int) -> str:
     return METHOD_COLOURS[method % len(METHOD_COLOURS)]
 
 
-def torque_figure(
-    identification: Identification, recording: FittedRecording, joint: int, method: int, points: int
+def drawn(
+    curves: Curves, points: int = POINTS, recording: str = "log", zero: float | None = None
 ) -> Figure:
+    """Curves as a figure of a page.
+
+    Args:
+        curves: the lines.
+        points: of each of them.
+        recording: whose time it is.
+        zero: instant at which the axis is zero [s]; None: the first one.
+    """
+    zero = float(curves.t[0]) if zero is None else zero
+    plot = empty_plot(curves.axis, "time [s]", _traces(curves.t - zero, curves.curves, points))
+    return Figure(plot, 250, curves.title, curves.label, curves.note, recording, zero)
+
+
+def torque_curves(
+    identification: Identification, recording: FittedRecording, joint: int, method: int
+) -> Curves:
     """Measured, or commanded, and reconstructed torque of one joint, and their difference."""
     fit = identification.joints[joint]
     origin = "Measured" if recording.torque_source == "measured" else "Commanded"
     measured, model = recording.tau[:, joint], recording.tau_model[:, joint]
-    t = _time(recording)
-    plot = _torque_plot(fit.torque_unit)
-    plot.data += _compared(
-        t, measured, model, points, "reconstructed", colour(method), recording.torque_label
-    )
-    _shade(plot, _excluded(recording, joint), t)
     error = f"relative error {percent(100.0 * fit.relative_error)}"
-    rms = f"rms error {format_significant(fit.rms_error)} {fit.torque_unit}"
-    return Figure(
-        plot,
-        height=250,
-        title=fit.name,
-        label=f"{origin} and reconstructed torque of {fit.name} over "
-        f"{format_significant(t[-1])} s: {error}, {rms}",
-        note=f"{error}, {rms}",
-        recording=recording.name,
-        start=_start(recording),
+    return Curves(
+        fit.name,
+        torque_axis(fit.torque_unit),
+        recording.t,
+        compared(measured, model, "reconstructed", method, recording.torque_label),
+        f"{origin} and reconstructed torque of {fit.name}",
+        f"{error}, rms error {format_significant(fit.rms_error)} {fit.torque_unit}",
     )
 
 
-def compared_figure(
-    name: str,
-    unit: str,
-    t: np.ndarray,
-    measured: np.ndarray | None,
-    model: np.ndarray,
-    points: int,
-    note: str,
+def torque_figure(
+    identification: Identification, recording: FittedRecording, joint: int, method: int, points: int
 ) -> Figure:
-    """Measured and predicted torque of one joint, and their difference; or the predicted alone."""
-    plot, own = _torque_plot(unit), t - t[0]
-    if measured is None:
-        plot.data.append(line(own, model, points, "predicted", colour(0), width=1.2))
-    else:
-        plot.data += _compared(own, measured, model, points, "predicted", colour(0))
-    what = "Predicted" if measured is None else "Measured and predicted"
-    label = f"{what} torque of {name} over {format_significant(own[-1])} s"
-    label += f": {note}" if note else ""
-    return Figure(plot, 250, name, label, note, recording="log", start=float(t[0]))
-
-
-def errors_figure(
-    name: str, unit: str, t: np.ndarray, errors: Mapping[str, np.ndarray], points: int, note: str
-) -> Figure:
-    """Errors of one joint's position over time, one line for each of several models.
-
-    ``errors``: by the model's name, each (samples,) [unit]; the first is drawn below the others.
-    """
-    plot, own = empty_plot(f"position error [{unit}]"), t - t[0]
-    plot.update(xaxis={"title": {"text": "time [s]"}})
-    for k, (model, error) in enumerate(errors.items()):
-        shade = MEASURED if k == 0 else colour(k - 1)
-        plot.data.append(line(own, error, points, model, shade, width=1.2))
-    label = f"Position error of {name} over {format_significant(own[-1])} s: {note}"
-    return Figure(plot, 230, name, label, note, recording="log", start=float(t[0]))
-
-
-def _torque_plot(unit: str) -> Plot:
-    """Axes of torque and time."""
-    plot = empty_plot(f"torque [{unit}]" if unit != "N" else "force [N]")
-    plot.x_axis("time [s]")
-    return plot
+    """The same as a figure; rows that were not used are shaded."""
+    curves = torque_curves(identification, recording, joint, method)
+    figure = drawn(curves, points, recording.name)
+    _shade(figure.plot, _excluded(recording, joint), _time(recording))
+    return figure
 
 
 def law_figure(found: IdentifiedLaw, joint: int, method: int, points: int) -> Figure:
@@ -137,9 +116,8 @@ def law_figure(found: IdentifiedLaw, joint: int, method: int, points: int) -> Fi
     law, used = found.joints[joint], slice(START, None)  # before, there is no speed yet
     measured, model = found.output[used, joint], found.model[used, joint]
     t = np.arange(len(found.output))[used] / found.rate
-    plot = empty_plot(f"{found.compared} [{found.unit}]")
-    plot.x_axis("time [s]")
-    plot.data += _compared(t, measured, model, points, "law", colour(method))
+    traces = _traces(t, compared(measured, model, "law", method), points)
+    plot = empty_plot(f"{found.compared} [{found.unit}]", "time [s]", traces)
     rms = f"rms {format_significant(law.rms)} {found.unit}"
     note = f"not explained {percent(100.0 * law.relative_error)}, {rms}"
     span = f"over {format_significant(t[-1])} s"
@@ -157,9 +135,8 @@ def reference_figure(
     name, unit = identification.joints[joint].name, identification.robot.joints[joint].position_unit
     t = _time(recording)
     measured, reference = recording.q_measured[:, joint], recording.q_ref[:, joint]
-    plot = empty_plot("")
-    lines = _compared(t, measured, reference, points, "reference", colour(method))
-    plot.data += [*lines[:2], lines[2] | {"yaxis": "y2"}]
+    lines = _traces(t, compared(measured, reference, "reference", method), points)
+    plot = empty_plot("", traces=[*lines[:2], lines[2] | {"yaxis": "y2"}])
     plot.stack([f"q [{unit}]", f"difference [{unit}]"])
     plot.update(yaxis2={"automargin": True})
     rms = format_significant(float(np.sqrt(np.mean((measured - reference) ** 2))))
@@ -174,25 +151,30 @@ def residual_figure(tests: JointResidualTests, method: int) -> Figure:
     """Autocorrelation of one joint's residual with the band of white noise."""
     found = tests.autocorrelation
     lags = np.arange(1, found.rho.size + 1)
-    plot = empty_plot("autocorrelation")
-    plot.x_axis(f"lag [samples of {format_significant(1e3 / found.rate)} ms]")
-    plot.add(
+    bars = trace(
         "bar",
         x=packed(lags),
         y=packed(found.rho),
         marker={"color": colour(method)},
         name="autocorrelation",
     )
-    for sign in (-1.0, 1.0):
-        plot.add(
+    ends = [
+        trace(
             x=packed(lags),
             y=packed(sign * found.band),
             mode="lines",
             line={"color": ERROR, "width": 1, "dash": "dash"},
             name="±2/√n",
         )
+        for sign in (-1.0, 1.0)
+    ]
     reach = 1.15 * max(float(np.nanmax(np.abs(found.rho))), 2.0 * float(np.median(found.band)))
-    plot.y_axis(range=[-reach, reach])
+    plot = empty_plot(
+        "autocorrelation",
+        f"lag [samples of {format_significant(1e3 / found.rate)} ms]",
+        [bars, *ends],
+        y={"range": [-reach, reach]},
+    )
     note = f"{percent(100.0 * found.outside)} outside ±2/√n. {tests.whiteness}"
     label = f"Autocorrelation of the residual of {tests.name} at lags 1 to {lags[-1]}: {note}"
     return Figure(plot, height=220, title=tests.name, label=label, note=note)
@@ -209,14 +191,13 @@ def signal_figure(
         ("dq", f"{unit}/s", recording.dq),
         ("ddq", f"{unit}/s²", recording.ddq),
     )
-    plot = empty_plot("")
-    plot.data.append(
-        line(t, recording.q_measured[:, joint], points, "measured", MEASURED, width=2.4)
-    )
-    for k, (name, _, signal) in enumerate(rows, start=1):
-        axis = "y" if k == 1 else f"y{k}"
-        own = line(t, signal[:, joint], points, f"{name} estimated", colour(method), width=1.2)
-        plot.data.append(own | {"yaxis": axis})
+    lines = [
+        line(t, signal[:, joint], points, f"{name} estimated", colour(method), width=1.2)
+        | {"yaxis": f"y{k}" if k > 1 else "y"}
+        for k, (name, _, signal) in enumerate(rows, start=1)
+    ]
+    measured = line(t, recording.q_measured[:, joint], points, "measured", MEASURED, width=2.4)
+    plot = empty_plot("", traces=[measured, *lines])
     plot.stack([f"{name} [{row_unit}]" for name, row_unit, _ in rows])
     _shade(plot, _excluded(recording, joint), t)
     note = (
@@ -235,19 +216,24 @@ def distance_figure(identification: Identification) -> Figure:
     with np.errstate(divide="ignore", invalid="ignore"):
         distance = np.abs(theta - identification.theta) / identification.std
     distance[~(np.isfinite(distance) & (distance > 0.0))] = np.nan
-    plot = empty_plot("distance from the estimate [σ]")
-    plot.x_axis("iteration", dtick=1, range=[0.8, len(history) + 0.2])
-    plot.y_axis(type="log", exponentformat="power", dtick=1)
     columns = zip(identification.names, identification.parameters, distance.T, strict=True)
-    for name, parameter, values in columns:
-        plot.add(
-            x=packed(np.arange(1, len(history) + 1)),
-            y=packed(values),
-            name=html.escape(name, quote=False),
-            mode="lines+markers",
-            line={"color": colour(parameter.joint), "width": 1.2},
-            marker={"size": 4},
-        )
+    plot = empty_plot(
+        "distance from the estimate [σ]",
+        "iteration",
+        [
+            trace(
+                x=packed(np.arange(1, len(history) + 1)),
+                y=packed(values),
+                name=html.escape(name, quote=False),
+                mode="lines+markers",
+                line={"color": colour(parameter.joint), "width": 1.2},
+                marker={"size": 4},
+            )
+            for name, parameter, values in columns
+        ],
+        x={"dtick": 1, "range": [0.8, len(history) + 0.2]},
+        y={"type": "log", "exponentformat": "power", "dtick": 1},
+    )
     plot.horizontal(1.0, {"color": ERROR, "width": 1, "dash": "dash"})
     label = (
         f"Distance of {len(identification.names)} parameters from their estimate over "
@@ -265,21 +251,26 @@ def change_figure(identification: Identification) -> Figure:
     history = identification.history
     fitted = identification.simulation is not None
     error = "weighted simulation error" if fitted else "relative error of the torque"
-    plot = empty_plot("%")
-    plot.x_axis("iteration", dtick=1, range=[0.8, len(history) + 0.2])
-    plot.y_axis(type="log", exponentformat="power")
-    for name, line_colour, values in (
-        ("largest relative change", METHOD_COLOURS[0], [i.change for i in history]),
-        (error, METHOD_COLOURS[1], [i.residual for i in history]),
-    ):
-        plot.add(
-            x=packed(np.arange(1, len(history) + 1)),
-            y=packed(100.0 * np.array(values, dtype=float)),
-            name=name,
-            mode="lines+markers",
-            line={"color": line_colour, "width": 1.6},
-        )
-    plot.update(showlegend=True, legend=LEGEND)
+    plot = empty_plot(
+        "%",
+        "iteration",
+        [
+            trace(
+                x=packed(np.arange(1, len(history) + 1)),
+                y=packed(100.0 * np.array(values, dtype=float)),
+                name=name,
+                mode="lines+markers",
+                line={"color": line_colour, "width": 1.6},
+            )
+            for name, line_colour, values in (
+                ("largest relative change", METHOD_COLOURS[0], [i.change for i in history]),
+                (error, METHOD_COLOURS[1], [i.residual for i in history]),
+            )
+        ],
+        x={"dtick": 1, "range": [0.8, len(history) + 0.2]},
+        y={"type": "log", "exponentformat": "power"},
+        legend=True,
+    )
     last = history[-1]
     label = (
         f"Largest relative change and {error} over {len(history)} iterations; at the end "
@@ -291,15 +282,38 @@ def change_figure(identification: Identification) -> Figure:
     return Figure(plot, height=300, title="Criteria", label=label, note=note)
 
 
-def empty_plot(y_title: str) -> Plot:
-    """Axes without decoration."""
-    return Plot(
+def empty_plot(
+    y_title: str,
+    x_title: str | None = None,
+    traces: Iterable[Trace] = (),
+    *,
+    x: Mapping[str, Any] | None = None,
+    y: Mapping[str, Any] | None = None,
+    legend: bool = False,
+    **layout: Any,
+) -> Plot:
+    """Axes without decoration.
+
+    Args:
+        y_title: of the ordinate.
+        x_title: of the abscissa; None: none.
+        traces: what is drawn, the last on top.
+        x: further attributes of the abscissa.
+        y: further attributes of the ordinate.
+        legend: whether there is one.
+        layout: further parts of the layout.
+    """
+    plot = Plot(
+        *traces,
         margin={"l": 58, "r": 12, "t": 8, "b": 42},
-        showlegend=False,
+        showlegend=legend,
         hovermode="closest",
         xaxis={"automargin": False, "zeroline": False},
         yaxis={"title": {"text": y_title, "standoff": 4}, "zeroline": True},
     )
+    plot.x_axis(x_title, **(x or {}))
+    plot.update(yaxis=y or {}, **({"legend": LEGEND} | layout if legend else layout))
+    return plot
 
 
 def line(
@@ -317,20 +331,13 @@ def line(
     }
 
 
-def _compared(
-    t: np.ndarray,
-    measured: np.ndarray,
-    model: np.ndarray,
-    points: int,
-    name: str,
-    own: str,
-    label: str = "measured",
-) -> list[Trace]:
-    """What was measured, what a model makes of it, and the error, as three lines."""
+def _traces(t: np.ndarray, curves: Sequence[Curve], points: int) -> list[Trace]:
+    """Curves as lines in the colours of their roles."""
+    shades = {"measured": MEASURED, "error": ERROR}
     return [
-        line(t, measured, points, label, MEASURED, width=2.4),
-        line(t, model, points, name, own, width=1.2),
-        line(t, measured - model, points, "error", ERROR, width=1.0),
+        line(t, one.values, points, one.name, shade, width=one.width)
+        for one in curves
+        for shade in [shades[one.role] if isinstance(one.role, str) else colour(one.role)]
     ]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,6 +10,7 @@ from pivident.consistency.consistent_estimate import NoConsistentEstimate
 from pivident.diagnostics.diagnostics import Diagnostics
 from pivident.diagnostics.summary import Summary
 from pivident.diagnostics.verdict import Verdict, verdict
+from pivident.document.document import Document
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.estimation.identification import FittedRecording, Identification
@@ -37,16 +38,6 @@ _SIMULATION_TRACES = 4
 _LOOP_TRACES = 3
 
 
-@dataclass(frozen=True)
-class DesignAccount:
-    """What a design predicted and its record reached, as text."""
-
-    heading: str  # without a full stop
-    head: Sequence[str]  # titles of the columns
-    rows: Sequence[Sequence[str]]
-    sentences: Sequence[str]
-
-
 @dataclass(frozen=True, eq=False)
 class ReportData:
     """Everything that the sections of a report draw on."""
@@ -56,7 +47,7 @@ class ReportData:
     title: str
     diagnostics: Diagnostics
     screen: Summary | None = None  # the verdict on one screen, with the commands of its folder
-    designs: tuple[DesignAccount, ...] = ()  # of the motions that were recorded
+    designs: tuple[Document, ...] = ()  # accounts of the designed motions that were recorded
 
     @cached_property
     def labels(self) -> tuple[str, ...]:

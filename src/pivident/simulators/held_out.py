@@ -65,14 +65,15 @@ class HeldOut:
             for title, own in made.items()
         }
 
-    def sentences(self) -> list[str]:
-        """What the columns mean."""
-        return [
+    @property
+    def meaning(self) -> str:
+        """What the errors by title mean."""
+        return (
             "before: the description as it came; after: the written file, with the fitted delay "
             "and bias, both in Runge–Kutta steps of 0.1 ms with friction that stops a joint within "
             f"a step; the last columns have the files' own integrator and friction and "
             f"{1e3 * self.file_step:g} ms steps"
-        ]
+        )
 
     def findings(self) -> list[str]:
         """Joints that the fit has made worse, one sentence for each way of simulating it."""

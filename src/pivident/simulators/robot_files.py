@@ -21,7 +21,6 @@ from pivident.robot.naming import MJCF_FILES, URDF_FILES
 from pivident.robot.urdf_xml import parse_model
 from pivident.simulators.mujoco_replay import set_hard_friction
 from pivident.simulators.simulator_fit import FittedValue, SimulatorFit
-from pivident.simulators.simulator_text import interval_text
 
 #: Formats by the name of ``--to``, and the ending of their files.
 ENDINGS = {"mjcf": ".xml", "urdf": ".urdf", "isaac": ".py"}
@@ -279,7 +278,7 @@ def _heading(fit: SimulatorFit, form: str) -> Iterable[str]:
     yield f"{form}: joints fitted by pivident {fit.version} to {', '.join(fit.recordings)}"
     yield "Values with their intervals of 95 %:"
     for value in fit.values:
-        yield f"{_whose(value)}: {interval_text(value)}"
+        yield f"{_whose(value)}: {value}"
 
 
 def _whose(value: FittedValue) -> str:

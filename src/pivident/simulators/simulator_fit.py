@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from pivident.robot.description import Robot
+from pivident.text.numbers import format_significant, plus_minus
 from pivident.version import __version__
 
 #: Probability that an interval covers the truth.
@@ -39,6 +41,11 @@ class FittedValue:
     high: float
     start: float
     note: str = ""
+
+    def __str__(self) -> str:
+        if not math.isfinite(self.std):
+            return f"{format_significant(self.value)} {self.unit} (no interval: {self.note})"
+        return f"{plus_minus(self.value, self.value - self.low)} {self.unit}"
 
 
 @dataclass(frozen=True, eq=False)

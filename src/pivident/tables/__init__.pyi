@@ -1,3 +1,3 @@
+from .chosen import Table as Table
+from .chosen import TableError as TableError
 from .chosen import table_names as table_names
-from .columns import Table as Table
-from .columns import TableError as TableError

@@ -6,8 +6,10 @@ from collections.abc import Mapping
 from importlib import import_module
 from typing import Any
 
+from pivident.document.document import Accounted
+from pivident.document.table import Table as Table
+from pivident.document.table import TableError as TableError
 from pivident.robot.naming import nearest
-from pivident.tables.columns import Table, TableError
 
 _HERE, _MANY = "pivident.tables.", "pivident.many.result_tables"
 
@@ -88,8 +90,8 @@ def table(thing: Any, name: str | None = None) -> Table:
     """A table of a result, ready for pandas, polars or a sheet.
 
     Args:
-        thing: an identification, problem, recording, robot, audit, comparison, study, fleet, or a
-            result of validation and consistency.
+        thing: an identification, problem, recording, robot, audit, comparison, study, fleet,
+            prediction, payload, or a result of validation and consistency.
         name: which of its tables; None: the first of `table_names`.
 
     Returns:
@@ -105,6 +107,8 @@ def table(thing: Any, name: str | None = None) -> Table:
             f"a {type(thing).__name__} has no table {chosen!r}",
             advice=f"{nearest(str(chosen), names)}; there are {', '.join(names)}",
         )
+    if isinstance(thing, Accounted):
+        return thing.account().tables[chosen]
     return getattr(import_module(module), f"{prefix}_{chosen}")(thing)
 
 
@@ -124,6 +128,8 @@ def table_names(thing: Any) -> tuple[str, ...]:
 
 
 def _entry(thing: Any) -> tuple[str, str, tuple[str, ...]]:
+    if isinstance(thing, Accounted):
+        return "", "", tuple(thing.account().tables)
     for cls in type(thing).__mro__:
         entry = TABLES.get(f"{cls.__module__}.{cls.__qualname__}")
         if entry is not None:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 from pivident.diagnostics.verdict import Verdict
-from pivident.tables.columns import Table
+from pivident.document.table import Table
 from pivident.validation.held_out.cross_validation import CrossValidation
 from pivident.validation.residuals.autocorrelation import LjungBoxTest
 from pivident.validation.residuals.residual_tests import ResidualTests
@@ -39,27 +38,7 @@ def residual_tests(tests: ResidualTests) -> Table:
     return Table.of_rows("tests", rows, meanings, (*empty, "sentence"))
 
 
-def validation_folds(found: CrossValidation) -> Table:
-    """One row for each stretch that was held out."""
-    rows = [
-        {
-            "method": found.method,
-            "kind": found.kind,
-            "recording": h.recording,
-            "start_s": float(h.start),
-            "stop_s": float(h.stop),
-            "error_percent": _of(h.prediction, "total"),
-            "error_in_band_percent": _of(h.prediction, "total_in_band"),
-            "band_hz": _of(h.prediction, "band"),
-            "failure": h.failure,
-        }
-        for h in found.held_out
-    ]
-    meanings = {
-        "error_percent": "‖error‖/‖τ‖ over all joints, all frequencies",
-        "error_in_band_percent": "the same below band_hz, the highest frequency of the motion",
-    }
-    return Table.of_rows("folds", rows, meanings)
+validation_folds = CrossValidation.stretch_table
 
 
 def validation_joints(found: CrossValidation) -> Table:
@@ -96,7 +75,3 @@ def verdict_statements(found: Verdict) -> Table:
         for s in found.statements
     ]
     return Table.of_rows("statements", rows, empty=("topic", "severity", "message", "basis"))
-
-
-def _of(error: Any, name: str) -> float:
-    return math.nan if error is None else float(getattr(error, name))

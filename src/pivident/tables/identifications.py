@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from pivident.document.table import Table, TableError
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import parameter_rows
-from pivident.tables.columns import Table, TableError
+from pivident.tables.inputs import signals_table
 
 #: Meanings that the columns of estimates share.
 ESTIMATES = {
@@ -131,45 +132,16 @@ def identification_signals(result: Identification) -> Table:
             "the identification holds no signals, as after reading it from a file",
             advice="identify again",
         )
-    joints = result.robot.joints
-    parts: dict[str, list[np.ndarray]] = {}
+    names = ("q", "dq", "ddq", "q_measured", "q_ref", "tau", "tau_model", "whitened", "used")
+    recordings = []
     for recording in result.recordings:
-        samples, count = recording.q.shape
-        nothing = np.full((samples, count), np.nan)
-        signals = {
-            "q": recording.q,
-            "dq": recording.dq,
-            "ddq": recording.ddq,
-            "q_measured": recording.q_measured,
-            "q_ref": nothing if recording.q_ref is None else recording.q_ref,
-            "tau": recording.tau,
-            "tau_model": recording.tau_model,
-            "whitened": recording.whitened,
-        }
-        named = {
-            "recording": np.full(samples * count, recording.name, dtype=object),
-            "t_s": np.repeat(recording.t, count),
-            "joint": np.tile(np.array([j.name for j in joints], dtype=object), samples),
-            **{name: np.asarray(values, dtype=float).ravel() for name, values in signals.items()},
-            "used": np.asarray(recording.used, dtype=bool).ravel(),
-            "position_unit": _tiled([j.position_unit for j in joints], samples),
-            "torque_unit": _tiled([fit.torque_unit for fit in result.joints], samples),
-        }
-        for name, values in named.items():
-            parts.setdefault(name, []).append(values)
-    columns = {name: _joined(values) for name, values in parts.items()}
+        channels = {name: getattr(recording, name) for name in names}
+        if recording.q_ref is None:
+            channels["q_ref"] = np.full(recording.q.shape, np.nan)
+        recordings.append((recording.name, recording.t, channels))
     meanings = {
         "q": "estimated position; dq and ddq per second and per second squared",
         "tau_model": "reconstructed torque",
         "whitened": "residual of the equation that was solved, of unit variance; NaN: not used",
     }
-    return Table("signals", columns, meanings)
-
-
-def _tiled(values: list[str], samples: int) -> np.ndarray:
-    return np.tile(np.array(values, dtype=object), samples)
-
-
-def _joined(values: list[np.ndarray]) -> np.ndarray | tuple[str, ...]:
-    joined = np.concatenate(values)
-    return tuple(joined.tolist()) if joined.dtype == object else joined
+    return Table("signals", signals_table(recordings, result.robot.joints).columns, meanings)

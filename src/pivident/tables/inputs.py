@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from pivident.audit.audit import Audit
+from pivident.document.table import Table, Values
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
-from pivident.robot.description import Robot
-from pivident.tables.columns import Table
+from pivident.robot.description import Joint, Robot
 from pivident.text.finding import Quantity
 
 
@@ -132,24 +133,36 @@ def problem_signals(problem: Problem) -> Table:
 
     A channel that a recording does not have is NaN there.
     """
-    tables = [recording_signals(r) for r in problem.recordings]
-    channels = dict.fromkeys(name for t in tables for name in t.columns)
-    joined: dict[str, np.ndarray | tuple[str, ...]] = {
-        "recording": tuple(
-            r.name for r, t in zip(problem.recordings, tables, strict=True) for _ in range(len(t))
-        ),
+    recordings = [(r.name, r.t, r.channels()) for r in problem.recordings]
+    made = signals_table(recordings, problem.robot.joints)
+    meanings = recording_signals(problem.recordings[0]).meanings
+    return Table("signals", made.columns, meanings)
+
+
+def signals_table(
+    recordings: Sequence[tuple[str, np.ndarray, Mapping[str, np.ndarray]]],
+    joints: Sequence[Joint],
+) -> Table:
+    """One row for each joint of each sample of recordings that may have different channels.
+
+    Args:
+        recordings: name, time of each sample [s], and channels of shape (samples, joints).
+        joints: of the robot.
+    """
+    samples = sum(len(t) for _, t, _ in recordings)
+    columns: dict[str, Values] = {
+        "recording": [name for name, t, _ in recordings for _ in range(len(t) * len(joints))],
+        "t_s": np.concatenate([np.repeat(t, len(joints)) for _, t, _ in recordings]),
+        "joint": [joint.name for joint in joints] * samples,
     }
-    for name in channels:
-        parts = [t.columns.get(name, np.full(len(t), math.nan)) for t in tables]
-        if name == "joint":
-            joined[name] = tuple(joint for part in parts for joint in part)
-        else:
-            joined[name] = np.concatenate([np.asarray(part, dtype=float) for part in parts])
-    samples = sum(r.samples for r in problem.recordings)
-    joints = problem.robot.joints
-    joined["position_unit"] = tuple(joint.position_unit for joint in joints) * samples
-    joined["torque_unit"] = tuple(joint.torque_unit for joint in joints) * samples
-    return Table("signals", joined, tables[0].meanings)
+    for name in dict.fromkeys(name for *_, channels in recordings for name in channels):
+        parts = [
+            own.get(name, np.full((len(t), len(joints)), math.nan)) for _, t, own in recordings
+        ]
+        columns[name] = np.concatenate([np.ravel(part) for part in parts])
+    columns["position_unit"] = [joint.position_unit for joint in joints] * samples
+    columns["torque_unit"] = [joint.torque_unit for joint in joints] * samples
+    return Table("signals", columns)
 
 
 def audit_findings(audit: Audit) -> Table:

@@ -6,8 +6,8 @@ import math
 from typing import TYPE_CHECKING
 
 from pivident.comparison.compare import Comparison
-from pivident.comparison.comparison_files import rows as comparison_rows
-from pivident.tables.columns import Table
+from pivident.comparison.comparison_files import comparison_table
+from pivident.document.table import Table
 
 if TYPE_CHECKING:
     import polars as pl
@@ -26,15 +26,7 @@ def of_frame(name: str, frame: pl.DataFrame) -> Table:
     return Table(name, columns)
 
 
-def comparison_parameters(comparison: Comparison) -> Table:
-    """One row for each parameter and result."""
-    meanings = {
-        "low": "lower end of the interval, at 2σ",
-        "high": "upper end",
-        "difference": "from the first result",
-        "p_adjusted": "after Holm, among all differences of the comparison",
-    }
-    return Table.of_rows("parameters", comparison_rows(comparison), meanings)
+comparison_parameters = comparison_table
 
 
 def comparison_results(comparison: Comparison) -> Table:

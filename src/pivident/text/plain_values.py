@@ -13,7 +13,10 @@ from typing import Any
 
 
 def plain(value: Any) -> Any:
-    """Lists, dictionaries, texts and finite numbers; anything else as its text."""
+    """Lists, dictionaries, texts and finite numbers; anything else as its text.
+
+    Fields that a dataclass does not print, such as drawn arrays, stay out.
+    """
     if isinstance(value, float):  # most values are
         return float(value) if math.isfinite(value) else None
     if value is None or isinstance(value, bool | int | str):
@@ -21,7 +24,9 @@ def plain(value: Any) -> Any:
     if hasattr(value, "tolist"):  # an array or number of NumPy, which is heavy to import
         return plain(value.tolist())
     if is_dataclass(value) and not isinstance(value, type):
-        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
+        return {
+            field.name: plain(getattr(value, field.name)) for field in fields(value) if field.repr
+        }
     if isinstance(value, Mapping):
         return {str(key): plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):

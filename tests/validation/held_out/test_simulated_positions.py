@@ -110,7 +110,7 @@ def test_every_method_with_a_loop_has_held_out_positions():
     compared = simulated_diagnostics().out_of_sample
     loops = {name: r.simulation.loop for name, r in compared.results.items()}
     assert loops == {"piv": "closed", "cloe": "closed", "ml": "closed", "oloe": "open"}
-    table = compared.position_table()
+    table = compared.position_table().text()
     assert "OLOE, open loop" in table and "rad" in table and table in str(compared)
     closed = compared.results["piv"]
     assert (closed.simulation.position == closed.replay.position).all()

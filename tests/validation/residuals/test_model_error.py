@@ -178,7 +178,7 @@ def test_intervals_of_a_share_are_ones_that_a_share_can_have():
     split = split_of((0.83, 0.107), (1.0, 0.0), (0.091, 0.0115), (0.02, 0.03))
     intervals = [joint.share_interval for joint in split.joints]
     assert np.allclose(intervals, [(0.616, 1.0), (1.0, 1.0), (0.068, 0.114), (0.0, 0.08)])
-    rows = [line.split("N m")[1].split() for line in split.joint_table().splitlines()[1:]]
+    rows = [line.split("N m")[1].split() for line in split.joint_table().text().splitlines()[1:]]
     assert [" ".join(row) for row in rows] == [
         "83 62 to 100",
         "100 –",

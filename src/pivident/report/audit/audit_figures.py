@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
+from typing import Any
+
 import numpy as np
 
 from pivident.audit.audit import Audit
-from pivident.report.plot_parts import LEGEND, Plot, colour_scale, kept_samples
+from pivident.report.plot_parts import Plot, Trace, colour_scale, kept_samples, trace
 from pivident.report.plotly_figures import ERROR, MEASURED, METHOD_COLOURS, Figure, empty_plot
 from pivident.text.numbers import with_spread
 
@@ -21,19 +24,12 @@ def interval_figure(audit: Audit) -> Figure | None:
     intervals = 1e3 * audit.timing.intervals
     if intervals.size < 3:
         return None
-    plot = audit_plot("intervals")
     counts, edges = np.histogram(intervals, bins=min(81, max(11, intervals.size // 50)))
     if np.ptp(intervals) < 1e-9 * abs(intervals[0]):
         counts, edges = np.array([intervals.size]), np.array([0.99, 1.01]) * intervals[0]
-    plot.add(
-        "bar",
-        x=0.5 * (edges[1:] + edges[:-1]),
-        y=counts,
-        width=np.diff(edges),
-        marker={"color": METHOD_COLOURS[0]},
-    )
-    plot.x_axis("interval [ms]")
-    plot.y_axis(type="log")
+    middles = 0.5 * (edges[1:] + edges[:-1])
+    bars = _bars(middles, counts, METHOD_COLOURS[0], width=np.diff(edges))
+    plot = audit_plot("intervals", "interval [ms]", [bars], y={"type": "log"})
     low, high = intervals.min(), intervals.max()
     note = f"median {np.median(intervals):.6g} ms, from {low:.6g} to {high:.6g} ms"
     label = f"Histogram of {intervals.size} intervals between time stamps: {note}"
@@ -51,11 +47,8 @@ def clock_figure(audit: Audit) -> Figure | None:
         return None
     apart = 1e3 * (t - t[0] - (k - k[0]) * (t[-1] - t[0]) / (k[-1] - k[0]))
     kept = kept_samples(apart, POINTS)
-    plot = audit_plot("deviation [ms]")
-    plot.add(
-        x=k[kept], y=apart[kept], mode="lines", line={"color": METHOD_COLOURS[0], "width": 1.2}
-    )
-    plot.x_axis("sample")
+    drawn = _lines(k[kept], apart[kept], METHOD_COLOURS[0])
+    plot = audit_plot("deviation [ms]", "sample", [drawn])
     period = 1e3 * (t[-1] - t[0]) / (k[-1] - k[0])
     note = f"largest {np.abs(apart).max():.3g} ms from a clock of {period:.6g} ms"
     return Figure(plot, 260, "Stamps against a uniform clock", f"Deviation of stamps: {note}", note)
@@ -66,14 +59,9 @@ def grid_figure(audit: Audit) -> Figure | None:
     grids = [g for g in audit.quantisation.grids if np.isfinite(g.step)]
     if not grids:
         return None
-    plot = audit_plot("levels over the range")
-    plot.add(
-        "bar",
-        x=[g.name for g in grids],
-        y=[g.levels for g in grids],
-        marker={"color": METHOD_COLOURS[2]},
-    )
-    plot.y_axis(type="log", rangemode="tozero")
+    bars = _bars([g.name for g in grids], [g.levels for g in grids], METHOD_COLOURS[2])
+    y = {"type": "log", "rangemode": "tozero"}
+    plot = audit_plot("levels over the range", traces=[bars], y=y)
     note = "steps of the grid that the values lie on; fewer levels make rougher derivatives"
     label = f"Levels of {len(grids)} quantised signals"
     return Figure(plot, 280, "Quantisation", label, note)
@@ -91,14 +79,10 @@ def steps_figures(audit: Audit) -> list[Figure]:
             np.argmax(np.convolve(speed < 3 * grid.step, np.ones(50), "same") * (speed > 0))
         )
         part = slice(max(0, middle - 100), middle + 100)
-        plot = audit_plot("steps")
-        plot.add(
-            x=np.arange(part.start, part.start + len(values[part])),
-            y=(values[part] - np.nanmean(values[part])) / grid.step,
-            mode="lines",
-            line={"color": METHOD_COLOURS[2], "width": 1.2, "shape": "hv"},
-        )
-        plot.x_axis("sample")
+        sample = np.arange(part.start, part.start + len(values[part]))
+        steps = (values[part] - np.nanmean(values[part])) / grid.step
+        drawn = _lines(sample, steps, METHOD_COLOURS[2], shape="hv")
+        plot = audit_plot("steps", "sample", [drawn])
         label = f"Slow part of {grid.name} in steps of {grid.step:.4g}"
         figures.append(Figure(plot, 220, grid.name, label, f"one step is {grid.step:.4g}"))
     return figures
@@ -113,14 +97,15 @@ def torque_speed_figures(audit: Audit) -> list[Figure]:
     kept = np.arange(0, len(model.at), max(1, len(model.at) // POINTS))
     figures = []
     for j, joint in enumerate(model.robot.joints):
-        plot = audit_plot(f"torque [{joint.torque_unit}]")
-        plot.add(
+        points = trace(
             x=model.dq[kept, j].astype(np.float32),
             y=tau[kept, j].astype(np.float32),
             mode="markers",
             marker={"color": METHOD_COLOURS[0], "size": 3, "opacity": 0.6},
         )
-        plot.x_axis(f"speed [{joint.position_unit}/s]")
+        plot = audit_plot(
+            f"torque [{joint.torque_unit}]", f"speed [{joint.position_unit}/s]", [points]
+        )
         note = ""
         if audit.power is not None and np.isfinite(audit.power.friction[j]):
             taken, error = audit.power.friction[j], audit.power.standard_errors[j]
@@ -136,20 +121,20 @@ def shift_figure(audit: Audit) -> Figure | None:
     if delay is None:
         return None
     assert audit.log.robot is not None
-    plot = audit_plot("relative error [%]")
-    for j, joint in enumerate(audit.log.robot.joints):
-        if not np.isfinite(delay.errors[:, j]).all():
-            continue
-        plot.add(
+    lines = [
+        trace(
             x=1e3 * delay.shifts,
             y=100 * delay.errors[:, j],
             name=joint.name,
             mode="lines",
             line={"color": METHOD_COLOURS[j % len(METHOD_COLOURS)], "width": 1.6},
         )
-    plot.x_axis("delay of the torque [ms]")
-    plot.y_axis(type="log")
-    plot.update(showlegend=True, legend=LEGEND)
+        for j, joint in enumerate(audit.log.robot.joints)
+        if np.isfinite(delay.errors[:, j]).all()
+    ]
+    plot = audit_plot(
+        "relative error [%]", "delay of the torque [ms]", lines, y={"type": "log"}, legend=True
+    )
     mean, error = delay.common
     note = "the lowest point of each line is the delay of that joint"
     if np.isfinite(mean):
@@ -167,8 +152,7 @@ def order_figure(audit: Audit) -> Figure | None:
         return None
     assert audit.log.robot is not None
     names = list(audit.log.robot.joint_names)
-    plot = audit_plot("joint")
-    plot.add(
+    cells = trace(
         "heatmap",
         x=names,
         y=names,
@@ -180,8 +164,7 @@ def order_figure(audit: Audit) -> Figure | None:
         colorbar={"title": {"text": "%"}, "thickness": 10},
         texttemplate="%{z:.0f}",
     )
-    plot.x_axis("torque column")
-    plot.y_axis(autorange="reversed")
+    plot = audit_plot("joint", "torque column", [cells], y={"autorange": "reversed"})
     note = (
         "relative error of each torque column on each joint's model; the diagonal should be lowest"
     )
@@ -195,44 +178,32 @@ def excitation_figures(audit: Audit) -> list[Figure]:
         return []
     share = 100 * np.minimum(excitation.open_torque, 10.0)
     worst = np.argsort(-share)[:MAX_PARAMETERS]
-    plot = audit_plot("undetermined torque [%]")
-    plot.add(
-        "bar",
-        x=[excitation.names[k] for k in worst],
-        y=share[worst],
-        marker={"color": [ERROR if share[k] > 20 else METHOD_COLOURS[0] for k in worst]},
-    )
-    plot.y_axis(type="log")
+    colours = [ERROR if share[k] > 20 else METHOD_COLOURS[0] for k in worst]
+    bars = _bars([excitation.names[k] for k in worst], share[worst], colours)
+    plot = audit_plot("undetermined torque [%]", traces=[bars], y={"type": "log"})
     note = (
         f"rank {excitation.rank} of {len(excitation.names)}, condition {excitation.condition:.4g}; "
         "share of the torque of full motion that the uncertainty of each parameter alone leaves "
         "undetermined, above 20 % in red"
     )
     first = Figure(plot, 320, "Parameters", f"Excitation: {note}", note)
-    ranges = audit_plot("used [%]")
-    kinds = ("range", "rated speed", "acceleration")
-    for k, kind in enumerate(kinds):
-        ranges.add(
-            "bar",
-            x=list(model.robot.joint_names),
-            y=100 * excitation.ranges[:, k],
-            name=kind,
-            marker={"color": METHOD_COLOURS[k]},
-        )
-    ranges.update(barmode="group", showlegend=True, legend=LEGEND)
+    joints, kinds = list(model.robot.joint_names), ("range", "rated speed", "acceleration")
+    uses = [
+        _bars(joints, 100 * excitation.ranges[:, k], METHOD_COLOURS[k], name=kind)
+        for k, kind in enumerate(kinds)
+    ]
+    ranges = audit_plot("used [%]", traces=uses, barmode="group", legend=True)
     note = (
         "share of position limits, rated speed, and of the acceleration that reaches it in 0.15 s"
     )
-    spectrum = audit_plot("singular value")
-    spectrum.add(
+    values = trace(
         x=np.arange(1, len(excitation.singular_values) + 1),
         y=np.maximum(excitation.singular_values, 1e-12),
         mode="lines+markers",
         line={"color": MEASURED, "width": 1.2},
         marker={"size": 4},
     )
-    spectrum.y_axis(type="log", exponentformat="power")
-    spectrum.x_axis("number")
+    spectrum = audit_plot("singular value", "number", [values], y={"type": "log"})
     return [
         first,
         Figure(ranges, 300, "Use of the limits", f"Use of the limits by joint; {note}", note),
@@ -246,9 +217,26 @@ def excitation_figures(audit: Audit) -> list[Figure]:
     ]
 
 
-def audit_plot(y_title: str) -> Plot:
-    """Axes of the report; numbers of any size, as 4 × 10⁻¹³ and not 400f, have room."""
-    plot = empty_plot(y_title)
-    plot.x_axis(automargin=True)
-    plot.y_axis(automargin=True, exponentformat="power")
-    return plot
+def _bars(x: Any, y: Any, colour: Any, **more: Any) -> Trace:
+    return trace("bar", x=x, y=y, marker={"color": colour}, **more)
+
+
+def _lines(x: np.ndarray, y: np.ndarray, colour: str, **more: Any) -> Trace:
+    return trace(x=x, y=y, mode="lines", line={"color": colour, "width": 1.2} | more)
+
+
+def audit_plot(
+    y_title: str,
+    x_title: str | None = None,
+    traces: Iterable[Trace] = (),
+    *,
+    x: Mapping[str, Any] | None = None,
+    y: Mapping[str, Any] | None = None,
+    legend: bool = False,
+    **layout: Any,
+) -> Plot:
+    """`empty_plot` with room for numbers of any size, as 4 × 10⁻¹³ and not 400f."""
+    room = {"automargin": True}
+    y = room | {"exponentformat": "power"} | dict(y or {})
+    x = room | dict(x or {})
+    return empty_plot(y_title, x_title, traces, x=x, y=y, legend=legend, **layout)

@@ -12,9 +12,7 @@ from pivident.consistency.consistent_estimate import (
     CONFIDENCE,
     ConsistentEstimate,
     NoConsistentEstimate,
-    interval_text,
 )
-from pivident.consistency.consistent_tables import millimetres, moments_text
 from pivident.consistency.metric import HALF_INTERVAL
 from pivident.consistency.pseudo_inertia import link_body, outline
 from pivident.dynamics.closed_chains.closed_motion import ClosedChains
@@ -25,7 +23,6 @@ from pivident.report.sections.base import Section
 from pivident.robot.closed_chains import link_frames
 from pivident.robot.description import Robot
 from pivident.robot.frames import Pose
-from pivident.text.numbers import format_significant
 
 #: What is seen of the arm: title and the two coordinates of the base frame.
 VIEWS = (("Side view", (0, 2)), ("Top view", (0, 1)))
@@ -208,48 +205,13 @@ class ConsistencySection(Section):
                     "label": found.label,
                     "opened": k == last,
                     "found": found,
-                    "links": _link_cells(found),
-                    "moved": _moved_cells(found),
                     "figures": _figures(found, k),
                 }
                 for k, found in made
                 if isinstance(found, ConsistentEstimate)
             ],
-            "half_interval": f"{HALF_INTERVAL:g}",
             "several": len(made) > 1,
         }
-
-
-def _link_cells(found: ConsistentEstimate) -> list[tuple[str, list[tuple[str, str]]]]:
-    """Name of each link, and value and interval of each quantity as text."""
-    rows = []
-    for r in found.links:
-        cells = [(format_significant(r.mass.value), interval_text(r.mass))]
-        cells += [
-            (millimetres(c.value), interval_text(c, factor=1e3, digits=2)) for c in r.center_of_mass
-        ]
-        moments = moments_text(np.array([m.value for m in r.moments]))
-        cells += [
-            (text, interval_text(m, digits=2)) for text, m in zip(moments, r.moments, strict=True)
-        ]
-        rows.append((r.name, cells))
-    return rows
-
-
-def _moved_cells(found: ConsistentEstimate) -> list[tuple[str, ...]]:
-    """Parameters that moved, as text."""
-    return [
-        (
-            row.name,
-            format_significant(row.free, 4),
-            format_significant(row.spread, 2),
-            format_significant(row.consistent, 4),
-            row.interval,
-            f"{row.moved:+.2f}",
-            row.unit,
-        )
-        for row in found.moved_rows()
-    ]
 
 
 def _posture(robot: Robot, recordings: Sequence[FittedRecording]) -> np.ndarray:

@@ -8,7 +8,6 @@ import numpy as np
 
 from pivident.diagnostics.prediction_statements import JOINT_MISSES
 from pivident.report.sections.base import Section
-from pivident.validation.held_out.cross_validation import CrossValidation
 
 
 class HeldOutSection(Section):
@@ -35,11 +34,13 @@ class HeldOutSection(Section):
         context: dict[str, Any] = {
             "compared": compared,
             "judged": judged,
+            "methods": {label: k for label, k, _ in judged},
             "split": diagnostics.model_error,
         }
         if compared is not None:
             taken = compared.results[compared.recommended]
             errors = [r.prediction.relative_in_band for _, _, r in judged]
+            loops = [r.simulation.loop for _, _, r in judged if r.simulation is not None]
             worst = int(np.argmax(taken.prediction.relative_in_band))
             context |= {
                 "blocks": taken.kind == "folds",
@@ -50,25 +51,8 @@ class HeldOutSection(Section):
                 "worst": taken.prediction.joint_names[worst],
                 "worst_error": float(taken.prediction.relative_in_band[worst]),
                 "missed_above": JOINT_MISSES,
-                "positions": _positions(judged),
+                "positions": compared.position_table(),
+                "open_loop": "open" in loops,
                 "advice": compared.simulated_over_rival is not None and compared.advice(),
             }
         return context
-
-
-def _positions(judged: list[tuple[str, int, CrossValidation]]) -> dict[str, Any] | None:
-    """Rms errors of the simulated positions by joint and method; None where nothing was simulated.
-
-    Which loop was simulated follows the method's name where it is not the closed one.
-    """
-    found = [(label, k, r.simulation) for label, k, r in judged if r.simulation is not None]
-    if not found:
-        return None
-    first = found[0][2]
-    return {
-        "methods": [(label, k, error.loop) for label, k, error in found],
-        "rows": [
-            (name, unit, [float(error.position[j]) for _, _, error in found])
-            for j, (name, unit) in enumerate(zip(first.joint_names, first.units, strict=True))
-        ],
-    }

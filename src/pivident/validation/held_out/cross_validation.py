@@ -10,8 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from math import isnan, nan
 from typing import Literal
 
+import numpy as np
+
+from pivident.document.table import Column, Table
 from pivident.errors import IdentificationError, SimulationDiverged
 from pivident.errors import MassMatrixNotPositiveDefinite as IndefiniteMass
 from pivident.estimation.identification import Identification
@@ -21,8 +25,6 @@ from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
 from pivident.recording.repeated_motion import find_repetition
 from pivident.text.lists import listed
-from pivident.text.numbers import format_significant
-from pivident.text.plain_table import plain_table
 from pivident.validation.held_out.fold_estimates import (
     estimates_without,
     filters_without,
@@ -141,7 +143,7 @@ class CrossValidation:
         )
 
     def __str__(self) -> str:
-        parts = [self.headline(), self.stretch_table(), self.joint_table()]
+        parts = [self.headline(), self.stretch_table().text(), self.joint_table().text()]
         return "\n\n".join([*parts, *self.sentences()])
 
     def headline(self) -> str:
@@ -159,39 +161,49 @@ class CrossValidation:
             text += f"; simulated loop: torque error {self.replay.total:.2f} %"
         return text + "."
 
-    def stretch_table(self) -> str:
-        """One line for each stretch."""
-        rows = self.held_out
-        band = self.prediction.band
-        return plain_table(
-            [
-                ("recording", "<", [h.recording for h in rows]),
-                ("part [s]", "<", [f"{h.start:.2f} … {h.stop:.2f}" for h in rows]),
-                (f"error % < {band:g} Hz", ".", [_percent(h, "total_in_band") for h in rows]),
-                ("all", ".", [_percent(h, "total") for h in rows]),
-                ("replay %", ".", [_replayed(h) for h in rows]),
-            ]
-        )
+    def stretch_table(self) -> Table:
+        """One row for each stretch that was held out."""
+        rows, band = self.held_out, self.prediction.band
+        parts = [f"{h.start:.2f} … {h.stop:.2f}" for h in rows]
+        columns = {
+            "method": Column([self.method] * len(rows), shown="files"),
+            "kind": Column([self.kind] * len(rows), shown="files"),
+            "recording": Column([h.recording for h in rows]),
+            "start_s": Column([float(h.start) for h in rows], "part [s]", cells=parts, align="<"),
+            "stop_s": Column([float(h.stop) for h in rows], shown="files"),
+            "error_in_band_percent": _percent(rows, "total_in_band", f"error % < {band:g} Hz"),
+            "error_percent": _percent(rows, "total", "all"),
+            "replay_percent": percent_column(
+                [nan if h.replay is None else h.replay.total for h in rows], "replay %"
+            ),
+            "band_hz": Column(_percent(rows, "band", "").values, shown="files"),
+            "failure": Column([h.failure for h in rows], shown="files"),
+        }
+        meanings = {
+            "error_percent": "‖error‖/‖τ‖ over all joints, all frequencies",
+            "error_in_band_percent": "the same below band_hz, the highest frequency of the motion",
+        }
+        return Table("folds", columns, meanings)
 
-    def joint_table(self) -> str:
-        """One line for each joint, over all stretches."""
+    def joint_table(self) -> Table:
+        """One row for each joint, over all stretches."""
         e, replay = self.prediction, self.replay
-        columns = [
-            ("joint", "<", list(e.joint_names)),
-            (f"rms < {e.band:g} Hz", ".", [format_significant(x) for x in e.rms_in_band]),
-            ("%", ".", [format_significant(x) for x in e.relative_in_band]),
-            ("rms, all", ".", [format_significant(x) for x in e.rms]),
-            ("%", ".", [format_significant(x) for x in e.relative]),
-            ("unit", "<", list(e.units)),
-        ]
+        columns = {
+            "joint": Column(e.joint_names),
+            "rms_error_in_band": Column(e.rms_in_band, f"rms < {e.band:g} Hz", digits=3),
+            "error_in_band_percent": Column(e.relative_in_band, "%", digits=3),
+            "rms_error": Column(e.rms, "rms, all", digits=3),
+            "error_percent": Column(e.relative, "%", digits=3),
+            "torque_unit": Column(e.units, "unit"),
+        }
         if replay is not None:
-            columns += [
-                ("replay: torque rms", ".", [format_significant(x) for x in replay.torque]),
-                ("%", ".", [format_significant(x) for x in replay.relative]),
-                ("position rms", ".", [format_significant(x) for x in replay.position]),
-                ("unit", "<", list(replay.position_units)),
-            ]
-        return plain_table(columns)
+            columns |= {
+                "replay_rms": Column(replay.torque, "replay: torque rms", digits=3),
+                "replay_percent": Column(replay.relative, "%", digits=3),
+                "position_rms": Column(replay.position, "position rms", digits=3),
+                "position_unit": Column(replay.position_units, "unit"),
+            }
+        return Table("joints", columns, title="Errors on held-out motion joint by joint")
 
     def sentences(self) -> list[str]:
         """The warning, failures and notes."""
@@ -386,9 +398,13 @@ def _repetition_notes(problem: Problem) -> tuple[str, ...]:
     )
 
 
-def _percent(stretch: HeldOut, name: str) -> str:
-    return "–" if stretch.prediction is None else f"{getattr(stretch.prediction, name):.2f}"
+def percent_column(values: Sequence[float], title: str) -> Column:
+    """Percentages with two decimals, – where there is none."""
+    cells = ["–" if isnan(x) else f"{x:.2f}" for x in values]
+    return Column(np.array(values, dtype=float), title, cells=cells)
 
 
-def _replayed(stretch: HeldOut) -> str:
-    return "–" if stretch.replay is None else f"{stretch.replay.total:.2f}"
+def _percent(rows: Sequence[HeldOut], name: str, title: str) -> Column:
+    """A torque error of each stretch."""
+    errors = (h.prediction for h in rows)
+    return percent_column([nan if e is None else getattr(e, name) for e in errors], title)

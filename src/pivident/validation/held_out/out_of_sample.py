@@ -16,9 +16,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import nan
 
 import numpy as np
 
+from pivident.document.table import Column, Table
 from pivident.dynamics.signs import negative_parameters
 from pivident.errors import Attempts, ExperimentError, IdentificationError, in_words
 from pivident.estimation.identification import Identification
@@ -28,8 +30,11 @@ from pivident.estimation.parameter_rows import CONTRADICTION
 from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
 from pivident.text.numbers import format_significant
-from pivident.text.plain_table import plain_table
-from pivident.validation.held_out.cross_validation import CrossValidation, judged_on
+from pivident.validation.held_out.cross_validation import (
+    CrossValidation,
+    judged_on,
+    percent_column,
+)
 from pivident.validation.held_out.folds import JudgedMotion
 from pivident.validation.residuals.model_error import model_error_by_held_out_blocks
 
@@ -124,64 +129,66 @@ class OutOfSample:
 
     def __str__(self) -> str:
         positions = self.position_table()
-        shown = [f"{self.position_heading()}\n{positions}"] if positions else []
-        return "\n\n".join([self.table(), *shown, *self.sentences()])
+        heading = f"{self.position_heading()}\n"
+        shown = [] if positions is None else [heading + positions.text()]
+        return "\n\n".join([self.table().text(), *shown, *self.sentences()])
 
-    def table(self) -> str:
-        """One line for each method."""
+    def table(self) -> Table:
+        """One row for each method."""
         rows = self.results.values()
         band = next(iter(rows)).prediction.band
         stretches = len(next(iter(rows)).held_out)
-        columns: list[tuple[str, str, list[str]]] = [
-            ("method", "<", [self._label(name) for name in self.results]),
-            (f"error % < {band:g} Hz", ".", [f"{r.prediction.total_in_band:.2f}" for r in rows]),
-            ("all", ".", [f"{r.prediction.total:.2f}" for r in rows]),
-            (f"fitted < {band:g} Hz", ".", [f"{r.training.total_in_band:.2f}" for r in rows]),
-            ("replay %", ".", ["–" if r.replay is None else f"{r.replay.total:.2f}" for r in rows]),
-        ]
+        replays = [nan if r.replay is None else r.replay.total for r in rows]
+        columns = {
+            "method": Column([self._label(name) for name in self.results]),
+            "error_in_band_percent": percent_column(
+                [r.prediction.total_in_band for r in rows], f"error % < {band:g} Hz"
+            ),
+            "error_percent": percent_column([r.prediction.total for r in rows], "all"),
+            "fitted_percent": percent_column(
+                [r.training.total_in_band for r in rows], f"fitted < {band:g} Hz"
+            ),
+            "replay_percent": percent_column(replays, "replay %"),
+        }
         for k in range(stretches if stretches > 1 else 0):
-            cells = []
-            for r in rows:
-                error = r.held_out[k].prediction if k < len(r.held_out) else None
-                cells.append("–" if error is None else f"{error.total_in_band:.2f}")
-            columns.append((f"#{k + 1}", ".", cells))
-        return plain_table(columns)
+            errors = [r.held_out[k].prediction if k < len(r.held_out) else None for r in rows]
+            values = [nan if error is None else error.total_in_band for error in errors]
+            columns[f"part_{k + 1}_percent"] = percent_column(values, f"#{k + 1}")
+        return Table("methods", columns)
 
-    def joint_table(self) -> str:
-        """One line for each joint: the error of each method below the motion's highest frequency.
+    def joint_table(self) -> Table:
+        """One row for each joint: the error of each method below the motion's highest frequency.
 
         Rms values are those of the recommended method, whose largest relative error is marked.
         """
         e = self.results[self.recommended].prediction
         worst = int(np.argmax(e.relative_in_band))
-        columns: list[tuple[str, str, list[str]]] = [
-            ("joint", "<", list(e.joint_names)),
-            (f"torque rms < {e.band:g} Hz", ".", [format_significant(x) for x in e.torque_in_band]),
-            ("error rms", ".", [format_significant(x) for x in e.rms_in_band]),
-            ("unit", "<", list(e.units)),
-        ]
+        columns = {
+            "joint": Column(e.joint_names),
+            "torque_rms": Column(e.torque_in_band, f"torque rms < {e.band:g} Hz", digits=3),
+            "error_rms": Column(e.rms_in_band, "error rms", digits=3),
+            "unit": Column(e.units),
+        }
         for name, judged in self.results.items():
-            cells = [format_significant(x) for x in judged.prediction.relative_in_band]
-            columns.append((f"{self._label(name)} %", ".", cells))
+            errors = judged.prediction.relative_in_band
+            columns[f"{name}_percent"] = Column(errors, f"{self._label(name)} %", digits=3)
         marks = ["largest" if j == worst else "" for j in range(len(e.joint_names))]
-        return plain_table([*columns, ("", "<", marks)])
+        return Table("joints", columns | {"mark": Column(marks, " ")})
 
-    def position_table(self) -> str:
-        """One line for each joint: rms error of the simulated positions; empty where none are."""
+    def position_table(self) -> Table | None:
+        """One row for each joint: rms error of the simulated positions; None where none are."""
         judged = {n: r.simulation for n, r in self.results.items() if r.simulation is not None}
         if not judged:
-            return ""
+            return None
         first = next(iter(judged.values()))
         # without a held base, which stands still
         shown = np.flatnonzero(np.any([error.position for error in judged.values()], axis=0))
-        columns: list[tuple[str, str, list[str]]] = [
-            ("joint", "<", [first.joint_names[j] for j in shown])
-        ]
+        columns = {"joint": Column([first.joint_names[j] for j in shown])}
         for name, error in judged.items():
             title = f"{self._label(name)}{', open loop' if error.loop == 'open' else ''}"
-            cells = [format_significant(x) for x in error.position[shown]]
-            columns.append((title, ".", cells))
-        return plain_table([*columns, ("unit", "<", [first.units[j] for j in shown])])
+            columns[name] = Column(error.position[shown], title, digits=3)
+        columns["unit"] = Column([first.units[j] for j in shown])
+        return Table("positions", columns, title="Errors of the simulated positions")
 
     def position_heading(self) -> str:
         """What the table of positions shows."""

@@ -25,6 +25,7 @@ from typing import Literal
 
 import numpy as np
 
+from pivident.document.table import Column, Table
 from pivident.errors import IdentificationError
 from pivident.estimation.covariance.sandwich import sandwich
 from pivident.estimation.equation_record import EquationRecord, accumulate
@@ -37,7 +38,6 @@ from pivident.recording.repeated_motion import RepeatedMotion, repeated_motion
 from pivident.signals.bandpass import butterworth
 from pivident.text.lists import listed
 from pivident.text.numbers import format_significant, with_spread
-from pivident.text.plain_table import plain_table
 from pivident.validation.held_out.cross_validation import CrossValidation
 from pivident.validation.held_out.prediction import at_rest, motion_band
 
@@ -102,7 +102,8 @@ class ModelError:
         return self.noise_share + 2.0 * float(spread) < 0.5
 
     def __str__(self) -> str:
-        return "\n\n".join([*self.sentences(), self.joint_table(), *self.parameter_tables()])
+        tables = [table.text() for table in (self.joint_table(), *self.parameter_tables())]
+        return "\n\n".join([*self.sentences(), *tables])
 
     def sentences(self) -> list[str]:
         """What was found, in words with numbers."""
@@ -156,43 +157,38 @@ class ModelError:
             f"(2σ){basis}."
         )
 
-    def joint_table(self) -> str:
-        """One line for each joint."""
-        shares = [_percentages(j) for j in self.joints]
-        return plain_table(
-            [
-                ("joint", "<", [j.name for j in self.joints]),
-                (
-                    f"rms < {self.band:g} Hz",
-                    ".",
-                    [format_significant(j.residual) for j in self.joints],
-                ),
-                ("model error", ".", [format_significant(j.model) for j in self.joints]),
-                ("noise", ".", [format_significant(j.noise) for j in self.joints]),
-                ("unit", "<", [j.unit for j in self.joints]),
-                ("noise, % of variance", ".", [value for value, _ in shares]),
-                ("2σ", ">", [interval for _, interval in shares]),
-            ]
-        )
+    def joint_table(self) -> Table:
+        """One row for each joint."""
+        joints = self.joints
+        columns = {
+            "joint": Column([j.name for j in joints]),
+            "rms": _column([j.residual for j in joints], f"rms < {self.band:g} Hz"),
+            "model_error": _column([j.model for j in joints], "model error"),
+            "noise": _column([j.noise for j in joints], "noise"),
+            "unit": Column([j.unit for j in joints]),
+        }
+        values, intervals = zip(*map(_percentages, joints), strict=True)
+        columns["noise_share"] = Column(values, "noise, % of variance", align=".")
+        columns["interval"] = Column(intervals, "2σ", align=">")
+        return Table("joints", columns, title="Model error and noise joint by joint")
 
-    def parameter_tables(self) -> list[str]:
+    def parameter_tables(self) -> list[Table]:
         """Both kinds of standard errors side by side, where they are known."""
         if self.repeatability is None:
             return []
         found = self.identification
         alone, total = 2.0 * self.repeatability, 2.0 * found.std
-        repeats = [with_spread(x, y) for x, y in zip(found.theta, alone, strict=True)]
-        return [
-            plain_table(
-                [
-                    ("parameter", "<", list(found.names)),
-                    ("value", ".", [value for value, _ in repeats]),
-                    ("repeats ±2σ", ".", [spread for _, spread in repeats]),
-                    ("with model error ±2σ", ".", [format_significant(x, 2) for x in total]),
-                    ("unit", "<", list(found.units)),
-                ]
-            )
-        ]
+        columns = {
+            "parameter": Column(found.names),
+            "value": Column(found.theta, spread=alone, spread_title="repeats ±2σ"),
+            "total": Column(total, "with model error ±2σ", digits=2),
+            "unit": Column(found.units),
+        }
+        return [Table("repeatability", columns, title="Standard errors from noise alone")]
+
+
+def _column(values: Sequence[float], title: str) -> Column:
+    return Column(np.array(values, dtype=float), title, digits=3)
 
 
 def model_error_by_repetition(

@@ -1,0 +1,1 @@
+"""Results as documents: sentences, tables of named columns, curves, findings, values."""
