@@ -3,14 +3,18 @@
 file ─▶ robot ─▶ each log: names of columns, audit, motion, reference, gains ─▶ recordings together
 ─▶ methods, parameters, output ─▶ plan. Nothing is estimated. What fails early does not stop what
 can still be looked at.
+
+Recordings against one another: the same run twice, held-out motion that is fitted as well.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from pivident.audit.audit import Audit
 from pivident.audit.audit_file import excited_together
@@ -19,7 +23,6 @@ from pivident.check.file_check import file_problems
 from pivident.check.log_check import check_log
 from pivident.check.plan import Plan
 from pivident.check.problem_check import ProblemCheck
-from pivident.check.recordings_check import check_recordings
 from pivident.check.remark import Remark, gravest_first, of_error, of_finding
 from pivident.check.robot_check import check_robot
 from pivident.check.toml_lines import TomlLines
@@ -28,9 +31,9 @@ from pivident.experiment.experiment import Experiment
 from pivident.experiment.schema import RecordingEntry
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
-from pivident.text.finding import Severity, merged, worst
+from pivident.text.finding import Finding, FindingKind, Severity, Topic, merged, worst
 from pivident.text.lists import plural
-from pivident.text.repair import Place
+from pivident.text.repair import Edit, Place, Repair
 from pivident.threads import linear_algebra_in_one_thread
 
 
@@ -193,3 +196,79 @@ class _Check:
         self.remarks = [r for r in self.remarks if r.topic != "excitation"]
         together = models[0].excitation.findings
         self.remarks += [of_finding(f) for f in together if f.severity != "ok"]
+
+
+#: What this check looks at.
+RECORDINGS = Topic("recordings")
+
+SAME_RUN = FindingKind(RECORDINGS, "same run")
+RATES = FindingKind(RECORDINGS, "rates")
+
+#: What tables of recordings are for, by the table's first key.
+PURPOSE = {"validation": "judged on", "payload": "with the load", "gains": "with the payload"}
+
+
+def check_recordings(recordings: Sequence[tuple[Place, Recording]]) -> list[Finding]:
+    """Runs that appear twice, and runs of different rates."""
+    findings: list[Finding] = []
+    for k, (place, second) in enumerate(recordings):
+        for other, first in recordings[:k]:
+            if not _same_motion(first, second):
+                continue
+            here, there = _table(place), _table(other)
+            purpose = PURPOSE.get(str(place[0]))
+            step = "It counts twice, and all intervals come out too narrow; remove one of them."
+            if place[0] == "validation" != other[0]:
+                step = (
+                    "Fitted motion cannot validate the estimate; name another file, or "
+                    "another part of this one."
+                )
+            elif purpose is not None and place[0] != other[0]:
+                step = f"The record {purpose} must be another run; name its file."
+            findings.append(
+                SAME_RUN.finding(
+                    "error",
+                    f"{here} is the same motion as {there} ({', '.join(_files(second))}).",
+                    second.name,
+                    step,
+                    place=(*place, "files"),
+                    repairs=[Repair((Edit(place),), "Remove this run.")],
+                )
+            )
+            break
+    rates = {recording.rate for _, recording in recordings}
+    if len(rates) > 1 and max(rates) > 1.5 * min(rates):
+        listed = ", ".join(f"{r.name} {r.rate:.5g} Hz" for _, r in recordings)
+        findings.append(
+            RATES.finding(
+                "warning",
+                f"The recordings have different rates: {listed}.",
+                next_step="This is allowed; check that all come from the same loop.",
+                place=(*recordings[-1][0], "rate"),
+            )
+        )
+    return findings
+
+
+def _same_motion(first: Recording, second: Recording) -> bool:
+    """Whether two recordings share samples: parts of one file that overlap, or copies of it."""
+    if first.joint_names != second.joint_names:
+        return False
+    if _files(first) == _files(second) and {s.sha256 for s in first.sources} == {
+        s.sha256 for s in second.sources
+    }:
+        start = max(first.start_time, second.start_time)
+        stop = min(first.start_time + first.duration, second.start_time + second.duration)
+        return stop > start
+    shorter = min(first.samples, second.samples)
+    return np.allclose(first.q[:shorter], second.q[:shorter], rtol=0.0, atol=1e-12)
+
+
+def _files(recording: Recording) -> list[str]:
+    return [source.name for source in recording.sources] or [recording.name]
+
+
+def _table(place: Place) -> str:
+    names = ".".join(str(p) for p in place if not isinstance(p, int))
+    number = next((p for p in place if isinstance(p, int)), 0)
+    return f"[[{names}]] {number + 1}"

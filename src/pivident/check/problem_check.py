@@ -1,32 +1,44 @@
-"""Methods, parameters, control law and output of an experiment, and what would be done with it."""
+"""Methods, parameters, control law and output of an experiment, and what would be done with it.
+
+Whether the sampled loop around the described robot is stable with the gains of the file.
+
+Filters that recordings are too slow or too short for, and rates that one channel sets.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from pivident.check.actuators_check import check_actuators
-from pivident.check.filters_check import check_filters
+from pivident.check.gains_check import CONTROLLER, of_joint
 from pivident.check.plan import Plan, plan_of
 from pivident.check.remark import Remark, of_error, of_finding
-from pivident.check.stability_check import check_stability
 from pivident.dynamics.base_parameters import base_parameters, parameter_index
+from pivident.dynamics.forward import mass_matrix
+from pivident.dynamics.parameters import nominal_values
 from pivident.errors import PividentError
+from pivident.estimation.kinematics import MIN_RUN, settled_recipe
 from pivident.estimation.method import Method
 from pivident.estimation.problem import TOPIC, Problem
+from pivident.estimation.signal_recipes import Bandpass, RandomWalk
 from pivident.experiment.experiment import Experiment, problem_of
+from pivident.experiment.identify_table import median_finding
 from pivident.experiment.missing_torque import check_torque
 from pivident.experiment.recording_tables import loop_of
+from pivident.experiment.schema import ControllerEntry
 from pivident.files import check_output
 from pivident.logs.clocks.timestamps import LOWEST_RATE
 from pivident.motion.planted_feet import on_planted_feet
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
-from pivident.text.finding import Finding, FindingKind, Topic
+from pivident.signals.bandpass import EDGE
+from pivident.text.finding import Finding, FindingKind, Quantity, Topic
 from pivident.text.repair import Edit, Place, Repair
+from pivident.text.sentences import capital
 from pivident.validation.held_out.folds import Division, division_of
 
 #: Another number of held-out blocks than the file asks for.
@@ -183,3 +195,137 @@ def _folds(division: Division) -> Iterator[Finding]:
         step = f"Set folds = {division.count} under [validation]."
         repairs = [Repair((Edit(FOLDS.place, division.count),))]
         yield FOLDS.finding("warning", division.line, "", step, repairs=repairs)
+
+
+UNSTABLE = FindingKind(CONTROLLER, "unstable")
+
+#: Growth per control period from which a loop is called unstable.
+GROWTH = 1.002
+
+
+def check_stability(
+    robot: Robot, entry: ControllerEntry, rate: float, posture: np.ndarray
+) -> list[Finding]:
+    """Whether the sampled loop around the described robot holds a posture.
+
+    With M the mass matrix, x = (δq, δdq) and a torque held for a period h,
+
+        δq⁺ = δq + h δdq + ½h² M⁻¹δτ,  δdq⁺ = δdq + h M⁻¹δτ,  δτ = -Kp δq - Kd (δq - δq⁻)/h,
+
+    without gravity and friction, which are slow beside the loop. The loop is unstable where an
+    eigenvalue of this map exceeds one.
+    """
+    base = base_parameters(robot)
+    theta = base.values(nominal_values(robot, base.standard))
+    known = all(np.any(k.inertia) for k in robot.tree.links if k.is_body)
+    if not np.any(theta) or entry.kp is None or not known:
+        return []
+    n, h = robot.size, 1.0 / rate
+    inverse = np.linalg.inv(mass_matrix(robot, base.parameters, theta, posture[None])[0])
+    gain = np.array([of_joint(entry.gain, j) for j in range(n)])
+    kp = gain * [of_joint(entry.kp, j) for j in range(n)]
+    kd = gain * [of_joint(entry.kd if entry.kv is None else entry.kv, j) for j in range(n)]
+    if entry.type == "cascade":
+        kp = kp * [of_joint(entry.kv, j) for j in range(n)]
+    one, zero = np.eye(n), np.zeros((n, n))
+    law = np.hstack([-np.diag(kp + kd / h), zero, np.diag(kd / h)])  # on δq, δdq, δq⁻
+    step = np.block([[one, h * one, zero], [zero, one, zero], [one, zero, zero]])
+    step[:n] += 0.5 * h**2 * inverse @ law
+    step[n : 2 * n] += h * inverse @ law
+    values, vectors = np.linalg.eig(step)
+    k = int(np.argmax(np.abs(values)))
+    growth = float(abs(values[k]))
+    if growth <= GROWTH or not np.all(kd):
+        return []
+    worst = robot.joint_names[int(np.argmax(np.abs(vectors[:n, k])))]
+    causes = "Check the units of kp and kd (N m per rad and per rad/s on the joint side), "
+    causes += "drive_gain, control_rate, and the masses of the description."
+    bare = not np.any(robot.rotor_inertia)
+    if bare:
+        causes = "The description has no rotor inertias, which count in full behind a gear: give "
+        causes += "rotor_inertia under [robot]. Else check the units of kp and kd."
+    return [
+        UNSTABLE.finding(
+            "warning" if bare else "error",
+            f"The loop of {worst} is unstable with these gains at {rate:.5g} Hz: errors grow by a "
+            f"factor of {growth:.3g} in each control period.",
+            worst,
+            causes,
+            place=("controller", "kd" if entry.type != "cascade" else "kv"),
+        )
+    ]
+
+
+#: What this check looks at.
+METHODS = Topic("methods")
+
+CUTOFF = FindingKind(METHODS, "cutoff", ("identify", "bandpass", "cutoff"), stops=True)
+TOO_SHORT = FindingKind(METHODS, "too short", ("recording", "part"), stops=True)
+SLOWED = FindingKind(Topic("timing"), "slowed", ("recording", "rate"))
+
+
+def check_filters(methods: Mapping[str, Method], recordings: Iterable[Recording]) -> list[Finding]:
+    """Filters that a recording is too slow or too short for."""
+    recordings = list(recordings)
+    findings = [_slowed(r) for r in recordings if r.slowed]
+    if (median := median_finding(methods)) is not None:
+        findings.append(median)
+    findings += [f for recording in recordings for f in _too_short(recording, methods)]
+    slowest = min(recordings, key=lambda r: r.rate, default=None)
+    if slowest is None:
+        return findings
+    for name, method in methods.items():
+        signals = method.signals
+        if not isinstance(signals, Bandpass) or signals.cutoff is None:
+            continue
+        highest = float(signals.cutoffs(slowest.joints).max())
+        if highest < slowest.rate / 2:
+            continue
+        step = (
+            "Leave cutoff out, and it is chosen from the record; or check the unit of the time "
+            "stamps."
+        )
+        if slowest.slowed:
+            step = f"{capital(slowest.slowed)}."
+        findings.append(
+            CUTOFF.finding(
+                "error",
+                f"The position filter of {name!r} has a cutoff of {highest:g} Hz, but at "
+                f"{slowest.rate:g} Hz {slowest.name} holds nothing above {slowest.rate / 2:g} Hz.",
+                slowest.name,
+                step,
+            )
+        )
+    return findings
+
+
+def _too_short(recording: Recording, methods: Mapping[str, Method]) -> list[Finding]:
+    """A recording of which the filters leave too little between its ends."""
+    needed = {}
+    for name, method in methods.items():
+        signals = settled_recipe(method.signals, [recording])
+        ends = (EDGE, EDGE) if isinstance(signals, RandomWalk) else signals.ends(recording.rate)
+        needed[name] = sum(ends) + MIN_RUN
+    name = max(needed, key=needed.__getitem__, default="")
+    if not needed or recording.samples >= needed[name]:
+        return []
+    seconds = needed[name] / recording.rate
+    text = (
+        f"{recording.name} is too short for {name!r}: {recording.samples} samples, of which its "
+        f"filters drop {needed[name] - MIN_RUN} at the ends; {needed[name]} are needed, "
+        f"{seconds:.3g} s at {recording.rate:g} Hz."
+    )
+    step = "Take a longer part, or log for longer."
+    return [TOO_SHORT.finding("error", text, recording.name, step)]
+
+
+def _slowed(recording: Recording) -> Finding:
+    """A recording that has lost samples of its positions to a slower channel."""
+    return SLOWED.finding(
+        "warning",
+        f"{recording.name} is used at {recording.rate:g} Hz, slower than its positions were "
+        "logged.",
+        recording.name,
+        f"{capital(recording.slowed)}.",
+        {"rate": Quantity(recording.rate, "Hz")},
+    )
