@@ -34,6 +34,18 @@ def shared_folder(name: str) -> Path:
 
 
 @pytest.fixture(scope="session", autouse=True)
+def _kernels_are_compiled_once(tmp_path_factory):
+    """Workers that need the same kernel wait for the first of them that compiles it."""
+    if "PYTEST_XDIST_WORKER" not in os.environ or os.name == "nt":
+        yield
+        return
+    from tests.compiled_once import compiled_once
+
+    with compiled_once(tmp_path_factory.getbasetemp().parent / "kernels"):
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
 def _figures_are_checked():
     """Pages write their figures as they are; in tests plotly first checks each attribute."""
     import plotly.graph_objects as go
