@@ -16,12 +16,14 @@ BIN := .venv/bin
 demo: .venv/.pivident-report
 	$(BIN)/pivident demo --out pivident-demo
 
-# Types take a minute of one processor; the tests run beside them.
+# Types take a minute of one processor; the tests run beside them. Whoever wants no bytecode beside
+# the sources gets it here all the same: hundreds of processes would each translate them anew.
+test tests: export PYTHONDONTWRITEBYTECODE =
 test: .venv/.pivident-test
 	@$(MAKE) --no-print-directory --jobs=2 lint tests
 
 tests: .venv/.pivident-test
-	$(BIN)/python -m pytest -n auto --maxprocesses 8 --dist loadfile
+	$(BIN)/python -m pytest -n auto --maxprocesses 8 --dist worksteal
 
 lint: .venv/.pivident-test
 	$(BIN)/ruff check .

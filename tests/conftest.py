@@ -34,16 +34,45 @@ def shared_folder(name: str) -> Path:
 
 
 @pytest.fixture(scope="session", autouse=True)
+def _kernels_are_compiled_once(tmp_path_factory):
+    """Workers that need the same kernel wait for the first of them that compiles it."""
+    if "PYTEST_XDIST_WORKER" not in os.environ or os.name == "nt":
+        yield
+        return
+    from tests.compiled_once import compiled_once
+
+    with compiled_once(tmp_path_factory.getbasetemp().parent / "kernels"):
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
 def _figures_are_checked():
-    """Pages write their figures as they are; in tests plotly first checks each attribute."""
+    """Pages write their figures as they are; in tests plotly first checks each attribute.
+
+    Of figures that differ by their numbers alone it checks one, as it takes as long as the rest.
+    """
+    import numpy as np
     import plotly.graph_objects as go
 
     from pivident.report import builder
 
-    written = builder.to_json
+    written, seen = builder.to_json, set()
+
+    def form(value):
+        if isinstance(value, dict):
+            return frozenset((key, form(own)) for key, own in value.items())
+        if isinstance(value, (list, tuple)):
+            return frozenset(map(form, value))
+        if isinstance(value, np.ndarray):
+            return (value.dtype.kind, value.ndim)
+        if isinstance(value, (int, float)) and not isinstance(value, bool):
+            return (type(value), value >= 0, abs(value) <= 1)  # a share, a size, any number
+        return value
 
     def checked(content, **options):
-        go.Figure(content)
+        if (own := form(content)) not in seen:
+            go.Figure(content)
+            seen.add(own)
         return written(content, **options)
 
     with pytest.MonkeyPatch.context() as patch:

@@ -1,6 +1,7 @@
 """A user's log of the planar arm: simulated in closed loop, written as CSV in degrees."""
 
 from functools import cache
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -47,9 +48,17 @@ def planar_log(samples: int = 8000, seed: int = 2) -> np.ndarray:
     return np.column_stack([time, np.rad2deg(np.hstack([q, q_ref])), tau])
 
 
+@cache
+def log_text() -> str:
+    """The log with enough digits for its encoders."""
+    text = StringIO()
+    np.savetxt(text, planar_log(), fmt="%.9g", delimiter=",", header=HEADER, comments="")
+    return text.getvalue()
+
+
 def write_log(path: Path) -> Path:
-    """Write the log with enough digits for its encoders."""
-    np.savetxt(path, planar_log(), fmt="%.9g", delimiter=",", header=HEADER, comments="")
+    """Write the log as CSV."""
+    path.write_text(log_text(), encoding="utf-8")
     return path
 
 

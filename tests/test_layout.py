@@ -3,6 +3,7 @@
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from itertools import count
 from pathlib import Path
 
@@ -80,7 +81,7 @@ def named(text: str) -> str:
     return module if module in MODULES and module != "pivident" and text not in MODULES else ""
 
 
-def imported(name: str) -> Iterator[tuple[str, int]]:
+def read_imports(name: str) -> Iterator[tuple[str, int]]:
     """Modules of pivident that a module imports anywhere, or names in a registry, and the line."""
     for node in ast.walk(ast.parse(MODULES[name].read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
@@ -97,6 +98,12 @@ def imported(name: str) -> Iterator[tuple[str, int]]:
                 yield module, node.lineno  # an entry of a registry, imported when it is asked for
 
 
+@cache
+def imported(name: str) -> tuple[tuple[str, int], ...]:
+    """The same, read once."""
+    return tuple(read_imports(name))
+
+
 def test_strings_that_are_imported_from_count_as_imports():
     module = "pivident.audit.recording_audit"
     assert named(f"{module}:x") == named(f"{module}.x") == module
@@ -104,7 +111,10 @@ def test_strings_that_are_imported_from_count_as_imports():
     assert not named("pivident.audit.no_module.at_all")
 
 
-GRAPH = {name: {to for to, _ in imported(name) if to != name} for name in MODULES}
+@cache
+def graph() -> dict[str, set[str]]:
+    """Modules that each module imports."""
+    return {name: {to for to, _ in imported(name) if to != name} for name in MODULES}
 
 
 def test_every_package_has_its_place():
@@ -125,7 +135,7 @@ def test_imports_go_downward(name):
 def test_no_door_is_imported_by_what_stands_before_it():
     lowest = min(ORDER.index(door) for door in DOORS)
     below = [name for name in MODULES if package(name) in ORDER[:lowest]]
-    assert not [(a, b) for a in below for b in GRAPH[a] if package(b) in DOORS]
+    assert not [(a, b) for a in below for b in graph()[a] if package(b) in DOORS]
 
 
 def cycles() -> list[set[str]]:
@@ -136,7 +146,7 @@ def cycles() -> list[set[str]]:
     def visit(name: str) -> None:
         number[name] = low[name] = next(counter)
         stack.append(name)
-        for other in GRAPH[name]:
+        for other in graph()[name]:
             if other not in number:
                 visit(other)
             if other in stack:
@@ -148,7 +158,7 @@ def cycles() -> list[set[str]]:
             if len(component) > 1:
                 found.append(component)
 
-    for name in GRAPH:
+    for name in graph():
         if name not in number:
             visit(name)
     return found
@@ -165,7 +175,7 @@ def needed_by(name: str) -> set[str]:
         module = waiting.pop()
         if module not in seen:
             seen.add(module)
-            waiting += GRAPH[module]
+            waiting += graph()[module]
     return {module for module in seen if MODULES[module].name != "__init__.py"}
 
 

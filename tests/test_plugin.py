@@ -1,5 +1,7 @@
 """The additions of ``examples/plugin``, installed: each works like a built-in one."""
 
+from __future__ import annotations
+
 import json
 import os
 import re
@@ -7,6 +9,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
+from copy import copy
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -15,6 +18,7 @@ import pytest
 
 import pivident
 from tests.conftest import REPOSITORY
+from tests.forked_python import ForkedPython
 from tests.planar_log import EXPERIMENT, HEADER, planar_log, write_experiment
 
 PLUGIN = REPOSITORY / "examples" / "plugin"
@@ -30,10 +34,10 @@ BROKEN = {
 def install(target: Path) -> None:
     """As pip does; where its builder is missing, by hand what a wheel of it holds."""
     if find_spec("hatchling") is not None:
-        copy = shutil.copytree(PLUGIN, target.parent / "plugin")
+        source = shutil.copytree(PLUGIN, target.parent / "plugin")
         options = ["--no-deps", "--no-build-isolation", "--no-index", "--quiet"]
         pip = [sys.executable, "-m", "pip", "install", *options, "--target", str(target)]
-        subprocess.run([*pip, str(copy)], check=True, capture_output=True)
+        subprocess.run([*pip, str(source)], check=True, capture_output=True)
         return
     shutil.copytree(PLUGIN / "pivident_example", target / "pivident_example")
     declare(target, PROJECT["name"], PROJECT["entry-points"])
@@ -55,17 +59,24 @@ class Installation:
 
     def __init__(self, target: Path, folder: Path) -> None:
         self.target, self.folder = target, folder
+        paths = [str(target), str(Path(pivident.__file__).parents[1])]
+        environment = {"PYTHONPATH": os.pathsep.join(paths), "COLUMNS": "100"}
+        self._processes = ForkedPython(os.environ | environment)
+
+    def working_in(self, folder: Path) -> Installation:
+        """The same in another folder to work in."""
+        other = copy(self)
+        other.folder = folder
+        return other
 
     def python(self, *arguments: object) -> subprocess.CompletedProcess[str]:
-        paths = [str(self.target), str(Path(pivident.__file__).parents[1])]
-        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "COLUMNS": "100"}
-        return subprocess.run(
-            [sys.executable, *map(str, arguments)],
-            cwd=self.folder, env=environment, capture_output=True, text=True,
-        )  # fmt: skip
+        return self._processes.run(*map(str, arguments), cwd=self.folder)
 
     def run(self, *arguments: object) -> subprocess.CompletedProcess[str]:
         return self.python("-m", "pivident", *arguments)
+
+    def close(self) -> None:
+        self._processes.close()
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +91,9 @@ def plugin(tmp_path_factory):
     )
     write_experiment(folder, EXPERIMENT.replace("log.csv", "log.pairs"))
     (folder / "log.pairs").write_text("\n".join(lines), encoding="utf-8")
-    return Installation(target, folder)
+    installation = Installation(target, folder)
+    yield installation
+    installation.close()
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +102,9 @@ def broken(plugin, tmp_path_factory):
     target = tmp_path_factory.mktemp("broken")
     shutil.copytree(plugin.target, target, dirs_exist_ok=True)
     declare(target, "broken-one", {g: {n: "not_there:thing"} for g, n in BROKEN.items()})
-    return Installation(target, plugin.folder)
+    installation = Installation(target, plugin.folder)
+    yield installation
+    installation.close()
 
 
 @pytest.fixture(scope="module")
@@ -123,7 +138,7 @@ def test_contributing_shows_the_code_of_the_example():
 
 def test_the_reader_reads_what_the_table_holds(plugin, result, tmp_path):
     """The same estimate, to the last bit, as from the same numbers as CSV."""
-    own = Installation(plugin.target, tmp_path)
+    own = plugin.working_in(tmp_path)
     write_experiment(tmp_path)
     done = own.run("identify", "experiment.toml", "--folds", 0, "--out", "results")
     assert done.returncode == 0, done.stderr
@@ -159,7 +174,7 @@ def test_the_studio_takes_logs_of_the_reader(plugin):
 
 def test_a_bad_cell_is_named(plugin, tmp_path):
     (tmp_path / "log.pairs").write_text("time=0 q1=1\ntime=1 q1=x\n")
-    own = Installation(plugin.target, tmp_path)
+    own = plugin.working_in(tmp_path)
     done = own.run("audit", "log.pairs", "--robot", "planar_2r")
     assert done.returncode == 1 and "log.pairs, line 2" in done.stderr
 
@@ -301,7 +316,7 @@ def resting(plugin, tmp_path_factory):
     options = {"fmt": "%.9g", "delimiter": ",", "header": HEADER, "comments": ""}
     np.savetxt(folder / "log.csv", rows, **options)
     (folder / "experiment.toml").write_text(EXPERIMENT, encoding="utf-8")
-    return Installation(plugin.target, folder)
+    return plugin.working_in(folder)
 
 
 def test_the_finding_is_said_by_check_and_audit_and_its_repair_sets_it_right(resting):

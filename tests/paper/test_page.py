@@ -1,11 +1,13 @@
 """The page of the quick form: the paper's pattern, links, tables and figures."""
 
 import re
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from pivident.many.batch.runner import GivenExecutor
 from pivident.paper.claims import IV, LS, PIV, PRINTED, Claim, Judged, verdicts
 from pivident.paper.equations import EQUATIONS
 from pivident.paper.experiment import READINGS
@@ -21,7 +23,9 @@ pytest.importorskip("polars")
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
     place = tmp_path_factory.mktemp("paper")
-    assert make_page(place, quick=True) == place / "paper.html"
+    with ThreadPoolExecutor(1) as executor:  # each reading would start processes of its own
+        made = make_page(place, quick=True, pool=GivenExecutor(executor, 1))
+    assert made == place / "paper.html"
     return place
 
 

@@ -49,33 +49,49 @@ def served(root, *options):
 
 
 @contextmanager
-def browsing(width=1280, colour="light", touch=False):
-    """A window; fails on errors of the console and on requests to anybody else."""
+def chromium():
+    """A browser without a window, which takes a second to start."""
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as played:
         browser = played.chromium.launch(executable_path=BROWSER, args=ARGUMENTS)
-        context = browser.new_context(
-            viewport={"width": width, "height": 900 if width > 500 else 844},
-            color_scheme=colour,
-            has_touch=touch,
-            accept_downloads=True,
-        )
-        context.set_default_timeout(60_000)
-        page = context.new_page()
-        page.seen_errors, page.seen_requests = [], []
-        page.on("pageerror", lambda error: page.seen_errors.append(str(error)))
-        page.on(
-            "console",
-            lambda message: message.type == "error" and page.seen_errors.append(message.text),
-        )
-        page.on("request", lambda request: page.seen_requests.append(request.url))
+        yield browser
+        browser.close()
+
+
+@contextmanager
+def window(browser, width=1280, colour="light", touch=False):
+    """A window that remembers nothing; fails on console errors and on requests to anybody else."""
+    context = browser.new_context(
+        viewport={"width": width, "height": 900 if width > 500 else 844},
+        color_scheme=colour,
+        has_touch=touch,
+        accept_downloads=True,
+    )
+    context.set_default_timeout(60_000)
+    page = context.new_page()
+    page.seen_errors, page.seen_requests = [], []
+    page.on("pageerror", lambda error: page.seen_errors.append(str(error)))
+    page.on(
+        "console",
+        lambda message: message.type == "error" and page.seen_errors.append(message.text),
+    )
+    page.on("request", lambda request: page.seen_requests.append(request.url))
+    try:
         yield page
         errors, requests = page.seen_errors, page.seen_requests
-        browser.close()
-        assert not errors, errors
-        foreign = [u for u in requests if not re.match(r"http://127\.0\.0\.1:\d+/|data:|blob:", u)]
-        assert not foreign, foreign
+    finally:
+        context.close()
+    assert not errors, errors
+    foreign = [u for u in requests if not re.match(r"http://127\.0\.0\.1:\d+/|data:|blob:", u)]
+    assert not foreign, foreign
+
+
+@contextmanager
+def browsing(width=1280, colour="light", touch=False):
+    """A window of a browser of its own."""
+    with chromium() as browser, window(browser, width, colour, touch) as page:
+        yield page
 
 
 def fits(page):

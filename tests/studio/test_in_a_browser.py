@@ -5,6 +5,8 @@ The arm of six axes is the one of examples/ur10e_like, simulated by Pinocchio; s
 
 import importlib.util
 import shutil
+from functools import partial
+from itertools import count
 
 import pytest
 
@@ -13,7 +15,7 @@ pytest.importorskip("starlette")
 
 from tests.conftest import REPOSITORY
 from tests.planar_log import write_log
-from tests.studio.browsing import browsing, fits, needs_browser, served
+from tests.studio.browsing import chromium, fits, needs_browser, served, window
 
 pytestmark = needs_browser
 
@@ -27,8 +29,28 @@ def arm(tmp_path_factory):
     spec = importlib.util.spec_from_file_location("simulate_log", path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    module.write(folder, seconds=30.0)
+    module.write(folder, seconds=15.0)
     return folder
+
+
+@pytest.fixture(scope="module")
+def browsing():
+    """Windows of one browser."""
+    with chromium() as browser:
+        yield partial(window, browser)
+
+
+@pytest.fixture(scope="module")
+def studio(tmp_path_factory):
+    """A studio that has a project for each test."""
+    root = tmp_path_factory.mktemp("studio")
+    with served(root) as server:
+        server.root = root
+        yield server
+
+
+#: Numbers of the projects of a studio.
+NUMBERS = count(1)
 
 
 def ready(page):
@@ -42,13 +64,14 @@ def ready(page):
 
 
 @pytest.mark.parametrize(("width", "colour"), [(1280, "light"), (390, "dark")])
-def test_two_files_to_a_verdict(arm, tmp_path, width, colour):
-    with served(tmp_path) as server, browsing(width, colour) as page:
-        page.goto(server.address)
+def test_two_files_to_a_verdict(arm, studio, browsing, width, colour):
+    name = f"cobot_{colour}"
+    with browsing(width, colour) as page:
+        page.goto(studio.address)
         assert "token" not in page.url
-        page.get_by_label("Name of the project").first.fill("cobot")
+        page.get_by_label("Name of the project").first.fill(name)
         page.get_by_role("button", name="Create", exact=True).click()
-        page.wait_for_url("**/p/cobot")
+        page.wait_for_url(f"**/p/{name}")
         page.locator("#bring").set_input_files([arm / "ur10e_like.urdf", arm / "rtde_log.csv"])
         page.locator(".replay canvas").wait_for(timeout=120_000)
         answer_questions(page)
@@ -68,7 +91,7 @@ def test_two_files_to_a_verdict(arm, tmp_path, width, colour):
         verdict = page.locator("article.run .headline").first.inner_text()
         assert verdict.startswith(("Good for torque prediction", "Do not use"))
         assert fits(page)
-        results = tmp_path / "cobot" / "results" / "001-identify"
+        results = studio.root / name / "results" / "001-identify"
         assert verdict.split(",")[0].split(":")[0] in (results / "verdict.json").read_text("utf-8")
         with page.context.expect_page() as opened:
             page.get_by_role("link", name="Report").first.click()
@@ -95,24 +118,28 @@ def unfold(page, group):
     page.locator(f"#group-{group} > summary").click()
 
 
-@pytest.fixture
-def planar(tmp_path):
+def make_planar(folder):
     """A project whose experiment file is there, and its log."""
     from tests.planar_log import EXPERIMENT
 
-    folder = tmp_path / "root" / "arm"
     folder.mkdir(parents=True)
     write_log(folder / "log.csv")
     (folder / "experiment.toml").write_text(EXPERIMENT.lstrip(), encoding="utf-8")
     return folder
 
 
-def test_by_keyboard_alone(planar):
-    with served(planar.parent) as server, browsing() as page:
-        page.goto(server.address)
-        reach(page, "a", "arm")
+@pytest.fixture
+def planar(studio):
+    """A project of the studio."""
+    return make_planar(studio.root / f"arm_{next(NUMBERS):02d}")
+
+
+def test_by_keyboard_alone(planar, studio, browsing):
+    with browsing() as page:
+        page.goto(studio.address)
+        reach(page, "a", planar.name)
         page.keyboard.press("Enter")
-        page.wait_for_url("**/p/arm")
+        page.wait_for_url(f"**/p/{planar.name}")
         ready(page)
         reach(page, "button", "Run")
         page.keyboard.press("Enter")
@@ -134,10 +161,10 @@ def reach(page, tag, text):
     raise AssertionError(f"the tabulator does not reach {tag} {text!r}")
 
 
-def test_a_change_redraws_the_signals_and_can_be_undone(planar):
-    with served(planar.parent) as server, browsing() as page:
-        page.goto(server.address)
-        page.goto(f"{server.base}/p/arm")
+def test_a_change_redraws_the_signals_and_can_be_undone(planar, studio, browsing):
+    with browsing() as page:
+        page.goto(studio.address)
+        page.goto(f"{studio.base}/p/{planar.name}")
         ready(page)
         field = page.locator("[id='row-recording.0.units.q-value']")
         assert "deg" in field.input_value()
@@ -169,15 +196,15 @@ def test_a_change_redraws_the_signals_and_can_be_undone(planar):
         assert "deg" in field.input_value()
 
 
-def test_an_assumption_is_confirmed_with_one_button(planar):
+def test_an_assumption_is_confirmed_with_one_button(planar, studio, browsing):
     path = planar / "experiment.toml"
     text = path.read_text(encoding="utf-8")
     assumed = "# ASSUMED, please check: it looks like degrees.\n"
     line = next(one for one in text.splitlines() if one.startswith("units"))
     path.write_text(text.replace(line, assumed + line), encoding="utf-8")
-    with served(planar.parent) as server, browsing() as page:
-        page.goto(server.address)
-        page.goto(f"{server.base}/p/arm")
+    with browsing() as page:
+        page.goto(studio.address)
+        page.goto(f"{studio.base}/p/{planar.name}")
         page.locator(".row.assumed").first.wait_for()
         page.get_by_role("button", name="is right").first.click()
         page.locator(".row.assumed").first.wait_for(state="detached")
@@ -186,18 +213,18 @@ def test_an_assumption_is_confirmed_with_one_button(planar):
     )
 
 
-def test_what_has_the_focus_is_brought_up_to_date(tmp_path):
+def test_what_has_the_focus_is_brought_up_to_date(tmp_path, studio, browsing):
     """The field of files keeps the focus after a choice; what it has begun is shown all the same.
 
     Boxes that were ticked and not sent stay.
     """
     write_log(tmp_path / "log.csv")
-    (tmp_path / "root" / "arm").mkdir(parents=True)
-    path = tmp_path / "root" / "arm" / "experiment.toml"
+    (studio.root / "focus").mkdir()
+    path = studio.root / "focus" / "experiment.toml"
     path.write_text('robot = "planar_2r"\n', encoding="utf-8")
-    with served(tmp_path / "root") as server, browsing() as page:
-        page.goto(server.address)
-        page.goto(f"{server.base}/p/arm")
+    with browsing() as page:
+        page.goto(studio.address)
+        page.goto(f"{studio.base}/p/focus")
         page.locator("#bring").focus()
         page.locator("#bring").set_input_files(tmp_path / "log.csv")
         page.locator("#files .busy").wait_for()
@@ -220,12 +247,12 @@ def test_what_has_the_focus_is_brought_up_to_date(tmp_path):
         assert page.locator("#run .remark").count() == 0 and ticked.is_checked() == is_ticked
 
 
-def test_one_change_is_one_request(planar):
+def test_one_change_is_one_request(planar, studio, browsing):
     """A field that is left for its button is sent once; so is a button that is pressed twice."""
     sent = []
-    with served(planar.parent) as server, browsing() as page:
-        page.goto(server.address)
-        page.goto(f"{server.base}/p/arm")
+    with browsing() as page:
+        page.goto(studio.address)
+        page.goto(f"{studio.base}/p/{planar.name}")
         ready(page)
         page.on("request", lambda r: r.method == "POST" and sent.append(r.url.rpartition("/")[2]))
         page.get_by_role("button", name="Run", exact=True).dblclick()
@@ -242,12 +269,11 @@ def test_one_change_is_one_request(planar):
         assert sent == ["run", "edit"] and page.locator("#said").is_hidden()
 
 
-def test_files_that_are_dropped_on_the_front_page(tmp_path):
+def test_files_that_are_dropped_on_the_front_page(tmp_path, studio, browsing):
     write_log(tmp_path / "log.csv")
     content = (tmp_path / "log.csv").read_text(encoding="utf-8")
-    (tmp_path / "root").mkdir()
-    with served(tmp_path / "root") as server, browsing() as page:
-        page.goto(server.address)
+    with browsing() as page:
+        page.goto(studio.address)
         page.evaluate(
             """(content) => {
                 const transfer = new DataTransfer();
@@ -258,15 +284,15 @@ def test_files_that_are_dropped_on_the_front_page(tmp_path):
         )
         page.wait_for_url("**/p/my%20arm")
         page.locator("[data-file='my arm.csv']").wait_for()
-    assert (tmp_path / "root" / "my arm" / "my arm.csv").read_text(encoding="utf-8") == content
+    assert (studio.root / "my arm" / "my arm.csv").read_text(encoding="utf-8") == content
 
 
-def test_two_tabs_show_the_same(planar):
-    with served(planar.parent) as server, browsing() as page:
-        page.goto(server.address)
-        page.goto(f"{server.base}/p/arm")
+def test_two_tabs_show_the_same(planar, studio, browsing):
+    with browsing() as page:
+        page.goto(studio.address)
+        page.goto(f"{studio.base}/p/{planar.name}")
         other = page.context.new_page()
-        other.goto(f"{server.base}/p/arm")
+        other.goto(f"{studio.base}/p/{planar.name}")
         ready(page)
         ready(other)
         row = "[id='row-controller.kp-value']"
@@ -279,7 +305,7 @@ def test_two_tabs_show_the_same(planar):
         # An editor changes the file; a change that was made to the older text is refused.
         text = (planar / "experiment.toml").read_text(encoding="utf-8")
         status = page.evaluate(
-            """async (version) => (await fetch("/p/arm/text", {method: "POST",
+            """async (version) => (await fetch(location.pathname + "/text", {method: "POST",
             body: JSON.stringify({text: "robot = 'planar_2r'", version})})).status""",
             "0000000000000000",
         )
@@ -288,9 +314,10 @@ def test_two_tabs_show_the_same(planar):
         assert (planar / "experiment.toml").read_text(encoding="utf-8") == text
 
 
-def test_a_killed_server_takes_nothing_along(planar):
+def test_a_killed_server_takes_nothing_along(tmp_path, browsing):
     import signal
 
+    planar = make_planar(tmp_path / "root" / "arm")
     with served(planar.parent) as server, browsing() as page:
         page.goto(server.address)
         page.goto(f"{server.base}/p/arm")
@@ -308,10 +335,10 @@ def test_a_killed_server_takes_nothing_along(planar):
 
 
 @pytest.mark.parametrize("colour", ["light", "dark"])
-def test_contrast(planar, colour):
+def test_contrast(planar, studio, browsing, colour):
     """Text against its background: 4.5 to 1, as WCAG 2.2 asks (1.4.3)."""
-    with served(planar.parent) as server, browsing(colour=colour) as page:
-        for address in (server.address, f"{server.base}/p/arm"):
+    with browsing(colour=colour) as page:
+        for address in (studio.address, f"{studio.base}/p/{planar.name}"):
             page.goto(address)
             if "/p/" in address:
                 ready(page)
@@ -344,27 +371,27 @@ CONTRAST = """() => {
 }"""
 
 
-def test_an_archive_goes_to_another_machine(planar, tmp_path):
-    with served(planar.parent) as server, browsing() as page:
-        page.goto(server.address)
-        page.goto(f"{server.base}/p/arm")
+def test_an_archive_goes_to_another_machine(planar, studio, browsing, tmp_path):
+    with browsing() as page:
+        page.goto(studio.address)
+        page.goto(f"{studio.base}/p/{planar.name}")
         with page.expect_download() as download:
             page.get_by_role("button", name="Pack and download").click()
-        download.value.save_as(tmp_path / "arm.zip")
+        download.value.save_as(tmp_path / f"{planar.name}.zip")
     (tmp_path / "other").mkdir()
     with served(tmp_path / "other") as server, browsing() as page:
         page.goto(server.address)
-        page.get_by_label("Archive").set_input_files(tmp_path / "arm.zip")
+        page.get_by_label("Archive").set_input_files(tmp_path / f"{planar.name}.zip")
         page.get_by_role("button", name="Open").click()
-        page.wait_for_url("**/p/arm")
+        page.wait_for_url(f"**/p/{planar.name}")
         ready(page)
     shutil.rmtree(planar / ".pivident-studio")
     for name in ("experiment.toml", "log.csv"):
-        there = (tmp_path / "other" / "arm" / name).read_bytes()
+        there = (tmp_path / "other" / planar.name / name).read_bytes()
         assert there == (planar / name).read_bytes()
 
 
-def test_a_log_for_tests_is_answered_below_the_verdict(planar, tmp_path):
+def test_a_log_for_tests_is_answered_below_the_verdict(planar, studio, browsing, tmp_path):
     import numpy as np
 
     from tests.planar_log import HEADER, planar_log
@@ -372,9 +399,9 @@ def test_a_log_for_tests_is_answered_below_the_verdict(planar, tmp_path):
     path = tmp_path / "other.csv"
     values = planar_log(samples=4000, seed=7)
     np.savetxt(path, values, fmt="%.9g", delimiter=",", header=HEADER, comments="")
-    with served(planar.parent) as server, browsing() as page:
-        page.goto(server.address)
-        page.goto(f"{server.base}/p/arm")
+    with browsing() as page:
+        page.goto(studio.address)
+        page.goto(f"{studio.base}/p/{planar.name}")
         ready(page)
         page.get_by_role("button", name="Run", exact=True).click()
         page.locator("#run-of-001 .headline").wait_for(timeout=240_000)

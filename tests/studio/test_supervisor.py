@@ -4,6 +4,7 @@ import errno
 import os
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import psutil
@@ -14,7 +15,7 @@ from pivident.studio.lock import is_held, take
 from pivident.studio.output import KeptStream, cleaned, last_line, shown
 from pivident.studio.run_folder import RunError, RunFolder, new_run
 from pivident.studio.run_listing import RunProgress
-from pivident.studio.supervisor import supervise
+from pivident.studio.supervisor import supervise, with_title
 from tests.studio.projects import WAITS, WRITES, ended, entry, make_project, wait_for
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals and locks of POSIX")
@@ -242,3 +243,28 @@ def test_progress_is_read_as_it_grows(tmp_path):
     assert found["kept"] == ["ls: done"] and 900.0 < found["left_s"] <= 1000.5
     (tmp_path / "progress").write_text('{"say": "again"}\n')
     assert progress.now()["line"] == "again" and progress.now()["kept"] == []
+
+
+@pytest.mark.parametrize(
+    ("text", "titled"),
+    [
+        ("# none\n", '# none\n\n[output]\ntitle = "my arm"\n'),
+        (
+            "[output]  # it\nfiles = 1\n\n[a]\n",
+            '[output]  # it\nfiles = 1\ntitle = "my arm"\n\n[a]\n',
+        ),
+        ("output.files = 1\n", 'output.files = 1\noutput.title = "my arm"\n'),
+        ("output = {files = 1}\n", 'output = {files = 1, title = "my arm"}\n'),
+        ('[output]\ntitle = "mine"\n', '[output]\ntitle = "mine"\n'),
+        ("output = 1\n", "output = 1\n"),
+        ("[output\n", "[output\n"),
+    ],
+)
+def test_a_file_without_a_title_gets_one(text, titled):
+    assert with_title(text, "my_arm").replace("{files = 1,title", "{files = 1, title") == titled
+
+
+def test_a_supervisor_starts_without_the_numerics():
+    code = "import sys, pivident.studio.supervisor; print('numpy' in sys.modules)"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout == "False\n"

@@ -4,7 +4,7 @@ file ─▶ robot ─▶ each log: names of columns, audit, motion, reference, g
 ─▶ methods, parameters, output ─▶ plan. Nothing is estimated. What fails early does not stop what
 can still be looked at.
 
-Recordings against one another: the same run twice, held-out motion that is fitted as well.
+Recordings are also asked about one another: the same run twice, held-out motion that is fitted.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """Methods, parameters, control law and output of an experiment, and what would be done with it.
 
-Whether the sampled loop around the described robot is stable with the gains of the file.
-
-Filters that recordings are too slow or too short for, and rates that one channel sets.
+The sampled loop around the described robot has to be stable with the gains of the file, and the
+recordings long and quick enough for the filters.
 """
 
 from __future__ import annotations

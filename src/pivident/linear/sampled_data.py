@@ -1,6 +1,6 @@
 """Inputs and output of an estimation, checked once.
 
-Inputs of a closed loop without the noise that the loop feeds back.
+Inputs of a closed loop are made free of the noise that the loop feeds back.
 
 In a loop the input u = S r - C S ξ carries the output's noise ξ, and instruments computed from it
 are correlated with ξ. The first stage of the two-stage method (Van den Hof and Schrama, 1993)

@@ -1,6 +1,6 @@
 """The lines of an experiment file as rows of a table, each with its reason and its meaning.
 
-What the studio says of a key of the experiment file: the manual's words, without its links.
+What is said of a key is in the manual's words, without its links.
 """
 
 from __future__ import annotations

@@ -19,23 +19,21 @@ from pathlib import Path
 from threading import Thread
 from typing import Any, BinaryIO
 
-from pivident.errors import ExperimentError, PividentError
-from pivident.experiment.edited_file import edited
+import tomlkit
+
+from pivident.errors import PividentError
 from pivident.files import atomic_folder, clear_up
 from pivident.studio.lock import take
 from pivident.studio.output import KeptStream, last_line, shown
 from pivident.studio.projects import EXPERIMENT
-from pivident.studio.rows import experiment_rows
 from pivident.studio.run_folder import ACCOUNT, OUTPUT, RunFolder, read_object, write_whole
 from pivident.text.plain_values import write_json
-from pivident.text.toml_values import string_text
-
-#: Where the title of a report stands.
-TITLE = ("output", "title")
 
 
 def with_title(text: str, title: str) -> str:
     """The text with a title for the report, where it has none: that of a hidden copy would be odd.
+
+    The schema of the file is not asked, which takes longer to import than a supervisor to start.
 
     Args:
         text: of the experiment file.
@@ -44,11 +42,14 @@ def with_title(text: str, title: str) -> str:
     Returns:
         The text; as it is where it cannot be read, which the command then says.
     """
+    named = {"title": title.replace("_", " ")}
     try:
-        if any(row.place == TITLE and row.value is not None for row in experiment_rows(text)):
-            return text
-        return edited(text, [(TITLE, string_text(title.replace("_", " ")))])
-    except ExperimentError:
+        content, document = tomlkit.parse(text).unwrap(), tomlkit.parse(text)
+        document.setdefault("output", tomlkit.table()).setdefault("title", named["title"])
+        titled = tomlkit.dumps(document)
+        wanted = content | {"output": named | content.get("output", {})}
+        return titled if tomlkit.parse(titled).unwrap() == wanted else text
+    except (tomlkit.exceptions.TOMLKitError, AttributeError, TypeError, ValueError):
         return text
 
 

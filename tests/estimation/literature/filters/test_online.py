@@ -65,7 +65,7 @@ def test_memory_does_not_grow(arm, method):
     kalman = made(problem, theta, method, encoder_std=1.0)
     update = lambda k: kalman.update(recording.q[k], recording.tau[max(k - 1, 0)])  # noqa: E731
     # what an update holds grows every time; what others in the process allocate meanwhile does not
-    assert min(growth(update), growth(update)) < 10.0
+    assert growth(update) < 10.0 or growth(update) < 10.0
 
 
 def test_one_at_a_time_is_all_at_once(arm):
