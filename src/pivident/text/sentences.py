@@ -12,8 +12,8 @@ _BETWEEN = re.compile(r"(?<=[.:!?])\s+(?=[A-Z`])")
 
 
 def capital(text: str) -> str:
-    """A text with a capital letter in front; Greek ones are symbols and stay."""
-    return (text[:1].upper() if text[:1].isascii() else text[:1]) + text[1:]
+    """A text with a capital letter in front; single and Greek ones are symbols and stay."""
+    return text[:1].upper() + text[1:] if len(text) > 1 and text[0].isascii() else text
 
 
 def sentence_of(text: str) -> str:
