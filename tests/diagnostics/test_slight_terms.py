@@ -48,14 +48,14 @@ def test_what_makes_no_torque_may_be_left_out(problem, fitted):
     given = float(rows.scores().mean())
     frictions = [n for n in fitted.names if n.startswith(("fv", "fc"))]
     name = min(frictions, key=lambda n: abs(float(rows.without([n]).mean()) - given))
-    trial = left_out(rows, with_estimate(fitted, name, -1e-6, 1e-8))
+    trial = left_out(problem, with_estimate(fitted, name, -1e-6, 1e-8))
     assert name in trial.names and trial.before == pytest.approx(100.0 * np.exp(given))
     other = float(rows.without(trial.names).mean())
     assert trial.after == pytest.approx(100.0 * np.exp(other))
 
 
 def test_what_the_motion_needs_is_needed_however_small_it_is_said_to_be(problem, fitted):
-    trial = left_out(ReadingRows.of(problem), with_estimate(fitted, "fc2", -1e-6, 1e-8))
+    trial = left_out(problem, with_estimate(fitted, "fc2", -1e-6, 1e-8))
     assert "fc2" in trial.names and trial.is_needed and trial.after > trial.before
 
 
@@ -70,4 +70,4 @@ def test_the_verdict_says_what_leaving_them_out_did(problem, fitted):
 
 def test_where_nothing_is_slight_nothing_is_left_out(problem, fitted):
     sure = replace(fitted, theta=np.abs(fitted.theta) + 1.0)
-    assert left_out(ReadingRows.of(problem), sure) is None
+    assert left_out(problem, sure) is None

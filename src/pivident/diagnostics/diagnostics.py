@@ -17,7 +17,6 @@ from pivident.common_work import work_in_common
 from pivident.consistency.consistent_model import ConsistentModel, make_consistent
 from pivident.diagnostics.baselines import Baselines, baselines
 from pivident.diagnostics.ranges import block_ranges, friction_ranges
-from pivident.diagnostics.reading_rows import ReadingRows
 from pivident.diagnostics.slight_terms import LeftOut, left_out
 from pivident.diagnostics.trials import Trial, consequences, tried
 from pivident.errors import Attempts, ExperimentError, PividentError
@@ -204,11 +203,8 @@ def _diagnose(
         suspected = partial(tried, problem, log, least_squares, folds or FOLDS, gap)
         trials = attempts.of("Repairs could not be tried", suspected, otherwise=())
     log = consequences(log, trials)
-    rows = ReadingRows.of(problem)
-    slight = None
-    if rows is not None:
-        failed = "Terms of no consequence were not left out on trial"
-        slight = attempts.of(failed, left_out, rows, own)
+    failed = "Terms of no consequence were not left out on trial"
+    slight = attempts.of(failed, left_out, problem, own)
     say("asking whether a machine can have these parameters")
     failed = "Whether a machine can have these parameters could not be asked"
     own, nearest = attempts.of(failed, _nearest_machine, own, otherwise=(own, None))

@@ -187,13 +187,14 @@ def slight_terms(diagnostics: Diagnostics) -> Iterator[Finding]:
     if trial is None:
         return
     before, after = percent(trial.before), percent(trial.after)
-    names = f"{listed(trial.names)} make less than {100 * SLIGHT:g} % of any joint's torque"
+    make = "makes" if len(trial.names) == 1 else "make"
+    names = f"{listed(trial.names)} {make} less than {100 * SLIGHT:g} % of any joint's torque"
     evidence = {"with them": Quantity(trial.before, "%"), "without": Quantity(trial.after, "%")}
     if trial.is_needed:
-        text = f"{names}, but without them the error in motion is {after} instead of {before}."
+        text = f"{names}, but without that the error in motion is {after} instead of {before}."
         yield Finding("note", "parameters", "needed", text, evidence=evidence)
         return
-    text = f"{names}; left out on trial, the error in motion is {after} (with them {before})."
+    text = f"{names}; left out on trial, the error in motion is {after} instead of {before}."
     step = "To leave them out, list the others as parameters = [...] under [identify]."
     yield Finding("note", "parameters", "left out", text, "", step, evidence)
 

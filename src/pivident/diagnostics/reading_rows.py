@@ -201,6 +201,11 @@ def scores(sums: Sums) -> np.ndarray:
     return np.asarray(found.sum(axis=1) / np.maximum(moves.sum(axis=1), 1))
 
 
+def mean_error(scores: np.ndarray) -> float:
+    """Geometric mean of the joints' errors on all stretches, each predicted from all others [%]."""
+    return 100.0 * float(np.exp(scores.mean()))
+
+
 def _solved(gram: np.ndarray, right: np.ndarray) -> np.ndarray:
     """θ of normal equations, shape (…, parameters); leading axes are kept."""
     size = np.sqrt(np.maximum(np.einsum("...ii->...i", gram), 1e-300))

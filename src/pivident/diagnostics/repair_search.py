@@ -21,7 +21,7 @@ from itertools import combinations
 
 import numpy as np
 
-from pivident.diagnostics.reading_rows import ReadingRows
+from pivident.diagnostics.reading_rows import ReadingRows, mean_error
 from pivident.errors import PividentError
 from pivident.robot.description import Robot
 from pivident.text.repair import (
@@ -116,18 +116,12 @@ def _kind(repair: Repair) -> tuple[str, str]:
 
 
 def raises_the_error(rows: ReadingRows, repair: Repair) -> tuple[float, float] | None:
-    """Errors without and with a repair that clearly raises them; None where it may not.
-
-    Geometric means over joints and stretches, each predicted from all others [%].
-    """
+    """Mean errors without and with a repair that clearly raises them [%]; None where it may not."""
     try:
         given, other = rows.scores(), rows.after(repair).scores()
     except (PividentError, np.linalg.LinAlgError):  # the rows do not show it
         return None
-    if not clearly_lower(given - other, 1):
-        return None
-    before, after = (100.0 * float(np.exp(x.mean())) for x in (given, other))
-    return before, after
+    return (mean_error(given), mean_error(other)) if clearly_lower(given - other, 1) else None
 
 
 def clearly_lower(change: np.ndarray, tried: int, least: float = LEAST_GAIN) -> bool:

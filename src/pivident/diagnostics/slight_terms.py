@@ -13,11 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.diagnostics.reading_rows import ReadingRows
+from pivident.diagnostics.reading_rows import ReadingRows, mean_error
 from pivident.diagnostics.repair_search import clearly_lower
 from pivident.dynamics.signs import negative_parameters
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import ParameterRow, parameter_rows
+from pivident.estimation.problem import Problem
 from pivident.motion.wanted_motion import FullMotion, MotionLimits
 
 #: Share of any joint's torque below which a parameter makes no difference.
@@ -44,19 +45,20 @@ class LeftOut:
     is_needed: bool
 
 
-def left_out(rows: ReadingRows, result: Identification) -> LeftOut | None:
+def left_out(problem: Problem, result: Identification) -> LeftOut | None:
     """The trial, where something is negative beyond doubt or may be zero, and makes no torque."""
+    rows = ReadingRows.of(problem)
+    if rows is None:
+        return None
     negative = negative_parameters(result.parameters, result.names, result.theta, result.std)
-    certain = [p.name for p in negative if p.is_certain]
-    shares = (torque_shares(result, certain) < SLIGHT).tolist()
-    _, slight = zero_and_slight(result, parameter_rows(result))
-    small = {*slight, *(name for name, own in zip(certain, shares, strict=True) if own)}
-    names = tuple(name for name in rows.parameters if name in small)
+    doubtful = [p.name for p in negative if p.is_certain]
+    doubtful += [r.name for r in parameter_rows(result) if r.includes_zero]
+    slight = np.array(doubtful)[torque_shares(result, doubtful) < SLIGHT]
+    names = tuple(name for name in rows.parameters if name in slight)
     if not names or len(names) == len(rows.parameters):
         return None
     given, other = rows.scores(), rows.without(names)
-    before, after = (100.0 * float(np.exp(x.mean())) for x in (given, other))
-    return LeftOut(names, before, after, clearly_lower(given - other, 1))
+    return LeftOut(names, mean_error(given), mean_error(other), clearly_lower(given - other, 1))
 
 
 def torque_shares(result: Identification, names: Sequence[str]) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -226,17 +226,12 @@ def _lines(x: np.ndarray, y: np.ndarray, colour: str, **more: Any) -> Trace:
 
 
 def audit_plot(
-    y_title: str,
-    x_title: str | None = None,
-    traces: Iterable[Trace] = (),
-    *,
+    *content: Any,
     x: Mapping[str, Any] | None = None,
     y: Mapping[str, Any] | None = None,
-    legend: bool = False,
     **layout: Any,
 ) -> Plot:
     """`empty_plot` with room for numbers of any size, as 4 × 10⁻¹³ and not 400f."""
     room = {"automargin": True}
     y = room | {"exponentformat": "power"} | dict(y or {})
-    x = room | dict(x or {})
-    return empty_plot(y_title, x_title, traces, x=x, y=y, legend=legend, **layout)
+    return empty_plot(*content, x=room | dict(x or {}), y=y, **layout)
