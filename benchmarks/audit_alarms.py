@@ -26,22 +26,22 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from tests.audit.logs import clean_log, delayed, serious, with_channels
+from tests.judgement.audit.logs import clean_log, delayed, serious, with_channels
 from tests.other_arms import ArmLog, Setting, make_log
 
-from pivident.audit.audit import audit_log
-from pivident.audit.audit_file import audit_file
-from pivident.audit.excitation import WEAK
-from pivident.check.experiment_check import check_experiment
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.estimation.identify import identify
 from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.problem import Problem
+from pivident.experiment.check.audit_file import audit_file
+from pivident.experiment.check.experiment_check import check_experiment
 from pivident.experiment.experiment import load_experiment
-from pivident.init.draft import draft_experiment
+from pivident.experiment.init.draft import draft_experiment
+from pivident.foundation.text.finding import Finding
+from pivident.judgement.audit.audit import audit_log
+from pivident.judgement.audit.excitation import WEAK
 from pivident.robot.urdf import read_urdf
-from pivident.text.finding import Finding
 
 #: Robot, length [s] and number of records.
 RECORDS = (("planar_2r", 5.0, 60), ("staubli_tx40", 4.0, 40), ("staubli_tx40", 2.0, 40))

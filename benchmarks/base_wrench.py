@@ -27,25 +27,25 @@ from benchmarks.mujoco_base import (
 )
 from benchmarks.quadruped import hanging_record, quadruped, standing_record
 
-from pivident.diagnostics.diagnostics import diagnose
-from pivident.diagnostics.verdict import verdict
-from pivident.drives.drive_gains import identify_drive_gains
-from pivident.errors import PividentError
+from pivident.data.recording.measured_wrenches import with_wrenches
+from pivident.data.recording.recording import Recording
+from pivident.estimation.drives.drive_gains import identify_drive_gains
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Problem
 from pivident.experiment.simulated_tx40 import _KD, _KP, _KTAU
-from pivident.recording.measured_wrenches import with_wrenches
-from pivident.recording.recording import Recording
+from pivident.foundation.errors import PividentError
+from pivident.judgement.diagnostics.diagnostics import diagnose
+from pivident.judgement.diagnostics.verdict import verdict
+from pivident.loop.simulation.control_loop import Loop
+from pivident.loop.simulation.controllers import PD
+from pivident.loop.simulation.reference import point_to_point
 from pivident.robot.description import Robot
 from pivident.robot.frames import Pose, rotation_from_rpy
 from pivident.robot.gallery import load_robot
 from pivident.robot.measured_base import with_held_base, with_wrench_sensors
 from pivident.robot.transmission import Transmission
 from pivident.robot.wrench_sensor import WrenchSensor
-from pivident.simulation.control_loop import Loop
-from pivident.simulation.controllers import PD
-from pivident.simulation.reference import point_to_point
 
 #: Sensor under the arm, and gains of its law.
 FLOOR = WrenchSensor("floor", "base", Pose(rotation_from_rpy(0.3, -0.2, 1.0), [0.1, 0.05, -0.2]))

@@ -28,7 +28,7 @@ from speed import command, plots, rows, scaling, startup
 from speed.report import RESULTS, machine, write_json
 from speed.timing import load
 
-from pivident.many.study.scenario import load_scenario
+from pivident.studies.many.study.scenario import load_scenario
 
 PARTS = ("rows", "command", "joints", "starts", "threads", "workers", "parameters", "samples")
 

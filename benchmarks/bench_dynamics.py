@@ -13,10 +13,10 @@ from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
+from pivident.loop.simulation.closed_loop import LoopSignals, simulate
+from pivident.loop.simulation.controllers import PD
+from pivident.loop.simulation.reference import point_to_point
 from pivident.robot.gallery import load_robot
-from pivident.simulation.closed_loop import LoopSignals, simulate
-from pivident.simulation.controllers import PD
-from pivident.simulation.reference import point_to_point
 
 RATE = 5000.0
 SAMPLES = 34_500

@@ -14,15 +14,15 @@ from functools import partial
 import numpy as np
 from benchmarks.mujoco_mechanism import mujoco_record, truth_of
 
+from pivident.data.recording.recording import Recording
 from pivident.dynamics.forward import mass_matrix
-from pivident.errors import PividentError
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Problem
-from pivident.recording.recording import Recording
+from pivident.foundation.errors import PividentError
+from pivident.loop.simulation.control_loop import Loop
+from pivident.loop.simulation.controllers import PD
 from pivident.robot.gallery import load_robot
-from pivident.simulation.control_loop import Loop
-from pivident.simulation.controllers import PD
 
 RATE = 1000.0
 

@@ -24,20 +24,20 @@ from pathlib import Path
 
 import numpy as np
 
+from pivident.data.recording.public_records import load_emps, load_emps_pulses
+from pivident.data.recording.recording import Recording
 from pivident.dynamics.forward import make_model
-from pivident.errors import PividentError
 from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.identify import identify
 from pivident.estimation.problem import Problem
 from pivident.experiment import simulated_tx40 as scenarios
-from pivident.recording.public_records import load_emps, load_emps_pulses
-from pivident.recording.recording import Recording
+from pivident.foundation.errors import PividentError
+from pivident.loop.simulation.closed_loop import LoopSignals, simulate
+from pivident.loop.simulation.control_loop import Loop
+from pivident.loop.simulation.controllers import PD, Cascade
+from pivident.loop.simulation.reference import point_to_point
 from pivident.robot.friction import FrictionLaw, coulomb, stribeck, viscous
 from pivident.robot.gallery import load_robot
-from pivident.simulation.closed_loop import LoopSignals, simulate
-from pivident.simulation.control_loop import Loop
-from pivident.simulation.controllers import PD, Cascade
-from pivident.simulation.reference import point_to_point
 
 METHODS = ("iv-full-rate", "piv", "didim")
 

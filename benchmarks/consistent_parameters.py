@@ -20,16 +20,16 @@ from pathlib import Path
 import numpy as np
 from tests.load_scenario import tx40_with_load
 
-from pivident.consistency.consistent_estimate import consistent_prediction
-from pivident.consistency.consistent_model import make_consistent
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
-from pivident.errors import IdentificationError
 from pivident.estimation.identify import identify
 from pivident.estimation.problem import Problem
 from pivident.experiment.experiment import load_experiment
 from pivident.experiment.simulated_tx40 import tx40_fine
-from pivident.validation.held_out.cross_validation import cross_validate
+from pivident.foundation.errors import IdentificationError
+from pivident.judgement.diagnostics.consistent_estimate import consistent_prediction
+from pivident.judgement.validation.held_out.cross_validation import cross_validate
+from pivident.models.consistency.consistent_model import make_consistent
 
 EXAMPLE = Path(__file__).resolve().parents[1] / "examples" / "staubli_tx40" / "experiment.toml"
 

@@ -17,8 +17,8 @@ from dataclasses import replace
 import numpy as np
 from tests.payload_scenario import AmpereRecords, tx40_in_amperes
 
-from pivident.drives.drive_gains import identify_drive_gains
-from pivident.drives.known_payload import Payload
+from pivident.estimation.drives.drive_gains import identify_drive_gains
+from pivident.estimation.drives.known_payload import Payload
 
 NOISE = {"white": {}, "coloured": {"correlation": 0.95}}
 

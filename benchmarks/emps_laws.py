@@ -1,6 +1,6 @@
 """Friction laws of the EMPS carriage that `benchmarks.emps_leaderboard` chooses from.
 
-They are the changes that ``pivident laws`` tries on a joint (`pivident.friction_laws`): another
+They are the changes that ``pivident laws`` tries on a joint (`pivident.studies.friction_laws`): another
 slope of the sign, Stribeck friction, a power of the speed, two viscous slopes, presliding with a
 state. An offset beside Coulomb friction is a Coulomb level for each direction.
 """
@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from benchmarks.open_loop_fit import OpenLoopModel, Stretch
 
+from pivident.data.recording.public_records import EMPS
+from pivident.data.recording.recording import Recording
 from pivident.estimation.identify import identify
 from pivident.estimation.problem import Problem
-from pivident.recording.public_records import EMPS
-from pivident.recording.recording import Recording
 from pivident.robot.friction import (
     FrictionLaw,
     asymmetric_viscous,

@@ -37,9 +37,9 @@ from benchmarks.open_loop_fit import (
 )
 from scipy.optimize import minimize_scalar
 
-from pivident.friction_laws.law_scores import impossible_terms
-from pivident.recording.public_records import load_emps, load_emps_pulses
-from pivident.recording.recording import Recording
+from pivident.data.recording.public_records import load_emps, load_emps_pulses
+from pivident.data.recording.recording import Recording
+from pivident.studies.friction_laws.law_scores import impossible_terms
 
 #: Samples of a period of the reference.
 PERIOD = 6240

@@ -13,17 +13,20 @@ import argparse
 import time
 from dataclasses import replace
 
+from pivident.data.recording.public_records import load_staubli_tx40
 from pivident.estimation.instrumental_variables import InstrumentalVariables
 from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import Bandpass
 from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL, tx40_fine
-from pivident.recording.public_records import load_staubli_tx40
+from pivident.judgement.validation.essential_parameters import (
+    EssentialParameters,
+    essential_parameters,
+)
+from pivident.loop.simulation.control_loop import Loop, virtual_pd
 from pivident.robot.friction import FrictionLaw, coulomb, offset, viscous
 from pivident.robot.gallery import load_robot
-from pivident.simulation.control_loop import Loop, virtual_pd
-from pivident.validation.essential_parameters import EssentialParameters, essential_parameters
 
 PAPER = set(TX40_ESSENTIAL)
 LABORATORY = (PAPER - {"fc6"}) | {"iam6"}

@@ -21,15 +21,15 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from tests.diagnostics.gains_of_masses import by_masses
+from tests.judgement.diagnostics.gains_of_masses import by_masses
 from tests.other_arms import ArmLog, Setting, make_log
 
-from pivident.diagnostics.diagnostics import diagnose
-from pivident.diagnostics.verdict import Verdict, verdict
-from pivident.errors import PividentError
+from pivident.data.recording.recording import Recording
 from pivident.estimation.identify import identify
 from pivident.estimation.problem import Problem
-from pivident.recording.recording import Recording
+from pivident.foundation.errors import PividentError
+from pivident.judgement.diagnostics.diagnostics import diagnose
+from pivident.judgement.diagnostics.verdict import Verdict, verdict
 from pivident.robot.urdf import parse_urdf
 
 SETTING = Setting("regular", 200.0, 30.0, 0.0, 0.002, "none", 0.8)

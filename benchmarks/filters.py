@@ -20,6 +20,7 @@ from numba import njit
 from tests.estimation.literature.filters.scenes import RATE, planar_problem
 from tests.planar_arm import LAW, nominal_parameters, planar_motion
 
+from pivident.data.recording.recording import Recording
 from pivident.estimation.identify import identify
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.literature.filters import KalmanFilter, RecursiveLeastSquares
@@ -32,7 +33,6 @@ from pivident.estimation.literature.filters.unscented_kalman import UnscentedKal
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import RandomWalk
 from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL, tx40_fine
-from pivident.recording.recording import Recording
 
 KALMAN = {"ekf": ExtendedKalman(), "ukf": UnscentedKalman(), "cdkf": CentralDifferenceKalman()}
 ROOTED = {

@@ -58,7 +58,7 @@ def demonstrate(folder: str) -> None:
     stopwatch = Stopwatch()
     event.register("numba:compile", stopwatch)
     begin = time.perf_counter()
-    from pivident.cli.workflow import run_demo
+    from pivident.app.cli.workflow import run_demo
 
     run_demo(Path(folder) / "demo")
     wall, processor = time.perf_counter() - begin, time.process_time()

@@ -69,8 +69,8 @@ level = 0.05
 
 
 def bench_of(rate: float, seconds: float):
-    from pivident.many.study.bench import Bench
-    from pivident.many.study.scenario import load_scenario
+    from pivident.studies.many.study.bench import Bench
+    from pivident.studies.many.study.scenario import load_scenario
 
     tables = {"record": {"rate": rate}, "trajectory": {"duration": seconds}}
     return Bench(load_scenario("fine").changed(**tables))
@@ -146,8 +146,8 @@ def write_logs(folder: Path, options: argparse.Namespace) -> set[str]:
 
 def busy(folder: str, first: int, count: int, barrier: str) -> tuple[float, float]:
     """Seconds and processor seconds of one process for so many logs, warm."""
-    from pivident.many.fleet.identify_fleet import Task, identify_log, template_of
-    from pivident.many.fleet.logs import find_logs
+    from pivident.studies.many.fleet.identify_fleet import Task, identify_log, template_of
+    from pivident.studies.many.fleet.logs import find_logs
 
     template = template_of(Path(folder))
     logs, _ = find_logs(Path(folder), template.pattern)
@@ -266,9 +266,9 @@ def main() -> None:
 def report(place: Path, logs: Path, options: argparse.Namespace) -> None:
     import polars as pl
 
-    from pivident.many.batch.runner import Processes
-    from pivident.many.fleet.conclusion import conclude_fleet
-    from pivident.many.fleet.identify_fleet import identify_fleet
+    from pivident.studies.many.batch.runner import Processes
+    from pivident.studies.many.fleet.conclusion import conclude_fleet
+    from pivident.studies.many.fleet.identify_fleet import identify_fleet
 
     begin = time.perf_counter()
     worn = write_logs(logs, options)

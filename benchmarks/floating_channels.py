@@ -20,14 +20,14 @@ import numpy as np
 from benchmarks.mujoco_base import Accuracy, truth_of
 from benchmarks.quadruped import hanging_record, quadruped
 
+from pivident.data.recording.recording import Recording
 from pivident.estimation.equation_record import accumulate
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS
 from pivident.estimation.normal_equations import solve
 from pivident.estimation.problem import Problem
-from pivident.motion.motion import residual_of
-from pivident.recording.recording import Recording
+from pivident.loop.motion.motion import residual_of
 from pivident.robot.description import Robot
 from pivident.robot.measured_base import with_wrench_sensors
 from pivident.signals.instants import differences_at_instants

@@ -24,18 +24,18 @@ import kuka_kr300_blocks as kuka
 import tiago
 
 from pivident import load_experiment
+from pivident.data.recording.datasets import ENVIRONMENT
+from pivident.data.recording.public_records import load_kuka_kr300
+from pivident.data.recording.recording import Recording
 from pivident.estimation.identify import identify
 from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.method import Method
 from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Problem
-from pivident.recording.datasets import ENVIRONMENT
-from pivident.recording.public_records import load_kuka_kr300
-from pivident.recording.recording import Recording
+from pivident.judgement.validation.held_out.cross_validation import GAP_PERIODS, cross_validate
+from pivident.judgement.validation.held_out.folds import Fold, JudgedMotion, contiguous_folds
+from pivident.judgement.validation.held_out.prediction import motion_band, pooled
 from pivident.robot.gallery import load_robot
-from pivident.validation.held_out.cross_validation import GAP_PERIODS, cross_validate
-from pivident.validation.held_out.folds import Fold, JudgedMotion, contiguous_folds
-from pivident.validation.held_out.prediction import motion_band, pooled
 
 NAMES = ("ls", "iv", "iv-full-rate", "piv")
 

@@ -27,20 +27,20 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from tests.friction_laws.friction_axis import Axis, Noise
-from tests.friction_laws.friction_cases import CASES
+from tests.studies.friction_laws.friction_axis import Axis, Noise
+from tests.studies.friction_laws.friction_cases import CASES
 
-from pivident.errors import PividentError
 from pivident.estimation.identify import identify
 from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.method import Method
 from pivident.estimation.methods import METHODS
 from pivident.estimation.signal_recipes import RandomWalk
-from pivident.friction_laws.law_candidates import Reach, adding, change_of, key_of
-from pivident.friction_laws.law_choice import choose_laws
-from pivident.friction_laws.shapes import identify_shapes
+from pivident.foundation.errors import PividentError
 from pivident.robot.friction import FrictionLaw, coulomb, offset, viscous
 from pivident.robot.friction_term import Candidate
+from pivident.studies.friction_laws.law_candidates import Reach, adding, change_of, key_of
+from pivident.studies.friction_laws.law_choice import choose_laws
+from pivident.studies.friction_laws.shapes import identify_shapes
 
 NOISE = Noise(encoder=2e-7, torque=0.3)
 METHOD: dict[str, Method] = dict(METHODS)

@@ -24,7 +24,14 @@ from itertools import pairwise
 import numpy as np
 from kuka_kr300_blocks import EXAMPLE, START, STOP, held_out, squares, without_vague_inertias
 
-from pivident.errors import PividentError
+from pivident.data.recording.public_records import (
+    load_emps,
+    load_emps_pulses,
+    load_kuka_kr300,
+    load_staubli_tx40,
+)
+from pivident.data.recording.recording import Recording
+from pivident.data.recording.repeated_motion import repeated_motion
 from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
@@ -33,17 +40,12 @@ from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import Bandpass, RandomWalk
 from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL
-from pivident.friction_laws.law_choice import with_laws
-from pivident.friction_laws.law_scores import has_definite_sign
-from pivident.friction_laws.shapes import identify_shapes
-from pivident.recording.public_records import (
-    load_emps,
-    load_emps_pulses,
-    load_kuka_kr300,
-    load_staubli_tx40,
-)
-from pivident.recording.recording import Recording
-from pivident.recording.repeated_motion import repeated_motion
+from pivident.foundation.errors import PividentError
+from pivident.judgement.validation.held_out.cross_validation import cross_validate
+from pivident.judgement.validation.held_out.prediction import Judge, pooled
+from pivident.judgement.validation.held_out.replay import as_logged
+from pivident.loop.simulation.control_loop import Loop, virtual_pd
+from pivident.loop.simulation.controllers import Cascade
 from pivident.robot.description import Robot
 from pivident.robot.friction import (
     FrictionLaw,
@@ -64,11 +66,9 @@ from pivident.robot.friction import (
 )
 from pivident.robot.friction_term import FrictionTerm
 from pivident.robot.gallery import load_robot
-from pivident.simulation.control_loop import Loop, virtual_pd
-from pivident.simulation.controllers import Cascade
-from pivident.validation.held_out.cross_validation import cross_validate
-from pivident.validation.held_out.prediction import Judge, pooled
-from pivident.validation.held_out.replay import as_logged
+from pivident.studies.friction_laws.law_choice import with_laws
+from pivident.studies.friction_laws.law_scores import has_definite_sign
+from pivident.studies.friction_laws.shapes import identify_shapes
 
 #: Parts of the reference's period, each of which is left out once.
 PHASES = 8

@@ -2,7 +2,7 @@
 
     python benchmarks/friction_laws_on_next_motion.py [plain] [rich] [kr300] [--first 10]
 
-Random arms of three to six axes (`tests.friction_laws.friction_arms`: Pinocchio's inverse dynamics,
+Random arms of three to six axes (`tests.studies.friction_laws.friction_arms`: Pinocchio's inverse dynamics,
 exact signs, encoders of 14 bits, three levels of torque noise). Laws are chosen from two motions
 of 30 s, or from the first alone, and judged on a third with other speeds, postures and temperature:
 error of the torque without noise below 20 Hz, over that of the present laws (viscous, Coulomb,
@@ -26,18 +26,18 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from kuka_kr300_blocks import EXAMPLE, START, STOP, squares
-from tests.friction_laws.friction_arms import RATE, FrictionArm, friction_arm, programmes
+from tests.studies.friction_laws.friction_arms import RATE, FrictionArm, friction_arm, programmes
 
+from pivident.data.recording.public_records import load_kuka_kr300
 from pivident.estimation.identify import identify
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import RandomWalk
-from pivident.friction_laws.chosen_laws import LawChoice
-from pivident.friction_laws.law_choice import choose_laws
-from pivident.recording.public_records import load_kuka_kr300
 from pivident.robot.gallery import load_robot
 from pivident.signals.bandpass import butterworth
+from pivident.studies.friction_laws.chosen_laws import LawChoice
+from pivident.studies.friction_laws.law_choice import choose_laws
 
 METHOD = LeastSquares(signals=RandomWalk())
 

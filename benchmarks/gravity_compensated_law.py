@@ -17,20 +17,20 @@ from pathlib import Path
 
 import numpy as np
 
-from pivident.control_law.identified_law import identify_controller
-from pivident.control_law.unknown_loop import reconstruct_loop
+from pivident.data.recording.recording import Recording
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import nominal_values
+from pivident.estimation.control_law.identified_law import identify_controller
+from pivident.estimation.control_law.unknown_loop import reconstruct_loop
 from pivident.estimation.identify import identify
 from pivident.estimation.problem import Problem
-from pivident.recording.recording import Recording
+from pivident.loop.simulation.closed_loop import LoopSignals, simulate
+from pivident.loop.simulation.control_loop import Loop
+from pivident.loop.simulation.controllers import PD, PID, Cascade, Controller
+from pivident.loop.simulation.gravity_compensation import GravityCompensated, GravityModel
+from pivident.loop.simulation.reference import point_to_point
 from pivident.robot.gallery import load_robot
-from pivident.simulation.closed_loop import LoopSignals, simulate
-from pivident.simulation.control_loop import Loop
-from pivident.simulation.controllers import PD, PID, Cascade, Controller
-from pivident.simulation.gravity_compensation import GravityCompensated, GravityModel
-from pivident.simulation.reference import point_to_point
 
 RATE, SAMPLES = 1000.0, 8000
 

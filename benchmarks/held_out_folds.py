@@ -12,6 +12,7 @@ the residual is model error.
 
 from __future__ import annotations
 
+from pivident.data.recording.public_records import load_emps, load_emps_pulses, load_staubli_tx40
 from pivident.estimation.instrumental_variables import InstrumentalVariables
 from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.method import Method, Repetition
@@ -20,12 +21,11 @@ from pivident.estimation.prefiltered_iv import PrefilteredIV
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import Bandpass
 from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL
-from pivident.recording.public_records import load_emps, load_emps_pulses, load_staubli_tx40
+from pivident.judgement.validation.held_out.out_of_sample import OutOfSample, compare_out_of_sample
+from pivident.judgement.validation.residuals.model_error import model_error
+from pivident.loop.simulation.control_loop import Loop, virtual_pd
+from pivident.loop.simulation.controllers import Cascade
 from pivident.robot.gallery import load_robot
-from pivident.simulation.control_loop import Loop, virtual_pd
-from pivident.simulation.controllers import Cascade
-from pivident.validation.held_out.out_of_sample import OutOfSample, compare_out_of_sample
-from pivident.validation.residuals.model_error import model_error
 
 
 def tx40_problem() -> Problem:

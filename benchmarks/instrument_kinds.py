@@ -25,7 +25,14 @@ from kuka_kr300_blocks import CUTOFF, START, STOP, without_vague_inertias
 from kuka_kr300_blocks import loops as kr300_loops
 
 from pivident import load_experiment
-from pivident.errors import PividentError
+from pivident.data.recording.datasets import ENVIRONMENT, fetch
+from pivident.data.recording.public_records import (
+    load_emps,
+    load_emps_pulses,
+    load_kuka_kr300,
+    load_staubli_tx40,
+)
+from pivident.data.recording.recording import Recording
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
 from pivident.estimation.least_squares import LeastSquares
@@ -33,24 +40,17 @@ from pivident.estimation.method import Method
 from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import RandomWalk
+from pivident.experiment.init.draft import draft_experiment
 from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL
-from pivident.init.draft import draft_experiment
-from pivident.instruments.kinds import KINDS
-from pivident.recording.datasets import ENVIRONMENT, fetch
-from pivident.recording.public_records import (
-    load_emps,
-    load_emps_pulses,
-    load_kuka_kr300,
-    load_staubli_tx40,
-)
-from pivident.recording.recording import Recording
+from pivident.foundation.errors import PividentError
+from pivident.foundation.text.plain_table import plain_table
+from pivident.judgement.validation.held_out.cross_validation import cross_validate
+from pivident.judgement.validation.held_out.prediction import Judge
+from pivident.judgement.validation.instruments.instrument_tests import instrument_tests
+from pivident.loop.instruments.kinds import KINDS
+from pivident.loop.simulation.control_loop import Loop
+from pivident.loop.simulation.controllers import Cascade
 from pivident.robot.gallery import load_robot
-from pivident.simulation.control_loop import Loop
-from pivident.simulation.controllers import Cascade
-from pivident.text.plain_table import plain_table
-from pivident.validation.held_out.cross_validation import cross_validate
-from pivident.validation.held_out.prediction import Judge
-from pivident.validation.instruments.instrument_tests import instrument_tests
 
 KR300 = Path(__file__).resolve().parents[1] / "examples" / "kuka_kr300"
 

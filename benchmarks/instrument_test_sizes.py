@@ -21,25 +21,28 @@ from dataclasses import replace
 import numpy as np
 from scipy.signal import lfilter
 from scipy.stats import f as f_distribution
-from tests.validation.simulated_moments import sums_of
+from tests.judgement.validation.simulated_moments import sums_of
 
+from pivident.data.recording.recording import Recording
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import nominal_values
 from pivident.estimation.identify import identify
 from pivident.estimation.problem import Problem
-from pivident.recording.recording import Recording
-from pivident.robot.gallery import load_robot
-from pivident.simulation.closed_loop import LoopSignals, simulate
-from pivident.simulation.control_loop import Loop
-from pivident.simulation.controllers import PD
-from pivident.simulation.reference import point_to_point
-from pivident.validation.instruments.instrument_tests import instrument_tests, relevance_test
-from pivident.validation.instruments.moment_sums import MomentSums
-from pivident.validation.instruments.overidentification import (
+from pivident.judgement.validation.instruments.instrument_tests import (
+    instrument_tests,
+    relevance_test,
+)
+from pivident.judgement.validation.instruments.moment_sums import MomentSums
+from pivident.judgement.validation.instruments.overidentification import (
     exogeneity_test,
     overidentification_test,
 )
+from pivident.loop.simulation.closed_loop import LoopSignals, simulate
+from pivident.loop.simulation.control_loop import Loop
+from pivident.loop.simulation.controllers import PD
+from pivident.loop.simulation.reference import point_to_point
+from pivident.robot.gallery import load_robot
 
 NAMES = ("ia1", "fv1", "fc1", "off1")
 THETA = np.array([1.2, 5.0, 3.0, 0.5])

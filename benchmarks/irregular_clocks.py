@@ -22,12 +22,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from tests.other_arms import ArmLog, Setting, make_log, predicted_motion
 
-from pivident.errors import PividentError
+from pivident.data.recording.load import load_recording
 from pivident.estimation.identify import identify
 from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import Bandpass, RandomWalk
-from pivident.recording.load import load_recording
+from pivident.foundation.errors import PividentError
 from pivident.robot.urdf import read_urdf
 
 #: Bands [Hz], and cut-offs over them.

@@ -42,11 +42,11 @@ def workloads() -> dict[str, Callable[[], object]]:
     from pivident.dynamics.parameters import nominal_values
     from pivident.dynamics.regressor import Regressor
     from pivident.experiment.experiment import load_experiment
-    from pivident.simulation.closed_loop import LoopSignals, simulate
-    from pivident.simulation.controllers import PD
-    from pivident.simulation.direction import Direction, ParametrisedLoop
-    from pivident.simulation.reference import point_to_point
-    from pivident.simulation.tangents import tangent_blocks
+    from pivident.loop.simulation.closed_loop import LoopSignals, simulate
+    from pivident.loop.simulation.controllers import PD
+    from pivident.loop.simulation.direction import Direction, ParametrisedLoop
+    from pivident.loop.simulation.reference import point_to_point
+    from pivident.loop.simulation.tangents import tangent_blocks
 
     made: dict[str, Callable[[], object]] = {}
     gains = PD(np.array([12047.5, 12015.0, 4556.8, 1359.0, 2840.3, 2354.1]),

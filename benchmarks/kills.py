@@ -54,7 +54,7 @@ RUNS = 150
 WRITER = """
 import itertools, sys
 from pathlib import Path
-from pivident.files import atomic_folder
+from pivident.foundation.files import atomic_folder
 for number in itertools.count():
     with atomic_folder(sys.argv[1]) as build:
         for name in "abcdefghij":
@@ -66,7 +66,7 @@ for number in itertools.count():
 
 def cli(*arguments: str) -> subprocess.Popen[bytes]:
     """The command line in a session of its own, so that it can be killed with its workers."""
-    start = "import sys; from pivident.cli import main; sys.exit(main())"
+    start = "import sys; from pivident.app.cli import main; sys.exit(main())"
     command = [sys.executable, "-c", start, *arguments]
     with LOG.open("wb") as log:
         return subprocess.Popen(command, stdout=log, stderr=log, start_new_session=True)
@@ -209,7 +209,7 @@ def kill_fleets(kills: int, rng: random.Random, place: Path) -> dict[str, object
     import polars as pl
 
     sys.path.insert(0, str(ROOT))
-    from tests.many.fleet.planar_fleet import write_fleet
+    from tests.studies.many.fleet.planar_fleet import write_fleet
 
     logs = place / "logs"
     write_fleet(logs, robots=6, days=8)
@@ -245,7 +245,7 @@ def kill_fleets(kills: int, rng: random.Random, place: Path) -> dict[str, object
 
 def kill_writers(kills: int, rng: random.Random, place: Path) -> dict[str, object]:
     """A process that writes results all the time killed: the most exact aim at the moves."""
-    from pivident.files import atomic_folder
+    from pivident.foundation.files import atomic_folder
 
     mixed = hidden = 0
     for k in range(kills):
@@ -271,7 +271,7 @@ def _numbers(out: Path) -> set[str]:
 
 def write_together(kills: int, rng: random.Random, place: Path) -> dict[str, object]:
     """Two processes write to one folder, and one of them is killed in the end."""
-    from pivident.files import atomic_folder
+    from pivident.foundation.files import atomic_folder
 
     out, rounds = place / "out", max(1, kills // 10)
     for _ in range(rounds):

@@ -21,9 +21,10 @@ from pathlib import Path
 
 import numpy as np
 
-from pivident.control_law.unknown_loop import reconstruct_loop
-from pivident.errors import IdentificationError
+from pivident.data.recording.public_records import load_kuka_kr300
+from pivident.data.recording.recording import Recording
 from pivident.estimation.auxiliary_model import AuxiliaryModel
+from pivident.estimation.control_law.unknown_loop import reconstruct_loop
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
 from pivident.estimation.kinematics import estimate_kinematics
@@ -32,14 +33,13 @@ from pivident.estimation.methods import METHODS
 from pivident.estimation.prefiltered_iv import PrefilteredIV
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import RandomWalk
-from pivident.motion.motion import Kinematics
-from pivident.recording.public_records import load_kuka_kr300
-from pivident.recording.recording import Recording
+from pivident.foundation.errors import IdentificationError
+from pivident.loop.motion.motion import Kinematics
+from pivident.loop.simulation.control_loop import Loop, virtual_pd
+from pivident.loop.simulation.controllers import PD
 from pivident.robot.description import Robot
 from pivident.robot.gallery import load_robot
 from pivident.signals.bandpass import butterworth
-from pivident.simulation.control_loop import Loop, virtual_pd
-from pivident.simulation.controllers import PD
 
 EXAMPLE = Path(__file__).resolve().parents[1] / "examples" / "kuka_kr300"
 NAMES = ("ls", "iv", "iv-full-rate", "piv")

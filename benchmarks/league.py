@@ -22,12 +22,12 @@ from pivident.estimation.literature.filters.state_filter import StateFilter
 from pivident.estimation.method import Method
 from pivident.estimation.methods import METHODS
 from pivident.estimation.signal_recipes import Decimated
-from pivident.many.batch.runner import Processes
-from pivident.many.study.conclusion import conclude_study, write_index
-from pivident.many.study.run import run_study
-from pivident.many.study.scenario import Scenario, load_scenario
-from pivident.many.study.study_store import Store
-from pivident.many.study.summary import MethodSummary, Summary
+from pivident.studies.many.batch.runner import Processes
+from pivident.studies.many.study.conclusion import conclude_study, write_index
+from pivident.studies.many.study.run import run_study
+from pivident.studies.many.study.scenario import Scenario, load_scenario
+from pivident.studies.many.study.study_store import Store
+from pivident.studies.many.study.summary import MethodSummary, Summary
 
 #: Methods of the league. Filters by sigma points and the linear programs of set membership, which
 #: take as long as all others together, run in a league of their own, and so would particles.

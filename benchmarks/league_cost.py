@@ -14,11 +14,11 @@ import sys
 from statistics import median
 from time import process_time
 
-from pivident.common_work import shared_work
-from pivident.errors import PividentError
 from pivident.estimation.identify import identify
-from pivident.many.study.bench import Bench
-from pivident.many.study.scenario import Scenario, load_scenario
+from pivident.foundation.common_work import shared_work
+from pivident.foundation.errors import PividentError
+from pivident.studies.many.study.bench import Bench
+from pivident.studies.many.study.scenario import Scenario, load_scenario
 
 METHODS = ["all", "-particle"]
 

@@ -23,7 +23,7 @@ from tests.linear import published_systems
 from tests.linear.published_systems import Benchmark
 from tests.linear.two_impulses import TWO_IMPULSES, DiscreteBenchmark
 
-from pivident.errors import IdentificationError
+from pivident.foundation.errors import IdentificationError
 from pivident.linear.arx import arx
 from pivident.linear.estimate import LinearEstimate
 from pivident.linear.order_selection import select_orders

@@ -24,16 +24,16 @@ import numpy as np
 from benchmarks.held_out_folds import tx40_problem
 from benchmarks.kuka_kr300_blocks import EXAMPLE, held_out, loops, without_vague_inertias
 
-from pivident.errors import PividentError
+from pivident.data.recording.public_records import load_emps, load_emps_pulses, load_kuka_kr300
 from pivident.estimation.methods import METHODS
 from pivident.estimation.prefiltered_iv import PrefilteredIV
 from pivident.estimation.problem import Problem
-from pivident.many.study.scenario import league_methods
-from pivident.recording.public_records import load_emps, load_emps_pulses, load_kuka_kr300
+from pivident.foundation.errors import PividentError
+from pivident.judgement.validation.held_out.out_of_sample import OutOfSample, compare_out_of_sample
+from pivident.loop.simulation.control_loop import Loop
+from pivident.loop.simulation.controllers import Cascade
 from pivident.robot.gallery import load_robot
-from pivident.simulation.control_loop import Loop
-from pivident.simulation.controllers import Cascade
-from pivident.validation.held_out.out_of_sample import OutOfSample, compare_out_of_sample
+from pivident.studies.many.study.scenario import league_methods
 
 Errors = dict[str, float]
 

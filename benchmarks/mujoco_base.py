@@ -14,10 +14,10 @@ import mujoco
 import numpy as np
 from benchmarks.mujoco_mechanism import SUBSTEPS, friction_of, mujoco_spec, quaternion
 
+from pivident.data.recording.measured_wrenches import with_wrenches
+from pivident.data.recording.recording import Recording
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
-from pivident.recording.measured_wrenches import with_wrenches
-from pivident.recording.recording import Recording
 from pivident.robot.description import Link, Robot
 from pivident.robot.measured_base import rotations_from_quaternions, with_wrench_sensors
 from pivident.robot.wrench_sensor import WrenchSensor

@@ -1,6 +1,6 @@
 """An exported model in MuJoCo under a sampled control law, beside our own simulator.
 
-The law is the one that `pivident.simulation` compiles: it reads positions at each control sample
+The law is the one that `pivident.loop.simulation` compiles: it reads positions at each control sample
 and its torque is held over the period, during which MuJoCo makes some steps. Dry friction is
 MuJoCo's own, a constraint with a sharp sign, or the model's smooth one, put on by hand: in each
 step it is linearised about the present speed v,
@@ -16,15 +16,15 @@ from typing import Any, Literal
 
 import numpy as np
 
-from pivident.errors import ExportError, SimulationDiverged
-from pivident.export import mjcf
-from pivident.export.differences import RobotFile
-from pivident.export.joint_side import joint_side
-from pivident.export.load_back import mujoco_model
+from pivident.foundation.errors import ExportError, SimulationDiverged
+from pivident.loop.simulation.closed_loop import LoopSignals
+from pivident.loop.simulation.controllers import TAPS, Controller, SampledLaw
+from pivident.models.export import mjcf
+from pivident.models.export.differences import RobotFile
+from pivident.models.export.joint_side import joint_side
+from pivident.models.export.load_back import mujoco_model
 from pivident.models.runnable_model import RunnableModel
 from pivident.robot.friction_term import FrictionTerm
-from pivident.simulation.closed_loop import LoopSignals
-from pivident.simulation.controllers import TAPS, Controller, SampledLaw
 
 Integrator = Literal["euler", "implicitfast", "implicit", "rk4"]
 

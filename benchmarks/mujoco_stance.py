@@ -15,15 +15,16 @@ import numpy as np
 from benchmarks.mujoco_base import Accuracy, viscous_name, without_viscous
 from benchmarks.mujoco_mechanism import friction_of, mujoco_spec
 
+from pivident.data.recording.measured_wrenches import with_wrenches
+from pivident.data.recording.recording import Recording
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.closed_chains.closed_motion import ClosedChains
 from pivident.dynamics.parameters import nominal_values
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Problem
-from pivident.motion.planted_feet import on_planted_feet
-from pivident.recording.measured_wrenches import with_wrenches
-from pivident.recording.recording import Recording
+from pivident.loop.motion.planted_feet import on_planted_feet
+from pivident.loop.simulation.reference import point_to_point
 from pivident.robot.closed_chains import closed_robot
 from pivident.robot.constraints import Closure
 from pivident.robot.description import Robot
@@ -31,7 +32,6 @@ from pivident.robot.frames import Pose
 from pivident.robot.gallery import load_robot
 from pivident.robot.joints import Contact
 from pivident.robot.measured_base import BASE_JOINTS, link_places, rotations_from_quaternions
-from pivident.simulation.reference import point_to_point
 
 RATE = 500.0
 

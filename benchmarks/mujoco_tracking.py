@@ -22,18 +22,18 @@ from pathlib import Path
 import numpy as np
 from mujoco_loop import simulate_in_mujoco
 
-from pivident.consistency.consistent_model import make_consistent
 from pivident.dynamics.forward import make_model
 from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.identify import identify
 from pivident.experiment import simulated_tx40 as scenarios
 from pivident.experiment.experiment import load_experiment
-from pivident.export.load_back import verify_with_mujoco
-from pivident.export.mjcf import to_mjcf
+from pivident.loop.simulation.closed_loop import LoopSignals, simulate
+from pivident.loop.simulation.controllers import Controller
+from pivident.models.consistency.consistent_model import make_consistent
+from pivident.models.export.load_back import verify_with_mujoco
+from pivident.models.export.mjcf import to_mjcf
 from pivident.models.runnable_model import RunnableModel, runnable_model
 from pivident.robot.gallery import load_robot
-from pivident.simulation.closed_loop import LoopSignals, simulate
-from pivident.simulation.controllers import Controller
 
 #: Friction, integrator, steps per control period.
 RUNS = (

@@ -29,7 +29,7 @@ MODULES = {
     "estimation/normal_equations.py": ["tests/estimation/test_normal_equations.py"],
     "estimation/instrumental_variables.py": [
         "tests/estimation/test_instrumental_methods.py",
-        "tests/friction_laws/test_friction_laws.py",
+        "tests/studies/friction_laws/test_friction_laws.py",
         "tests/estimation/test_instrument_kinds.py",
         "tests/estimation/test_simulated_tx40.py",
     ],
@@ -46,19 +46,22 @@ MODULES = {
         "tests/dynamics/test_friction_columns.py",
     ],
     "audit/delay.py": [
-        "tests/audit/test_delay.py",
-        "tests/audit/test_sticking.py",
-        "tests/audit/test_planted_faults.py",
-        "tests/audit/test_recording_audit.py",
+        "tests/judgement/audit/test_delay.py",
+        "tests/judgement/audit/test_sticking.py",
+        "tests/judgement/audit/test_planted_faults.py",
+        "tests/judgement/audit/test_recording_audit.py",
     ],
-    "audit/order.py": ["tests/audit/test_planted_faults.py", "tests/studio/test_fixes.py"],
+    "audit/order.py": [
+        "tests/judgement/audit/test_planted_faults.py",
+        "tests/app/studio/test_fixes.py",
+    ],
     "audit/power.py": [
-        "tests/audit/test_power.py",
-        "tests/audit/test_planted_faults.py",
-        "tests/audit/test_slide_weight.py",
+        "tests/judgement/audit/test_power.py",
+        "tests/judgement/audit/test_planted_faults.py",
+        "tests/judgement/audit/test_slide_weight.py",
     ],
-    "experiment/repairs.py": ["tests/experiment/test_repairs.py", "tests/studio/test_fixes.py"],
-    "text/repair.py": ["tests/experiment/test_repairs.py", "tests/studio/test_fixes.py"],
+    "experiment/repairs.py": ["tests/experiment/test_repairs.py", "tests/app/studio/test_fixes.py"],
+    "text/repair.py": ["tests/experiment/test_repairs.py", "tests/app/studio/test_fixes.py"],
 }
 
 TURNED = {ast.Lt: ast.GtE, ast.LtE: ast.Gt, ast.Gt: ast.LtE, ast.GtE: ast.Lt, ast.Eq: ast.NotEq,

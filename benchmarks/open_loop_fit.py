@@ -21,15 +21,15 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import t as student
 
+from pivident.data.recording.recording import Recording
 from pivident.dynamics.parameters import standard_parameters
-from pivident.errors import PividentError
 from pivident.estimation.output_error.record_stretches import OpenLoop
-from pivident.recording.recording import Recording
+from pivident.foundation.errors import PividentError
+from pivident.loop.simulation.closed_loop import LoopSignals
+from pivident.loop.simulation.direction import Direction, ParametrisedLoop
+from pivident.loop.simulation.tangents import TangentBlock, simulate_with_tangents
 from pivident.robot.description import Robot
 from pivident.robot.friction import FrictionLaw
-from pivident.simulation.closed_loop import LoopSignals
-from pivident.simulation.direction import Direction, ParametrisedLoop
-from pivident.simulation.tangents import TangentBlock, simulate_with_tangents
 
 #: Samples that may set the initial state, and that the score leaves out.
 GIVEN = 20

@@ -14,9 +14,9 @@ import tempfile
 import time
 from pathlib import Path
 
-from pivident.many.study.run import run_study
-from pivident.many.study.scenario import load_scenario
-from pivident.paper import make_page
+from pivident.studies import make_page
+from pivident.studies.many.study.run import run_study
+from pivident.studies.many.study.scenario import load_scenario
 
 
 def timed(label: str, work) -> float:

@@ -26,10 +26,10 @@ import numpy as np
 from tests.load_scenario import LOAD, LoadedArm, tx40_with_load
 
 from pivident.estimation.identify import identify
-from pivident.payload.arm_and_load import KnownParts, load_columns
-from pivident.payload.identify_payload import identify_payload
-from pivident.payload.load_estimate import LoadEstimate
 from pivident.robot.description import INERTIAL
+from pivident.studies.payload.arm_and_load import KnownParts, load_columns
+from pivident.studies.payload.identify_payload import identify_payload
+from pivident.studies.payload.load_estimate import LoadEstimate
 
 UNITS = ["kg m²"] * 6 + ["kg m"] * 3 + ["kg"]
 

@@ -32,13 +32,13 @@ from benchmarks.suspended_legs import (
     write_legs,
 )
 
-from pivident.errors import PividentError
-from pivident.recording.recording import Recording
+from pivident.data.recording.recording import Recording
+from pivident.foundation.errors import PividentError
+from pivident.loop.simulation.control_loop import Loop
+from pivident.loop.simulation.controllers import PD
 from pivident.robot.mjcf import read_mjcf
-from pivident.simulation.control_loop import Loop
-from pivident.simulation.controllers import PD
-from pivident.simulators.fit_simulator import fit_simulator
-from pivident.simulators.simulator_fit import SimulatorFit
+from pivident.studies.simulators.fit_simulator import fit_simulator
+from pivident.studies.simulators.simulator_fit import SimulatorFit
 
 QUANTITIES = ("armature", "damping", "frictionloss", "bias")
 

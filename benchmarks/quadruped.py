@@ -9,14 +9,14 @@ from __future__ import annotations
 import numpy as np
 from benchmarks.mujoco_base import Accuracy, Push, mujoco_base_record, with_drawn_masses
 
-from pivident.recording.recording import Recording
+from pivident.data.recording.recording import Recording
+from pivident.loop.simulation.reference import point_to_point
 from pivident.robot.description import Joint, Link, Robot
 from pivident.robot.frames import Pose, rotation_from_rpy, rotation_from_z_to
 from pivident.robot.friction import DEFAULT_FRICTION
 from pivident.robot.measured_base import with_floating_base
 from pivident.robot.transmission import Transmission
 from pivident.robot.wrench_sensor import WrenchSensor
-from pivident.simulation.reference import point_to_point
 
 RATE = 500.0
 

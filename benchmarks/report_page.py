@@ -18,7 +18,7 @@ from pathlib import Path
 from tests.browser import BROWSER, told
 from tests.synthetic_identification import synthetic_identification
 
-from pivident.report.builder import render_report
+from pivident.judgement.report.builder import render_report
 
 SAMPLES, RATE, METHODS = 45_000, 5000.0, ("IDIM-LS", "IDIM-IV", "IDIM-PIV")
 

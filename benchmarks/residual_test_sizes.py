@@ -17,6 +17,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 import pivident as pv
+from pivident.data.recording.recording import Recording
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import nominal_values
@@ -24,16 +25,19 @@ from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.prefiltered_iv import PrefilteredIV
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import RandomWalk
-from pivident.motion.motion import torque_of
-from pivident.recording.recording import Recording
+from pivident.judgement.validation.residuals.autocorrelation import (
+    JointResidual,
+    durbin_watson,
+    ljung_box,
+)
+from pivident.judgement.validation.residuals.cross_correlation import variance_test
+from pivident.judgement.validation.residuals.residual_tests import normality, residual_tests
+from pivident.loop.motion.motion import torque_of
+from pivident.loop.simulation.closed_loop import LoopSignals, simulate
+from pivident.loop.simulation.controllers import PD
+from pivident.loop.simulation.reference import point_to_point
 from pivident.robot.gallery import load_robot
 from pivident.signals.noise_models import fit_ar, lagged_sums, whiten
-from pivident.simulation.closed_loop import LoopSignals, simulate
-from pivident.simulation.controllers import PD
-from pivident.simulation.reference import point_to_point
-from pivident.validation.residuals.autocorrelation import JointResidual, durbin_watson, ljung_box
-from pivident.validation.residuals.cross_correlation import variance_test
-from pivident.validation.residuals.residual_tests import normality, residual_tests
 
 SAMPLES = 1500
 COLOUR = np.poly([0.9 * np.exp(0.5j), 0.9 * np.exp(-0.5j), 0.6, -0.5]).real

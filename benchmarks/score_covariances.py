@@ -23,9 +23,9 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from pivident.errors import IdentificationError
 from pivident.estimation.covariance.windows import WINDOWS
-from pivident.validation.instruments.moment_sums import kept_equations
+from pivident.foundation.errors import IdentificationError
+from pivident.judgement.validation.instruments.moment_sums import kept_equations
 
 if TYPE_CHECKING:
     from pivident.estimation.identification import Identification

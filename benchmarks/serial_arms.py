@@ -16,7 +16,7 @@ from collections.abc import Callable
 import numpy as np
 
 import pivident as pv
-from pivident.simulation import virtual_pd
+from pivident.loop import virtual_pd
 
 ROBOTS = ("staubli_tx40", "mitsubishi_rv2sq", "planar_2r", "emps")
 

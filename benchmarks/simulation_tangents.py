@@ -16,11 +16,11 @@ import numpy as np
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.experiment.simulated_tx40 import RATE, TX40_ESSENTIAL, tx40_reference
+from pivident.loop.simulation.closed_loop import LoopSignals, simulate_blocks
+from pivident.loop.simulation.controllers import PD
+from pivident.loop.simulation.direction import Direction, ParametrisedLoop
+from pivident.loop.simulation.tangents import tangent_blocks
 from pivident.robot.gallery import load_robot
-from pivident.simulation.closed_loop import LoopSignals, simulate_blocks
-from pivident.simulation.controllers import PD
-from pivident.simulation.direction import Direction, ParametrisedLoop
-from pivident.simulation.tangents import tangent_blocks
 
 SAMPLES = 34_500
 REPEATS = 5

@@ -31,8 +31,8 @@ from speed.workloads import simulated_record, whole_job
 
 import pivident as pv
 from pivident.experiment import simulated_tx40 as scenarios
+from pivident.loop.simulation.simulated_record import Noise
 from pivident.robot.friction import FrictionLaw, coulomb, offset, stribeck, viscous
-from pivident.simulation.simulated_record import Noise
 
 #: Fewest rounds whose memory makes a slope.
 MIN_ROUNDS = 6

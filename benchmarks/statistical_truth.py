@@ -24,13 +24,13 @@ from pathlib import Path
 import numpy as np
 from benchmarks.torque_bound import bound
 
-from pivident.errors import PividentError
 from pivident.estimation.identify import identify
 from pivident.estimation.instrumental_variables import InstrumentalVariables
 from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.methods import METHODS
 from pivident.estimation.signal_recipes import Bandpass
 from pivident.experiment import simulated_tx40 as scenarios
+from pivident.foundation.errors import PividentError
 
 ENDS_KEPT = Bandpass(decimation=(10, 10), convention="scipy", edge=0)
 

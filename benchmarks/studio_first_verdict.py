@@ -19,7 +19,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from tests.studio.browsing import browsing, served
+from tests.app.studio.browsing import browsing, served
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 

@@ -32,15 +32,15 @@ import numpy as np
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
 from pivident.dynamics.forward import mass_matrix as numeric_mass_matrix
 from pivident.dynamics.robot_regressor import regressor_of
+from pivident.models.symbolic.assignments import closings_of
+from pivident.models.symbolic.closed_symbols import closed_symbols
+from pivident.models.symbolic.newton_euler import inverse_model
+from pivident.models.symbolic.print_c import c_source
+from pivident.models.symbolic.program import Program
+from pivident.models.symbolic.robot_models import symbolic_models
 from pivident.robot.description import Robot
 from pivident.robot.gallery import gallery_names, load_robot
 from pivident.robot.modified_dh import parse_modified_dh
-from pivident.symbolic.assignments import closings_of
-from pivident.symbolic.closed_symbols import closed_symbols
-from pivident.symbolic.newton_euler import inverse_model
-from pivident.symbolic.print_c import c_source
-from pivident.symbolic.program import Program
-from pivident.symbolic.robot_models import symbolic_models
 
 SAMPLES = 20_000
 TURNS = 15

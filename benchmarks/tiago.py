@@ -19,11 +19,11 @@ from pathlib import Path
 import numpy as np
 
 from pivident import load_experiment
+from pivident.data.logs.tables.read_csv import read_csv
+from pivident.data.recording.datasets import ENVIRONMENT
 from pivident.estimation.identify import identify
-from pivident.init.draft import Draft, draft_experiment
-from pivident.logs.tables.read_csv import read_csv
-from pivident.recording.datasets import ENVIRONMENT
-from pivident.validation.held_out.prediction import Judge, PredictionError
+from pivident.experiment.init.draft import Draft, draft_experiment
+from pivident.judgement.validation.held_out.prediction import Judge, PredictionError
 
 #: Rows of the useful window, and the share of them that is fitted.
 ROWS, FITTED = (921, 6791), 0.7

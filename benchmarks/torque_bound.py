@@ -28,7 +28,7 @@ import numpy as np
 import pinocchio as pin
 
 from pivident.experiment import simulated_tx40 as scenarios
-from pivident.simulation.simulated_record import Noise
+from pivident.loop.simulation.simulated_record import Noise
 
 #: Every which sample of the motion the sensitivities are computed at.
 STEP = 5

@@ -19,13 +19,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from tests.seven_axis_arm import seven_axis_log
 
-from pivident.audit.inverse_model import build_inverse_model
-from pivident.audit.timing import check_timing
-from pivident.check.torque_side import TorqueSideEvidence, torque_side_evidence
-from pivident.errors import DatasetUnavailable
+from pivident.data.logs.log import Log
+from pivident.experiment.check.torque_side import TorqueSideEvidence, torque_side_evidence
 from pivident.experiment.experiment import load_experiment
 from pivident.experiment.recording_tables import log_of
-from pivident.logs.log import Log
+from pivident.foundation.errors import DatasetUnavailable
+from pivident.judgement.audit.inverse_model import build_inverse_model
+from pivident.judgement.audit.timing import check_timing
 from pivident.robot.description import Robot
 from pivident.robot.urdf import parse_urdf
 

@@ -35,7 +35,7 @@ from benchmarks.trapped_logs.running import Outcome, identify, pivident
 from benchmarks.trapped_logs.tables import Row, evidence_table, summary, verdict_table
 from benchmarks.trapped_logs.visible import INAPPLICABLE
 
-from pivident.recording.datasets import ENVIRONMENT
+from pivident.data.recording.datasets import ENVIRONMENT
 
 #: Largest relative difference of the least-squares error between a log and its plain columns.
 SAME = 0.005

@@ -18,15 +18,20 @@ from pathlib import Path
 
 import numpy as np
 
+from pivident.data.recording.public_records import load_kuka_kr300
 from pivident.estimation.identify import identify
 from pivident.estimation.problem import Problem
-from pivident.flexibility.compliance import identify_compliances
-from pivident.flexibility.joint_study import rigid_validity
-from pivident.flexibility.resonance import find_resonance
-from pivident.flexibility.simulated_joint import MotorLoop, Sensors, TwoMassJoint, simulate_joint
-from pivident.flexibility.two_mass import identify_two_mass
-from pivident.recording.public_records import load_kuka_kr300
 from pivident.robot.gallery import load_robot
+from pivident.studies.flexibility.compliance import identify_compliances
+from pivident.studies.flexibility.joint_study import rigid_validity
+from pivident.studies.flexibility.resonance import find_resonance
+from pivident.studies.flexibility.simulated_joint import (
+    MotorLoop,
+    Sensors,
+    TwoMassJoint,
+    simulate_joint,
+)
+from pivident.studies.flexibility.two_mass import identify_two_mass
 
 EXAMPLE = Path(__file__).resolve().parents[1] / "examples" / "kuka_kr300"
 RATE, DURATION = 1000.0, 10.0

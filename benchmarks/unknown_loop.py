@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pivident.control_law.unknown_loop import reconstruct_loop
+from pivident.estimation.control_law.unknown_loop import reconstruct_loop
 from pivident.estimation.identify import identify
 from pivident.experiment import simulated_tx40 as scenarios
 

@@ -14,14 +14,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pivident.errors import IdentificationError
+from pivident.data.recording.recording import Recording
 from pivident.estimation.identify import identify
 from pivident.estimation.problem import Problem
-from pivident.recording.recording import Recording
+from pivident.foundation.errors import IdentificationError
+from pivident.loop.simulation.control_loop import Loop
+from pivident.loop.simulation.controllers import PD
+from pivident.loop.simulation.simulated_record import SimulatedRecord, simulate
 from pivident.robot.gallery import load_robot
-from pivident.simulation.control_loop import Loop
-from pivident.simulation.controllers import PD
-from pivident.simulation.simulated_record import SimulatedRecord, simulate
 
 LOOP = Loop(PD([6000.0, 2500.0], [180.0, 60.0]))
 RATE = 1000.0

@@ -54,7 +54,7 @@ def _figures_are_checked():
     import numpy as np
     import plotly.graph_objects as go
 
-    from pivident.report import builder
+    from pivident.judgement.report import builder
 
     written, seen = builder.to_json, set()
 

@@ -9,7 +9,6 @@ from typing import Literal
 
 import numpy as np
 
-from pivident.compiled import allocating
 from pivident.dynamics.closed_chains.closed_dynamics import (
     ClosedModel,
 )
@@ -35,7 +34,8 @@ from pivident.dynamics.kernels import (
     rigid_body_work,
 )
 from pivident.dynamics.parameters import Parameter
-from pivident.errors import MassMatrixNotPositiveDefinite
+from pivident.foundation.compiled import allocating
+from pivident.foundation.errors import MassMatrixNotPositiveDefinite
 from pivident.robot.description import Robot
 
 

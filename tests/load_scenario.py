@@ -10,15 +10,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pivident.drives.drive_equations import motor_coupling
-from pivident.drives.known_payload import Payload
+from pivident.data.recording.recording import Recording
+from pivident.estimation.drives.drive_equations import motor_coupling
+from pivident.estimation.drives.known_payload import Payload
 from pivident.estimation.problem import Problem
 from pivident.experiment.simulated_tx40 import _KD, _KP
-from pivident.recording.recording import Recording
+from pivident.loop.simulation.control_loop import Loop
+from pivident.loop.simulation.controllers import PD
+from pivident.loop.simulation.simulated_record import stream
 from pivident.robot.gallery import load_robot
-from pivident.simulation.control_loop import Loop
-from pivident.simulation.controllers import PD
-from pivident.simulation.simulated_record import stream
 from tests.payload_scenario import tx40_in_amperes
 
 #: One kilogram on the flange, beside its axis, with an inertia that is not aligned with it.

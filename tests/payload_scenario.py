@@ -11,21 +11,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pivident.drives.drive_equations import motor_coupling
-from pivident.drives.known_payload import Payload
+from pivident.data.recording.recording import Recording
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import nominal_values
+from pivident.estimation.drives.drive_equations import motor_coupling
+from pivident.estimation.drives.known_payload import Payload
 from pivident.estimation.problem import Problem
 from pivident.experiment.simulated_tx40 import _KD, _KP, _KTAU
-from pivident.recording.recording import Recording
+from pivident.loop.simulation.closed_loop import LoopSignals, simulate
+from pivident.loop.simulation.control_loop import Loop
+from pivident.loop.simulation.controllers import PD
+from pivident.loop.simulation.reference import point_to_point
+from pivident.loop.simulation.simulated_record import Noise, stream
 from pivident.robot.description import Robot
 from pivident.robot.gallery import load_robot
-from pivident.simulation.closed_loop import LoopSignals, simulate
-from pivident.simulation.control_loop import Loop
-from pivident.simulation.controllers import PD
-from pivident.simulation.reference import point_to_point
-from pivident.simulation.simulated_record import Noise, stream
 
 #: Two kilograms beside the axis of the flange: a cylinder of 8 cm diameter and 5 cm height.
 PAYLOAD = Payload(
@@ -38,7 +38,7 @@ PAYLOAD = Payload(
 RATE = 2000.0
 
 #: Stream of random numbers of the current sensors, beside those of
-#: `pivident.simulation.simulated_record`.
+#: `pivident.loop.simulation.simulated_record`.
 CURRENT = 7
 
 

@@ -4,13 +4,13 @@ from functools import cache
 
 import numpy as np
 
+from pivident.data.recording.recording import Recording
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
 from pivident.estimation.problem import Problem
-from pivident.recording.recording import Recording
+from pivident.loop.simulation.control_loop import Loop
+from pivident.loop.simulation.controllers import PD
 from pivident.robot.gallery import load_robot
-from pivident.simulation.control_loop import Loop
-from pivident.simulation.controllers import PD
 from tests.planar_log import RATE, planar_log
 
 LAW = PD(kp=[6000, 2500], kd=[180, 60])

@@ -5,15 +5,15 @@ from functools import cache
 
 import numpy as np
 
-from pivident.diagnostics.diagnostics import Diagnostics, diagnose
+from pivident.data.recording.recording import Recording
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
 from pivident.estimation.method import Method
 from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Problem
-from pivident.recording.recording import Recording
+from pivident.judgement.diagnostics.diagnostics import Diagnostics, diagnose
+from pivident.loop.simulation.control_loop import Loop
 from pivident.robot.gallery import load_robot
-from pivident.simulation.control_loop import Loop
 from tests.planar_log import RATE, planar_log
 from tests.planar_results import LAW
 

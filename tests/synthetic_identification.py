@@ -5,22 +5,26 @@ from dataclasses import replace
 import numpy as np
 from scipy.signal import lfilter
 
-from pivident.control_law.identified_law import ControllerIdentification
-from pivident.control_law.joint_law import JointLaw
-from pivident.control_law.reference_reconstruction import Move, PointToPoint, ReconstructedReference
-from pivident.control_law.unknown_loop import Feedback
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
+from pivident.estimation.control_law.identified_law import ControllerIdentification
+from pivident.estimation.control_law.joint_law import JointLaw
+from pivident.estimation.control_law.reference_reconstruction import (
+    Move,
+    PointToPoint,
+    ReconstructedReference,
+)
+from pivident.estimation.control_law.unknown_loop import Feedback
 from pivident.estimation.equation_record import FittedRecording
 from pivident.estimation.identification import (
     Identification,
     Iteration,
     JointFit,
 )
+from pivident.loop.simulation.control_loop import Loop
+from pivident.loop.simulation.linear_law import LinearLaw
 from pivident.robot.gallery import load_robot
-from pivident.simulation.control_loop import Loop
-from pivident.simulation.linear_law import LinearLaw
 
 
 def true_parameters(robot_name: str = "planar_2r") -> dict[str, float]:

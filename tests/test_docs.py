@@ -4,13 +4,13 @@ from pathlib import Path
 
 import pytest
 
+from pivident.data.recording.recording import Recording
 from pivident.estimation.methods import METHODS
 from pivident.experiment import consistency_keys, excite_keys, identify_table, schema
 from pivident.experiment.manual import fields_of, words_of
-from pivident.options import declarations, default_of
-from pivident.recording.recording import Recording
+from pivident.foundation.options import declarations, default_of
+from pivident.foundation.text.toml_values import value_text
 from pivident.robot.mdh_schema import Entry, declared_of
-from pivident.text.toml_values import value_text
 from tests.manual_page import PAGE, TABLES, heading_of, page, sections
 
 TEXT = PAGE.read_text("utf-8")

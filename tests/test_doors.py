@@ -70,7 +70,7 @@ def test_every_door_closed_at_once(installation_without, tmp_path):
 _COMMANDS_IN_THE_CHILD = """
 import contextlib, io, json, sys
 import pivident
-from pivident.cli.app import main
+from pivident.app.cli.app import main
 
 class AllButHidden:
     hidden = ""
@@ -126,7 +126,7 @@ def test_a_package_that_is_not_there_is_named_as_one_that_is_hidden(
 def test_no_door_is_opened_before_a_command_needs_it(tmp_path):
     """So the command line, the report and notebooks do without each of them."""
     code = (
-        "import sys, pivident.cli.workflow, pivident.report.builder, pivident.notebook.displays; "
+        "import sys, pivident.app.cli.workflow, pivident.judgement.report.builder, pivident.app.notebook.displays; "
         "print(*{n.split('.')[1] for n in sys.modules if n.startswith('pivident.')})"
     )
     found = run(SOURCE.parent, tmp_path, "-c", code)

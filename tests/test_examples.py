@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pivident.excitation import load_design
 from pivident.experiment.experiment import load_experiment
 from pivident.robot.gallery import load_robot
+from pivident.studies import load_design
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 

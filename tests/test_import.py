@@ -31,7 +31,7 @@ def test_import_loads_nothing_heavy():
 
 def test_command_line_help_loads_neither_numerics_nor_markdown():
     code = (
-        "import sys; from pivident.cli import main; main(['--help']); "
+        "import sys; from pivident.app.cli import main; main(['--help']); "
         "heavy = ('numpy', 'scipy', 'numba', 'pydantic', 'markdown_it'); "
         "print([m for m in heavy if m in sys.modules])"
     )

@@ -68,8 +68,8 @@ def package(name: str) -> str:
     return name.split(".")[1] if "." in name else ""
 
 
-#: The one exception: ``pivident.tables`` lists the tables of studies and fleets with all others.
-TABLES_OF_STUDIES = ("pivident.tables.chosen", "many")
+#: The one exception: ``pivident.studies.tables`` lists the tables of studies and fleets with all others.
+TABLES_OF_STUDIES = ("pivident.studies.tables.chosen", "many")
 
 
 def named(text: str) -> str:
@@ -105,10 +105,10 @@ def imported(name: str) -> tuple[tuple[str, int], ...]:
 
 
 def test_strings_that_are_imported_from_count_as_imports():
-    module = "pivident.audit.recording_audit"
+    module = "pivident.judgement.audit.recording_audit"
     assert named(f"{module}:x") == named(f"{module}.x") == module
     assert not named(module) and not named("pivident.identify")
-    assert not named("pivident.audit.no_module.at_all")
+    assert not named("pivident.judgement.audit.no_module.at_all")
 
 
 @cache

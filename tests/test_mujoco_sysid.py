@@ -7,8 +7,8 @@ import pytest
 
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
-from pivident.simulation.closed_loop import LoopSignals, simulate
-from pivident.simulation.direction import ParametrisedLoop
+from pivident.loop.simulation.closed_loop import LoopSignals, simulate
+from pivident.loop.simulation.direction import ParametrisedLoop
 
 mujoco = pytest.importorskip("mujoco")
 

@@ -164,8 +164,8 @@ def test_commands_take_logs_of_the_reader(plugin, command):
 
 def test_the_studio_takes_logs_of_the_reader(plugin):
     code = (
-        "from pivident.logs.tables.tables import is_log; from pivident.studio.projects import "
-        "Projects; from pivident.studio.uploads import target; from pathlib import Path; "
+        "from pivident.data.logs.tables.tables import is_log;"
+        "Projects; from pivident.app.studio.uploads import target; from pathlib import Path; "
         "print(is_log('LOG.PAIRS'), target(Projects(Path('studio')).create('p'), 'a.pairs').name)"
     )
     done = plugin.python("-c", code)
@@ -239,8 +239,8 @@ def test_the_method_is_one_of_all(plugin, result, tmp_path):
         "from pivident.estimation.methods import METHODS; "
         "from pivident.experiment.identify_table import METHOD_ENTRIES; "
         "from pivident.experiment.manual import rows_of; "
-        "from pivident.studio.methods import method_context; "
-        "from pivident.studio.studio import Content; "
+        "from pivident.app.studio.methods import method_context; "
+        "from pivident.app.studio.studio import Content; "
         "found = load_identification('absolute/least-absolute'); "
         "text = 'recording = {files = \\'log.csv\\'}'; "
         "groups = method_context(Content(text), {}, [])['groups']; "
@@ -332,9 +332,9 @@ def test_the_finding_is_said_by_check_and_audit_and_its_repair_sets_it_right(res
     assert edit["place"] == ["recording", "part"]
     code = (
         "import json; from pathlib import Path; "
-        "from pivident.check.experiment_check import check_experiment; "
+        "from pivident.experiment.check.experiment_check import check_experiment; "
         "from pivident.experiment.edited_file import edited; "
-        "from pivident.studio.fixes import fixes; file = Path('experiment.toml'); "
+        "from pivident.app.studio.fixes import fixes; file = Path('experiment.toml'); "
         "look = lambda: [r.as_json() for r in check_experiment(file).remarks "
         "if r.kind == 'quiet end']; "
         "(remark,) = look(); (fix,) = fixes(remark, file.read_text()); "

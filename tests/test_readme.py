@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from pivident.cli import main
-from pivident.cli.app import app
+from pivident.app.cli import main
+from pivident.app.cli.app import app
 from tests.docs.preparations import first_logs
 from tests.planar_log import planar_truth, write_log
 

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from pivident.foundation.text.toml_values import value_text
 from pivident.robot import mdh_schema as schema
 from pivident.robot.mdh_schema import Entry
-from pivident.text.toml_values import value_text
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 TEXT = (DOCS / "robot_file.md").read_text("utf-8")

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 from benchmarks.excitation.ur10e import write_urdf
 
-from pivident.collision import Clearances, Outline, built_apart, outline_of
-from pivident.collision.obstacles import upward
-from pivident.collision.room import obstacles_of_entries
 from pivident.experiment.excite_keys import ExciteEntry
 from pivident.robot.description import Robot
 from pivident.robot.friction import FrictionLaw
 from pivident.robot.gallery import load_robot
 from pivident.robot.urdf import read_urdf
+from pivident.studies import Clearances, Outline, built_apart, outline_of
+from pivident.studies.collision.obstacles import upward
+from pivident.studies.collision.room import obstacles_of_entries
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,18 +15,18 @@ import time
 
 import numpy as np
 
-from pivident.collision.room import clearances_of_room
-from pivident.excitation.checked_motion import FineCheck, with_more_room
-from pivident.excitation.criteria import condition_number
-from pivident.excitation.design_motion import _designed
-from pivident.excitation.design_task import DesignTask
-from pivident.excitation.knowledge import knowledge
-from pivident.excitation.limits import PLANNED_SHARE, ROOM, joint_limits
-from pivident.excitation.questions import robot_question
-from pivident.excitation.request import DesignRequest
-from pivident.excitation.search import random_coefficients
 from pivident.experiment.excite_keys import ExciteEntry
 from pivident.robot.gallery import load_robot
+from pivident.studies.collision.room import clearances_of_room
+from pivident.studies.excitation.checked_motion import FineCheck, with_more_room
+from pivident.studies.excitation.criteria import condition_number
+from pivident.studies.excitation.design_motion import _designed
+from pivident.studies.excitation.design_task import DesignTask
+from pivident.studies.excitation.knowledge import knowledge
+from pivident.studies.excitation.limits import PLANNED_SHARE, ROOM, joint_limits
+from pivident.studies.excitation.questions import robot_question
+from pivident.studies.excitation.request import DesignRequest
+from pivident.studies.excitation.search import random_coefficients
 
 POOR = 1000.0
 

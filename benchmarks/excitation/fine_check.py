@@ -16,12 +16,11 @@ import coal
 import numpy as np
 import pinocchio
 
-from pivident.collision import Body, Clearances, Obstacle, exact_distances
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
-from pivident.excitation import JointLimits
 from pivident.robot.description import Robot
+from pivident.studies import Body, Clearances, JointLimits, Obstacle, exact_distances
 
 #: What rounding in the file, and the tolerance of coal, may take: share of a limit, and [m].
 SHARE, TOLERANCE = 1e-6, 1e-5

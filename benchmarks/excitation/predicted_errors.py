@@ -15,9 +15,9 @@ import argparse
 import numpy as np
 
 import pivident as pv
-from pivident.excitation import DesignRequest, design_motion
 from pivident.experiment.simulated_tx40 import _KD, _KP, _KTAU
 from pivident.robot.gallery import load_robot
+from pivident.studies import DesignRequest, design_motion
 
 DESIGNS = (
     ("fourier", "a", 10.0),

@@ -28,19 +28,19 @@ from benchmarks.excitation.fine_check import FineResult, check
 
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.regressor import Regressor
-from pivident.errors import ExperimentError
-from pivident.excitation import Design, DesignRequest, design_motion, write_design
-from pivident.excitation.checked_motion import FINER, FineCheck, with_more_room
-from pivident.excitation.criteria import standard_errors
-from pivident.excitation.design_task import SAMPLES, DesignTask
-from pivident.excitation.excite_table import limits_of
-from pivident.excitation.knowledge import knowledge
-from pivident.excitation.limits import PLANNED_SHARE, ROOM
-from pivident.excitation.motions import ExcitingMotion
-from pivident.excitation.questions import robot_question
-from pivident.excitation.search import random_coefficients
 from pivident.experiment.excite_keys import ExciteEntry
-from pivident.text.plain_table import plain_table
+from pivident.foundation.errors import ExperimentError
+from pivident.foundation.text.plain_table import plain_table
+from pivident.studies import Design, DesignRequest, design_motion, write_design
+from pivident.studies.excitation.checked_motion import FINER, FineCheck, with_more_room
+from pivident.studies.excitation.criteria import standard_errors
+from pivident.studies.excitation.design_task import SAMPLES, DesignTask
+from pivident.studies.excitation.excite_table import limits_of
+from pivident.studies.excitation.knowledge import knowledge
+from pivident.studies.excitation.limits import PLANNED_SHARE, ROOM
+from pivident.studies.excitation.motions import ExcitingMotion
+from pivident.studies.excitation.questions import robot_question
+from pivident.studies.excitation.search import random_coefficients
 
 MOTIONS = ("fourier", "splines", "postures")
 

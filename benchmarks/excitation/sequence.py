@@ -21,16 +21,16 @@ import numpy as np
 import pivident as pv
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
-from pivident.excitation import Design, DesignRequest, design_motion
-from pivident.excitation.design_task import DesignTask
-from pivident.excitation.knowledge import knowledge
-from pivident.excitation.limits import joint_limits
-from pivident.excitation.questions import robot_question
 from pivident.experiment.simulated_tx40 import _KD, _KP, _KTAU, TX40_ESSENTIAL
+from pivident.loop import virtual_pd
+from pivident.loop.simulation.reference import point_to_point
 from pivident.robot.description import Robot
 from pivident.robot.gallery import load_robot
-from pivident.simulation import virtual_pd
-from pivident.simulation.reference import point_to_point
+from pivident.studies import Design, DesignRequest, design_motion
+from pivident.studies.excitation.design_task import DesignTask
+from pivident.studies.excitation.knowledge import knowledge
+from pivident.studies.excitation.limits import joint_limits
+from pivident.studies.excitation.questions import robot_question
 
 RATE = 1000.0
 

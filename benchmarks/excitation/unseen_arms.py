@@ -25,7 +25,7 @@ from benchmarks.unknown_arms.simulator import simulate
 from benchmarks.unknown_arms.truth import Machine
 from benchmarks.unknown_arms.user import use
 
-from pivident.excitation import Design, DesignRequest, design_motion, joint_limits, write_design
+from pivident.studies import Design, DesignRequest, design_motion, joint_limits, write_design
 
 METHODS = ("ls", "iv-full-rate", "piv")
 

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pivident as pv
-from pivident.errors import PividentError
-from pivident.model_errors.coupling_errors import COUPLED
+from pivident.foundation.errors import PividentError
+from pivident.judgement.model_errors.coupling_errors import COUPLED
 
 from .misfit import misfit
 from .models import FORCED, Forced

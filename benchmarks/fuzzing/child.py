@@ -44,7 +44,7 @@ class Judge:
 
     def __init__(self, name: str, folder: Path) -> None:
         from fuzzing.readers import READERS
-        from pivident.errors import PividentError
+        from pivident.foundation.errors import PividentError
 
         self.name, self.folder, self.reader = name, folder, READERS[name]
         self.expected: type[BaseException] = PividentError

@@ -20,8 +20,8 @@ JSON_CHUNKS = (
 
 
 def manifest_seed() -> bytes:
-    from pivident.many.study.scenario import read_scenario
-    from pivident.many.study.study_store import Store
+    from pivident.studies.many.study.scenario import read_scenario
+    from pivident.studies.many.study.study_store import Store
 
     with tempfile.TemporaryDirectory() as folder:
         scenario = read_scenario(STUDY.decode().split("[vary")[0], "study")
@@ -33,6 +33,7 @@ def manifest_seed() -> bytes:
 @cache
 def result_seeds() -> tuple[bytes, bytes]:
     """An identification of the planar arm, and the model made of it, as they are stored."""
+    from pivident.data.recording.recording import Recording
     from pivident.dynamics.parameters import nominal_values, standard_parameters
     from pivident.dynamics.regressor import Regressor
     from pivident.estimation.identification_file import to_json
@@ -40,7 +41,6 @@ def result_seeds() -> tuple[bytes, bytes]:
     from pivident.estimation.problem import Problem
     from pivident.models import model_json
     from pivident.models.runnable_model import runnable_model
-    from pivident.recording.recording import Recording
     from pivident.robot.gallery import load_robot
 
     robot, t = load_robot("planar_2r"), np.arange(3000)[:, None] / 500.0

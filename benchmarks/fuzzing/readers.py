@@ -105,13 +105,13 @@ def _experiment(path: Path) -> object:
 
 
 def _study(path: Path) -> object:
-    from pivident.many.study.scenario import load_scenario
+    from pivident.studies.many.study.scenario import load_scenario
 
     return load_scenario(path).hash
 
 
 def _table(path: Path) -> object:
-    from pivident.logs.tables.tables import names_in, read_table, unread_in
+    from pivident.data.logs.tables.tables import names_in, read_table, unread_in
 
     names = names_in(path)
     unread_in(path)
@@ -120,15 +120,15 @@ def _table(path: Path) -> object:
 
 def _audited(path: Path) -> object:
     """Reading as the audit does it, which forgives more."""
-    from pivident.logs.described_log import bare_log
+    from pivident.data.logs.described_log import bare_log
 
     return bare_log(path)
 
 
 def _manifest(path: Path) -> object:
     """Opening the results folder of a study whose manifest this is."""
-    from pivident.many.study.scenario import read_scenario
-    from pivident.many.study.study_store import Store
+    from pivident.studies.many.study.scenario import read_scenario
+    from pivident.studies.many.study.study_store import Store
 
     store = Store(path.parent)
     store.programs()

@@ -16,7 +16,7 @@ import time
 import numpy as np
 
 import pivident as pv
-from pivident.errors import PividentError
+from pivident.foundation.errors import PividentError
 
 from .cases import Case, make_case
 from .faults import FAULTS, is_possible

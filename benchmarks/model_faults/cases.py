@@ -11,9 +11,9 @@ from benchmarks.unknown_arms import motion as motions
 from benchmarks.unknown_arms.truth import true_base_parameters
 
 import pivident as pv
-from pivident.control_law.unknown_loop import reconstruct_loop
 from pivident.dynamics.base_parameters import base_parameters
-from pivident.errors import IdentificationError
+from pivident.estimation.control_law.unknown_loop import reconstruct_loop
+from pivident.foundation.errors import IdentificationError
 from pivident.robot.description import Coupling, Robot
 from pivident.robot.friction import FrictionLaw, coulomb, offset, viscous
 from pivident.robot.transmission import Transmission

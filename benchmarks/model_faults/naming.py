@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 import pivident as pv
-from pivident.audit.recording_audit import recording_faults
-from pivident.model_errors import ModelErrors, corrections, named_causes, with_corrections
-from pivident.text.finding import Finding
+from pivident.foundation.text.finding import Finding
+from pivident.judgement import ModelErrors, corrections, named_causes, with_corrections
+from pivident.judgement.audit.recording_audit import recording_faults
 
 from .cases import Case, make_case
 from .faults import Cause, is_possible

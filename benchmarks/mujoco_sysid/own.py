@@ -10,13 +10,13 @@ from time import perf_counter, process_time
 import numpy as np
 
 import pivident as pv
-from pivident.errors import ExperimentError
 from pivident.estimation.methods import METHODS
 from pivident.estimation.output_error.output_error import OutputError
+from pivident.foundation.errors import ExperimentError
+from pivident.loop.simulation.control_loop import Loop
+from pivident.loop.simulation.controllers import TAPS, SampledLaw
 from pivident.robot.friction import FrictionLaw
 from pivident.robot.mjcf import read_mjcf
-from pivident.simulation.control_loop import Loop
-from pivident.simulation.controllers import TAPS, SampledLaw
 
 from .arm import STEP, Bodies, mjcf
 from .record import Record

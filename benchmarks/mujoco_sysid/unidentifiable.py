@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from pivident.dynamics.base_parameters import base_parameters
-from pivident.errors import RankDeficientRegressor
+from pivident.foundation.errors import RankDeficientRegressor
 from pivident.robot.friction import FrictionLaw, coulomb, viscous
 
 from .arm import SHORT_TIME, Bodies, Chain, reference

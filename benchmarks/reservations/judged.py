@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 import pivident as pv
-from pivident.diagnostics.diagnostics import diagnose
-from pivident.diagnostics.trials import Trial
-from pivident.diagnostics.verdict import Verdict, verdict
-from pivident.text.plain_values import plain
+from pivident.foundation.text.plain_values import plain
+from pivident.judgement.diagnostics.diagnostics import diagnose
+from pivident.judgement.diagnostics.trials import Trial
+from pivident.judgement.diagnostics.verdict import Verdict, verdict
 
 from .records import Made, Wanted, make
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pivident.many.study.summary import wilson_interval
+from pivident.studies.many.study.summary import wilson_interval
 
 from .judged import names_fault, reservations
 from .records import FAMILIES, NONE, PLANTED

@@ -10,18 +10,18 @@ from pathlib import Path
 
 import numpy as np
 
-from pivident.audit.audit import audit_log
-from pivident.cli.workflow import Results, identify_all, write_results
-from pivident.diagnostics.diagnostics import diagnose
-from pivident.diagnostics.verdict import verdict
-from pivident.errors import Attempts, PividentError
+from pivident.app.cli.workflow import Results, identify_all, write_results
+from pivident.data.logs.log import Log
 from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Problem
 from pivident.experiment.experiment import load_experiment
-from pivident.logs.log import Log
-from pivident.simulation.control_loop import Loop
-from pivident.simulation.controllers import PD
-from pivident.simulation.simulated_record import simulate
+from pivident.foundation.errors import Attempts, PividentError
+from pivident.judgement.audit.audit import audit_log
+from pivident.judgement.diagnostics.diagnostics import diagnose
+from pivident.judgement.diagnostics.verdict import verdict
+from pivident.loop.simulation.control_loop import Loop
+from pivident.loop.simulation.controllers import PD
+from pivident.loop.simulation.simulated_record import simulate
 
 from .workloads import arm, simulated_record, whole_job
 

@@ -12,9 +12,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from pivident.loop.simulation.closed_loop import LoopSignals
+from pivident.loop.simulation.controllers import PD
 from pivident.robot.description import Robot
-from pivident.simulation.closed_loop import LoopSignals
-from pivident.simulation.controllers import PD
 
 #: Smallest mass and inertia that the other simulator accepts.
 _LEAST = 1e-3

@@ -15,10 +15,10 @@ from pivident.estimation.identify import identify
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.signal_recipes import RandomWalk
 from pivident.experiment import simulated_tx40 as scenarios
+from pivident.foundation.threads import thread_count
+from pivident.loop.simulation.closed_loop import simulate
 from pivident.robot.gallery import load_robot
 from pivident.signals.random_walk import smooth
-from pivident.simulation.closed_loop import simulate
-from pivident.threads import thread_count
 
 from . import figaroh_peer, mujoco_peer, pinocchio_peer
 from .report import RESULTS

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from pivident.dynamics.base_parameters import base_parameters
-from pivident.simulation.closed_loop import simulate
+from pivident.loop.simulation.closed_loop import simulate
 
 from .timing import side_by_side
 from .workloads import arm, base_regressor, loop_of, motion_of, values_of

@@ -27,7 +27,7 @@ STAGES: tuple[tuple[str, str], ...] = (
     ("smoother: NVR by maximum likelihood", "pivident.signals.random_walk.estimate_nvr"),
     ("smoother: trajectory", "pivident.signals.random_walk.diffuse_fit"),
     ("torque and derivatives at the instants", "pivident.estimation.kinematics.torque_at_instants"),
-    ("simulation", "pivident.simulation.closed_loop.run_loop"),
+    ("simulation", "pivident.loop.simulation.closed_loop.run_loop"),
     ("columns", "pivident.estimation.full_rate.packed_stretch"),
     ("prefilters", "pivident.signals.prefilter.StreamingFilter.process"),
     ("normal equations", "pivident.estimation.normal_equations.JointSums.add_stack"),

@@ -11,16 +11,16 @@ from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.forward import Model, make_model
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
-from pivident.errors import PividentError
 from pivident.estimation.problem import Problem
 from pivident.experiment import simulated_tx40 as scenarios
+from pivident.foundation.errors import PividentError
+from pivident.loop.simulation.closed_loop import LoopSignals
+from pivident.loop.simulation.control_loop import Loop, virtual_pd
+from pivident.loop.simulation.controllers import PD
+from pivident.loop.simulation.reference import point_to_point
 from pivident.robot.description import Joint, Link, Robot
 from pivident.robot.gallery import load_robot
 from pivident.robot.transmission import Transmission
-from pivident.simulation.closed_loop import LoopSignals
-from pivident.simulation.control_loop import Loop, virtual_pd
-from pivident.simulation.controllers import PD
-from pivident.simulation.reference import point_to_point
 
 #: Samples of the simulated record.
 SAMPLES = 34_500
@@ -32,7 +32,7 @@ RATE = scenarios.RATE
 def whole_job() -> tuple[str, Problem]:
     """The TX40's public record where it is at hand, a simulated one otherwise."""
     try:
-        from pivident.recording.public_records import load_staubli_tx40
+        from pivident.data.recording.public_records import load_staubli_tx40
 
         record = load_staubli_tx40()
     except (PividentError, OSError) as missing:

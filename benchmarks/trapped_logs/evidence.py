@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 
 from pivident import load_experiment
-from pivident.audit.inverse_model import InverseModel, build_inverse_model
-from pivident.audit.recording_audit import log_of
-from pivident.audit.timing import check_timing
-from pivident.errors import PividentError
+from pivident.data.recording.recording import Recording
 from pivident.experiment.experiment import Experiment
-from pivident.recording.recording import Recording
+from pivident.foundation.errors import PividentError
+from pivident.judgement.audit.inverse_model import InverseModel, build_inverse_model
+from pivident.judgement.audit.recording_audit import log_of
+from pivident.judgement.audit.timing import check_timing
 
 #: Stretches of time that the jackknife leaves out in turn.
 STRETCHES = 10

@@ -21,10 +21,10 @@ from typing import Any
 import numpy as np
 
 from pivident import load_experiment
+from pivident.data.logs.channel_places import locate
+from pivident.data.logs.read_log import file_paths, read_channels, stamp_channels
+from pivident.data.recording.public_records import public_facts
 from pivident.experiment.experiment import Experiment
-from pivident.logs.channel_places import locate
-from pivident.logs.read_log import file_paths, read_channels, stamp_channels
-from pivident.recording.public_records import public_facts
 
 from .plain_log import PlainLog
 

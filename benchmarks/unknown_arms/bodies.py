@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 import pivident as pv
-from pivident.consistency.consistent_model import ConsistentModel, make_consistent
+from pivident.models.consistency.consistent_model import ConsistentModel, make_consistent
 from pivident.robot.description import Robot
 
 from .judge import _true_signals

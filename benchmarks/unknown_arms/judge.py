@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from pivident.motion.motion import SpeedLimits
+from pivident.loop.motion.motion import SpeedLimits
 
 from .truth import Machine, true_standard, value_of_group
 

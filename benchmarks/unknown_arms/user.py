@@ -209,7 +209,7 @@ def _first(tables: dict[str, Any]) -> dict[str, Any]:
 
 
 def _write(file: Path, tables: dict[str, Any]) -> None:
-    from pivident.text.toml import toml_lines
+    from pivident.foundation.text.toml import toml_lines
 
     file.write_text("\n".join([*toml_lines(tables), ""]), encoding="utf-8")
 

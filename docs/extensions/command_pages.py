@@ -10,7 +10,7 @@ COMMAND_HEADING = 3
 
 def command_reference() -> str:
     """All commands with their arguments and options, as Markdown."""
-    from pivident.cli.app import app
+    from pivident.app.cli.app import app
 
     text = app.generate_docs(
         output_format="markdown",

@@ -17,11 +17,11 @@ from pathlib import Path
 import numpy as np
 
 from pivident import Bandpass, LeastSquares, Problem, identify, load_experiment
-from pivident.errors import IdentificationError
+from pivident.data import load_emps_pulses
 from pivident.estimation import AuxiliaryModel
-from pivident.recording import load_emps_pulses
+from pivident.foundation.errors import IdentificationError
+from pivident.judgement import as_logged
 from pivident.robot import FrictionLaw, coulomb, offset, viscous
-from pivident.validation import as_logged
 
 HERE = Path(__file__).parent
 

@@ -12,10 +12,16 @@ from pathlib import Path
 import numpy as np
 
 import pivident as pv
-from pivident.collision import clearances_of_room
-from pivident.excitation import Design, DesignRequest, design_motion, joint_limits, write_design
 from pivident.experiment.excite_keys import ExciteEntry
-from pivident.simulation import virtual_pd
+from pivident.loop import virtual_pd
+from pivident.studies import (
+    Design,
+    DesignRequest,
+    clearances_of_room,
+    design_motion,
+    joint_limits,
+    write_design,
+)
 
 #: What the machine has instead of its description's frictions [N m s/rad, N m].
 TRUTH = {"fv1": 3.4, "fc1": 5.5, "fv2": 0.8, "fc2": 2.7}

@@ -24,9 +24,8 @@ from pivident import (
     load_experiment,
     verdict,
 )
-from pivident.control_law import ControllerIdentification, feedback_from_noise
-from pivident.errors import IdentificationError
-from pivident.estimation import estimate_kinematics
+from pivident.estimation import ControllerIdentification, estimate_kinematics, feedback_from_noise
+from pivident.foundation.errors import IdentificationError
 from pivident.signals import butterworth
 
 HERE = Path(__file__).parent

@@ -10,8 +10,8 @@ import argparse
 
 import numpy as np
 
-from pivident.paper import Reading, published_table, run_reading
-from pivident.paper.experiment import READINGS
+from pivident.studies import Reading, published_table, run_reading
+from pivident.studies.paper.experiment import READINGS
 
 
 def main(reading: str = "motor") -> Reading:

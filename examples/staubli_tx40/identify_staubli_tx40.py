@@ -25,8 +25,8 @@ from pivident import (
     identify,
     load_experiment,
 )
-from pivident.errors import IdentificationError
-from pivident.recording import load_staubli_tx40
+from pivident.data import load_staubli_tx40
+from pivident.foundation.errors import IdentificationError
 from pivident.robot import FrictionLaw, coulomb, offset, viscous
 from pivident.signals import bandpass, butterworth
 

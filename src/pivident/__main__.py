@@ -2,6 +2,6 @@
 
 import sys
 
-from pivident.cli import main
+from pivident.app.cli import main
 
 sys.exit(main())

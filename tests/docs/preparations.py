@@ -34,7 +34,7 @@ def positions_log() -> None:
 
 def another_motion() -> None:
     """`my_robot-results` of two methods, and `new_log.csv` of another motion."""
-    from pivident.cli import main
+    from pivident.app.cli import main
 
     planar_log()
     assert main(["identify", "my_robot.toml", "-m", "ls,piv"]) == 0
@@ -49,8 +49,8 @@ def synthetic_results() -> None:
 
 def results_of_two_days() -> None:
     """`monday` and, with more friction, `friday`; `my_robot-results` of two methods."""
-    from pivident.cli import main
-    from tests.comparison.results import result
+    from pivident.app.cli import main
+    from tests.studies.comparison.results import result
 
     result(1).save("monday/piv")
     result(3, fv1=1.25).save("friday/piv")
@@ -113,8 +113,8 @@ def ampere_logs() -> dict:
     """Logs in amperes without and with a payload, `my_robot.toml` with both."""
     import pivident as pv
     from pivident.experiment.gains_table import with_unit_gains
-    from tests.cli.test_gains import HEAD, LOADED
-    from tests.cli.test_gains import write_log as write_amperes
+    from tests.app.cli.test_gains import HEAD, LOADED
+    from tests.app.cli.test_gains import write_log as write_amperes
 
     write_amperes(Path("empty.csv"), loaded=False)
     write_amperes(Path("loaded.csv"), loaded=True)
@@ -144,8 +144,8 @@ def force_sensor_log() -> dict:
 
 def payload_logs() -> None:
     """The same for a payload: `my_robot.toml`, `loaded.toml`, and the arm alone in `results`."""
-    from pivident.cli import main
-    from tests.cli.test_payload import BOTH, HEAD, RECORD
+    from pivident.app.cli import main
+    from tests.app.cli.test_payload import BOTH, HEAD, RECORD
 
     ampere_logs()
     Path("my_robot.toml").write_text(BOTH, encoding="utf-8")
@@ -156,21 +156,21 @@ def payload_logs() -> None:
 
 def suspended_leg() -> None:
     """`log.csv` of a leg that MuJoCo simulated, its `leg.xml` without friction, and `leg.toml`."""
-    from tests.simulators.leg import write_leg
+    from tests.studies.simulators.leg import write_leg
 
     write_leg(Path())
 
 
 def flexible_log() -> None:
     """The log of an axis with both encoders, and `my_robot.toml`."""
-    from tests.cli.test_flexibility import write
+    from tests.app.cli.test_flexibility import write
 
     os.replace(write(Path()), "my_robot.toml")
 
 
 def planar_fleet() -> None:
     """`logs` of two planar arms over some days with `logs/fleet.toml`, which is `arm.toml` too."""
-    from tests.many.fleet.planar_fleet import TEMPLATE, write_fleet
+    from tests.studies.many.fleet.planar_fleet import TEMPLATE, write_fleet
 
     write_fleet(Path("logs"), robots=2, days=5)
     Path("arm.toml").write_text(TEMPLATE, encoding="utf-8")
@@ -178,7 +178,7 @@ def planar_fleet() -> None:
 
 def planar_robot_files() -> None:
     """A robot as `my_robot.urdf` and as `my_robot.toml`."""
-    from pivident.export.urdf import to_urdf
+    from pivident.models.export.urdf import to_urdf
     from pivident.models.runnable_model import runnable_model
     from pivident.robot.gallery import load_robot
 
@@ -189,7 +189,7 @@ def planar_robot_files() -> None:
 
 def small_scenario() -> None:
     """`my_scenario.toml`: a study of short records of the planar arm."""
-    from tests.many.study.small import TEXT
+    from tests.studies.many.study.small import TEXT
 
     Path("my_scenario.toml").write_text(TEXT, encoding="utf-8")
 

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from pivident.cli import main
-from pivident.errors import DatasetUnavailable
+from pivident.app.cli import main
+from pivident.foundation.errors import DatasetUnavailable
 from tests.docs import preparations
 from tests.docs.page_blocks import (
     DOCS,
@@ -162,7 +162,7 @@ def meet(need: str, request, state: PageRun) -> None:
     kind, _, name = need.partition(" ")
     if kind == "record":
         request.getfixturevalue("public_data")
-        from pivident.recording.datasets import dataset_files
+        from pivident.data.recording.datasets import dataset_files
 
         try:
             dataset_files(name)

@@ -44,7 +44,7 @@ def test_every_page_is_built_and_linked(built):
 
 
 def test_commands_are_on_their_page(built):
-    from pivident.cli.app import app
+    from pivident.app.cli.app import app
 
     text = (built / "reference" / "command_line.html").read_text("utf-8")
     names = [name for name in app if not name.startswith("-")]
@@ -117,7 +117,7 @@ def test_cited_sources_are_in_the_bibliography():
 
 def test_every_equation_of_the_paper_leads_to_its_code(built):
     """One click from the row of an equation to the source's entry, which exists."""
-    from pivident.paper.equations import EQUATIONS
+    from pivident.studies.paper.equations import EQUATIONS
 
     page = built / "paper" / "index.html"
     text = page.read_text("utf-8")

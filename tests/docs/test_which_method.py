@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from benchmarks.league_tables import filled, rows, tables
 
-from pivident.many.study.scenario import league_methods, load_scenario
+from pivident.studies.many.study.scenario import league_methods, load_scenario
 
 #: Methods of a league of their own, which take as long as all others together.
 SLOW = ("ukf", "cdkf", "set-membership")

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from pivident.compiled import kernel
 from pivident.dynamics.elimination import (
     eliminate,
     factor,
@@ -12,6 +11,7 @@ from pivident.dynamics.elimination import (
     solve_all,
     sparse_factors,
 )
+from pivident.foundation.compiled import kernel
 
 
 @kernel

@@ -11,7 +11,7 @@ from pivident.dynamics.forward import make_model, mass_matrix
 from pivident.dynamics.kernels import invert_mass_matrix
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
-from pivident.errors import MassMatrixNotPositiveDefinite
+from pivident.foundation.errors import MassMatrixNotPositiveDefinite
 from pivident.robot.description import Coupling
 from pivident.robot.friction import (
     FrictionLaw,

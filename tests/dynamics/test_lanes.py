@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pivident.compiled import kernel
 from pivident.dynamics.lanes import LANES, load, nothing, row_array, store
+from pivident.foundation.compiled import kernel
 
 
 @kernel

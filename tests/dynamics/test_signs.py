@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pivident.data.recording.recording import Recording
 from pivident.estimation.identify import identify
 from pivident.estimation.problem import Problem
 from pivident.experiment.experiment import load_experiment
-from pivident.recording.recording import Recording
 from tests.planar_log import write_experiment
 
 

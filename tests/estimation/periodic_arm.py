@@ -4,8 +4,8 @@ from functools import cache
 
 import numpy as np
 
+from pivident.data.recording.recording import Recording
 from pivident.estimation.problem import Problem
-from pivident.recording.recording import Recording
 from pivident.robot.gallery import load_robot
 from tests.planar_arm import nominal_parameters, planar_record
 

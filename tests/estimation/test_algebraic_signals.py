@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pivident.errors import ExperimentError
+from pivident.data.recording.recording import Recording
 from pivident.estimation.identification_file import method_of_options, to_json
 from pivident.estimation.identify import identify
 from pivident.estimation.instrumental_variables import InstrumentalVariables
@@ -15,8 +15,8 @@ from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.methods import METHODS
 from pivident.estimation.signal_recipes import Algebraic, Bandpass
 from pivident.experiment.simulated_tx40 import tx40_scenario
-from pivident.recording.recording import Recording
-from pivident.report.builder import render_report
+from pivident.foundation.errors import ExperimentError
+from pivident.judgement.report.builder import render_report
 from tests.planar_simulations import planar_problem
 
 

@@ -6,8 +6,8 @@ import pytest
 from pivident.estimation.identification import Iteration
 from pivident.estimation.identify import identify
 from pivident.estimation.iteration import _takes_back
-from pivident.many.study.bench import Bench
-from pivident.many.study.scenario import load_scenario
+from pivident.studies.many.study.bench import Bench
+from pivident.studies.many.study.scenario import load_scenario
 
 
 @pytest.mark.parametrize(("third", "back"), [(1.0, True), (1.5, False), (3.0, False)])

@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 
 import pivident as pv
-from pivident.comparison.groups import difference_of_geometry
-from pivident.diagnostics.estimate_statements import wanted_motions
-from pivident.errors import RobotDescriptionError
+from pivident.app.notebook.displays import robot_html
 from pivident.estimation.identification_file import save_identification
+from pivident.foundation.errors import RobotDescriptionError
+from pivident.judgement.diagnostics.estimate_statements import wanted_motions
+from pivident.judgement.report.motion import motion_values
+from pivident.loop import virtual_pd
 from pivident.models.model_json import read_model, to_json
 from pivident.models.runnable_model import runnable_model
-from pivident.notebook.displays import robot_html
-from pivident.report.motion import motion_values
 from pivident.robot import FrictionLaw, Link, closed_robot, viscous
 from pivident.robot.closed_chains import CLOSED, equations
-from pivident.simulation import virtual_pd
-from pivident.tables.identifications import identification_parameters
-from pivident.tables.inputs import robot_joints, robot_parameters
+from pivident.studies.comparison.groups import difference_of_geometry
+from pivident.studies.tables.identifications import identification_parameters
+from pivident.studies.tables.inputs import robot_joints, robot_parameters
 
 PASSIVE = {"left_elbow", "right_elbow"}
 

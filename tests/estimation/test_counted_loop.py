@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pivident.diagnostics.verdict import verdict
-from pivident.errors import ExperimentError
 from pivident.estimation.didim import LOOPS, offsets
 from pivident.estimation.identify import identify
-from pivident.many.study.bench import Bench
-from pivident.simulation.control_loop import Loop
-from tests.many.study.small import small
+from pivident.foundation.errors import ExperimentError
+from pivident.judgement.diagnostics.verdict import verdict
+from pivident.loop.simulation.control_loop import Loop
+from pivident.studies.many.study.bench import Bench
+from tests.studies.many.study.small import small
 
 NOISE = {"encoder": 0.0, "torque": 0.02, "counts": 3600, "rounding": "loop"}
 

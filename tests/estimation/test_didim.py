@@ -5,17 +5,17 @@ import dataclasses
 import numpy as np
 import pytest
 
-from pivident.errors import ExperimentError, IdentificationError
+from pivident.data.recording.public_records import load_emps
 from pivident.estimation import auxiliary_model
 from pivident.estimation.didim import Didim
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Problem
 from pivident.experiment.simulated_tx40 import tx40_scenario
-from pivident.recording.public_records import load_emps
+from pivident.foundation.errors import ExperimentError, IdentificationError
+from pivident.loop.simulation.control_loop import Loop, virtual_pd
+from pivident.loop.simulation.controllers import PD, Cascade
 from pivident.robot.gallery import load_robot
-from pivident.simulation.control_loop import Loop, virtual_pd
-from pivident.simulation.controllers import PD, Cascade
 
 
 def truth_of(problem, truth):

@@ -7,7 +7,7 @@ import statsmodels.api as sm
 
 from pivident.estimation.parameter_rows import parameter_rows
 from pivident.estimation.simulation_result import SimulationResult
-from pivident.tables.identifications import identification_parameters
+from pivident.studies.tables.identifications import identification_parameters
 from tests.synthetic_identification import synthetic_identification
 
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pivident.errors import PividentError
 from pivident.estimation import identification_file as export
 from pivident.estimation.identification_file import save_identification, to_csv, to_dict, to_json
+from pivident.foundation.errors import PividentError
 from tests.synthetic_identification import synthetic_identification, synthetic_loop
 
 KEYS = (

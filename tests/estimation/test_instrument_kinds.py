@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pivident.data.recording.recording import Recording
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
-from pivident.errors import SimulationDiverged
 from pivident.estimation.identification_file import to_dict
 from pivident.estimation.identify import identify
 from pivident.estimation.instrumental_variables import InstrumentalVariables
@@ -20,11 +20,11 @@ from pivident.estimation.prefiltered_iv import PrefilteredIV
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import Bandpass, RandomWalk
 from pivident.estimation.stored_identification import load_identification
-from pivident.recording.recording import Recording
+from pivident.foundation.errors import SimulationDiverged
+from pivident.loop.simulation.control_loop import Loop
+from pivident.loop.simulation.controllers import PD
 from pivident.robot.friction import FrictionLaw, coulomb, offset, viscous
 from pivident.robot.gallery import load_robot
-from pivident.simulation.control_loop import Loop
-from pivident.simulation.controllers import PD
 from tests.planar_arm import NAME, planar_record
 
 RATE, PERIOD, REPEATED = 1000.0, 3000, 4

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pivident.errors import ExperimentError
+from pivident.data.recording.recording import Recording
 from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.identify import identify
 from pivident.estimation.instrumental_variables import DecimatedSteps, InstrumentalVariables
@@ -15,8 +15,8 @@ from pivident.estimation.noise_identification import Prefilters
 from pivident.estimation.prefiltered_iv import PIV, PIV_AS_PRINTED, PrefilteredIV
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import Algebraic, Bandpass, RandomWalk
-from pivident.recording.recording import Recording
-from pivident.simulation.control_loop import Loop
+from pivident.foundation.errors import ExperimentError
+from pivident.loop.simulation.control_loop import Loop
 from tests.planar_arm import LAW, nominal_parameters, planar_motion, planar_record
 from tests.synthetic_identification import synthetic_loop
 

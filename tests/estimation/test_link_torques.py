@@ -6,23 +6,23 @@ from functools import cache
 import numpy as np
 import pytest
 
-from pivident.diagnostics.verdict import verdict
+from pivident.data.recording.recording import Recording
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.grouping.closed_form import closed_form_base_parameters
 from pivident.dynamics.parameters import nominal_values
-from pivident.errors import ExperimentError
 from pivident.estimation.identify import identify
 from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import Bandpass
 from pivident.estimation.stored_identification import load_identification
-from pivident.friction.bearing_friction import bearing_friction
-from pivident.recording.recording import Recording
+from pivident.foundation.errors import ExperimentError
+from pivident.judgement.diagnostics.verdict import verdict
+from pivident.judgement.validation.divergence_cause import missing_inertia
 from pivident.robot.friction import FrictionLaw, offset, viscous
 from pivident.robot.gallery import load_robot
 from pivident.robot.robot_values import robot_of_values, robot_values
 from pivident.robot.urdf import parse_urdf
-from pivident.validation.divergence_cause import missing_inertia
+from pivident.studies.friction.bearing_friction import bearing_friction
 from tests.seven_axis_arm import COULOMB, RATE, VISCOUS, seven_axis_log
 
 pytest.importorskip("mujoco")
@@ -162,8 +162,8 @@ def test_missing_rotors_are_not_missed():
 
 
 def missing_inertia_of_motors() -> str:
-    from pivident.simulation.control_loop import Loop
-    from pivident.simulation.controllers import PD
+    from pivident.loop.simulation.control_loop import Loop
+    from pivident.loop.simulation.controllers import PD
 
     loop = Loop(PD(np.full(7, 100.0), np.full(7, 10.0)))
     return " ".join(missing_inertia(problem(made(1), side="motor", loop=loop)))

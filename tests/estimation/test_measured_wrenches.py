@@ -11,23 +11,23 @@ from benchmarks.base_wrench import ARM_GAINS, DRIVE_GAINS, FLOOR, arm_on_sensor,
 from benchmarks.mujoco_base import Push, mujoco_base_record, truth_of
 from benchmarks.quadruped import RATED, hanging_record, quadruped
 
-from pivident.diagnostics.diagnostics import diagnose
-from pivident.diagnostics.verdict import verdict
-from pivident.drives.drive_gains import identify_drive_gains
-from pivident.errors import SimulationDiverged
+from pivident.data.recording.measured_wrenches import with_wrenches
+from pivident.estimation.drives.drive_gains import identify_drive_gains
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import LOW_SPEED, Problem
-from pivident.model_errors.named_causes import named_causes
-from pivident.recording.measured_wrenches import with_wrenches
+from pivident.foundation.errors import SimulationDiverged
+from pivident.judgement.diagnostics.diagnostics import diagnose
+from pivident.judgement.diagnostics.verdict import verdict
+from pivident.judgement.model_errors.named_causes import named_causes
+from pivident.judgement.validation.held_out.prediction import PredictionError
+from pivident.loop.simulation.control_loop import Loop
+from pivident.loop.simulation.controllers import PD
+from pivident.loop.simulation.reference import point_to_point
 from pivident.robot.frames import Pose, rotation_about
 from pivident.robot.gallery import load_robot
 from pivident.robot.measured_base import BASE_JOINTS, with_wrench_sensors
 from pivident.robot.wrench_sensor import WrenchSensor
-from pivident.simulation.control_loop import Loop
-from pivident.simulation.controllers import PD
-from pivident.simulation.reference import point_to_point
-from pivident.validation.held_out.prediction import PredictionError
 
 PART = slice(0, 3), slice(3, 6)
 

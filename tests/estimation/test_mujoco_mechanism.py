@@ -8,13 +8,13 @@ pytest.importorskip("mujoco")
 from benchmarks.closed_mechanisms import ENCODER, RATE, gains_of, reference
 from benchmarks.mujoco_mechanism import mujoco_record, truth_of
 
+from pivident.data.recording.recording import Recording
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Problem
-from pivident.recording.recording import Recording
+from pivident.loop.simulation.control_loop import Loop
+from pivident.loop.simulation.controllers import PD
 from pivident.robot.gallery import load_robot
-from pivident.simulation.control_loop import Loop
-from pivident.simulation.controllers import PD
 
 
 @pytest.mark.parametrize(

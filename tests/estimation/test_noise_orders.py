@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pivident.errors import IdentificationError
 from pivident.estimation.full_rate import records_without_instruments
 from pivident.estimation.identify import identify
 from pivident.estimation.kinematics import estimate_kinematics
@@ -15,6 +14,7 @@ from pivident.estimation.noise_identification import Whitening
 from pivident.estimation.output_error.noise_weights import fitted_noise
 from pivident.estimation.prefiltered_iv import PrefilteredIV
 from pivident.estimation.signal_recipes import RandomWalk
+from pivident.foundation.errors import IdentificationError
 from pivident.signals.arma import arma
 from pivident.signals.noise_models import continued_into_band, fit_ar
 from tests.planar_simulations import planar_problem
@@ -84,7 +84,7 @@ def test_the_model_of_an_order_that_fell_is_that_of_this_order():
 
 
 def _residual(whitening, record, theta):
-    from pivident.motion.motion import residual_of
+    from pivident.loop.motion.motion import residual_of
 
     return residual_of(whitening.problem.regressor, record.kinematics, theta)
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pivident.errors import IdentificationError, RankDeficientRegressor
 from pivident.estimation.normal_equations import JointSums, solve
+from pivident.foundation.errors import IdentificationError, RankDeficientRegressor
 
 
 def make_joint(rng, columns, rows, theta, noise):

@@ -10,7 +10,13 @@ from pivident.estimation.parameter_rows import (
     method_labels,
     parameter_rows,
 )
-from pivident.text.numbers import format_exact, format_significant, percent, plus_minus, with_spread
+from pivident.foundation.text.numbers import (
+    format_exact,
+    format_significant,
+    percent,
+    plus_minus,
+    with_spread,
+)
 from tests.synthetic_identification import synthetic_identification, true_parameters
 
 

@@ -5,8 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pivident.diagnostics.failed_simulation import identify
-from pivident.errors import (
+from pivident.data.recording.recording import Recording
+from pivident.estimation.instrumental_variables import InstrumentalVariables
+from pivident.estimation.method import AutoRegressive
+from pivident.estimation.prefiltered_iv import PrefilteredIV
+from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import RandomWalk
+from pivident.experiment.experiment import load_experiment
+from pivident.foundation.errors import (
     ExperimentError,
     IdentificationError,
     MassMatrixNotPositiveDefinite,
@@ -14,18 +20,12 @@ from pivident.errors import (
     RecordingTooShort,
     SimulationDiverged,
 )
-from pivident.estimation.instrumental_variables import InstrumentalVariables
-from pivident.estimation.method import AutoRegressive
-from pivident.estimation.prefiltered_iv import PrefilteredIV
-from pivident.estimation.problem import Problem
-from pivident.estimation.signal_recipes import RandomWalk
-from pivident.experiment.experiment import load_experiment
-from pivident.recording.recording import Recording
+from pivident.judgement.diagnostics.failed_simulation import identify
+from pivident.loop.simulation.control_loop import Loop
+from pivident.loop.simulation.controllers import PD
+from pivident.loop.simulation.reference import point_to_point
 from pivident.robot.description import Link
 from pivident.robot.gallery import load_robot
-from pivident.simulation.control_loop import Loop
-from pivident.simulation.controllers import PD
-from pivident.simulation.reference import point_to_point
 from tests.planar_log import write_experiment
 
 RATE = 1000.0

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from pivident.data.recording.public_records import load_emps, load_emps_pulses, load_staubli_tx40
 from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.identify import identify
 from pivident.estimation.instrumental_variables import InstrumentalVariables
@@ -10,11 +11,10 @@ from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import Bandpass
 from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL
-from pivident.recording.public_records import load_emps, load_emps_pulses, load_staubli_tx40
+from pivident.loop.simulation.control_loop import Loop, virtual_pd
+from pivident.loop.simulation.controllers import Cascade
 from pivident.robot.friction import FrictionLaw, coulomb, offset, viscous
 from pivident.robot.gallery import load_robot
-from pivident.simulation.control_loop import Loop, virtual_pd
-from pivident.simulation.controllers import Cascade
 
 pytestmark = pytest.mark.record
 

@@ -10,23 +10,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pivident.check.experiment_check import check_experiment
-from pivident.cli.app import main
+from pivident.app.cli.app import main
+from pivident.data.recording.recording import Recording
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
 from pivident.dynamics.separation import KIND, is_separated, left_out
-from pivident.errors import RankDeficientRegressor
 from pivident.estimation.identify import identify
 from pivident.estimation.problem import Problem
 from pivident.estimation.stored_identification import load_identification
-from pivident.recording.recording import Recording
+from pivident.experiment.check.experiment_check import check_experiment
+from pivident.foundation.errors import RankDeficientRegressor
+from pivident.judgement.validation.essential_parameters import essential_parameters
+from pivident.judgement.validation.held_out.cross_validation import cross_validate
+from pivident.loop.simulation.control_loop import Loop
+from pivident.loop.simulation.controllers import PD
+from pivident.loop.simulation.reference import point_to_point
 from pivident.robot.urdf import parse_urdf
-from pivident.simulation.control_loop import Loop
-from pivident.simulation.controllers import PD
-from pivident.simulation.reference import point_to_point
-from pivident.validation.essential_parameters import essential_parameters
-from pivident.validation.held_out.cross_validation import cross_validate
 from tests.robot.test_printed_angles import urdf
 
 RATE = 500.0

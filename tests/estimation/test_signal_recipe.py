@@ -9,7 +9,8 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
-from pivident.errors import ExperimentError
+from pivident.data.recording.load import load_recording
+from pivident.data.recording.recording import Recording
 from pivident.estimation.identification_file import to_json
 from pivident.estimation.identify import identify
 from pivident.estimation.kinematics import (
@@ -20,9 +21,8 @@ from pivident.estimation.kinematics import (
 from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import Bandpass, RandomWalk
-from pivident.recording.load import load_recording
-from pivident.recording.recording import Recording
-from pivident.report.builder import render_report
+from pivident.foundation.errors import ExperimentError
+from pivident.judgement.report.builder import render_report
 from pivident.robot.urdf import read_urdf
 from pivident.signals.random_walk import half_power_frequencies
 from pivident.signals.random_walk_model import nvr_from_f50

@@ -3,12 +3,12 @@ import pytest
 from scipy.signal import lfilter
 
 import pivident as pv
+from pivident.data.recording.recording import Recording
 from pivident.estimation import iteration
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.signal_recipes import RandomWalk
-from pivident.motion.motion import SimulatedMotion
-from pivident.motion.simulated_detail import with_simulated_detail
-from pivident.recording.recording import Recording
+from pivident.loop.motion.motion import SimulatedMotion
+from pivident.loop.motion.simulated_detail import with_simulated_detail
 from pivident.robot.friction import FrictionLaw, coulomb, viscous
 from pivident.signals.instants import derivatives_at_instants
 from tests.signals.motions import RATE as FINE_RATE

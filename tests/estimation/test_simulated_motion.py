@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pivident.motion.motion import SimulatedMotion, central_differences
+from pivident.loop.motion.motion import SimulatedMotion, central_differences
 from pivident.signals.instants import derivatives_at_instants
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from benchmarks.torque_bound import bound, columns
 
-from pivident.errors import IdentificationError
+from pivident.data.recording.recording import Recording
 from pivident.estimation.identify import build_regression, identify
 from pivident.estimation.instrumental_variables import InstrumentalVariables
 from pivident.estimation.least_squares import LeastSquares
@@ -18,10 +18,10 @@ from pivident.estimation.prefiltered_iv import PrefilteredIV
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import Bandpass
 from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL, tx40_fine, tx40_scenario
-from pivident.recording.recording import Recording
+from pivident.foundation.errors import IdentificationError
+from pivident.loop.simulation.control_loop import Loop
+from pivident.loop.simulation.controllers import PD
 from pivident.robot.gallery import load_robot
-from pivident.simulation.control_loop import Loop
-from pivident.simulation.controllers import PD
 
 
 def truth_of(problem, truth):

@@ -13,7 +13,7 @@ from pivident.estimation.summary_tables import (
     parameter_texts,
     simulation_text,
 )
-from pivident.tables.identifications import identification_iterations
+from pivident.studies.tables.identifications import identification_iterations
 from tests.planar_simulations import simulated_results
 from tests.synthetic_identification import synthetic_identification
 

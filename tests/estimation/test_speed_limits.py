@@ -1,6 +1,6 @@
 import numpy as np
 
-from pivident.motion.motion import SpeedLimits
+from pivident.loop.motion.motion import SpeedLimits
 from pivident.robot.description import Coupling
 
 DQ = np.array([[0.5, 0.05, 0.5, -0.5], [0.0, 1.0, -0.5, 0.5]])

@@ -10,15 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pivident as pv
-from pivident.errors import IdentificationError, IdentificationFileError
 from pivident.estimation import stored_identification as reload
 from pivident.estimation.identification_file import save_identification, to_dict, to_json
 from pivident.estimation.stored_identification import load_identification
+from pivident.foundation.errors import IdentificationError, IdentificationFileError
+from pivident.foundation.text.finding import Finding, Quantity
+from pivident.judgement.validation.instruments.moment_sums import kept_equations
+from pivident.judgement.validation.residuals.residual_tests import residual_tests
 from pivident.robot.friction import FrictionLaw, coulomb, load_dependent, lugre, viscous
 from pivident.robot.gallery import load_robot
-from pivident.text.finding import Finding, Quantity
-from pivident.validation.instruments.moment_sums import kept_equations
-from pivident.validation.residuals.residual_tests import residual_tests
 from tests.synthetic_identification import synthetic_identification, synthetic_loop
 
 

@@ -5,11 +5,11 @@ import json
 import numpy as np
 import pytest
 
-from pivident.errors import IdentificationFileError
 from pivident.estimation.identification_file import save_identification, to_dict
 from pivident.estimation.stored_identification import load_identification
 from pivident.estimation.summary_tables import identification_table
-from pivident.report.builder import render_report
+from pivident.foundation.errors import IdentificationFileError
+from pivident.judgement.report.builder import render_report
 from tests.planar_simulations import simulated_results
 
 

@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 from pivident.estimation.stored_identification import load_identification
-from pivident.text.finding import Finding, Quantity
-from pivident.text.repair import Edit, Repair
+from pivident.foundation.text.finding import Finding, Quantity
+from pivident.foundation.text.repair import Edit, Repair
 from tests.synthetic_identification import synthetic_identification
 
 

@@ -7,7 +7,7 @@ from pivident.estimation.summary_tables import (
     identification_table,
     shortened,
 )
-from pivident.text.finding import Finding
+from pivident.foundation.text.finding import Finding
 from tests.synthetic_identification import synthetic_identification, true_parameters
 
 

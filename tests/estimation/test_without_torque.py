@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pivident.errors import ExperimentError, IdentificationError
+from pivident.data.recording.recording import Recording
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS, WITHOUT_TORQUE
 from pivident.estimation.parameter_rows import parameter_rows
 from pivident.estimation.problem import TOPIC, Problem
-from pivident.recording.recording import Recording
+from pivident.foundation.errors import ExperimentError, IdentificationError
+from pivident.loop.simulation.control_loop import Loop
+from pivident.loop.simulation.controllers import PD, PID
+from pivident.loop.simulation.simulated_record import simulate
 from pivident.robot.gallery import load_robot
-from pivident.simulation.control_loop import Loop
-from pivident.simulation.controllers import PD, PID
-from pivident.simulation.simulated_record import simulate
 
 LOOP = Loop(PD([6000.0, 2500.0], [180.0, 60.0]))
 

@@ -9,10 +9,6 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from pivident.comparison.compare import compare
-from pivident.comparison.entry import load_entries
-from pivident.consistency.consistent_model import make_consistent
-from pivident.errors import IdentificationFileError
 from pivident.estimation.covariance import inverse_gram, rounded_away
 from pivident.estimation.identification import Identification
 from pivident.estimation.identification_file import save_identification, to_dict, to_json
@@ -20,10 +16,14 @@ from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS
 from pivident.estimation.simulation_result import LoopParameter
 from pivident.estimation.stored_identification import load_identification
-from pivident.export.formats import export_model
+from pivident.foundation.errors import IdentificationFileError
+from pivident.foundation.text.plain_values import plain
+from pivident.models.consistency.consistent_model import make_consistent
+from pivident.models.export.formats import export_model
 from pivident.models.runnable_model import runnable_model
-from pivident.prediction.new_logs import stored_result
-from pivident.text.plain_values import plain
+from pivident.studies.comparison.compare import compare
+from pivident.studies.comparison.entry import load_entries
+from pivident.studies.prediction.new_logs import stored_result
 from tests.planar_simulations import planar_problem
 from tests.synthetic_identification import synthetic_identification
 

@@ -6,12 +6,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pivident.errors import ExperimentError
+from pivident.app.studio.rows import experiment_rows
 from pivident.experiment.edited_file import confirmed, edited, with_repair
 from pivident.experiment.explained import plain_form
-from pivident.studio.rows import experiment_rows
-from pivident.text.repair import Repair, Reversed
-from pivident.text.toml import parse_toml
+from pivident.foundation.errors import ExperimentError
+from pivident.foundation.text.repair import Repair, Reversed
+from pivident.foundation.text.toml import parse_toml
 from tests.conftest import REPOSITORY
 from tests.planar_log import EXPERIMENT
 

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from pivident.errors import DatasetUnavailable, ExperimentError, PividentError, UnknownColumn
 from pivident.estimation.instrumental_variables import InstrumentalVariables
 from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.literature.frequency_domain import FrequencyDomain
@@ -11,7 +10,13 @@ from pivident.estimation.method import AutoRegressive
 from pivident.estimation.prefiltered_iv import PrefilteredIV
 from pivident.estimation.signal_recipes import Algebraic, Bandpass, RandomWalk
 from pivident.experiment.experiment import load_experiment
-from pivident.simulation.controllers import PID, Cascade
+from pivident.foundation.errors import (
+    DatasetUnavailable,
+    ExperimentError,
+    PividentError,
+    UnknownColumn,
+)
+from pivident.loop.simulation.controllers import PID, Cascade
 from tests.planar_log import EXPERIMENT, planar_log, write_experiment
 
 
@@ -449,7 +454,7 @@ def test_errors_with_evidence_keep_their_class_and_say_where(tmp_path):
 
 def test_absent_dataset_is_named(tmp_path, monkeypatch):
     monkeypatch.setenv("PIVIDENT_DATA", str(tmp_path / "none"))
-    monkeypatch.setattr("pivident.recording.datasets._cache", lambda name: tmp_path / "cache")
+    monkeypatch.setattr("pivident.data.recording.datasets._cache", lambda name: tmp_path / "cache")
 
     def refuse(*args, **kwargs):
         raise ConnectionError("no network")

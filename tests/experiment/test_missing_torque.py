@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from pivident.errors import ExperimentError
 from pivident.estimation.methods import WITHOUT_TORQUE
 from pivident.experiment.experiment import load_experiment
+from pivident.foundation.errors import ExperimentError
 from tests.planar_log import EXPERIMENT, planar_log, write_experiment
 from tests.positions_only import POSITIONS_ONLY, WITHOUT_LAW, write_positions
 

@@ -5,11 +5,11 @@ import json
 import numpy as np
 import pytest
 
-from pivident.errors import ExperimentError
 from pivident.experiment.explained import plain_form
 from pivident.experiment.repairs import FileContent, edits_of
-from pivident.text.finding import FindingKind, Topic, serious
-from pivident.text.repair import (
+from pivident.foundation.errors import ExperimentError
+from pivident.foundation.text.finding import FindingKind, Topic, serious
+from pivident.foundation.text.repair import (
     CHANGES,
     Edit,
     Gain,

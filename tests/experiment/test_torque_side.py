@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from pivident.cli.workflow import run_experiment
-from pivident.errors import ExperimentError
+from pivident.app.cli.workflow import run_experiment
 from pivident.experiment.experiment import load_experiment
+from pivident.foundation.errors import ExperimentError
 from tests.planar_log import EXPERIMENT, write_experiment
 
 LINK = EXPERIMENT.replace("[recording]", '[recording]\ntorque_side = "link"')

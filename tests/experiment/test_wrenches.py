@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from pivident.errors import PividentError
+from pivident.data.recording.load import load_recording
 from pivident.experiment.experiment import load_experiment
 from pivident.experiment.gains_table import DeclaredGain, _trusted_gains
-from pivident.recording.load import load_recording
+from pivident.foundation.errors import PividentError
 from pivident.robot.frames import rotation_from_rpy
 from pivident.robot.gallery import load_robot
 from pivident.robot.measured_base import with_floating_base, with_wrench_sensors

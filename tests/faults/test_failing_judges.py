@@ -6,15 +6,15 @@ from functools import cache
 import numpy as np
 import pytest
 
-from pivident.cli import main, workflow
-from pivident.cli.identify import code_of
-from pivident.errors import Attempts, IdentificationError, in_words
+from pivident.app.cli import main, workflow
+from pivident.app.cli.identify import code_of
 from pivident.estimation import answer
 from pivident.estimation.identification_file import save_identification
 from pivident.estimation.identify import identify
 from pivident.estimation.stored_identification import load_identification
-from pivident.report.sections.motion import TorqueSection
-from pivident.report.sections.verdict import VerdictSection
+from pivident.foundation.errors import Attempts, IdentificationError, in_words
+from pivident.judgement.report.sections.motion import TorqueSection
+from pivident.judgement.report.sections.verdict import VerdictSection
 from tests.planar_log import EXPERIMENT, HEADER, planar_log
 
 METHODS = ("ls", "iv-full-rate", "piv")
@@ -130,7 +130,7 @@ def test_a_line_says_what_kind_of_error_it_was(
     folder, estimates, monkeypatch, capsys, error, words, code
 ):
     monkeypatch.setattr(workflow, "identify", estimates)
-    monkeypatch.setattr("pivident.diagnostics.diagnostics.named_causes", failing(error))
+    monkeypatch.setattr("pivident.judgement.diagnostics.diagnostics.named_causes", failing(error))
     assert main(["identify", "experiment.toml", "--folds", "0", "-m", ",".join(METHODS)]) == code
     said = capsys.readouterr()
     (line,) = [line for line in said.err.splitlines() if "Causes of model error were not" in line]
@@ -165,7 +165,7 @@ def test_a_method_that_fails_takes_no_other_with_it(
 def test_ctrl_c_still_ends_what_judges(folder, estimates, monkeypatch, capsys):
     monkeypatch.setattr(workflow, "identify", estimates)
     monkeypatch.setattr(
-        "pivident.diagnostics.diagnostics.named_causes", failing(KeyboardInterrupt())
+        "pivident.judgement.diagnostics.diagnostics.named_causes", failing(KeyboardInterrupt())
     )
     assert main(["identify", "experiment.toml", "--folds", "0"]) == 130
     assert "interrupted" in capsys.readouterr().err

@@ -8,7 +8,7 @@ from fuzzing.readers import READERS
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pivident.errors import PividentError
+from pivident.foundation.errors import PividentError
 from pivident.robot.modified_dh import parse_modified_dh
 from pivident.robot.urdf import parse_urdf
 

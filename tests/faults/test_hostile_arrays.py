@@ -8,9 +8,9 @@ import struct
 import numpy as np
 import pytest
 
-from pivident.errors import FileFormatError, PividentError
-from pivident.logs.tables.read_npz import read_npz
-from pivident.logs.tables.tables import read_table, unread_in
+from pivident.data.logs.tables.read_npz import read_npz
+from pivident.data.logs.tables.tables import read_table, unread_in
+from pivident.foundation.errors import FileFormatError, PividentError
 from tests.faults.hostile import archive, npy, written
 
 

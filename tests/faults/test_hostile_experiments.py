@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from pivident.errors import PividentError
+from pivident.data.logs.clocks.timestamps import uniform_grid
+from pivident.data.recording.load import load_recording
 from pivident.experiment.experiment import load_experiment
-from pivident.logs.clocks.timestamps import uniform_grid
-from pivident.many.study.scenario import read_scenario
-from pivident.recording.load import load_recording
+from pivident.foundation.errors import PividentError
+from pivident.studies.many.study.scenario import read_scenario
 from tests.faults.hostile import STUDY, written
 
 LOG = "time,q1,q2,tau1,tau2\n" + "".join(
@@ -59,8 +59,8 @@ def test_files_that_are_no_names(tmp_path, spec):
      '{"layout": 1, "programs": 3}', '{"scenario": []}'],
 )  # fmt: skip
 def test_manifests_that_are_none(tmp_path, text):
-    from pivident.many.batch.batch_errors import StudyFolderError
-    from pivident.many.study.study_store import MANIFEST, Store
+    from pivident.studies.many.batch.batch_errors import StudyFolderError
+    from pivident.studies.many.study.study_store import MANIFEST, Store
 
     (tmp_path / MANIFEST).write_text(text)
     with pytest.raises(StudyFolderError, match=r"manifest\.json"):
@@ -70,8 +70,8 @@ def test_manifests_that_are_none(tmp_path, text):
 
 
 def test_a_broken_trajectory_is_named(tmp_path):
-    from pivident.many.batch.batch_errors import StudyFolderError
-    from pivident.many.study.scenario_tables import FILE, optimised_series
+    from pivident.studies.many.batch.batch_errors import StudyFolderError
+    from pivident.studies.many.study.scenario_tables import FILE, optimised_series
 
     scenario = read_scenario(f'{STUDY}[trajectory]\ntype = "fourier"\n', "s")
     for text in ("{", "[" * 100_000, "[]", "{}", '{"belongs_to": 1'):

@@ -9,13 +9,13 @@ import sys
 import numpy as np
 import pytest
 
-from pivident.errors import PividentError, RobotDescriptionError
+from pivident.data.logs.tables.tables import names_in, read_table
 from pivident.experiment.experiment import load_experiment
-from pivident.logs.tables.tables import names_in, read_table
-from pivident.many.study.scenario import load_scenario
+from pivident.foundation.errors import PividentError, RobotDescriptionError
 from pivident.robot.gallery import load_robot
 from pivident.robot.modified_dh import read_modified_dh
 from pivident.robot.urdf import read_urdf
+from pivident.studies.many.study.scenario import load_scenario
 from tests.faults.hostile import archive, npy, written
 
 READERS = {
@@ -75,8 +75,8 @@ def test_bombs_stay_within_half_a_gigabyte(tmp_path):
     written(tmp_path, "a.toml", b"a" * 2**21)
     code = f"""
 import os, resource, sys
-from pivident.errors import PividentError
-from pivident.logs.tables.tables import read_table
+from pivident.foundation.errors import PividentError
+from pivident.data.logs.tables.tables import read_table
 from pivident.robot.gallery import load_robot
 import numpy
 pages = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()

@@ -4,9 +4,9 @@ import gzip
 
 import pytest
 
-from pivident.errors import FileFormatError
-from pivident.logs.described_log import bare_log
-from pivident.logs.tables.tables import names_in, read_table
+from pivident.data.logs.described_log import bare_log
+from pivident.data.logs.tables.tables import names_in, read_table
+from pivident.foundation.errors import FileFormatError
 from tests.faults.hostile import written
 
 
@@ -47,8 +47,8 @@ def test_formulas_are_names_and_no_numbers(tmp_path):
 
 @pytest.mark.parametrize("reader", [read_table, bare_log])
 def test_a_packed_table_that_grows_out_of_proportion(tmp_path, monkeypatch, reader):
-    monkeypatch.setattr("pivident.logs.tables.read_csv.HARMLESS_SIZE", 2**20)
-    monkeypatch.setattr("pivident.logs.source_files.HARMLESS_SIZE", 2**20)
+    monkeypatch.setattr("pivident.data.logs.tables.read_csv.HARMLESS_SIZE", 2**20)
+    monkeypatch.setattr("pivident.data.logs.source_files.HARMLESS_SIZE", 2**20)
     path = written(tmp_path, "a.csv.gz", gzip.compress(b"a,b\n" + b"1,\n" * 10_000_000))
     with pytest.raises(FileFormatError, match="expands from"):
         reader(path)

@@ -2,11 +2,11 @@
 
 import pytest
 
-from pivident.errors import ExperimentError, PividentError, RobotDescriptionError
 from pivident.experiment.experiment import load_experiment
-from pivident.many.study.scenario import load_scenario, read_scenario
+from pivident.foundation.errors import ExperimentError, PividentError, RobotDescriptionError
+from pivident.foundation.text.toml import MAX_PARTS, parse_toml
 from pivident.robot.modified_dh import parse_modified_dh, read_modified_dh
-from pivident.text.toml import MAX_PARTS, parse_toml
+from pivident.studies.many.study.scenario import load_scenario, read_scenario
 from tests.faults.hostile import STUDY, written
 
 

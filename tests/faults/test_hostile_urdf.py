@@ -5,7 +5,7 @@ import gzip
 import numpy as np
 import pytest
 
-from pivident.errors import RobotDescriptionError
+from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot.urdf import parse_urdf, read_urdf
 from pivident.robot.urdf_xml import MAX_ELEMENTS, MAX_LINKS, MAXIMUM_SIZE
 from tests.faults.hostile import written

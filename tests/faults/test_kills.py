@@ -13,14 +13,14 @@ import time
 
 import pytest
 
-from pivident.errors import PividentError
-from pivident.files import BUILD, COMPLETE, atomic_folder
-from pivident.many.study.study_store import UNFINISHED, Store
-from tests.many.study.small import small
+from pivident.foundation.errors import PividentError
+from pivident.foundation.files import BUILD, COMPLETE, atomic_folder
+from pivident.studies.many.study.study_store import UNFINISHED, Store
+from tests.studies.many.study.small import small
 
 WRITER = """
 import itertools, sys
-from pivident.files import atomic_folder
+from pivident.foundation.files import atomic_folder
 print("ready", flush=True)
 for number in itertools.count():
     with atomic_folder(sys.argv[1]) as build:
@@ -32,10 +32,10 @@ for number in itertools.count():
 APPENDER = """
 import itertools, sys
 from pathlib import Path
-from pivident.many.study.scenario import Scenario
-from pivident.many.study.study_store import Store
-from pivident.text.toml import parse_toml
-from tests.many.study.small import TEXT
+from pivident.studies.many.study.scenario import Scenario
+from pivident.studies.many.study.study_store import Store
+from pivident.foundation.text.toml import parse_toml
+from tests.studies.many.study.small import TEXT
 plain = parse_toml(TEXT)
 plain["robot"] = {"model": plain["robot"]}
 scenario = Scenario("small", plain, "small", {})  # unchecked: nothing is compiled

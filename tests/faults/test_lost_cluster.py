@@ -4,9 +4,9 @@ from concurrent.futures.process import BrokenProcessPool
 
 import pytest
 
-from pivident.many.batch import cluster
-from pivident.many.batch.batch_errors import BatchError
-from pivident.many.batch.cluster import DaskCluster
+from pivident.studies.many.batch import cluster
+from pivident.studies.many.batch.batch_errors import BatchError
+from pivident.studies.many.batch.cluster import DaskCluster
 
 
 class Connection:

@@ -9,17 +9,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pivident.cli import main
-from pivident.cli.console import error_line, note
-from pivident.errors import FileFormatError, PividentError, RecordingError, RobotDescriptionError
+from pivident.app.cli import main
+from pivident.app.cli.console import error_line, note
+from pivident.data.logs.described_log import bare_log
+from pivident.data.logs.tables.tables import read_table
+from pivident.data.recording.load import load_recording
+from pivident.data.recording.recording import Recording
 from pivident.estimation.identification_file import to_csv, to_json
-from pivident.logs.described_log import bare_log
-from pivident.logs.tables.tables import read_table
-from pivident.recording.load import load_recording
-from pivident.recording.recording import Recording
+from pivident.foundation.errors import (
+    FileFormatError,
+    PividentError,
+    RecordingError,
+    RobotDescriptionError,
+)
+from pivident.foundation.text.printable import escaped, is_printable
 from pivident.robot.modified_dh import parse_modified_dh
 from pivident.robot.urdf import parse_urdf
-from pivident.text.printable import escaped, is_printable
 from tests.synthetic_identification import synthetic_identification
 
 STEERING = ["\x1b[2J", "\x9b2J", "a\nb", "\x07", "\x7f", "\u202eabc", "\u2028", "\u2066", "\x00"]

@@ -7,7 +7,12 @@ from hypothesis import strategies as st
 from scipy.linalg import lstsq
 from scipy.signal import lfilter
 
-from pivident.errors import DelayTooLong, IdentificationError, OrdersNotSupported, UnusableSignal
+from pivident.foundation.errors import (
+    DelayTooLong,
+    IdentificationError,
+    OrdersNotSupported,
+    UnusableSignal,
+)
 from pivident.linear.arx import arx
 
 

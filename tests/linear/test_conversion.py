@@ -8,7 +8,7 @@ import pytest
 from scipy import signal
 
 import pivident.linear
-from pivident.errors import IdentificationError
+from pivident.foundation.errors import IdentificationError
 from pivident.linear.conversion import from_control, from_scipy
 
 FREQUENCY = np.geomspace(0.01, 4.0, 30)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from pivident.errors import IdentificationError, UnusableSignal
+from pivident.foundation.errors import IdentificationError, UnusableSignal
 from pivident.linear.order_selection import select_orders
 from tests.linear import published_systems
 

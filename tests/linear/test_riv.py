@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from pivident.errors import IdentificationError
+from pivident.foundation.errors import IdentificationError
 from pivident.linear.sriv import riv, sriv
 from tests.linear.discrete_case import TRUTH, impulses, outputs
 from tests.linear.two_impulses import TWO_IMPULSES

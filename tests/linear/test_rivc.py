@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pivident.errors import IdentificationError
+from pivident.foundation.errors import IdentificationError
 from pivident.linear.simulation import continuous_response
 from pivident.linear.srivc import rivc, srivc
 from tests.linear import published_systems

@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import expm
 from scipy.signal import cont2discrete, lfilter, lsim
 
-from pivident.errors import UnusableSignal
+from pivident.foundation.errors import UnusableSignal
 from pivident.linear.estimate import LinearEstimate
 from pivident.linear.model import Fit
 from pivident.linear.simulation import continuous_response, delayed, simulate

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from pivident.errors import (
+from pivident.foundation.errors import (
     DelayTooLong,
     IdentificationError,
     OrdersNotSupported,

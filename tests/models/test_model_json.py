@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pivident.consistency.consistent_model import make_consistent
-from pivident.errors import IdentificationFileError
+from pivident.foundation.errors import IdentificationFileError
+from pivident.models.consistency.consistent_model import make_consistent
 from pivident.models.model_json import read_model, to_json, verify_json
 from pivident.models.runnable_model import runnable_model
 from pivident.robot.gallery import load_robot

@@ -3,15 +3,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pivident.consistency.consistent_model import make_consistent
-from pivident.errors import ExportError
 from pivident.estimation.identification_file import save_identification
 from pivident.estimation.stored_identification import load_identification
+from pivident.foundation.errors import ExportError
+from pivident.foundation.text.finding import Finding
+from pivident.models.consistency.consistent_model import make_consistent
 from pivident.models.exported import Verification, compared, random_states
 from pivident.models.runnable_model import RunnableModel, runnable_model
 from pivident.robot.gallery import load_robot
 from pivident.robot.inertia import from_center_of_mass
-from pivident.text.finding import Finding
 from tests.synthetic_identification import synthetic_identification
 
 

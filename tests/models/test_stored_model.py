@@ -4,12 +4,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pivident.consistency.consistent_estimate import consistent_estimate
-from pivident.consistency.consistent_files import write_consistent
-from pivident.consistency.consistent_model import ConsistentModel, make_consistent
-from pivident.consistency.options import ConsistencyOptions
-from pivident.errors import IdentificationError, IdentificationFileError, NoConsistentModelNear
 from pivident.estimation.identification_file import save_identification
+from pivident.foundation.errors import (
+    IdentificationError,
+    IdentificationFileError,
+    NoConsistentModelNear,
+)
+from pivident.judgement.diagnostics.consistent_estimate import consistent_estimate
+from pivident.judgement.diagnostics.consistent_files import write_consistent
+from pivident.models.consistency.consistent_model import ConsistentModel, make_consistent
+from pivident.models.consistency.options import ConsistencyOptions
 from pivident.models.exported import random_states
 from pivident.models.runnable_model import impossible_value, runnable_model
 from pivident.models.stored_model import stored_model

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pivident.cli import main
+from pivident.app.cli import main
 from tests.questions.material import Case, csv
 
 

@@ -10,7 +10,7 @@ import re
 import tempfile
 from pathlib import Path
 
-from pivident.cli import main
+from pivident.app.cli import main
 from tests.questions.conftest import answered, lay_out
 from tests.questions.material import Case
 
@@ -37,7 +37,7 @@ results. `--robot NAME` checks with another robot, `--json` prints everything fo
 check also prints what it has examined, and which parameters would be estimated from what, with
 which methods, in about what time (to a factor of two, on one processor; compiling is listed
 separately). A log with gaps is examined between them, and the plan covers the stretches that are
-left. In Python: `pivident.check.check_experiment("my_robot.toml")`.
+left. In Python: `pivident.experiment.check_experiment("my_robot.toml")`.
 """
 
 

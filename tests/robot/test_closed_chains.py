@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pivident.errors import RobotDescriptionError
+from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot.closed_chains import assembled, closed_robot, equations
 from pivident.robot.constraints import DIRECTIONS, Closure, LinearConstraint
 from tests.dynamics.closed.mechanisms import (

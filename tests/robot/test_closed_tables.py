@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pivident.errors import RobotDescriptionError
+from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot import parse_modified_dh
 from pivident.robot.closed_chains import equations
 from pivident.robot.gallery import load_robot

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pivident.errors import RobotDescriptionError
+from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot.description import Coupling, Joint, Link, Robot
 from pivident.robot.friction import FrictionLaw, coulomb, viscous
 from pivident.robot.gallery import load_robot

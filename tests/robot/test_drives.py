@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from pivident.errors import RobotDescriptionError
+from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot.description import Coupling
 from pivident.robot.drives import with_drives
 from pivident.robot.gallery import load_robot

@@ -12,7 +12,7 @@ from tests.conftest import REPOSITORY
 
 pytest.importorskip("sympy")
 
-POINTS = """[pivident.friction]
+POINTS = """[pivident.studies.friction]
 bump = foreign_friction:BUMP_TERM
 well = foreign_friction:WELL_TERM
 """
@@ -74,8 +74,8 @@ def test_robot_file_law_and_stored_robot(installed):
         PRELUDE
         + """
 import copy, json, pickle
-from pivident.friction_laws.law_scores import impossible_terms
-from pivident.friction_laws.law_candidates import Reach, default_changes
+from pivident.studies.friction_laws.law_scores import impossible_terms
+from pivident.studies.friction_laws.law_candidates import Reach, default_changes
 from pivident.robot.friction import law_toml
 from pivident.robot.robot_values import robot_of_values, robot_values
 
@@ -106,9 +106,9 @@ def test_regressor_slopes_symbolic_model_and_exports(installed):
 from pivident.dynamics.column_slopes import column_slopes
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
-from pivident.export.c_source import c_compiler, to_c, verify_c
-from pivident.export.numpy_function import to_numpy, verify_numpy
-from tests.export.test_programs import random_model
+from pivident.models.export.c_source import c_compiler, to_c, verify_c
+from pivident.models.export.numpy_function import to_numpy, verify_numpy
+from tests.models.export.test_programs import random_model
 
 parameters = standard_parameters(ROBOT)
 regressor = Regressor.build(ROBOT, parameters)
@@ -142,8 +142,8 @@ def test_simulation_and_its_tangents(installed):
         PRELUDE
         + """
 from pivident.robot.friction import FrictionLaw, coulomb, viscous
-from pivident.simulation.direction import Direction
-from tests.simulation.test_tangents import assert_tangents, planar
+from pivident.loop.simulation.direction import Direction
+from tests.loop.simulation.test_tangents import assert_tangents, planar
 from foreign_friction import bump as bump_term, well as well_term
 
 loop = planar(friction=(viscous(), coulomb(gamma=60.0), bump_term(0.2, gamma=60.0), well_term(0.3)))

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from pivident.errors import RobotDescriptionError
+from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot.friction import (
     FrictionLaw,
     asymmetric_coulomb,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pivident.dynamics.parameters import standard_parameters
-from pivident.errors import RobotDescriptionError
+from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot.gallery import gallery_names, load_robot
 from pivident.robot.urdf import read_urdf
 from tests.robot.kinematics import gravity_torque, link_poses

@@ -11,7 +11,7 @@ import pivident as pv
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.robot_regressor import regressor_of
-from pivident.errors import RobotDescriptionError
+from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot import Link, with_floating_base, with_held_base, with_wrench_sensors
 from pivident.robot.frames import Pose, rotation_from_rpy
 from pivident.robot.measured_base import (

@@ -8,7 +8,7 @@ from pivident.dynamics.closed_chains.closed_motion import ClosedChains
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
 from pivident.dynamics.robot_regressor import regressor_of
-from pivident.errors import RobotDescriptionError
+from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot import parse_urdf
 
 INERTIAL = (

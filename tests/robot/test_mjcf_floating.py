@@ -5,7 +5,7 @@ import pytest
 
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
-from pivident.errors import RobotDescriptionError
+from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot.frames import rotation_x, rotation_y, rotation_z
 from pivident.robot.measured_base import base_positions
 from pivident.robot.mjcf import read_mjcf

@@ -2,7 +2,7 @@
 
 import pytest
 
-from pivident.errors import RobotDescriptionError
+from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot.modified_dh import parse_modified_dh, read_modified_dh
 
 TWO = """

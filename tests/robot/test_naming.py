@@ -2,7 +2,7 @@ import tomllib
 
 import pytest
 
-from pivident.errors import RobotDescriptionError
+from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot.naming import (
     errors_name,
     find_joint,

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
-from pivident.errors import RobotDescriptionError
+from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot.description import Robot
 from pivident.robot.friction import FrictionLaw, coulomb, viscous
 from pivident.robot.urdf import parse_urdf

@@ -10,7 +10,7 @@ import pytest
 
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
-from pivident.errors import RobotDescriptionError
+from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot.frames import Pose, exact_angle, rotation_from_rpy, without_residues
 from pivident.robot.mjcf import read_mjcf
 from pivident.robot.modified_dh import parse_modified_dh

@@ -4,28 +4,33 @@ import numpy as np
 import pytest
 
 import pivident as pv
-from pivident.cli.app import main
-from pivident.collision import Clearances, clearances_of_room, exact_distances, outline_of
-from pivident.control_law.law_gravity import gravity_columns
-from pivident.drives.known_payload import Payload
+from pivident.app.cli.app import main
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.grouping.closed_form import closed_form_base_parameters
 from pivident.dynamics.inverse_derivatives import inverse_dynamics_derivatives
 from pivident.dynamics.parameters import standard_parameters
 from pivident.dynamics.regressor_derivatives import RegressorDerivatives
 from pivident.dynamics.robot_regressor import regressor_of
-from pivident.errors import RobotDescriptionError
-from pivident.excitation import design_motion
+from pivident.estimation.control_law.law_gravity import gravity_columns
+from pivident.estimation.drives.known_payload import Payload
 from pivident.experiment.excite_keys import RoomEntry
-from pivident.export import export_model, to_urdf
-from pivident.export.sdf import to_sdf
+from pivident.foundation.errors import RobotDescriptionError
+from pivident.loop.simulation.gravity_compensation import GravityModel
+from pivident.models import export_model, to_urdf
+from pivident.models.export.sdf import to_sdf
 from pivident.models.runnable_model import runnable_model
-from pivident.payload import identify_payload
 from pivident.robot import lugre, viscous
 from pivident.robot.friction import FrictionLaw
 from pivident.robot.refusals import without_loops
-from pivident.simulation.gravity_compensation import GravityModel
-from pivident.simulators import fit_simulator
+from pivident.studies import (
+    Clearances,
+    clearances_of_room,
+    design_motion,
+    exact_distances,
+    fit_simulator,
+    identify_payload,
+    outline_of,
+)
 
 REFUSED = r"robot 'five-bar' has closed loops, which .* not handle yet; \w"
 

@@ -4,19 +4,16 @@ import numpy as np
 import pytest
 
 import pivident as pv
-from pivident.collision import outline_of
-from pivident.consistency.consistent_model import make_consistent
+from pivident.data import with_wrenches
 from pivident.dynamics.inverse_derivatives import inverse_dynamics_derivatives
-from pivident.errors import PividentError, RobotDescriptionError
 from pivident.estimation.literature.filters.robot_equations import robot_equations
-from pivident.excitation import design_motion
-from pivident.export import export_model
+from pivident.foundation.errors import PividentError, RobotDescriptionError
+from pivident.models import export_model
+from pivident.models.consistency.consistent_model import make_consistent
 from pivident.models.runnable_model import runnable_model
-from pivident.payload import identify_payload
-from pivident.recording import with_wrenches
 from pivident.robot import WrenchSensor, with_floating_base, with_wrench_sensors
 from pivident.robot.refusals import without_loops, without_wrenches
-from pivident.simulators import fit_simulator
+from pivident.studies import design_motion, fit_simulator, identify_payload, outline_of
 
 FLOOR, TOOL = WrenchSensor("floor", "base"), WrenchSensor("tool", "2")
 LOOP = pv.Loop(pv.PD(kp=[6000.0, 2500.0], kd=[180.0, 60.0]))

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pivident.errors import RobotDescriptionError
+from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot.friction import FrictionLaw
 from pivident.robot.gallery import gallery_names, load_robot
 from pivident.robot.robot_values import robot_of_values, robot_values

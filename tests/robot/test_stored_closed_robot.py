@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pivident.dynamics.base_parameters import base_parameters
-from pivident.errors import RobotDescriptionError
+from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot.gallery import load_robot
 from pivident.robot.robot_values import robot_of_values, robot_values
 

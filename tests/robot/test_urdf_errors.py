@@ -4,7 +4,7 @@ import gzip
 
 import pytest
 
-from pivident.errors import RobotDescriptionError
+from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot import urdf_xml
 from pivident.robot.urdf import parse_urdf, read_urdf
 

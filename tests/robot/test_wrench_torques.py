@@ -11,7 +11,7 @@ from benchmarks.base_wrench import arm_on_sensor
 from benchmarks.mujoco_base import Push
 from benchmarks.quadruped import quadruped
 
-from pivident.errors import RobotDescriptionError
+from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot import measured_base as module
 from pivident.robot.frames import Pose, rotation_from_rpy
 from pivident.robot.measured_base import link_places, sensor_link, wrench_torques

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import eval_jacobi, roots_jacobi
 
-from pivident.errors import RecordingError
+from pivident.foundation.errors import RecordingError
 from pivident.signals.algebraic import (
     algebraic_derivative,
     algebraic_gain,

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pivident.errors import RecordingError
+from pivident.foundation.errors import RecordingError
 from pivident.signals.alignment import align_torque, torque_shift
 
 RATE = 1000.0

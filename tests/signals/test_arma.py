@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from pivident.errors import IdentificationError
+from pivident.foundation.errors import IdentificationError
 from pivident.signals.arma import MAX_ROOT, ar, arma, inside, select_arma
 from pivident.signals.arma_likelihood import Likelihood
 

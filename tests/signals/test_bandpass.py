@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from scipy.io import loadmat
 from scipy.signal import butter, filtfilt
 
-from pivident.errors import RecordingError, RecordingTooShort
+from pivident.foundation.errors import RecordingError, RecordingTooShort
 from pivident.signals.bandpass import bandpass, butterworth, central_difference, median_filter
 from pivident.signals.decimation import parallel_decimation
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from pivident.errors import ExperimentError, NonFiniteSamples, RecordingError
+from pivident.data.recording.recording import Recording
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.signal_recipes import RandomWalk
-from pivident.recording.recording import Recording
+from pivident.foundation.errors import ExperimentError, NonFiniteSamples, RecordingError
 from pivident.signals.coloured_walk_likelihood import (
     NoiseColour,
     coloured_fit,

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from pivident.loop.simulation.reference import point_to_point
 from pivident.signals.counted_positions import (
     counting_stretches,
     has_visible_counts,
     nvr_of_counts,
 )
 from pivident.signals.random_walk import smooth
-from pivident.simulation.reference import point_to_point
 
 RATE = 2000.0
 COUNT = 2 * np.pi / 3600

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import decimate
 
-from pivident.errors import RecordingError, RecordingTooShort
+from pivident.foundation.errors import RecordingError, RecordingTooShort
 from pivident.signals.decimation import (
     decimation_blocks,
     decimation_offsets,

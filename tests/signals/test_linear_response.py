@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete, lfilter
 
-from pivident.instruments.reference_response import fit_response
+from pivident.loop.instruments.reference_response import fit_response
 
 
 def excitation(rate, seconds=40.0):

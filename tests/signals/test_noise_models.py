@@ -4,13 +4,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import butter, lfilter
 
-from pivident.errors import IdentificationError
+from pivident.foundation.errors import IdentificationError
+from pivident.judgement.validation.residuals.autocorrelation import JointResidual, ljung_box
 from pivident.signals.noise_models import (
     fit_ar,
     unmasked_stretches,
     whiten,
 )
-from pivident.validation.residuals.autocorrelation import JointResidual, ljung_box
 
 AR2 = [1.0, -1.5, 0.8]
 

@@ -4,7 +4,7 @@ import json
 import numpy as np
 import pytest
 
-from pivident.errors import NonFiniteSamples, RecordingError
+from pivident.foundation.errors import NonFiniteSamples, RecordingError
 from pivident.signals.random_walk import EDGE, smooth, smooth_channels
 from pivident.signals.random_walk_model import nvr_from_f50
 from tests.signals.motions import RATE, point_to_point

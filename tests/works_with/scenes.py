@@ -9,13 +9,10 @@ from functools import cache
 import numpy as np
 
 import pivident as pv
+from pivident.data import with_wrenches
+from pivident.data.recording.recording import Recording
 from pivident.estimation.method import Method
-from pivident.friction_laws.law_candidates import adding
-from pivident.friction_laws.law_choice import choose_laws
-from pivident.friction_laws.shapes import identify_shapes
-from pivident.payload import identify_payload
-from pivident.recording import with_wrenches
-from pivident.recording.recording import Recording
+from pivident.loop import virtual_pd
 from pivident.robot import (
     FrictionLaw,
     WrenchSensor,
@@ -26,7 +23,10 @@ from pivident.robot import (
     viscous,
     with_wrench_sensors,
 )
-from pivident.simulation import virtual_pd
+from pivident.studies import identify_payload
+from pivident.studies.friction_laws.law_candidates import adding
+from pivident.studies.friction_laws.law_choice import choose_laws
+from pivident.studies.friction_laws.shapes import identify_shapes
 
 RATE, PERIOD, PERIODS = 1000.0, 1000, 4
 

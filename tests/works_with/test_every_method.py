@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 import pivident
-from pivident.errors import PividentError
 from pivident.estimation.identification_file import method_of_options
 from pivident.estimation.method import Handles, Method
 from pivident.estimation.methods import METHODS, method_named, name_of
 from pivident.experiment.identify_table import IdentifyEntry, method_of
-from pivident.options import annotations_of, declarations
-from pivident.text.plain_values import plain
+from pivident.foundation.errors import PividentError
+from pivident.foundation.options import annotations_of, declarations
+from pivident.foundation.text.plain_values import plain
 from tests.works_with.page import PAGE, page
 from tests.works_with.scenes import FEATURES, problem
 

@@ -16,7 +16,7 @@ from pivident.estimation import (
     Solved,
     windows_covariance,
 )
-from pivident.options import option
+from pivident.foundation.options import option
 
 #: Errors below this count as large as this, in standard deviations.
 SMALLEST = 1e-3

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pivident.errors import BadCell
-from pivident.logs.reader import Reader
+from pivident.data.logs.reader import Reader
+from pivident.foundation.errors import BadCell
 
 
 def names(path: Path) -> tuple[str, ...]:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from pivident.audit.examination import Examination, LogCheck
-from pivident.text.finding import FindingKind, Quantity, Topic
-from pivident.text.repair import setting
+from pivident.foundation.text.finding import FindingKind, Quantity, Topic
+from pivident.foundation.text.repair import setting
+from pivident.judgement.audit.examination import Examination, LogCheck
 
 #: Longest rest at the end [s], and speed below which an arm rests, as share of its fastest.
 LONGEST, REST = 2.0, 1e-3

@@ -22,7 +22,7 @@ import numpy as np
 from pivident.dynamics.closed_chains.closed_regressor import ClosedRegressor
 from pivident.dynamics.parameters import Parameter, standard_parameters
 from pivident.dynamics.regressor import Regressor
-from pivident.errors import ExperimentError
+from pivident.foundation.errors import ExperimentError
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.compiled import kernel
 from pivident.dynamics.entry_plan import coupling_sign, has_inner_signal
 from pivident.dynamics.friction_kernels import (
     friction_value_and_slope,
@@ -16,6 +15,7 @@ from pivident.dynamics.friction_kernels import (
 from pivident.dynamics.friction_table import OF_POSITION
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor import Regressor
+from pivident.foundation.compiled import kernel
 from pivident.robot.description import Robot
 from pivident.robot.friction_term import FrictionTerm
 from pivident.robot.friction_terms.coulomb import COULOMB

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pivident.compiled import inlined, inner, summing
+from pivident.foundation.compiled import inlined, inner, summing
 
 #: Least size of a pivot when the order is found, in the largest number left in its column.
 LEAST_PIVOT = 0.1

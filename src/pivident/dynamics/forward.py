@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pivident.compiled import allocating
 from pivident.dynamics.closed_chains.closed_dynamics import (
     ClosedModel,
     closed_mass_and_bias,
@@ -33,7 +32,8 @@ from pivident.dynamics.kernels import (
     tree_of,
 )
 from pivident.dynamics.parameters import Parameter
-from pivident.errors import LoopNotClosed
+from pivident.foundation.compiled import allocating
+from pivident.foundation.errors import LoopNotClosed
 from pivident.robot.description import INERTIAL, Robot
 
 

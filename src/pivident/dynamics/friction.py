@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from pivident.compiled import kernel
 from pivident.dynamics.friction_kernels import level_and_slope, state_after_way, travel_to_reversal
+from pivident.foundation.compiled import kernel
 from pivident.robot.friction_column import SIGNS, evaluated
 from pivident.robot.friction_term import FrictionTerm
 from pivident.robot.friction_terms.presliding import PRESLIDING, PRESLIDING_RATE

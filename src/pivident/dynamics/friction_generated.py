@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from math import exp, log, sqrt
 
-from pivident.compiled import inlined
+from pivident.foundation.compiled import inlined
 from pivident.dynamics.elementary import TILE, cos, direction, power, sin, size
 
 

@@ -18,11 +18,11 @@ from __future__ import annotations
 
 import math
 
-from pivident.compiled import inlined as _inline
-from pivident.compiled import shared
 from pivident.dynamics.compiled_columns import FIRST_ADDRESS, SLOPE, VALUE, call_column
 from pivident.dynamics.elementary import REST, arctangent, direction
 from pivident.dynamics.friction_generated import position_derivatives, speed_derivatives
+from pivident.foundation.compiled import inlined as _inline
+from pivident.foundation.compiled import shared
 from pivident.robot.friction_column import SignFunction
 from pivident.robot.friction_terms.presliding import PRESLIDING
 

@@ -20,8 +20,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pivident.compiled import inlined as _inline
-from pivident.compiled import inner, kernel, rows, shared
 from pivident.dynamics.entry_plan import coupling_sign
 from pivident.dynamics.friction_kernels import (
     friction_value_and_slope,
@@ -34,7 +32,9 @@ from pivident.dynamics.friction_kernels import (
     travel_to_reversal,
 )
 from pivident.dynamics.parameters import Parameter
-from pivident.errors import UnusableValue
+from pivident.foundation.compiled import inlined as _inline
+from pivident.foundation.compiled import inner, kernel, rows, shared
+from pivident.foundation.errors import UnusableValue
 from pivident.robot.description import Robot
 from pivident.robot.friction_column import SignFunction
 from pivident.robot.friction_term import MAX_SHAPES, FrictionTerm

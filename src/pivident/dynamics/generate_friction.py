@@ -20,7 +20,7 @@ from itertools import chain
 from typing import Any
 
 from pivident.dynamics.compiled_columns import COUNT
-from pivident.extras import require
+from pivident.foundation.extras import require
 from pivident.robot.friction_column import FrictionColumn, evaluated
 from pivident.robot.friction_term import TermKind
 from pivident.robot.friction_terms import friction_columns

@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pivident.compiled import kernel
 from pivident.dynamics.column_slopes import column_slopes
 from pivident.dynamics.forward import make_model, mass_matrix
 from pivident.dynamics.kernels import link_poses
@@ -22,7 +21,8 @@ from pivident.dynamics.rigid_body_slopes import (
     slope_scratch,
     torque_slopes,
 )
-from pivident.errors import UnusableValue
+from pivident.foundation.compiled import kernel
+from pivident.foundation.errors import UnusableValue
 from pivident.robot.description import Robot
 from pivident.robot.refusals import without_loops
 

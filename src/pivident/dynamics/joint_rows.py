@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from pivident.compiled import inlined as _inline
 from pivident.dynamics.compiled_columns import FIRST_ADDRESS, VALUE, call_column
 from pivident.dynamics.elementary import TILE, arctangent
 from pivident.dynamics.entry_plan import ACCELERATION
 from pivident.dynamics.friction_generated import position_row, speed_row
+from pivident.foundation.compiled import inlined as _inline
 from pivident.robot.friction_column import SignFunction
 from pivident.robot.friction_terms.offset import OFFSET
 from pivident.robot.friction_terms.viscous import VISCOUS

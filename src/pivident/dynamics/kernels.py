@@ -20,8 +20,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pivident.compiled import allocating, inlined, inner, kernel
 from pivident.dynamics.elementary import sine_and_cosine
+from pivident.foundation.compiled import allocating, inlined, inner, kernel
 from pivident.robot.description import Robot
 
 

@@ -13,7 +13,6 @@ import math
 
 import numpy as np
 
-from pivident.compiled import inner
 from pivident.dynamics.friction_kernels import (
     LEVEL_PER_PIECE,
     MAX_PIECES,
@@ -27,6 +26,7 @@ from pivident.dynamics.friction_kernels import (
 )
 from pivident.dynamics.friction_partials import position_partials
 from pivident.dynamics.friction_table import OF_POSITION
+from pivident.foundation.compiled import inner
 from pivident.robot.friction_terms.maxwell_slip import MAXWELL
 from pivident.robot.friction_terms.presliding import PRESLIDING
 

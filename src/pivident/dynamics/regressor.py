@@ -18,10 +18,10 @@ from pivident.dynamics.entry_plan import EntryPlan, has_inner_signal, make_entry
 from pivident.dynamics.friction import memory_column, smoothed_sign
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor_kernels import DENSE, PACKED, TORQUES, observe, tile_rows
-from pivident.errors import UnusableValue
+from pivident.foundation.errors import UnusableValue
+from pivident.foundation.scratch import working_array
+from pivident.foundation.threads import run_in_threads
 from pivident.robot.description import Robot
-from pivident.scratch import working_array
-from pivident.threads import run_in_threads
 
 BLOCK = 2048  # samples per block of a thread
 

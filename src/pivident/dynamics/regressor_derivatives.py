@@ -22,15 +22,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.compiled import allocating
-from pivident.compiled import inlined as _inline
 from pivident.dynamics.column_slopes import ColumnSlope, column_slopes
 from pivident.dynamics.kernels import Tree, link_poses, tree_of
 from pivident.dynamics.regressor import Regressor
-from pivident.errors import UnusableValue
+from pivident.foundation.compiled import allocating
+from pivident.foundation.compiled import inlined as _inline
+from pivident.foundation.errors import UnusableValue
+from pivident.foundation.threads import run_in_threads
 from pivident.robot.description import INERTIAL
 from pivident.robot.refusals import without_loops
-from pivident.threads import run_in_threads
 
 #: Samples of a thread's block.
 BLOCK = 128

@@ -18,11 +18,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from pivident.compiled import inlined as _inline
-from pivident.compiled import kernel, section
 from pivident.dynamics.elementary import TILE, sine_and_cosine
 from pivident.dynamics.entry_plan import INERTIAS, INNER, MOMENTS, EntryPlan
 from pivident.dynamics.joint_rows import joint_row
+from pivident.foundation.compiled import inlined as _inline
+from pivident.foundation.compiled import kernel, section
 
 # Rows of the tile. The joint at work: cosine and sine of its turn, its slide, and their rates.
 _COS, _SIN, _SLIDE, _DTURN, _DDTURN, _DSLIDE, _DDSLIDE = 0, 1, 2, 3, 4, 5, 6

@@ -10,7 +10,7 @@ from pivident.dynamics.closed_chains.closed_motion import ClosedChains, moved_jo
 from pivident.dynamics.closed_chains.closed_regressor import ClosedRegressor
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor import Regressor
-from pivident.errors import RobotDescriptionError
+from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot.description import Robot
 
 

@@ -19,9 +19,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters, independent_columns, preference
-from pivident.errors import RankDeficientRegressor
-from pivident.text.finding import Finding
-from pivident.text.lists import listed
+from pivident.foundation.errors import RankDeficientRegressor
+from pivident.foundation.text.finding import Finding
+from pivident.foundation.text.lists import listed
 
 #: Kind of the finding that names the parameters left out.
 KIND = "inseparable"

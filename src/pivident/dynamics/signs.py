@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.dynamics.parameters import Parameter
+from pivident.foundation.text.finding import Finding, Quantity
+from pivident.foundation.text.numbers import plus_minus
 from pivident.robot.description import Robot
-from pivident.text.finding import Finding, Quantity
-from pivident.text.numbers import plus_minus
 
 #: Share of a joint's frictions and rotor inertias that has to be negative for a reversed sign.
 NEARLY_ALL = 0.75

@@ -1,5 +1,15 @@
 from .auxiliary_model import AuxiliaryModel as AuxiliaryModel
+from .control_law.identified_law import ControllerIdentification as ControllerIdentification
+from .control_law.identified_law import identify_controller as identify_controller
+from .control_law.unknown_loop import Feedback as Feedback
+from .control_law.unknown_loop import feedback_from_noise as feedback_from_noise
+from .control_law.unknown_loop import reconstruct_loop as reconstruct_loop
 from .didim import Didim as Didim
+from .drives.drive_gains import DriveGains as DriveGains
+from .drives.drive_gains import identify_drive_gains as identify_drive_gains
+from .drives.known_payload import Payload as Payload
+from .drives.log_units import MotorInLogUnits as MotorInLogUnits
+from .drives.log_units import identify_in_log_units as identify_in_log_units
 from .identify import build_regression as build_regression
 from .kinematics import estimate_kinematics as estimate_kinematics
 from .literature.adaline import Adaline as Adaline

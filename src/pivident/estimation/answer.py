@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from pivident.data.logs.torque_scale import marked_scales, scale_sentences
 from pivident.dynamics.regressor import Regressor
 from pivident.dynamics.signs import sign_warnings
-from pivident.errors import Attempts
 from pivident.estimation.covariance import rounded_away
 from pivident.estimation.covariance.sandwich import jackknife
 from pivident.estimation.covariance.stationary_noise import (
@@ -24,12 +24,12 @@ from pivident.estimation.normal_equations import relative_residual
 from pivident.estimation.problem import Problem, position_units, torque_units
 from pivident.estimation.simulation_result import SimulationResult
 from pivident.estimation.solved_equations import EquationNoise, Equations, durbin_wu_hausman
-from pivident.instruments.given_motion import InstrumentsUsed
-from pivident.logs.torque_scale import marked_scales, scale_sentences
+from pivident.foundation.errors import Attempts
+from pivident.foundation.text.finding import Finding, Quantity
+from pivident.foundation.version import __version__
+from pivident.loop.instruments.given_motion import InstrumentsUsed
+from pivident.loop.simulation.control_loop import Loop
 from pivident.robot.description import Robot
-from pivident.simulation.control_loop import Loop
-from pivident.text.finding import Finding, Quantity
-from pivident.version import __version__
 
 #: Largest range of a joint without known limits that raises no doubt [rad]; `pivident init` takes
 #: positions beyond it for degrees.

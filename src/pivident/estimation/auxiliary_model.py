@@ -14,30 +14,30 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from pivident.data.recording.recording import Recording
 from pivident.dynamics.forward import Model, make_model
 from pivident.dynamics.parameters import on_fixed_base
-from pivident.errors import (
+from pivident.estimation.problem import Problem
+from pivident.foundation.errors import (
     ExperimentError,
     IdentificationError,
     MassMatrixNotPositiveDefinite,
     SimulationDiverged,
 )
-from pivident.estimation.problem import Problem
-from pivident.motion.law_torque import held, known_inputs, upsampled
-from pivident.motion.motion import Kinematics, SimulatedMotion
-from pivident.recording.recording import Recording
-from pivident.robot.description import Robot
-from pivident.scratch import working_array
-from pivident.signals.random_walk import smooth_channels
-from pivident.simulation.closed_loop import (
+from pivident.foundation.scratch import working_array
+from pivident.foundation.threads import run_in_threads
+from pivident.loop.motion.law_torque import held, known_inputs, upsampled
+from pivident.loop.motion.motion import Kinematics, SimulatedMotion
+from pivident.loop.simulation.closed_loop import (
     LoopSignals,
     Trajectory,
     simulate,
     simulate_blocks,
 )
-from pivident.simulation.control_loop import Loop, with_measured_gravity
-from pivident.simulation.loop_kernel import TORQUE
-from pivident.threads import run_in_threads
+from pivident.loop.simulation.control_loop import Loop, with_measured_gravity
+from pivident.loop.simulation.loop_kernel import TORQUE
+from pivident.robot.description import Robot
+from pivident.signals.random_walk import smooth_channels
 
 #: How often a step may be halved before the loop is declared impossible to simulate.
 HALVINGS = 6

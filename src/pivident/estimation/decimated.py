@@ -8,13 +8,14 @@ from typing import ClassVar, TypeVar
 
 import numpy as np
 
+from pivident.data.logs.clocks.timestamps import mostly_usable
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.covariance.windows import Windows
 from pivident.estimation.equation_record import FittedRecording, JointColumns
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.signal_recipes import Decimated
-from pivident.logs.clocks.timestamps import mostly_usable
-from pivident.motion.motion import Kinematics, SimulatedMotion, SpeedLimits, packed_stretch
+from pivident.foundation.threads import run_in_threads
+from pivident.loop.motion.motion import Kinematics, SimulatedMotion, SpeedLimits, packed_stretch
 from pivident.signals.decimation import (
     Convention,
     decimation_blocks,
@@ -24,7 +25,6 @@ from pivident.signals.decimation import (
     parallel_decimation,
 )
 from pivident.signals.prefilter import Prefilter
-from pivident.threads import run_in_threads
 
 Rows = TypeVar("Rows")
 

@@ -46,7 +46,6 @@ from typing import ClassVar, cast
 
 import numpy as np
 
-from pivident.errors import ExperimentError
 from pivident.estimation.answer import answer, law_findings
 from pivident.estimation.auxiliary_model import AuxiliaryModel, settled_starts, simulated_kinematics
 from pivident.estimation.decimated import DecimatedRecord, decimate_record, decimated_columns
@@ -61,9 +60,10 @@ from pivident.estimation.noise_identification import Prefilters, Whitening
 from pivident.estimation.prefiltered_iv import PrefilteredIV, full_rate_start, piv
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import Bandpass
-from pivident.instruments.given_motion import InstrumentsUsed
-from pivident.motion.motion import SimulatedMotion, with_inner
-from pivident.text.finding import Finding
+from pivident.foundation.errors import ExperimentError
+from pivident.foundation.text.finding import Finding
+from pivident.loop.instruments.given_motion import InstrumentsUsed
+from pivident.loop.motion.motion import SimulatedMotion, with_inner
 
 #: Iterations behind the inverse controller alone: as long as θ is wrong the residual shows it, and
 #: a noise model of that would be a high-pass filter that the iteration then hardly gets through.

@@ -12,12 +12,12 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from pivident.data.logs.torque_scale import TorqueScale
+from pivident.data.recording.recording import TorqueSource
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.covariance.windows import Windows, windows_of
 from pivident.estimation.normal_equations import JointSums
-from pivident.logs.torque_scale import TorqueScale
-from pivident.motion.motion import Kinematics, SimulatedMotion
-from pivident.recording.recording import TorqueSource
+from pivident.loop.motion.motion import Kinematics, SimulatedMotion
 from pivident.signals.prefilter import Prefilter
 
 

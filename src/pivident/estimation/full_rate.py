@@ -17,7 +17,9 @@ from pivident.dynamics.regressor import Regressor
 from pivident.estimation.covariance.windows import Windows
 from pivident.estimation.equation_record import FittedRecording, JointColumns
 from pivident.estimation.normal_equations import JointSums
-from pivident.motion.motion import (
+from pivident.foundation.scratch import working_array
+from pivident.foundation.threads import run_in_threads
+from pivident.loop.motion.motion import (
     Kinematics,
     Motion,
     SimulatedMotion,
@@ -26,9 +28,7 @@ from pivident.motion.motion import (
     packed_stretch,
     residual_of,
 )
-from pivident.scratch import working_array
 from pivident.signals.prefilter import Prefilter
-from pivident.threads import run_in_threads
 
 #: Samples per block: the columns of a joint, before and after its filter, stay in the cache.
 BLOCK = 4096

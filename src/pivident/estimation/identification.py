@@ -11,23 +11,23 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtri
 
+from pivident.data.logs.torque_scale import TorqueScale
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.robot_regressor import regressor_of
-from pivident.errors import UnusableValue
 from pivident.estimation.covariance import rounded_away
 from pivident.estimation.equation_record import FittedRecording, MotionRange
 from pivident.estimation.method import Method
 from pivident.estimation.signal_recipes import Decimated
 from pivident.estimation.simulation_result import SimulationResult
 from pivident.estimation.solved_equations import EquationNoise, Equations, TorqueSums
-from pivident.instruments.given_motion import InstrumentsUsed
-from pivident.logs.torque_scale import TorqueScale
+from pivident.foundation.errors import UnusableValue
+from pivident.foundation.text import display
+from pivident.foundation.text.display import Displayed
+from pivident.foundation.text.finding import Finding
+from pivident.loop.instruments.given_motion import InstrumentsUsed
+from pivident.loop.simulation.control_loop import Loop
 from pivident.robot.description import Robot
-from pivident.simulation.control_loop import Loop
-from pivident.text import display
-from pivident.text.display import Displayed
-from pivident.text.finding import Finding
 
 #: Samples that are worked on at a time.
 BLOCK = 4096

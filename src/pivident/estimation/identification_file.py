@@ -11,17 +11,17 @@ from dataclasses import fields
 from os import PathLike
 from typing import Any
 
-from pivident.errors import PividentError
 from pivident.estimation.identification import Identification, torque_sums
 from pivident.estimation.method import Arma, AutoRegressive, Method, Repetition
 from pivident.estimation.methods import METHODS, name_of
 from pivident.estimation.parameter_rows import parameter_rows
 from pivident.estimation.signal_recipes import RECIPES
-from pivident.files import atomic_folder
-from pivident.options import Options
+from pivident.foundation.errors import PividentError
+from pivident.foundation.files import atomic_folder
+from pivident.foundation.options import Options
+from pivident.foundation.text.plain_values import csv_table, json_of_entries, plain
+from pivident.loop.simulation.control_loop import Loop
 from pivident.robot.robot_values import robot_values
-from pivident.simulation.control_loop import Loop
-from pivident.text.plain_values import csv_table, json_of_entries, plain
 
 #: Version of the layout of ``identification.json``.
 SCHEMA = 4

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from pivident.dynamics.separation import KIND, separated
-from pivident.errors import IdentificationError, RankDeficientRegressor
 from pivident.estimation.didim import LABEL, NOT_SIMULATED, reads_counts
 from pivident.estimation.identification import Identification
 from pivident.estimation.kinematics import estimate_kinematics
@@ -15,7 +14,8 @@ from pivident.estimation.method import Method, Say
 from pivident.estimation.methods import method_named
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import RandomWalk, SignalRecipe
-from pivident.threads import linear_algebra_in_one_thread
+from pivident.foundation.errors import IdentificationError, RankDeficientRegressor
+from pivident.foundation.threads import linear_algebra_in_one_thread
 
 
 def identify(

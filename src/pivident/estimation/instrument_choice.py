@@ -15,24 +15,24 @@ from typing import Protocol
 
 import numpy as np
 
-from pivident.errors import (
+from pivident.estimation.auxiliary_model import AuxiliaryModel
+from pivident.estimation.method import InstrumentalMethod
+from pivident.estimation.problem import Problem
+from pivident.foundation.errors import (
     IdentificationError,
     MassMatrixNotPositiveDefinite,
     SimulationDiverged,
 )
-from pivident.estimation.auxiliary_model import AuxiliaryModel
-from pivident.estimation.method import InstrumentalMethod
-from pivident.estimation.problem import Problem
-from pivident.instruments.given_motion import (
+from pivident.foundation.text.numbers import percent
+from pivident.loop.instruments.given_motion import (
     GOOD,
     USEFUL,
     GivenMotions,
     InstrumentsAbsent,
     InstrumentsUsed,
 )
-from pivident.instruments.kinds import KINDS
-from pivident.motion.motion import Kinematics, SimulatedMotion
-from pivident.text.numbers import percent
+from pivident.loop.instruments.kinds import KINDS
+from pivident.loop.motion.motion import Kinematics, SimulatedMotion
 
 
 class InstrumentSource(Protocol):

@@ -44,8 +44,8 @@ from pivident.estimation.signal_recipes import (
     SignalRecipe,
     recipe_name,
 )
-from pivident.options import option
-from pivident.text.finding import Finding
+from pivident.foundation.options import option
+from pivident.foundation.text.finding import Finding
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,6 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from pivident.dynamics.robot_regressor import regressor_of
-from pivident.errors import MassMatrixNotPositiveDefinite, SimulationDiverged
 from pivident.estimation.covariance.sandwich import sandwich
 from pivident.estimation.equation_record import EquationRecord, accumulate
 from pivident.estimation.full_rate import records_without_instruments
@@ -35,10 +34,11 @@ from pivident.estimation.normal_equations import (
     weighted_solution,
 )
 from pivident.estimation.problem import Problem
-from pivident.motion.motion import Kinematics, SimulatedMotion, SpeedLimits, with_inner
-from pivident.motion.simulated_detail import with_forced_detail, with_simulated_detail
+from pivident.foundation.errors import MassMatrixNotPositiveDefinite, SimulationDiverged
+from pivident.foundation.text.finding import Finding, Quantity
+from pivident.loop.motion.motion import Kinematics, SimulatedMotion, SpeedLimits, with_inner
+from pivident.loop.motion.simulated_detail import with_forced_detail, with_simulated_detail
 from pivident.signals.prefilter import Prefilter
-from pivident.text.finding import Finding, Quantity
 
 #: Share of a step that the next one takes back where an iteration alternates between two estimates.
 TAKEN_BACK = 0.8

@@ -16,13 +16,14 @@ from typing import Any
 
 import numpy as np
 
-from pivident.common_work import once
-from pivident.errors import RecordingError, RecordingTooShort
+from pivident.data.logs.clocks.timestamps import clear_of_unusable
+from pivident.data.recording.recording import Recording
 from pivident.estimation.signal_recipes import Algebraic, Bandpass, RandomWalk, SignalRecipe
-from pivident.logs.clocks.timestamps import clear_of_unusable
-from pivident.motion.motion import MIN_RUN, Kinematics, aligned_torque
-from pivident.recording.recording import Recording
-from pivident.scratch import working_array
+from pivident.foundation.common_work import once
+from pivident.foundation.errors import RecordingError, RecordingTooShort
+from pivident.foundation.scratch import working_array
+from pivident.foundation.threads import run_in_threads
+from pivident.loop.motion.motion import MIN_RUN, Kinematics, aligned_torque
 from pivident.signals.algebraic import algebraic_derivative, half_gain_product
 from pivident.signals.bandpass import EDGE, bandpass
 from pivident.signals.coloured_walk_likelihood import NoiseColour
@@ -36,7 +37,6 @@ from pivident.signals.random_walk import (
     smooth_with_lines,
 )
 from pivident.signals.spectral_lines import SpectralLine
-from pivident.threads import run_in_threads
 
 #: Samples beside a torque that its value at the instant is made from, to a thousandth.
 NUMEROV = 3

@@ -8,7 +8,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from pivident.common_work import once
 from pivident.estimation.answer import answer
 from pivident.estimation.decimated import decimate_record
 from pivident.estimation.equation_record import EquationRecord, accumulate
@@ -28,9 +27,10 @@ from pivident.estimation.noise_identification import Prefilters
 from pivident.estimation.normal_equations import JointSums, Solution, relative_residual, solve
 from pivident.estimation.problem import BIASED, Problem
 from pivident.estimation.signal_recipes import Decimated
-from pivident.motion.motion import Kinematics, SpeedLimits, with_inner
-from pivident.options import option
-from pivident.text.finding import Finding
+from pivident.foundation.common_work import once
+from pivident.foundation.options import option
+from pivident.foundation.text.finding import Finding
+from pivident.loop.motion.motion import Kinematics, SpeedLimits, with_inner
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,22 +13,22 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Self
 
-from pivident.errors import ExperimentError, IdentificationError
+from pivident.data.recording.recording import Recording
 from pivident.estimation.kinematics import settled_recipe
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import RECIPES, Bandpass, SignalRecipe
-from pivident.instruments.kinds import KINDS
-from pivident.motion.motion import MOTION_BAND
-from pivident.options import Options, declarations, option
-from pivident.recording.recording import Recording
+from pivident.foundation.errors import ExperimentError, IdentificationError
+from pivident.foundation.options import Options, declarations, option
+from pivident.foundation.text.finding import Finding
+from pivident.loop.instruments.kinds import KINDS
+from pivident.loop.motion.motion import MOTION_BAND
 from pivident.robot.refusals import without_loops, without_wrenches
-from pivident.text.finding import Finding
 
 #: Called with one line at each stage.
 Say = Callable[[str], None]
 #: Which covariance of an estimate is reported.
 CovarianceKind = Literal["auto", "formula", "sandwich", "stationary"]
-#: Where instruments come from, see `pivident.instruments`.
+#: Where instruments come from, see `pivident.loop.instruments`.
 if TYPE_CHECKING:
     Instruments = str
 else:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from pivident.errors import IdentificationError
 from pivident.estimation.method import Method
-from pivident.registry import Registry
+from pivident.foundation.errors import IdentificationError
+from pivident.foundation.registry import Registry
 from pivident.robot.naming import nearest
 
 #: Names that the command line and experiment files use.

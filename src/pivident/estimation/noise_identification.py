@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from pivident.errors import ExperimentError, IdentificationError
+from pivident.data.recording.repeated_motion import repeated_motion
 from pivident.estimation.equation_record import EquationRecord
 from pivident.estimation.method import Arma, AutoRegressive, Repetition
 from pivident.estimation.problem import Problem
@@ -23,12 +23,16 @@ from pivident.estimation.standstill import (
     without_recent,
     worth_using,
 )
-from pivident.motion.motion import (
+from pivident.foundation.errors import ExperimentError, IdentificationError
+from pivident.foundation.text.finding import Finding
+from pivident.foundation.text.lists import plural
+from pivident.foundation.threads import run_in_threads
+from pivident.loop.motion.motion import (
     Kinematics,
     residual_of,
     usable_samples,
 )
-from pivident.recording.repeated_motion import repeated_motion
+from pivident.loop.simulation.controllers import inverse_controller
 from pivident.signals.noise_models import (
     continued_into_band,
     excess_in_band,
@@ -37,10 +41,6 @@ from pivident.signals.noise_models import (
     unmasked_stretches,
 )
 from pivident.signals.prefilter import Prefilter
-from pivident.simulation.controllers import inverse_controller
-from pivident.text.finding import Finding
-from pivident.text.lists import plural
-from pivident.threads import run_in_threads
 
 #: The first estimate's residual decides on the AR orders: flips of the criterion must not go on
 #: changing the estimate. The models themselves are kept from the second one on: the residual

@@ -25,9 +25,9 @@ import numpy as np
 from numba import njit
 
 from pivident.dynamics.separation import is_separated, refusal, weakest_direction
-from pivident.errors import IdentificationError
 from pivident.estimation.covariance import white_noise_covariance
 from pivident.estimation.covariance.windows import Share
+from pivident.foundation.errors import IdentificationError
 
 #: Rows that are multiplied with each other at a time.
 _SIDE = 4

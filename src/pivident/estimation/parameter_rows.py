@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
+from pivident.data.logs.torque_scale import OUTPUT_UNIT, is_ratio
 from pivident.estimation.identification import Identification
-from pivident.logs.torque_scale import OUTPUT_UNIT, is_ratio
-from pivident.text.numbers import with_spread
+from pivident.foundation.text.numbers import with_spread
 
 #: Estimates further apart than this many combined standard errors contradict each other.
 CONTRADICTION = 3.0

@@ -19,12 +19,6 @@ from typing import Any, ClassVar, Literal, TypeVar
 
 import numpy as np
 
-from pivident.errors import (
-    ExperimentError,
-    IdentificationError,
-    MassMatrixNotPositiveDefinite,
-    SimulationDiverged,
-)
 from pivident.estimation.answer import answer, loop_warnings
 from pivident.estimation.full_rate import (
     FullRateRecord,
@@ -65,9 +59,15 @@ from pivident.estimation.method import (
 from pivident.estimation.noise_identification import Prefilters, Whitening
 from pivident.estimation.problem import EQUATION_ERROR, Problem
 from pivident.estimation.signal_recipes import RandomWalk
-from pivident.instruments.given_motion import InstrumentsUsed
-from pivident.options import option
-from pivident.text.finding import Finding
+from pivident.foundation.errors import (
+    ExperimentError,
+    IdentificationError,
+    MassMatrixNotPositiveDefinite,
+    SimulationDiverged,
+)
+from pivident.foundation.options import option
+from pivident.foundation.text.finding import Finding
+from pivident.loop.instruments.given_motion import InstrumentsUsed
 
 #: Estimates before the one that may be the last: noise models come from the residuals of both.
 MIN_ESTIMATES = 2

@@ -19,6 +19,9 @@ from typing import Literal
 
 import numpy as np
 
+from pivident.data.logs.torque_scale import OUTPUT_UNIT, is_ratio
+from pivident.data.recording.checks import check_within_reach
+from pivident.data.recording.recording import Recording
 from pivident.dynamics.base_parameters import (
     BaseParameters,
     base_parameters,
@@ -27,18 +30,15 @@ from pivident.dynamics.base_parameters import (
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
 from pivident.dynamics.robot_regressor import regressor_of
-from pivident.errors import ExperimentError, IdentificationError, concerning
-from pivident.logs.torque_scale import OUTPUT_UNIT, is_ratio
-from pivident.motion.law_torque import with_law_torque
-from pivident.motion.motion import SpeedLimits
-from pivident.recording.checks import check_within_reach
-from pivident.recording.recording import Recording
+from pivident.foundation.errors import ExperimentError, IdentificationError, concerning
+from pivident.foundation.text.display import Displayed
+from pivident.foundation.text.finding import Finding
+from pivident.foundation.text.lists import listed
+from pivident.loop.motion.law_torque import with_law_torque
+from pivident.loop.motion.motion import SpeedLimits
+from pivident.loop.simulation.control_loop import Loop
+from pivident.loop.simulation.controllers import PythonController
 from pivident.robot.description import Robot
-from pivident.simulation.control_loop import Loop
-from pivident.simulation.controllers import PythonController
-from pivident.text.display import Displayed
-from pivident.text.finding import Finding
-from pivident.text.lists import listed
 
 #: Share of the rated speed below which rows are excluded.
 LOW_SPEED = 0.01

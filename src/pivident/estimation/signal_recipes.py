@@ -7,9 +7,9 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from pivident.errors import ExperimentError
-from pivident.motion.motion import MOTION_BAND
-from pivident.options import Options, option
+from pivident.foundation.errors import ExperimentError
+from pivident.foundation.options import Options, option
+from pivident.loop.motion.motion import MOTION_BAND
 from pivident.signals.algebraic import half_gain_product, half_samples
 from pivident.signals.decimation import Convention
 

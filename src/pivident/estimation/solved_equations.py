@@ -39,11 +39,11 @@ import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters
 from pivident.dynamics.regressor import Regressor
-from pivident.errors import UnusableValue
 from pivident.estimation.equation_record import EquationRecord, JointColumns
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
-from pivident.motion.motion import Motion
+from pivident.foundation.errors import UnusableValue
+from pivident.loop.motion.motion import Motion
 from pivident.signals.prefilter import Prefilter
 
 #: Smallest eigenvalue, of the Gram matrix of unit columns, of a direction that counts.

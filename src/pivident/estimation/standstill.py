@@ -24,14 +24,14 @@ import numpy as np
 
 from pivident.estimation.equation_record import EquationRecord
 from pivident.estimation.problem import Problem
-from pivident.motion.motion import (
+from pivident.foundation.threads import run_in_threads
+from pivident.loop.motion.motion import (
     MOTION_BAND,
     Kinematics,
     measured_samples,
     usable_samples,
 )
 from pivident.signals.prefilter import Prefilter
-from pivident.threads import run_in_threads
 
 #: Band of the comparison [Hz]: the half of the motion's band that holds nearly all of the motion.
 BAND = 0.5 * MOTION_BAND

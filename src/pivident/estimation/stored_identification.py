@@ -19,20 +19,20 @@ from pydantic import Field, ValidationError
 
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters, regrouped_name
 from pivident.dynamics.grouping.closed_form import quick_base_parameters
-from pivident.errors import IdentificationFileError, PividentError, UnusableValue
 from pivident.estimation.equation_record import MotionRange
 from pivident.estimation.identification import Identification, Iteration, JointFit
 from pivident.estimation.identification_file import SCHEMA, method_of_options
 from pivident.estimation.simulation_result import SimulationResult
 from pivident.estimation.solved_equations import EquationNoise, TorqueSums
-from pivident.files import json_object
-from pivident.instruments.given_motion import InstrumentsUsed
-from pivident.instruments.kinds import KINDS
+from pivident.foundation.errors import IdentificationFileError, PividentError, UnusableValue
+from pivident.foundation.files import json_object
+from pivident.foundation.text.finding import Finding, Quantity, Severity
+from pivident.loop.instruments.given_motion import InstrumentsUsed
+from pivident.loop.instruments.kinds import KINDS
 from pivident.robot.description import Robot, TorqueSide
 from pivident.robot.naming import nearest
 from pivident.robot.robot_schema import Finite, Name, RobotValues, Values, first_problem
 from pivident.robot.robot_values import made_robot
-from pivident.text.finding import Finding, Quantity, Severity
 
 #: Larger files are not identifications [bytes].
 MAX_FILE = 2**27

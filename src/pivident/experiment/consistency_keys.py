@@ -9,13 +9,13 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from pivident.errors import UnusableValue
 from pivident.experiment.table_values import Ellipsoid, Masses, Range
+from pivident.foundation.errors import UnusableValue
 from pivident.robot.mdh_schema import Entry, key
 
 
 class LinkBoundsEntry(Entry):
-    """What is known about the body of one link; see `pivident.consistency`."""
+    """What is known about the body of one link; see `pivident.models.consistency`."""
 
     mass: Masses | None = key(None, "lowest and highest mass", unit="kg", kind="2 numbers")
     center_of_mass: Annotated[list[Range], Field(min_length=3, max_length=3)] | None = key(

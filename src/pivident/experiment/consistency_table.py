@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from pivident.consistency.constraints import Bounds, Interval
-from pivident.consistency.options import ConsistencyOptions
-from pivident.errors import ExperimentError, RobotDescriptionError, concerning
 from pivident.experiment.consistency_keys import ConsistencyEntry, ConsistencyFile
 from pivident.experiment.explained import checked, errors_name, plain_form, toml_content
 from pivident.experiment.schema import ExperimentFile
+from pivident.foundation.errors import ExperimentError, RobotDescriptionError, concerning
+from pivident.models.consistency.constraints import Bounds, Interval
+from pivident.models.consistency.options import ConsistencyOptions
 from pivident.robot.description import Robot
 from pivident.robot.gallery import load_robot
 from pivident.robot.mjcf import read_mjcf

@@ -17,7 +17,6 @@ from typing import Any
 import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
-from pivident.errors import ExperimentError
 from pivident.experiment.edited_lines import (
     called,
     comment_lines,
@@ -35,9 +34,10 @@ from pivident.experiment.edited_lines import (
 from pivident.experiment.explained import every_problem, plain_form
 from pivident.experiment.file_lines import numbered, sureness
 from pivident.experiment.repairs import FileContent, edits_of
-from pivident.text.repair import Place, Repair
-from pivident.text.toml import parse_toml
-from pivident.text.toml_values import value_text
+from pivident.foundation.errors import ExperimentError
+from pivident.foundation.text.repair import Place, Repair
+from pivident.foundation.text.toml import parse_toml
+from pivident.foundation.text.toml_values import value_text
 
 #: Places and their new values as TOML, in their order; None: removed.
 Edits = tuple[tuple[Place, str | None], ...]

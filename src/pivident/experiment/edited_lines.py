@@ -12,12 +12,12 @@ from typing import Any
 import tomlkit
 from tomlkit.items import AoT, Array, InlineTable, Item, String, Table
 
-from pivident.errors import ExperimentError
 from pivident.experiment.explained import plain_form
 from pivident.experiment.file_lines import SHORT_FORMS, SURE, FileLine, file_lines, numbered
-from pivident.text.repair import Place
-from pivident.text.toml import parse_toml
-from pivident.text.toml_tree import (
+from pivident.foundation.errors import ExperimentError
+from pivident.foundation.text.repair import Place
+from pivident.foundation.text.toml import parse_toml
+from pivident.foundation.text.toml_tree import (
     Body,
     behind_dots,
     bodies,
@@ -26,7 +26,7 @@ from pivident.text.toml_tree import (
     parts_of,
     toml_document,
 )
-from pivident.text.toml_values import comment, key_text
+from pivident.foundation.text.toml_values import comment, key_text
 
 #: Longest old value that its comment repeats, in characters.
 MAX_VALUE = 200

@@ -11,8 +11,8 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field, NonNegativeFloat, PositiveFloat, model_validator
 from pydantic import PositiveFloat as Positive
 
-from pivident.errors import UnusableValue
 from pivident.experiment.room_shapes import SHAPES, ObstacleShape
+from pivident.foundation.errors import UnusableValue
 from pivident.robot.mdh_schema import Entry, JointReference, Vector3, Vector6, key
 from pivident.robot.naming import nearest
 

@@ -27,8 +27,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-from pivident.consistency.options import ConsistencyOptions, free_methods, made_consistent
-from pivident.errors import ExperimentError, IdentificationError
+from pivident.data.recording.recording import Recording
 from pivident.estimation.method import Method
 from pivident.estimation.methods import METHODS, WITHOUT_TORQUE
 from pivident.estimation.problem import Problem
@@ -44,13 +43,14 @@ from pivident.experiment.missing_torque import check_torque, is_without_torque
 from pivident.experiment.recording_tables import loop_of, one_by_one, run_of
 from pivident.experiment.robot_table import FRICTION_KEYS, robot_of
 from pivident.experiment.schema import ExperimentFile
-from pivident.motion.law_torque import with_law_torque
-from pivident.motion.planted_feet import on_planted_feet
-from pivident.recording.recording import Recording
+from pivident.foundation.errors import ExperimentError, IdentificationError
+from pivident.loop.motion.law_torque import with_law_torque
+from pivident.loop.motion.planted_feet import on_planted_feet
+from pivident.loop.simulation.control_loop import Loop
+from pivident.models.consistency.options import ConsistencyOptions, free_methods, made_consistent
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
 from pivident.robot.refusals import without_base
-from pivident.simulation.control_loop import Loop
 
 #: What there is for a robot on a measured base.
 WITHOUT_CONSISTENCY = "leave out pc- before the methods and the table [consistency]"

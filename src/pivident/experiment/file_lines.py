@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import tomlkit
 from tomlkit.items import Array, Comment, Item
 
-from pivident.text.repair import Place
-from pivident.text.toml import parse_toml
-from pivident.text.toml_tree import Body, behind_dots, bodies, is_line
-from pivident.text.toml_values import key_text
+from pivident.foundation.text.repair import Place
+from pivident.foundation.text.toml import parse_toml
+from pivident.foundation.text.toml_tree import Body, behind_dots, bodies, is_line
+from pivident.foundation.text.toml_values import key_text
 
 #: How sure a line is, as its comment says it.
 SURE = {"certain": "seen", "likely": "likely", "assumed": "ASSUMED, please check"}

@@ -7,22 +7,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pivident.drives.drive_gains import DriveGains, Trusted, identify_drive_gains
-from pivident.drives.known_payload import Payload
-from pivident.drives.motor_temperature import (
+from pivident.data.logs.units import COMMAND, TORQUE, factor_to_si
+from pivident.data.recording.recording import Recording
+from pivident.estimation.drives.drive_gains import DriveGains, Trusted, identify_drive_gains
+from pivident.estimation.drives.known_payload import Payload
+from pivident.estimation.drives.motor_temperature import (
     MotorTemperature,
     at_reference_temperature,
     identify_motor_temperature,
 )
-from pivident.errors import ExperimentError
 from pivident.experiment.experiment import Experiment
 from pivident.experiment.explained import errors_name
 from pivident.experiment.schema import ExperimentFile, GainsEntry, RecordingEntry
 from pivident.experiment.temperature import TEMPERATURE, with_temperature, without_temperature
-from pivident.logs.units import COMMAND, TORQUE, factor_to_si
-from pivident.recording.recording import Recording
+from pivident.foundation.errors import ExperimentError
+from pivident.loop.simulation.controllers import UNKNOWN_GAIN
 from pivident.robot.description import Robot
-from pivident.simulation.controllers import UNKNOWN_GAIN
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import create_model, model_validator
 from pydantic.functional_validators import PlainValidator
 
-from pivident.consistency.options import CONSISTENT_METHODS  # consistency
-from pivident.errors import ExperimentError, UnusableValue
 from pivident.estimation.method import Arma, AutoRegressive, InstrumentalMethod, Method, Repetition
 from pivident.estimation.methods import METHODS
 from pivident.estimation.signal_recipes import (
@@ -27,10 +25,12 @@ from pivident.estimation.signal_recipes import (
     recipe_name,
 )
 from pivident.experiment.table_values import Mask, Names, entry_of, table_of
-from pivident.options import declarations
+from pivident.foundation.errors import ExperimentError, UnusableValue
+from pivident.foundation.options import declarations
+from pivident.foundation.text.finding import Finding, FindingKind, Topic
+from pivident.models.consistency.options import CONSISTENT_METHODS  # consistency
 from pivident.robot.mdh_schema import Entry, key
 from pivident.robot.naming import nearest
-from pivident.text.finding import Finding, FindingKind, Topic
 
 #: A median filter that not all methods have.
 MEDIAN = FindingKind(Topic("methods"), "median", ("identify", "bandpass", "median"))

@@ -13,9 +13,9 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from pivident.options import Option, literals
+from pivident.foundation.options import Option, literals
+from pivident.foundation.text.toml_values import value_text
 from pivident.robot.mdh_schema import declared_of
-from pivident.text.toml_values import value_text
 
 #: What a value is called, by its type.
 KINDS: dict[Any, str] = {bool: "bool", int: "number", float: "number", str: "text", dict: "table"}

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pivident.errors import ExperimentError
 from pivident.experiment.schema import ControllerEntry, ExperimentFile, RecordingEntry
-from pivident.simulation.controllers import UNKNOWN_GAIN
+from pivident.foundation.errors import ExperimentError
+from pivident.loop.simulation.controllers import UNKNOWN_GAIN
 
 #: What a known law has to state.
 _LAW = (

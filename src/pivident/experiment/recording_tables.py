@@ -9,8 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from pivident.control_law.unknown_loop import reconstruct_loop
-from pivident.errors import (
+from pivident.data.logs.bags.read_bag import is_bag
+from pivident.data.logs.described_log import described_log
+from pivident.data.logs.log import Log
+from pivident.data.logs.tables.tables import named_columns
+from pivident.data.recording.load import OF_LOGGER, load_recording
+from pivident.data.recording.public_records import RUNS, load_public, public_facts
+from pivident.data.recording.recording import Recording
+from pivident.estimation.control_law.unknown_loop import reconstruct_loop
+from pivident.experiment.schema import ControllerEntry, RecordingEntry
+from pivident.foundation.errors import (
     BrokenMotion,
     ExperimentError,
     GapInClock,
@@ -21,19 +29,11 @@ from pivident.errors import (
     UnknownColumn,
     concerning,
 )
-from pivident.experiment.schema import ControllerEntry, RecordingEntry
-from pivident.logs.bags.read_bag import is_bag
-from pivident.logs.described_log import described_log
-from pivident.logs.log import Log
-from pivident.logs.tables.tables import named_columns
-from pivident.recording.load import OF_LOGGER, load_recording
-from pivident.recording.public_records import RUNS, load_public, public_facts
-from pivident.recording.recording import Recording
+from pivident.foundation.text.sentences import capital
+from pivident.loop.simulation.control_loop import Loop, virtual_pd
+from pivident.loop.simulation.controllers import PID, UNKNOWN_GAIN, Cascade, Controller
 from pivident.robot.description import Robot
 from pivident.robot.naming import near_names, nearest
-from pivident.simulation.control_loop import Loop, virtual_pd
-from pivident.simulation.controllers import PID, UNKNOWN_GAIN, Cascade, Controller
-from pivident.text.sentences import capital
 
 #: What `pivident excite` calls a design, and the log of its motion may lie beside.
 DESIGN_FILE = "design.json"

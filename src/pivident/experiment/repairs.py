@@ -13,10 +13,9 @@ from dataclasses import dataclass
 from functools import singledispatch
 from typing import Any
 
-from pivident.errors import ExperimentError
-from pivident.logs.units import COMMAND, TIME, UNITS_OF
-from pivident.robot.naming import URDF_FILES
-from pivident.text.repair import (
+from pivident.data.logs.units import COMMAND, TIME, UNITS_OF
+from pivident.foundation.errors import ExperimentError
+from pivident.foundation.text.repair import (
     CALLED,
     Change,
     Edit,
@@ -34,7 +33,8 @@ from pivident.text.repair import (
     Scaled,
     Shifted,
 )
-from pivident.text.toml_values import value_text
+from pivident.foundation.text.toml_values import value_text
+from pivident.robot.naming import URDF_FILES
 
 #: Channels of a joint that count the way in which it turns.
 COUNTED = ("q", "tau", "q_ref", "dq_ref", "ddq_ref", "dq")

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from pivident.errors import ExperimentError, RobotDescriptionError, concerning
 from pivident.experiment.schema import ContactEntry, CouplingEntry, RobotEntry, WrenchEntry
+from pivident.foundation.errors import ExperimentError, RobotDescriptionError, concerning
 from pivident.robot.description import Coupling, Robot, TorqueSide
 from pivident.robot.drives import implied_coupling, with_drives
 from pivident.robot.frames import Pose, rotation_from_rpy

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, NonNegativeFloat, PositiveFloat, model_validator
 from pydantic.functional_validators import PlainValidator
 
-from pivident.errors import ExperimentError
+from pivident.data.recording.recording import Saturation, TorqueTiming
 from pivident.experiment.consistency_keys import ConsistencyEntry  # consistency
 from pivident.experiment.excite_keys import ExciteEntry  # excite
 from pivident.experiment.identify_table import IdentifyEntry
@@ -25,12 +25,12 @@ from pivident.experiment.table_values import (
     Paths,
     PerJoint,
 )
-from pivident.recording.recording import Saturation, TorqueTiming
+from pivident.foundation.errors import ExperimentError
+from pivident.loop.simulation.controllers import FeedForward
 from pivident.robot.description import TorqueSide
 from pivident.robot.mdh_schema import Entry, FrictionTerms, Gravity, JointReference, key
 from pivident.robot.naming import MJCF_FILES, URDF_FILES
 from pivident.robot.wrench_sensor import Acts
-from pivident.simulation.controllers import FeedForward
 
 #: Keys that every real loop may have.
 LOOP_KEYS = {"drive_gain", "limit", "feed_forward", "counts"}
@@ -182,7 +182,7 @@ class RobotEntry(Entry):
 
 
 class UnitsEntry(Entry):
-    """Units of the channels; see `pivident.logs.units`."""
+    """Units of the channels; see `pivident.data.logs.units`."""
 
     q: Any = key(
         None,
@@ -223,7 +223,7 @@ class UnitsEntry(Entry):
 
 
 class ColumnsEntry(Entry):
-    """Where the channels are in the files; see `pivident.logs.channel_places`."""
+    """Where the channels are in the files; see `pivident.data.logs.channel_places`."""
 
     q: Any = key(meaning="measured positions", kind="columns")
     tau: Any = key(
@@ -611,7 +611,7 @@ class OutputEntry(Entry):
 
 
 class PayloadEntry(Entry):
-    """A body of known mass on a link; see `pivident.drives.known_payload`."""
+    """A body of known mass on a link; see `pivident.estimation.drives.known_payload`."""
 
     mass: PositiveFloat = key(meaning="its mass", unit="kg")
     mass_std: NonNegativeFloat = key(0.0, "standard deviation of the mass", unit="kg")
@@ -630,7 +630,7 @@ class PayloadEntry(Entry):
 
 
 class GainsEntry(Entry):
-    """What `pivident gains` takes for known; see `pivident.drives.drive_gains`."""
+    """What `pivident gains` takes for known; see `pivident.estimation.drives.drive_gains`."""
 
     payload: PayloadEntry | None = key(
         None, "a body of known mass, see *payload*; with `[[gains.recording]]`"
@@ -691,7 +691,7 @@ class ToolFrameEntry(Entry):
 
 
 class LoadEntry(Entry):
-    """A load that `pivident payload` looks for; see `pivident.payload`."""
+    """A load that `pivident payload` looks for; see `pivident.studies.payload`."""
 
     recording: list[RecordingEntry] = key(
         meaning="runs with the load, as `[recording]`, which holds those without; left out where "

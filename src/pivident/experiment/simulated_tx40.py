@@ -14,18 +14,18 @@ from functools import cache
 
 import numpy as np
 
+from pivident.data.recording.recording import Recording
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import nominal_values
 from pivident.estimation.problem import Problem
-from pivident.recording.recording import Recording
+from pivident.loop.simulation.closed_loop import LoopSignals, Trajectory, simulate
+from pivident.loop.simulation.control_loop import Loop
+from pivident.loop.simulation.controllers import PD
+from pivident.loop.simulation.reference import point_to_point
+from pivident.loop.simulation.simulated_record import Noise
 from pivident.robot.description import Robot
 from pivident.robot.gallery import load_robot
-from pivident.simulation.closed_loop import LoopSignals, Trajectory, simulate
-from pivident.simulation.control_loop import Loop
-from pivident.simulation.controllers import PD
-from pivident.simulation.reference import point_to_point
-from pivident.simulation.simulated_record import Noise
 
 #: The 28 essential parameters of Table 1.
 TX40_ESSENTIAL = (

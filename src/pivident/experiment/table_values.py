@@ -2,7 +2,7 @@
 
 This module needs pydantic and is imported only when a file is read.
 
-Tables of an experiment file from declared options, see `pivident.options`.
+Tables of an experiment file from declared options, see `pivident.foundation.options`.
 
 This module needs pydantic and is imported only when a file is read.
 """
@@ -19,8 +19,8 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 from pydantic import AfterValidator, Field, create_model
 from pydantic.functional_validators import PlainValidator
 
-from pivident.errors import UnusableValue
-from pivident.options import (
+from pivident.foundation.errors import UnusableValue
+from pivident.foundation.options import (
     DECLARED,
     Option,
     Options,
@@ -28,10 +28,10 @@ from pivident.options import (
     declarations,
     default_of,
 )
+from pivident.foundation.text.printable import is_printable
+from pivident.foundation.text.toml_values import value_text
+from pivident.loop.simulation.controllers import UNKNOWN_GAIN
 from pivident.robot.mdh_schema import Entry, key
-from pivident.simulation.controllers import UNKNOWN_GAIN
-from pivident.text.printable import is_printable
-from pivident.text.toml_values import value_text
 
 AnyEntry = TypeVar("AnyEntry", bound=Entry)
 

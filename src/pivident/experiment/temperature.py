@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from pivident.data.recording.recording import Recording
 from pivident.experiment.schema import ColumnsEntry, RecordingEntry
-from pivident.recording.recording import Recording
 
 #: Input that carries the temperatures of the motors while a log is read.
 TEMPERATURE = "motor temperature"

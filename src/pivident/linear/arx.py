@@ -27,7 +27,7 @@ import numpy as np
 from scipy.linalg import qr, solve_triangular
 from scipy.signal import lfilter
 
-from pivident.errors import IdentificationError, OrdersNotSupported, UnusableSignal
+from pivident.foundation.errors import IdentificationError, OrdersNotSupported, UnusableSignal
 from pivident.linear.estimate import LinearEstimate
 from pivident.linear.model import Structure, fit_of, structure_of
 from pivident.linear.sampled_data import SampledData, columns_of, sampled_data

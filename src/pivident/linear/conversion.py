@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from pivident.errors import IdentificationError
-from pivident.extras import require
+from pivident.foundation.errors import IdentificationError
+from pivident.foundation.extras import require
 from pivident.linear.estimate import LinearEstimate
 from pivident.linear.model import Fit, Hold, Structure
 

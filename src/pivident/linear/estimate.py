@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.signal import TransferFunction
 
-from pivident.extras import require
+from pivident.foundation.extras import require
 from pivident.linear.model import LinearModel, gain
 from pivident.linear.simulation import simulate
 from pivident.signals.arma import Noise

@@ -15,18 +15,18 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from pivident.errors import ExperimentError, IdentificationError
-from pivident.recording.checks import clipped_samples
-from pivident.recording.recording import Recording
-from pivident.simulation.controllers import TAPS
-from pivident.simulation.linear_law import reference_derivatives
-from pivident.threads import run_in_threads
+from pivident.data.recording.checks import clipped_samples
+from pivident.data.recording.recording import Recording
+from pivident.foundation.errors import ExperimentError, IdentificationError
+from pivident.foundation.threads import run_in_threads
+from pivident.loop.simulation.controllers import TAPS
+from pivident.loop.simulation.linear_law import reference_derivatives
 
 if TYPE_CHECKING:
     from pivident.linear.estimate import LinearEstimate
 from dataclasses import field
 
-from pivident.simulation.controllers import SampledLaw
+from pivident.loop.simulation.controllers import SampledLaw
 
 FreeMethod = Literal["arx", "riv", "srivc"]
 

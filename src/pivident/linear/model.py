@@ -18,7 +18,7 @@ from typing import Literal
 
 import numpy as np
 
-from pivident.errors import IdentificationError
+from pivident.foundation.errors import IdentificationError
 from pivident.signals.arma import Noise
 
 Hold = Literal["zoh", "foh"]

@@ -19,7 +19,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from pivident.errors import DelayTooLong, IdentificationError, UnusableSignal
+from pivident.foundation.errors import DelayTooLong, IdentificationError, UnusableSignal
 from pivident.linear.estimate import LinearEstimate
 from pivident.linear.sriv import riv, sriv
 from pivident.linear.srivc import rivc, srivc

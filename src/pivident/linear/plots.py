@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.signal import lfilter
 
-from pivident.extras import require
+from pivident.foundation.extras import require
+from pivident.judgement.report.plotly_figures import colour
 from pivident.linear.model import LinearModel, polynomials, response_and_gradient
 from pivident.linear.simulation import continuous_response, delayed
-from pivident.report.plotly_figures import colour
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go

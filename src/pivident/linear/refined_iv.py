@@ -25,7 +25,7 @@ import numpy as np
 from numba import njit
 from scipy.signal import lfilter
 
-from pivident.errors import OrdersNotSupported
+from pivident.foundation.errors import OrdersNotSupported
 from pivident.linear.model import Structure
 from pivident.linear.sampled_data import SampledData
 from pivident.linear.simulation import continuous_response

@@ -22,7 +22,7 @@ import numpy as np
 from numba import njit
 from scipy.signal import lfilter
 
-from pivident.errors import DelayTooLong, OrdersNotSupported, UnusableSignal
+from pivident.foundation.errors import DelayTooLong, OrdersNotSupported, UnusableSignal
 from pivident.linear.model import Structure
 from pivident.linear.simulation import delayed
 from pivident.linear.state_variable_filter import combined

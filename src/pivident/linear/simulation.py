@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import lfilter
 
-from pivident.errors import UnusableSignal
+from pivident.foundation.errors import UnusableSignal
 from pivident.linear.model import Hold, LinearModel
 from pivident.linear.state_variable_filter import combined, filtered_derivatives
 

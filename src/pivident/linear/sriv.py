@@ -29,7 +29,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.signal import lfilter
 
-from pivident.errors import IdentificationError, OrdersNotSupported
+from pivident.foundation.errors import IdentificationError, OrdersNotSupported
 from pivident.linear.arx import (
     DiscreteRecord,
     discrete_estimate,

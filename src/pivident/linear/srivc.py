@@ -37,7 +37,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pivident.errors import OrdersNotSupported, UnstableFit
+from pivident.foundation.errors import OrdersNotSupported, UnstableFit
 from pivident.linear.estimate import LinearEstimate
 from pivident.linear.model import Hold, Structure, fit_of, structure_of
 from pivident.linear.refined_iv import (

@@ -24,7 +24,8 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from pivident.errors import IdentificationFileError, PividentError
+from pivident.foundation.errors import IdentificationFileError, PividentError
+from pivident.foundation.text.plain_values import json_of_entries
 from pivident.models.export_format import Format
 from pivident.models.exported import ExportedText, Verification, compared
 from pivident.models.runnable_model import Origin, RunnableModel, impossible_value, runnable_model
@@ -32,7 +33,6 @@ from pivident.robot.description import INERTIAL, Robot
 from pivident.robot.inertia import from_center_of_mass, tensor
 from pivident.robot.robot_schema import Finite, Name, RobotValues, Values, first_problem
 from pivident.robot.robot_values import made_robot, robot_values
-from pivident.text.plain_values import json_of_entries
 
 FORMAT, SCHEMA = "pivident-model", 1
 

@@ -17,19 +17,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pivident.consistency.constraints import coupled_joints
-from pivident.consistency.pseudo_inertia import pseudo_inertia
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
 from pivident.dynamics.parameters import Parameter, nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.dynamics.robot_regressor import regressor_of
-from pivident.errors import ExportError
 from pivident.estimation.identification import Identification
+from pivident.foundation.errors import ExportError
+from pivident.models.consistency.constraints import coupled_joints
+from pivident.models.consistency.pseudo_inertia import pseudo_inertia
 from pivident.robot.description import INERTIAL, Robot
 from pivident.robot.inertia import Body
 
 if TYPE_CHECKING:
-    from pivident.consistency.consistent_model import ConsistentModel
+    from pivident.models.consistency.consistent_model import ConsistentModel
 
 #: Confidence of the intervals of standard parameters.
 CONFIDENCE = 0.95
@@ -148,7 +148,7 @@ def runnable_model(
         return _nominal(source)
     if isinstance(source, Identification):
         return _lifted(source, identification)
-    from pivident.consistency.consistent_model import ConsistentModel
+    from pivident.models.consistency.consistent_model import ConsistentModel
 
     if not isinstance(source, ConsistentModel):
         raise ExportError(
@@ -178,7 +178,7 @@ def origin_of(free: Identification, method: str, digest: str = "") -> Origin:
 
 def _lifted(free: Identification, digest: str) -> RunnableModel:
     """The free estimate on standard parameters of the same torques."""
-    from pivident.consistency.standard_from_base import standard_from_base
+    from pivident.models.consistency.standard_from_base import standard_from_base
 
     base = base_parameters(free.robot)
     values = np.zeros(len(base))

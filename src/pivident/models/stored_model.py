@@ -14,12 +14,12 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, ValidationError
 
-from pivident.consistency.consistent_files import CONSISTENT_FILE
-from pivident.consistency.consistent_files import SCHEMA as CONSISTENT_SCHEMA
 from pivident.dynamics.parameters import standard_parameters
-from pivident.errors import IdentificationError, IdentificationFileError, PividentError
 from pivident.estimation.identification import Identification
 from pivident.estimation.stored_identification import json_of_file, load_identification
+from pivident.foundation.errors import IdentificationError, IdentificationFileError, PividentError
+from pivident.judgement.diagnostics.consistent_files import CONSISTENT_FILE
+from pivident.judgement.diagnostics.consistent_files import SCHEMA as CONSISTENT_SCHEMA
 from pivident.models.model_json import KnownKeys
 from pivident.models.runnable_model import Origin, RunnableModel, impossible_value, runnable_model
 from pivident.robot.robot_schema import Finite, Name, RobotValues, first_problem
@@ -107,7 +107,7 @@ def _made_from(path: Path) -> str:
 
 def _made_consistent(estimate: Identification, digest: str, intervals: bool) -> RunnableModel:
     """The stage, run with its defaults."""
-    from pivident.consistency.consistent_model import make_consistent
+    from pivident.models.consistency.consistent_model import make_consistent
 
     try:
         found = make_consistent(estimate)

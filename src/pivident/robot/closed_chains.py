@@ -33,7 +33,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pivident.errors import RobotDescriptionError
+from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot.constraints import DIRECTIONS, Closure, Constraints, LinearConstraint
 from pivident.robot.description import Joint, Link, Robot
 from pivident.robot.frames import Pose, rotation_z, without_residues

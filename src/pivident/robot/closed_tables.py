@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pivident.errors import RobotDescriptionError
+from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot.closed_chains import closed_robot
 from pivident.robot.constraints import Closure, LinearConstraint
 from pivident.robot.description import Robot

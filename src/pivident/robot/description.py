@@ -22,7 +22,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from pivident.errors import RobotDescriptionError
+from pivident.foundation.errors import RobotDescriptionError
+from pivident.foundation.text.display import Displayed
+from pivident.foundation.text.printable import is_printable
 from pivident.robot.constraints import Constraints
 from pivident.robot.friction import DEFAULT_FRICTION, FrictionLaw
 from pivident.robot.joints import (
@@ -39,8 +41,6 @@ from pivident.robot.naming import find_joint, nearest
 from pivident.robot.pinocchio_model import model_joints
 from pivident.robot.transmission import Transmission
 from pivident.robot.wrench_sensor import WrenchSensor
-from pivident.text.display import Displayed
-from pivident.text.printable import is_printable
 
 __all__ = [
     "INERTIAL",
@@ -382,7 +382,7 @@ class Robot(Displayed):
 
         Args:
             friction: law of all bearings behind the sensors, their offset included; by default
-                viscous and Coulomb friction, which `pivident.friction.bearing_friction` leaves out
+                viscous and Coulomb friction, which `pivident.studies.bearing_friction` leaves out
                 where they are not significant, and an offset.
 
         Returns:

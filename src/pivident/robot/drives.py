@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pivident.errors import RobotDescriptionError
+from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot.description import Coupling, Robot
 from pivident.robot.naming import find_joint, nearest
 from pivident.robot.transmission import Transmission

@@ -13,7 +13,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from pivident.errors import UnusableValue
+from pivident.foundation.errors import UnusableValue
+from pivident.foundation.text.toml import toml_value
 from pivident.robot.friction_column import Shape
 from pivident.robot.friction_term import FrictionTerm, TermKind
 from pivident.robot.friction_terms import TERM_KINDS
@@ -32,7 +33,6 @@ from pivident.robot.friction_terms.stribeck import stribeck as stribeck
 from pivident.robot.friction_terms.viscous import asymmetric_viscous as asymmetric_viscous
 from pivident.robot.friction_terms.viscous import viscous as viscous
 from pivident.robot.naming import nearest
-from pivident.text.toml import toml_value
 
 
 @dataclass(frozen=True)

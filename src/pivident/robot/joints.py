@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from pivident.errors import RobotDescriptionError
+from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot.friction import DEFAULT_FRICTION, FrictionLaw
 from pivident.robot.friction_term import SLOPE_AT_RATED_SPEED
 

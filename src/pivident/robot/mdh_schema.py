@@ -21,8 +21,8 @@ from pydantic import (
 )
 from pydantic.fields import FieldInfo
 
-from pivident.errors import RobotDescriptionError, UnusableValue
-from pivident.options import DECLARED, Option
+from pivident.foundation.errors import RobotDescriptionError, UnusableValue
+from pivident.foundation.options import DECLARED, Option
 from pivident.robot.description import MAX_JOINTS, STANDARD_GRAVITY
 from pivident.robot.friction_column import Key, KeyValues, Smoothing
 from pivident.robot.friction_terms import TERM_KINDS
@@ -87,7 +87,7 @@ def key(
     alias: str | None = None,
     **declared: Any,
 ) -> Any:
-    """A field of a table with what the manual says of it, see `pivident.options.Option`."""
+    """A field of a table with what the manual says of it, see `pivident.foundation.options.Option`."""
     words: Any = {DECLARED: Option(meaning, **declared)}
     if factory is not None:
         return Field(default_factory=factory, alias=alias, json_schema_extra=words)

@@ -24,7 +24,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pivident.errors import RobotDescriptionError
+from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot.description import Joint, JointKind, JointMotion, Link, Robot
 from pivident.robot.frames import rotation_from_rpy, rotation_from_z_to
 from pivident.robot.friction import FrictionLaw

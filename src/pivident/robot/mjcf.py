@@ -19,7 +19,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from pivident.errors import RobotDescriptionError, concerning
+from pivident.foundation.errors import RobotDescriptionError, concerning
 from pivident.robot.closed_chains import Member, carriers, chosen_order, merge_fixed
 from pivident.robot.constraints import Closure, LinearConstraint
 from pivident.robot.description import Joint, Link, Robot

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from pivident.errors import RobotDescriptionError
+from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot.closed_chains import assembled, closed_robot, equations, proportions
 from pivident.robot.constraints import Closure, ClosureKind, Constraints, LinearConstraint
 from pivident.robot.description import Robot

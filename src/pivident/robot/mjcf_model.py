@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from pivident.errors import RobotDescriptionError
-from pivident.extras import require
-from pivident.files import regular_file
+from pivident.foundation.errors import RobotDescriptionError
+from pivident.foundation.extras import require
+from pivident.foundation.files import regular_file
 from pivident.robot.frames import exact_angle
 
 #: Largest MJCF that is read, without what it includes [bytes].

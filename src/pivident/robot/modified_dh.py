@@ -54,8 +54,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pivident.errors import RobotDescriptionError
-from pivident.files import regular_file
+from pivident.foundation.errors import RobotDescriptionError
+from pivident.foundation.files import regular_file
+from pivident.foundation.text.toml import MAX_FILE, parse_toml
 from pivident.robot.closed_chains import Member, merge_fixed
 from pivident.robot.closed_tables import BASE, closed_from_tables
 from pivident.robot.description import Coupling, Joint, Link, Robot
@@ -68,7 +69,6 @@ from pivident.robot.inertia import from_center_of_mass, tensor
 from pivident.robot.measured_base import with_floating_base
 from pivident.robot.naming import errors_name, find_joint, nearest, repeated
 from pivident.robot.transmission import Transmission
-from pivident.text.toml import MAX_FILE, parse_toml
 
 if TYPE_CHECKING:
     from pivident.robot.mdh_schema import (

@@ -8,8 +8,8 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 
-from pivident.errors import RobotDescriptionError
-from pivident.text.nearest import NearestNames
+from pivident.foundation.errors import RobotDescriptionError
+from pivident.foundation.text.nearest import NearestNames
 
 #: Endings of robot files: a name with one of them is a path.
 URDF_FILES = (".urdf", ".urdf.gz")

@@ -17,7 +17,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from pivident.errors import RobotDescriptionError
+from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot.frames import rotation_from_z_to
 from pivident.robot.inertia import from_center_of_mass, moved
 

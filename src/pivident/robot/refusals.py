@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pivident.errors import RobotDescriptionError
+from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot.description import Robot
 
 

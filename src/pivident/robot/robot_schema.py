@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, ValidationError
 from pydantic.functional_validators import AfterValidator, BeforeValidator
 
-from pivident.errors import Advised, RobotDescriptionError, UnusableValue
+from pivident.foundation.errors import Advised, RobotDescriptionError, UnusableValue
 from pivident.robot.constraints import ClosureKind
 from pivident.robot.description import MAX_JOINTS, JointMotion, TorqueSide
 from pivident.robot.friction_column import ShapeUnit, Smoothing

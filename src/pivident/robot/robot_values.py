@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from pivident.errors import RobotDescriptionError, UnusableValue
+from pivident.foundation.errors import RobotDescriptionError, UnusableValue
 from pivident.robot.closed_chains import check_closed
 from pivident.robot.constraints import Closure, Constraints, LinearConstraint
 from pivident.robot.description import Coupling, Joint, Link, Robot, UrdfFile

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.errors import RobotDescriptionError
-from pivident.scratch import working_array
+from pivident.foundation.errors import RobotDescriptionError
+from pivident.foundation.scratch import working_array
 
 
 @dataclass(frozen=True, eq=False)

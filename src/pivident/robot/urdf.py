@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pivident.errors import RobotDescriptionError, concerning
+from pivident.foundation.errors import RobotDescriptionError, concerning
 from pivident.robot.closed_chains import Member, chosen_order, closed_robot, merge_fixed, tree_order
 from pivident.robot.constraints import LinearConstraint
 from pivident.robot.description import STANDARD_GRAVITY, Joint, Link, Robot, UrdfFile

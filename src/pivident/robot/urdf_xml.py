@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pivident.errors import RobotDescriptionError
-from pivident.files import regular_file
+from pivident.foundation.errors import RobotDescriptionError
+from pivident.foundation.files import regular_file
 from pivident.robot.frames import Pose, exact_angle, residues, rotation_from_rpy
 from pivident.robot.inertia import from_center_of_mass, moved, tensor
 from pivident.robot.naming import nearest, repeated

@@ -7,7 +7,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from pivident.errors import RobotDescriptionError
+from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot.frames import Pose
 
 #: Whether a sensor measures what its surroundings do to the robot, or the robot to them.

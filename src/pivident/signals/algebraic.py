@@ -27,7 +27,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from pivident.errors import RecordingError
+from pivident.foundation.errors import RecordingError
 
 
 @lru_cache(maxsize=64)

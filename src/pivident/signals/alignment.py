@@ -22,7 +22,7 @@ from typing import Literal
 
 import numpy as np
 
-from pivident.errors import RecordingError
+from pivident.foundation.errors import RecordingError
 
 TorqueTiming = Literal["held", "averaged", "sampled"]
 

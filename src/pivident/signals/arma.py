@@ -24,7 +24,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pivident.errors import IdentificationError
+from pivident.foundation.errors import IdentificationError
 from pivident.signals.arma_likelihood import Likelihood, Point
 from pivident.signals.noise_models import ArModel, Criterion, fit_ar
 

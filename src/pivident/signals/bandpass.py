@@ -14,7 +14,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from pivident.errors import RecordingError, RecordingTooShort
+from pivident.foundation.errors import RecordingError, RecordingTooShort
 from pivident.signals.instants import slope_at_instants
 
 #: Minimum number of samples at each end that a regression should skip.

@@ -22,7 +22,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from pivident.compiled import section
+from pivident.foundation.compiled import section
 
 #: Largest relative rounding of a sum of squares that does not matter: coefficients are estimates
 #: with errors of 1/√N, a thousand times as large.

@@ -20,7 +20,7 @@ from typing import Literal
 
 import numpy as np
 
-from pivident.errors import RecordingError, RecordingTooShort
+from pivident.foundation.errors import RecordingError, RecordingTooShort
 
 ORDER = 8
 RIPPLE_DB = 0.05

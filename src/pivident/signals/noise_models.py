@@ -22,7 +22,7 @@ from typing import Literal
 
 import numpy as np
 
-from pivident.errors import IdentificationError
+from pivident.foundation.errors import IdentificationError
 from pivident.signals.burg import reflection_coefficients
 from pivident.signals.prefilter import StreamingFilter
 

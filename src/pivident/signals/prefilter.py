@@ -27,8 +27,8 @@ from itertools import pairwise
 import numpy as np
 from numba import njit
 
-from pivident.compiled import section
-from pivident.errors import IdentificationError
+from pivident.foundation.compiled import section
+from pivident.foundation.errors import IdentificationError
 
 #: Taps that the compiled filter adds up in one pass over a tile; filters are padded to it.
 _TAPS = 8

@@ -32,8 +32,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pivident.errors import NonFiniteSamples, RecordingError
-from pivident.scratch import working_array
+from pivident.foundation.errors import NonFiniteSamples, RecordingError
+from pivident.foundation.scratch import working_array
+from pivident.foundation.threads import run_in_threads, thread_count
 from pivident.signals.coloured_walk_likelihood import (
     NoiseColour,
     coloured_fit,
@@ -49,7 +50,6 @@ from pivident.signals.random_walk_model import (
     required_f50,
 )
 from pivident.signals.spectral_lines import LineSearch, SpectralLine, find_lines, noise_colour
-from pivident.threads import run_in_threads, thread_count
 
 #: A record must have at least this many samples.
 MIN_RECORD = 20

@@ -27,7 +27,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from pivident.compiled import section
+from pivident.foundation.compiled import section
 from pivident.signals.random_walk_model import difference_coefficients, nvr_from_f50
 
 #: Smallest NVR at which the smoothed acceleration keeps about three digits, by order.

@@ -10,7 +10,7 @@ from pivident.dynamics.closed_chains.closed_motion import ClosedChains
 from pivident.dynamics.forward import mass_matrix
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.robot_regressor import regressor_of
-from pivident.errors import RobotDescriptionError
+from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot.description import INERTIAL
 from pivident.robot.friction import (
     FrictionLaw,

@@ -5,7 +5,6 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from pivident.compiled import kernel
 from pivident.dynamics.closed_chains.closed_motion import ClosedChains
 from pivident.dynamics.closed_chains.closure_equations import (
     find_drifts,
@@ -14,7 +13,8 @@ from pivident.dynamics.closed_chains.closure_equations import (
     place_closures,
 )
 from pivident.dynamics.closed_chains.closure_table import closure_table, closure_work
-from pivident.errors import LoopNotClosed
+from pivident.foundation.compiled import kernel
+from pivident.foundation.errors import LoopNotClosed
 from pivident.robot.closed_chains import equations
 from tests.dynamics.closed.mechanisms import (
     MECHANISMS,

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from pivident.compiled import kernel
 from pivident.dynamics.closed_chains.closed_dynamics import closed_bias, closed_mass, closed_run
 from pivident.dynamics.closed_chains.closed_motion import ClosedChains
 from pivident.dynamics.closed_chains.closed_slopes import (
@@ -14,6 +13,7 @@ from pivident.dynamics.closed_chains.closed_slopes import (
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.rigid_body_slopes import slope_scratch
+from pivident.foundation.compiled import kernel
 from pivident.robot.friction import FrictionLaw, coulomb, viscous
 from tests.dynamics.closed.mechanisms import MECHANISMS, VISCOUS, delta, five_bar, states
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.grouping.closed_form import closed_form_base_parameters
 from pivident.dynamics.regressor import Regressor
-from pivident.errors import RobotDescriptionError
+from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot.description import Coupling, Joint, Link, Robot
 from pivident.robot.frames import rotation_x, rotation_z
 from pivident.robot.friction import (
@@ -32,7 +32,7 @@ from pivident.robot.friction import (
 from pivident.robot.gallery import load_robot
 from pivident.robot.transmission import Transmission
 from pivident.robot.urdf import parse_urdf
-from tests.symbolic.robots import modified_dh, random_robot, robot_of, scara, seven_axes
+from tests.models.symbolic.robots import modified_dh, random_robot, robot_of, scara, seven_axes
 
 LAWS = (
     (viscous(), coulomb(), offset()),

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from pivident.errors import ExperimentError, IdentificationError
+from pivident.data.recording.recording import Recording
 from pivident.estimation.identification_file import method_of_options, to_json
 from pivident.estimation.identify import identify
 from pivident.estimation.literature.frequency_domain import FrequencyDomain
@@ -19,9 +19,9 @@ from pivident.estimation.literature.whole_periods import (
     window_around,
 )
 from pivident.estimation.signal_recipes import Algebraic, Bandpass
-from pivident.recording.recording import Recording
-from pivident.report.builder import render_report
-from pivident.validation.held_out.cross_validation import cross_validate
+from pivident.foundation.errors import ExperimentError, IdentificationError
+from pivident.judgement.report.builder import render_report
+from pivident.judgement.validation.held_out.cross_validation import cross_validate
 from tests.estimation.periodic_arm import LENGTH, RATE, periodic_problem, reference
 from tests.planar_simulations import planar_problem
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pivident.errors import ExperimentError, IdentificationError
+from pivident.data.recording.recording import Recording
 from pivident.estimation.identification_file import to_dict
 from pivident.estimation.identify import identify
 from pivident.estimation.least_squares import LeastSquares
@@ -23,9 +23,9 @@ from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import RandomWalk
 from pivident.estimation.stored_identification import load_identification
 from pivident.experiment.experiment import load_experiment
-from pivident.recording.recording import Recording
+from pivident.foundation.errors import ExperimentError, IdentificationError
+from pivident.judgement.validation.held_out.cross_validation import cross_validate
 from pivident.robot.gallery import load_robot
-from pivident.validation.held_out.cross_validation import cross_validate
 from tests.planar_arm import NAME, nominal_parameters, planar_motion, planar_record
 from tests.planar_log import EXPERIMENT, write_experiment
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from pivident.errors import IdentificationError
 from pivident.estimation.literature.set_membership import MARGIN, parameter_box
+from pivident.foundation.errors import IdentificationError
 from tests.estimation.literature.made_rows import COLUMNS, TRUTH, made, rows_of, stacked
 
 BOUND = np.array([0.3, 0.5])

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from pivident.errors import IdentificationError
 from pivident.estimation.literature.rows import JointRows, NormalEquations, Rows
 from pivident.estimation.literature.total_least_squares import solve_total
+from pivident.foundation.errors import IdentificationError
 from tests.estimation.literature.made_rows import made, rows_of, stacked
 
 

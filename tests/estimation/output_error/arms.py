@@ -10,8 +10,8 @@ from pivident.estimation.output_error import fit as fit_module
 from pivident.estimation.output_error.loop_unknowns import Unknown
 from pivident.estimation.output_error.record_stretches import Stretch
 from pivident.estimation.output_error.simulated_errors import SimulatedErrors
-from pivident.simulation.closed_loop import LoopSignals, simulate
-from pivident.simulation.direction import Direction, ParametrisedLoop
+from pivident.loop.simulation.closed_loop import LoopSignals, simulate
+from pivident.loop.simulation.direction import Direction, ParametrisedLoop
 from tests.planar_arm import LAW, nominal_parameters, planar_motion, planar_record
 
 RATE = 1000.0

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from pivident.errors import IdentificationError, RankDeficientRegressor, SimulationDiverged
 from pivident.estimation.output_error import fit as fit_module
 from pivident.estimation.output_error.fit import FitOptions, fit_simulation
 from pivident.estimation.output_error.loop_unknowns import Unknown, with_values
@@ -13,7 +12,12 @@ from pivident.estimation.output_error.simulated_errors import (
     TORQUES,
     simulated_errors,
 )
-from pivident.simulation.direction import Direction
+from pivident.foundation.errors import (
+    IdentificationError,
+    RankDeficientRegressor,
+    SimulationDiverged,
+)
+from pivident.loop.simulation.direction import Direction
 from tests.estimation.output_error.arms import counted_simulations, loop, stretch, truth, unknowns
 from tests.planar_arm import nominal_parameters
 

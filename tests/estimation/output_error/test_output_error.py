@@ -8,18 +8,18 @@ import pytest
 import pivident as pv
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.regressor import Regressor
-from pivident.errors import (
-    ExperimentError,
-    RankDeficientRegressor,
-)
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS
 from pivident.estimation.output_error import fit
 from pivident.estimation.output_error.output_error import OutputError
 from pivident.experiment import simulated_tx40
-from pivident.simulation.closed_loop import simulate
-from pivident.simulation.controllers import PD
-from pivident.simulation.simulated_record import Noise
+from pivident.foundation.errors import (
+    ExperimentError,
+    RankDeficientRegressor,
+)
+from pivident.loop.simulation.closed_loop import simulate
+from pivident.loop.simulation.controllers import PD
+from pivident.loop.simulation.simulated_record import Noise
 from tests.estimation.output_error.arms import (
     RATE,
     SAMPLES,

@@ -13,8 +13,8 @@ from pivident.estimation.output_error.simulated_errors import (
     simulated_errors,
 )
 from pivident.estimation.output_error.thinning import means_at
-from pivident.simulation.closed_loop import simulate
-from pivident.simulation.direction import Direction
+from pivident.loop.simulation.closed_loop import simulate
+from pivident.loop.simulation.direction import Direction
 from tests.estimation.output_error.arms import all_columns, loop, stretch, unknowns
 from tests.planar_arm import nominal_parameters
 

@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pivident.compiled import inlined, kernel
 from pivident.dynamics.closed_chains.closure_kernels import CLOSED, close_loops, lead_on
 from pivident.dynamics.closed_chains.closure_table import ClosureTable, ClosureWork, closure_table
 from pivident.dynamics.friction_table import (
@@ -26,6 +25,7 @@ from pivident.dynamics.friction_table import (
 )
 from pivident.dynamics.kernels import bias_torque, composite_mass_matrix
 from pivident.dynamics.parameters import Parameter
+from pivident.foundation.compiled import inlined, kernel
 from pivident.robot.description import Robot
 
 # Rows of ``ClosedRun.vectors``: of all joints speeds, friction, h + M γ, a row of M N, positions.

@@ -17,7 +17,7 @@ from pivident.dynamics.closed_chains.closure_table import (
     closure_table,
     closure_work,
 )
-from pivident.errors import LoopNotClosed
+from pivident.foundation.errors import LoopNotClosed
 from pivident.robot.description import Robot
 
 #: Change of an independent joint from one sample to the next that is no motion any more [rad or m].

@@ -13,14 +13,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pivident.compiled import kernel
 from pivident.dynamics.closed_chains.closed_motion import ClosedChains, moved_joints
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor import Regressor
-from pivident.errors import RobotDescriptionError
+from pivident.foundation.compiled import kernel
+from pivident.foundation.errors import RobotDescriptionError
+from pivident.foundation.scratch import working_array
+from pivident.foundation.threads import run_in_threads
 from pivident.robot.description import Robot
-from pivident.scratch import working_array
-from pivident.threads import run_in_threads
 
 #: Samples that are followed at a time by a thread: as many as a block of the normal equations has.
 BLOCK = 4096

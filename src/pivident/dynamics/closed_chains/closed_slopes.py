@@ -16,7 +16,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pivident.compiled import inlined, inner
 from pivident.dynamics.closed_chains.closed_dynamics import POSITION, ClosedModel, tree_torque
 from pivident.dynamics.closed_chains.closure_slopes import (
     ClosureSlopes,
@@ -33,6 +32,7 @@ from pivident.dynamics.rigid_body_slopes import (
     place_links,
     torque_slopes,
 )
+from pivident.foundation.compiled import inlined, inner
 
 
 class ClosedSlopes(NamedTuple):

@@ -8,7 +8,6 @@ accelerations α_i and a_i.
 
 from __future__ import annotations
 
-from pivident.compiled import inlined, inner
 from pivident.dynamics.closed_chains.closure_table import (
     ALPHA,
     LINEAR,
@@ -20,6 +19,7 @@ from pivident.dynamics.closed_chains.closure_table import (
     W,
 )
 from pivident.dynamics.kernels import link_poses, place_link
+from pivident.foundation.compiled import inlined, inner
 
 
 @inlined

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from pivident.compiled import inlined, kernel
 from pivident.dynamics.closed_chains.closure_equations import (
     find_drifts,
     find_gaps,
@@ -19,6 +18,7 @@ from pivident.dynamics.closed_chains.closure_equations import (
     place_closures,
 )
 from pivident.dynamics.elimination import SIDE_BY_SIDE, factor, solve, solve_all
+from pivident.foundation.compiled import inlined, kernel
 
 #: What may happen: nothing, the loops cannot be closed, the mechanism is singular.
 CLOSED, OPEN, SINGULAR = 0, 1, 2

@@ -21,7 +21,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pivident.compiled import inlined, inner
 from pivident.dynamics.closed_chains.closure_equations import (
     find_drifts,
     move_ends,
@@ -30,6 +29,7 @@ from pivident.dynamics.closed_chains.closure_equations import (
 )
 from pivident.dynamics.closed_chains.closure_table import ALPHA, LINEAR, PLACE, ClosureTable, P, W
 from pivident.dynamics.elimination import solve
+from pivident.foundation.compiled import inlined, inner
 
 # Columns of jerks: of turning, β, and of a point, j.
 _BETA, _J, _JERKS = 0, 3, 6

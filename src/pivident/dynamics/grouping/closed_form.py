@@ -45,11 +45,11 @@ from pivident.dynamics.grouping.rows import ONE as WHOLE
 from pivident.dynamics.grouping.rows import Reach, Row
 from pivident.dynamics.grouping.rules import JointRules, LocalGroups
 from pivident.dynamics.parameters import Parameter, standard_parameters
-from pivident.errors import RobotDescriptionError
+from pivident.foundation.errors import RobotDescriptionError
+from pivident.foundation.text.identifiers import latex_name
 from pivident.robot.description import INERTIAL, Robot
 from pivident.robot.inertia import moved
 from pivident.robot.refusals import without_loops
-from pivident.text.identifiers import latex_name
 
 if TYPE_CHECKING:
     import sympy

@@ -46,7 +46,7 @@ from pivident.dynamics.grouping.expression_graph import (
     without_constant,
     without_sign,
 )
-from pivident.extras import require
+from pivident.foundation.extras import require
 
 #: Distance from 0, ±1 or a multiple of π/2 below which a constant is taken to be that number.
 EXACT = 1e-12

@@ -19,7 +19,7 @@ from pivident.dynamics.grouping.expression_graph import (
     ordered,
     provides,
 )
-from pivident.text.identifiers import identifier, latex_name
+from pivident.foundation.text.identifiers import identifier, latex_name
 
 #: Precedence of a text: a sum, a sign, a product, anything else.
 _SUM, _SIGN, _PRODUCT, _ATOM = 0, 1, 2, 3

@@ -47,9 +47,9 @@ from pivident.dynamics.regressor import Regressor
 from pivident.estimation.covariance.sandwich import Jackknife
 from pivident.estimation.equation_record import EquationRecord
 from pivident.estimation.normal_equations import JointSums
-from pivident.motion.motion import MOTION_BAND, packed_stretch
+from pivident.foundation.threads import run_in_threads
+from pivident.loop.motion.motion import MOTION_BAND, packed_stretch
 from pivident.signals.prefilter import Prefilter
-from pivident.threads import run_in_threads
 
 #: Longest lag of the autocovariance [s]: ten periods of the highest frequency of the motion. With
 #: half of it the scenario *loop* gets standard errors 8 % too large, with four times the same.

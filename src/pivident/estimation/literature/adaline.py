@@ -27,8 +27,8 @@ from pivident.estimation.literature.rows import (
     windows_covariance,
 )
 from pivident.estimation.problem import Problem
-from pivident.options import option
-from pivident.text.finding import Finding
+from pivident.foundation.options import option
+from pivident.foundation.text.finding import Finding
 
 #: Time constants of the slowest direction after which a network has arrived.
 ARRIVED = 4.0

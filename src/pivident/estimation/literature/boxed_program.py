@@ -24,8 +24,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pivident.compiled import kernel, summing
 from pivident.dynamics.elimination import eliminate
+from pivident.foundation.compiled import kernel, summing
 
 #: Most exchanges of a program, for each of its parameters.
 MAX_EXCHANGES = 1000

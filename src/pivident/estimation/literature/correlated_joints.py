@@ -23,7 +23,7 @@ from pivident.estimation.covariance.sandwich import jackknife_of
 from pivident.estimation.covariance.windows import windows_of
 from pivident.estimation.literature.rows import IteratedRegression, Noticed, Rows, Solved
 from pivident.estimation.problem import Problem
-from pivident.text.finding import Finding, Quantity
+from pivident.foundation.text.finding import Finding, Quantity
 
 #: Smallest eigenvalue of the errors' correlation that noise of torques may have.
 DEGENERATE = 0.02

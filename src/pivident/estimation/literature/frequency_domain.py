@@ -24,7 +24,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from pivident.errors import ExperimentError
+from pivident.data.recording.recording import Recording
 from pivident.estimation.answer import answer
 from pivident.estimation.equation_record import accumulate
 from pivident.estimation.identification import Identification, Iteration
@@ -46,18 +46,18 @@ from pivident.estimation.noise_identification import Prefilters
 from pivident.estimation.normal_equations import JointSums, relative_residual, solve
 from pivident.estimation.problem import BIASED, Problem
 from pivident.estimation.signal_recipes import Bandpass
-from pivident.instruments.given_motion import InstrumentsUsed, agreement
-from pivident.motion.motion import (
+from pivident.foundation.errors import ExperimentError
+from pivident.foundation.options import option
+from pivident.foundation.text.finding import Finding, Quantity
+from pivident.loop.instruments.given_motion import InstrumentsUsed, agreement
+from pivident.loop.motion.motion import (
     Kinematics,
     SimulatedMotion,
     packed_stretch,
     residual_of,
     with_inner,
 )
-from pivident.options import option
-from pivident.recording.recording import Recording
 from pivident.signals.random_walk import half_power_frequencies
-from pivident.text.finding import Finding, Quantity
 
 #: Lines on each side over which a variance is averaged.
 NEIGHBOURS = 5

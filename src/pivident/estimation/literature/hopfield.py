@@ -27,7 +27,7 @@ from pivident.estimation.literature.rows import (
     windows_covariance,
 )
 from pivident.estimation.problem import Problem
-from pivident.options import option
+from pivident.foundation.options import option
 
 #: Most steps of the differential equation; some hundreds are usual.
 MAX_STEPS = 20_000

@@ -15,14 +15,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from pivident.errors import ExperimentError
 from pivident.estimation.covariance import inverse_gram
 from pivident.estimation.literature.ridge import penalised_windows
 from pivident.estimation.literature.rows import NormalEquations, Noticed, Regression, Rows, Solved
 from pivident.estimation.problem import Problem
-from pivident.options import option
+from pivident.foundation.errors import ExperimentError
+from pivident.foundation.options import option
+from pivident.foundation.text.finding import Finding, Quantity
 from pivident.robot.naming import nearest
-from pivident.text.finding import Finding, Quantity
 
 #: Standard deviations that prior and data may be apart.
 CONTRADICTION = 4.0

@@ -21,8 +21,8 @@ from pivident.estimation.covariance.sandwich import jackknife_of
 from pivident.estimation.literature.rows import NormalEquations, Noticed, Regression, Rows, Solved
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
-from pivident.options import option
-from pivident.text.finding import Finding, Quantity
+from pivident.foundation.options import option
+from pivident.foundation.text.finding import Finding, Quantity
 
 #: Range of k that is searched, and how many values.
 RANGE, VALUES = (1e-10, 1e2), 241

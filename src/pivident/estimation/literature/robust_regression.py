@@ -30,8 +30,8 @@ from pivident.estimation.literature.rows import (
     windows_covariance,
 )
 from pivident.estimation.problem import Problem
-from pivident.options import option
-from pivident.text.finding import Finding, Quantity
+from pivident.foundation.options import option
+from pivident.foundation.text.finding import Finding, Quantity
 
 Loss = Literal["huber", "bisquare"]
 

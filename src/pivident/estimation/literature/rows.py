@@ -29,8 +29,8 @@ from pivident.estimation.method import Method, Refit, Say
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import BIASED, Problem
 from pivident.estimation.solved_equations import Equations
-from pivident.options import option
-from pivident.text.finding import Finding
+from pivident.foundation.options import option
+from pivident.foundation.text.finding import Finding
 
 
 @dataclass(frozen=True, eq=False)

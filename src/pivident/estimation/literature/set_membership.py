@@ -21,7 +21,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from pivident.errors import ExperimentError, IdentificationError
 from pivident.estimation.literature.boxed_program import (
     Basis,
     basis_of,
@@ -30,8 +29,9 @@ from pivident.estimation.literature.boxed_program import (
 )
 from pivident.estimation.literature.rows import NormalEquations, Noticed, Regression, Rows, Solved
 from pivident.estimation.problem import Problem
-from pivident.options import option
-from pivident.text.finding import Finding, Quantity
+from pivident.foundation.errors import ExperimentError, IdentificationError
+from pivident.foundation.options import option
+from pivident.foundation.text.finding import Finding, Quantity
 
 #: Rows that are added at a time, the worst of each joint.
 ADDED = 10

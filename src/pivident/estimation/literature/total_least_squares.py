@@ -24,11 +24,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from pivident.errors import IdentificationError
 from pivident.estimation.covariance.sandwich import jackknife_of
 from pivident.estimation.literature.rows import Noticed, Regression, Rows, Solved
 from pivident.estimation.problem import Problem
-from pivident.text.finding import Finding
+from pivident.foundation.errors import IdentificationError
+from pivident.foundation.text.finding import Finding
 
 #: Smallest last component of the singular vector: without it torque has no part in the relation.
 NONGENERIC = 1e-8

@@ -30,14 +30,14 @@ from typing import TypeVar
 
 import numpy as np
 
+from pivident.data.recording.recording import Recording
+from pivident.data.recording.repeated_motion import find_period
 from pivident.dynamics.regressor import Regressor
-from pivident.errors import IdentificationError
 from pivident.estimation.covariance.windows import Windows
 from pivident.estimation.decimated import DecimatedRecord
 from pivident.estimation.equation_record import FittedRecording, JointColumns
 from pivident.estimation.normal_equations import JointSums
-from pivident.recording.recording import Recording
-from pivident.recording.repeated_motion import find_period
+from pivident.foundation.errors import IdentificationError
 from pivident.signals.alignment import torque_shift
 from pivident.signals.prefilter import Prefilter
 

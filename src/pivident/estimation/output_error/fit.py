@@ -15,12 +15,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from pivident.common_work import is_shared, once
-from pivident.errors import (
-    IdentificationError,
-    MassMatrixNotPositiveDefinite,
-    SimulationDiverged,
-)
 from pivident.estimation.output_error.fit_answer import fit_answer
 from pivident.estimation.output_error.loop_unknowns import (
     Unknown,
@@ -45,6 +39,12 @@ from pivident.estimation.output_error.weighted_step import (
     WeightedStep,
     WeightedSteps,
     inverse_of_free,
+)
+from pivident.foundation.common_work import is_shared, once
+from pivident.foundation.errors import (
+    IdentificationError,
+    MassMatrixNotPositiveDefinite,
+    SimulationDiverged,
 )
 
 #: Passes that make noise models; later ones keep them, so that the estimate can settle.

@@ -37,7 +37,7 @@ from pivident.estimation.output_error.weighted_step import (
     WeightedSteps,
     inverse_of_free,
 )
-from pivident.threads import run_in_threads
+from pivident.foundation.threads import run_in_threads
 
 #: Fewest lags of the covariances, for short records: means of four rows overlap.
 LEAST_LAGS = 12

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.errors import ExperimentError
+from pivident.data.recording.checks import MAX_DRIVE_DELAY
 from pivident.estimation.problem import Problem, position_units, torque_units
-from pivident.recording.checks import MAX_DRIVE_DELAY
+from pivident.foundation.errors import ExperimentError
+from pivident.loop.simulation.controllers import Cascade
+from pivident.loop.simulation.direction import Direction, Kind, ParametrisedLoop
 from pivident.robot.friction_column import unit_on_joint
 from pivident.robot.naming import nearest
-from pivident.simulation.controllers import Cascade
-from pivident.simulation.direction import Direction, Kind, ParametrisedLoop
 
 #: Kinds of one joint each that may be sought; the others are of the whole loop.
 OF_JOINTS: tuple[Kind, ...] = ("drive_gain", "encoder_offset", "torque_offset")

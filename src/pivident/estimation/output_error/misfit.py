@@ -40,7 +40,7 @@ from pivident.estimation.output_error.simulated_errors import (
 from pivident.estimation.output_error.simulation_fit import SimulationFit
 from pivident.estimation.output_error.thinning import means_at
 from pivident.estimation.problem import Problem
-from pivident.text.finding import Finding, Quantity
+from pivident.foundation.text.finding import Finding, Quantity
 
 #: Standard errors from which on a declared gain, or a torque, counts as another one; there are many
 #: joints.

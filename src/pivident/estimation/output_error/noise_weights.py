@@ -18,6 +18,7 @@ from pivident.estimation.method import AutoRegressive
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.output_error.simulated_errors import SimulatedErrors
 from pivident.estimation.output_error.thinning import passed_power
+from pivident.foundation.threads import run_in_threads
 from pivident.signals.noise_models import (
     continued_into_band,
     excess_in_band,
@@ -26,7 +27,6 @@ from pivident.signals.noise_models import (
     unmasked_stretches,
 )
 from pivident.signals.prefilter import Prefilter
-from pivident.threads import run_in_threads
 
 #: Standard deviations k beyond which Huber's loss grows linearly: 95 % as efficient as least
 #: squares where the noise is normal.

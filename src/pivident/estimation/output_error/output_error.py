@@ -19,12 +19,6 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from pivident.common_work import once
-from pivident.errors import (
-    ExperimentError,
-    RankDeficientRegressor,
-    SimulationFailed,
-)
 from pivident.estimation.answer import Covariances, answer, law_findings
 from pivident.estimation.equation_record import accumulate
 from pivident.estimation.full_rate import records_without_instruments
@@ -59,9 +53,15 @@ from pivident.estimation.prefiltered_iv import PrefilteredIV, full_rate_start
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import RandomWalk
 from pivident.estimation.simulation_result import LoopParameter, SimulationResult
-from pivident.instruments.given_motion import InstrumentsUsed
-from pivident.options import DECLARED, Option, option
-from pivident.text.finding import Finding, Quantity
+from pivident.foundation.common_work import once
+from pivident.foundation.errors import (
+    ExperimentError,
+    RankDeficientRegressor,
+    SimulationFailed,
+)
+from pivident.foundation.options import DECLARED, Option, option
+from pivident.foundation.text.finding import Finding, Quantity
+from pivident.loop.instruments.given_motion import InstrumentsUsed
 
 #: Shares of the way from nominal values to least squares at which a start is tried.
 STARTS = (1.0, 0.5, 0.25, 0.0)

@@ -15,24 +15,24 @@ from itertools import pairwise
 
 import numpy as np
 
+from pivident.data.recording.recording import Recording
 from pivident.dynamics.parameters import Parameter
-from pivident.errors import (
+from pivident.estimation.auxiliary_model import loop_signals
+from pivident.estimation.output_error.loop_unknowns import start_directions
+from pivident.estimation.problem import Problem
+from pivident.foundation.errors import (
     ExperimentError,
     MassMatrixNotPositiveDefinite,
     SimulationDiverged,
 )
-from pivident.estimation.auxiliary_model import loop_signals
-from pivident.estimation.output_error.loop_unknowns import start_directions
-from pivident.estimation.problem import Problem
-from pivident.motion.motion import Kinematics, measured_samples
-from pivident.recording.recording import Recording
-from pivident.scratch import working_array
-from pivident.simulation.closed_loop import LoopSignals, simulate_blocks
-from pivident.simulation.control_loop import Loop, with_measured_gravity
-from pivident.simulation.controllers import TAPS, SampledLaw
-from pivident.simulation.direction import ParametrisedLoop
-from pivident.simulation.loop_kernel import TORQUE
-from pivident.simulation.tangents import tangent_blocks
+from pivident.foundation.scratch import working_array
+from pivident.loop.motion.motion import Kinematics, measured_samples
+from pivident.loop.simulation.closed_loop import LoopSignals, simulate_blocks
+from pivident.loop.simulation.control_loop import Loop, with_measured_gravity
+from pivident.loop.simulation.controllers import TAPS, SampledLaw
+from pivident.loop.simulation.direction import ParametrisedLoop
+from pivident.loop.simulation.loop_kernel import TORQUE
+from pivident.loop.simulation.tangents import tangent_blocks
 
 
 @dataclass(frozen=True)

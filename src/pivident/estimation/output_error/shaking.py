@@ -30,12 +30,12 @@ import numpy as np
 from pivident.estimation.output_error.record_stretches import Stretch
 from pivident.estimation.output_error.simulated_errors import POSITIONS, TORQUES
 from pivident.estimation.output_error.thinning import Thinning
-from pivident.scratch import working_array
-from pivident.simulation.closed_loop import BLOCK, simulate_blocks
-from pivident.simulation.controllers import PythonController
-from pivident.simulation.direction import ParametrisedLoop
-from pivident.simulation.loop_kernel import TORQUE
-from pivident.threads import run_in_threads
+from pivident.foundation.scratch import working_array
+from pivident.foundation.threads import run_in_threads
+from pivident.loop.simulation.closed_loop import BLOCK, simulate_blocks
+from pivident.loop.simulation.controllers import PythonController
+from pivident.loop.simulation.direction import ParametrisedLoop
+from pivident.loop.simulation.loop_kernel import TORQUE
 
 #: Pairs of simulations with noise of both signs.
 PAIRS = 4

@@ -21,10 +21,10 @@ import numpy as np
 from pivident.estimation.output_error.loop_unknowns import Unknown, start_directions
 from pivident.estimation.output_error.record_stretches import OpenLoop, Stretch
 from pivident.estimation.output_error.thinning import Thinning, means_at
-from pivident.scratch import Blocks
-from pivident.simulation.direction import Direction
-from pivident.simulation.tangents import TANGENT_BLOCK, TangentBlock, tangent_blocks
-from pivident.threads import run_in_threads
+from pivident.foundation.scratch import Blocks
+from pivident.foundation.threads import run_in_threads
+from pivident.loop.simulation.direction import Direction
+from pivident.loop.simulation.tangents import TANGENT_BLOCK, TangentBlock, tangent_blocks
 
 #: Channels that may be compared.
 POSITIONS, TORQUES = 0, 1

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pivident.errors import RankDeficientRegressor
 from pivident.estimation.covariance import inverse_gram
 from pivident.estimation.output_error.loop_unknowns import Unknown
 from pivident.estimation.output_error.noise_weights import (
@@ -36,6 +35,7 @@ from pivident.estimation.output_error.reduced_equations import (
 )
 from pivident.estimation.output_error.simulated_errors import SimulatedErrors
 from pivident.estimation.output_error.simulation_fit import FitOptions
+from pivident.foundation.errors import RankDeficientRegressor
 
 #: Rounds of weights and step in a pass that makes noise models.
 ROUNDS = 2

@@ -13,7 +13,7 @@ from __future__ import annotations
 import copyreg
 from functools import cache
 
-from pivident.registry import Registry
+from pivident.foundation.registry import Registry
 from pivident.robot.friction_column import FrictionColumn
 from pivident.robot.friction_term import TermKind
 

@@ -6,7 +6,7 @@ import re
 from importlib.resources import files
 from pathlib import Path
 
-from pivident.errors import RobotDescriptionError
+from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot.description import Robot
 from pivident.robot.mjcf import read_mjcf
 from pivident.robot.modified_dh import parse_modified_dh, read_modified_dh

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from pivident.data.recording.recording import Recording
 from pivident.estimation.problem import Problem
-from pivident.recording.recording import Recording
-from pivident.simulation.control_loop import Loop
+from pivident.loop.simulation.control_loop import Loop
 from tests.planar_arm import LAW, nominal_parameters, planar_motion, planar_record
 
 RATE = 1000.0

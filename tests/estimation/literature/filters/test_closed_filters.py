@@ -6,11 +6,11 @@ import pytest
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.robot_regressor import regressor_of
-from pivident.errors import FilterDiverged, LoopNotClosed
 from pivident.estimation.literature.filters import KalmanFilter
 from pivident.estimation.literature.filters.central_difference_kalman import CentralDifferenceKalman
 from pivident.estimation.literature.filters.extended_kalman import ExtendedKalman
 from pivident.estimation.literature.filters.unscented_kalman import UnscentedKalman
+from pivident.foundation.errors import FilterDiverged, LoopNotClosed
 from pivident.robot.gallery import load_robot
 
 RATE, SAMPLES = 1000.0, 600

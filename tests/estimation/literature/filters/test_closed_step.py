@@ -9,7 +9,6 @@ from numba import njit
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.robot_regressor import regressor_of
-from pivident.errors import LoopNotClosed
 from pivident.estimation.literature.filters.midpoint_step import (
     ACCELERATION,
     beside,
@@ -19,6 +18,7 @@ from pivident.estimation.literature.filters.midpoint_step import (
 )
 from pivident.estimation.literature.filters.recursive import RecursiveLeastSquares
 from pivident.estimation.literature.filters.robot_equations import robot_equations
+from pivident.foundation.errors import LoopNotClosed
 from pivident.robot import FrictionLaw, coulomb, spring, viscous
 from pivident.robot.gallery import load_robot
 from tests.forward_dynamics import acceleration

@@ -2,14 +2,14 @@
 
 import pytest
 
-from pivident.errors import ExperimentError, IdentificationError
 from pivident.estimation.literature.filters.central_difference_kalman import CentralDifferenceKalman
 from pivident.estimation.literature.filters.extended_kalman import ExtendedKalman
 from pivident.estimation.literature.filters.particle_filter import Particles
 from pivident.estimation.literature.filters.unscented_kalman import UnscentedKalman
 from pivident.experiment.identify_table import IdentifyEntry, method_of
-from pivident.friction_laws.law_choice import choose_laws
-from pivident.friction_laws.shapes import identify_shapes
+from pivident.foundation.errors import ExperimentError, IdentificationError
+from pivident.studies.friction_laws.law_choice import choose_laws
+from pivident.studies.friction_laws.shapes import identify_shapes
 from tests.estimation.literature.filters.scenes import planar_problem
 
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pivident.errors import ExperimentError, FilterDiverged
 from pivident.estimation.identification_file import method_of_options
 from pivident.estimation.identify import identify
 from pivident.estimation.literature.filters.central_difference_kalman import CentralDifferenceKalman
@@ -15,8 +14,9 @@ from pivident.estimation.literature.filters.particle_filter import Particles
 from pivident.estimation.literature.filters.state_filter import windows_covariance
 from pivident.estimation.literature.filters.unscented_kalman import UnscentedKalman
 from pivident.estimation.methods import METHODS
-from pivident.validation.held_out.cross_validation import cross_validate
-from pivident.validation.held_out.fold_estimates import filters_without
+from pivident.foundation.errors import ExperimentError, FilterDiverged
+from pivident.judgement.validation.held_out.cross_validation import cross_validate
+from pivident.judgement.validation.held_out.fold_estimates import filters_without
 from tests.estimation.literature.filters.scenes import planar_problem
 
 

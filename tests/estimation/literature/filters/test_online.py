@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from pivident.dynamics.base_parameters import base_parameters
-from pivident.errors import ExperimentError, FilterDiverged, IdentificationError
 from pivident.estimation.literature.filters import (
     KalmanFilter,
     RecursiveInstruments,
@@ -18,6 +17,7 @@ from pivident.estimation.literature.filters.central_difference_kalman import Cen
 from pivident.estimation.literature.filters.extended_kalman import ExtendedKalman
 from pivident.estimation.literature.filters.robot_equations import robot_equations
 from pivident.estimation.literature.filters.unscented_kalman import UnscentedKalman
+from pivident.foundation.errors import ExperimentError, FilterDiverged, IdentificationError
 from pivident.robot.friction import FrictionLaw, dahl, viscous
 from pivident.robot.gallery import load_robot
 from tests.estimation.literature.filters.scenes import RATE, planar_problem

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from pivident.errors import IdentificationError
 from pivident.estimation.identify import build_regression, identify
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.literature.filters import RecursiveInstruments, RecursiveLeastSquares
 from pivident.estimation.signal_recipes import RandomWalk
+from pivident.foundation.errors import IdentificationError
 from tests.estimation.literature.filters.scenes import planar_problem
 
 

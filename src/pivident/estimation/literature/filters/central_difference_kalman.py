@@ -9,7 +9,7 @@ from pivident.estimation.literature.filters.filter_state import FilterRun
 from pivident.estimation.literature.filters.sigma_points import sigma_samples
 from pivident.estimation.literature.filters.state_filter import KalmanMethod
 from pivident.estimation.method import Cost
-from pivident.options import option
+from pivident.foundation.options import option
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,7 +15,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pivident.compiled import inlined, inner
 from pivident.dynamics.closed_chains.closed_dynamics import (
     BIAS,
     FRICTION,
@@ -46,6 +45,7 @@ from pivident.estimation.literature.filters.robot_equations import (
     add_local_slopes,
     local_torques,
 )
+from pivident.foundation.compiled import inlined, inner
 
 # Rows of ``ClosedStep.vectors``: ddq, zeros, positions before an attempt to close the loops.
 _ACCELERATION, _STILL, _BEFORE, _ROWS = 0, 1, 2, 3

@@ -12,7 +12,6 @@ parameters: their estimates converge where the noises are as assumed, and may di
 
 from __future__ import annotations
 
-from pivident.compiled import kernel, summing
 from pivident.estimation.literature.filters.filter_state import (
     DONE,
     FilterRun,
@@ -22,6 +21,7 @@ from pivident.estimation.literature.filters.filter_state import (
     worst,
 )
 from pivident.estimation.literature.filters.midpoint_step import midpoint_step, step_tangent
+from pivident.foundation.compiled import kernel, summing
 
 
 @summing

@@ -17,19 +17,19 @@ from typing import ClassVar
 
 import numpy as np
 
-from pivident.common_work import once
+from pivident.data.recording.recording import Recording
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.friction_table import dry_friction_level
-from pivident.errors import ExperimentError, FilterDiverged
 from pivident.estimation.iteration import Estimate
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.literature.filters.online import KalmanFilter, KalmanSteps
 from pivident.estimation.method import Handles, Method, Refit, Start
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import RandomWalk
-from pivident.motion.motion import Kinematics
-from pivident.options import option
-from pivident.recording.recording import Recording
+from pivident.foundation.common_work import once
+from pivident.foundation.errors import ExperimentError, FilterDiverged
+from pivident.foundation.options import option
+from pivident.loop.motion.motion import Kinematics
 from pivident.signals.alignment import torque_shift
 
 #: Samples on which noise of the torque is searched, roughly and then more finely.

@@ -22,10 +22,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pivident.compiled import inlined, inner
 from pivident.estimation.literature.filters.midpoint_step import StepWork, step_work
 from pivident.estimation.literature.filters.robot_equations import RobotEquations
 from pivident.estimation.literature.filters.triangular import lower_factor
+from pivident.foundation.compiled import inlined, inner
 
 #: What may happen: nothing; no mass matrix, covariance, innovation or loops that a filter can go on
 #: with.

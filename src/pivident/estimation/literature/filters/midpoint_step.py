@@ -26,7 +26,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pivident.compiled import inlined, inner
 from pivident.dynamics.elimination import eliminate
 from pivident.dynamics.kernels import bias_torque, composite_mass_matrix, link_poses
 from pivident.dynamics.rigid_body_slopes import (
@@ -54,6 +53,7 @@ from pivident.estimation.literature.filters.robot_equations import (
     take_parameters,
 )
 from pivident.estimation.literature.filters.triangular import cholesky, solve_cholesky
+from pivident.foundation.compiled import inlined, inner
 
 #: Most iterations of Newton's method, and halvings of one of its steps.
 MAX_ITERATIONS, MAX_HALVINGS = 25, 6

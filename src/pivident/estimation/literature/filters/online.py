@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pivident.dynamics.parameters import Parameter
-from pivident.errors import FilterDiverged, IdentificationError
 from pivident.estimation.literature.filters.extended import ExtendedSteps
 from pivident.estimation.literature.filters.filter_state import (
     DONE,
@@ -25,6 +24,7 @@ from pivident.estimation.literature.filters.filter_state import (
 )
 from pivident.estimation.literature.filters.midpoint_step import step_work
 from pivident.estimation.literature.filters.robot_equations import robot_equations
+from pivident.foundation.errors import FilterDiverged, IdentificationError
 from pivident.robot.description import Robot
 
 

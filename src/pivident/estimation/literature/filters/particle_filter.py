@@ -8,7 +8,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from pivident.errors import FilterDiverged
 from pivident.estimation.literature.filters.filter_setup import FilterSetup, FilterStretch
 from pivident.estimation.literature.filters.filter_state import DONE, FilterNoise
 from pivident.estimation.literature.filters.midpoint_step import step_work
@@ -18,7 +17,8 @@ from pivident.estimation.literature.filters.robot_equations import robot_equatio
 from pivident.estimation.literature.filters.state_filter import Filtered, StateFilter
 from pivident.estimation.method import Cost
 from pivident.estimation.problem import Problem
-from pivident.options import option
+from pivident.foundation.errors import FilterDiverged
+from pivident.foundation.options import option
 
 
 @dataclass(frozen=True, kw_only=True)

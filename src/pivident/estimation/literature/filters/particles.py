@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from pivident.compiled import allocating
 from pivident.estimation.literature.filters.filter_state import (
     DONE,
     FAR,
@@ -29,6 +28,7 @@ from pivident.estimation.literature.filters.filter_state import (
     torque_variance,
 )
 from pivident.estimation.literature.filters.midpoint_step import midpoint_step, step_tangent
+from pivident.foundation.compiled import allocating
 
 #: Share of the particles that has to count.
 ENOUGH = 0.5

@@ -9,13 +9,11 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pivident.compiled import kernel
 from pivident.dynamics.closed_chains.closed_motion import JUMP
 from pivident.dynamics.closed_chains.closure_kernels import OPEN
 from pivident.dynamics.kernels import link_poses
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.rigid_body_slopes import inertial_columns, move_links, place_links
-from pivident.errors import IdentificationError, LoopNotClosed
 from pivident.estimation.literature.filters.closed_step import (
     closed_columns,
     move_closed_links,
@@ -27,6 +25,8 @@ from pivident.estimation.literature.filters.robot_equations import (
     add_local_columns,
     robot_equations,
 )
+from pivident.foundation.compiled import kernel
+from pivident.foundation.errors import IdentificationError, LoopNotClosed
 from pivident.robot.description import Robot
 
 

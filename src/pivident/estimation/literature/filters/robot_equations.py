@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pivident.compiled import inlined, inner
 from pivident.dynamics.closed_chains.closed_dynamics import ClosedModel, closed_model
 from pivident.dynamics.entry_plan import ACCELERATION, has_inner_signal, joint_entry
 from pivident.dynamics.friction_kernels import (
@@ -22,7 +21,8 @@ from pivident.dynamics.friction_kernels import (
 )
 from pivident.dynamics.kernels import Tree, tree_of
 from pivident.dynamics.parameters import Parameter
-from pivident.errors import ExperimentError
+from pivident.foundation.compiled import inlined, inner
+from pivident.foundation.errors import ExperimentError
 from pivident.robot.description import INERTIAL, Robot
 from pivident.robot.friction_column import SignFunction
 from pivident.robot.refusals import without_base

@@ -25,7 +25,6 @@ from __future__ import annotations
 
 import math
 
-from pivident.compiled import inner, kernel, summing
 from pivident.estimation.literature.filters.filter_state import (
     DONE,
     NOT_POSITIVE,
@@ -48,6 +47,7 @@ from pivident.estimation.literature.filters.triangular import (
     solve_cholesky,
     update_factor,
 )
+from pivident.foundation.compiled import inner, kernel, summing
 
 
 @summing

@@ -24,7 +24,6 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from pivident.errors import FilterDiverged
 from pivident.estimation.answer import Covariances, answer
 from pivident.estimation.identification import Identification
 from pivident.estimation.iteration import Estimate, Run, solved_otherwise
@@ -41,7 +40,8 @@ from pivident.estimation.literature.filters.filter_state import FilterRun
 from pivident.estimation.literature.filters.robot_equations import robot_equations
 from pivident.estimation.method import Say
 from pivident.estimation.problem import Problem
-from pivident.text.finding import Finding, Quantity
+from pivident.foundation.errors import FilterDiverged
+from pivident.foundation.text.finding import Finding, Quantity
 
 #: Mean squares of innovations between which noises are as large as assumed …
 AS_ASSUMED = (0.7, 1.4)

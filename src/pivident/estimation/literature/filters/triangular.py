@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 
-from pivident.compiled import summing
+from pivident.foundation.compiled import summing
 
 
 @summing

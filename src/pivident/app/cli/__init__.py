@@ -1,0 +1,3 @@
+"""The command ``pivident``."""
+
+from pivident.app.cli.app import main as main

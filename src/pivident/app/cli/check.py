@@ -1,0 +1,68 @@
+"""The command ``pivident check``: what is wrong with an experiment, before it is computed."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from pivident.app.cli.console import DONE, FAULTY_LOG, WRONG_INPUT, Progress
+from pivident.app.cli.findings import print_findings
+from pivident.foundation.text.finding import counted
+from pivident.foundation.text.printable import escaped
+
+if TYPE_CHECKING:
+    from pivident.experiment.check.experiment_check import ExperimentCheck
+
+
+def check(
+    experiment: Path,
+    /,
+    *,
+    robot: str | None = None,
+    as_json: Annotated[bool, Parameter(name="--json", negative=(), show_default=False)] = False,
+) -> int:
+    """Report what is wrong with an experiment file, its robot and its logs; nothing is estimated.
+
+    Parameters
+    ----------
+    experiment
+        The experiment file.
+    robot
+        Robot in place of the file's: name in the gallery, .toml or .urdf.
+    as_json
+        Print everything as JSON, for programs.
+    """
+    from pivident.experiment.check.experiment_check import check_experiment
+
+    with Progress() as progress:
+        found = check_experiment(experiment, robot, progress.say)
+    if as_json:
+        print(json.dumps(found.as_json(), ensure_ascii=False, allow_nan=False, indent=1))
+    else:
+        print_check(found)
+    if found.refused:
+        return WRONG_INPUT
+    return FAULTY_LOG if found.severity == "error" else DONE
+
+
+def print_check(found: ExperimentCheck) -> None:
+    """Remarks, the gravest first; then what was checked and what would be estimated."""
+    print(escaped(f"{found.path}: {_headline(found)}"))
+    print_findings(found.remarks)
+    print("Checked: " + escaped("; ".join(found.looked_at)) + ".")
+    if found.plan is not None:
+        when = " once the gaps are fixed as said above" if found.refused else ""
+        print(escaped(f"To be estimated{when}:\n{found.plan}"))
+
+
+def _headline(found: ExperimentCheck) -> str:
+    if not found.remarks:
+        return "no errors, no warnings"
+    if found.refused:
+        return f"{counted(found.remarks)}; an identification would stop"
+    if found.severity == "error":
+        return f"{counted(found.remarks)}; an identification would run, with wrong results"
+    return counted(found.remarks)

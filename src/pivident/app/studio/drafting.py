@@ -1,0 +1,105 @@
+"""A first experiment file for a project, drafted beside the server."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from pivident.app.studio.projects import EXPERIMENT, HIDDEN
+from pivident.data.logs.recognition.log_file import read_log_file
+from pivident.experiment.init.draft import Draft, draft_experiment
+from pivident.foundation.errors import PividentError
+from pivident.foundation.files import atomic_folder
+from pivident.foundation.text.plain_values import plain, write_json
+
+#: The draft, in the folder of what is derived.
+DRAFT = "draft.json"
+
+
+def draft(
+    project: Path,
+    logs: Sequence[str],
+    robot: str | None,
+    answers: Mapping[str, str],
+    joints: Sequence[str],
+    column_names: Sequence[str],
+    say: Callable[[str], None],
+) -> None:
+    """Write the draft of an experiment file with its questions; the file itself is not touched.
+
+    What stands in the way is the ``error`` of ``draft.json``.
+
+    Args:
+        project: folder of the project.
+        logs: names of its logs, relative to it.
+        robot: gallery name, or name of a robot file in the project; None: the only URDF there.
+        answers: to the questions of a draft before, by what they are about.
+        joints: joints of a URDF that are to be identified; all that are in the log otherwise.
+        column_names: of logs without a header, in the order of their columns.
+        say: called with one line at each stage.
+    """
+    content: dict[str, Any] = {
+        "text": "", "questions": [], "troubles": [], "explained": {}, "assumptions": [],
+        "left_out": {}, "error": ""
+    }  # fmt: skip
+    drafted = partial(
+        draft_experiment,
+        robot=_in_project(project, robot),
+        out=project / EXPERIMENT,
+        joints=joints,
+        column_names=column_names,
+        answers=dict(answers),
+        progress=say,
+    )
+    try:
+        made, left_out = _of_readable(drafted, project, logs, column_names)
+    except (PividentError, OSError) as error:
+        content["error"] = " ".join(str(error).split())
+    else:
+        content |= {
+            "text": made.text,
+            "questions": [asdict(question) for question in made.questions],
+            "troubles": list(made.troubles),
+            "left_out": left_out,
+            "explained": made.explained,
+            "assumptions": [asdict(line) for line in made.assumptions],
+        }
+    with atomic_folder(project / HIDDEN) as build:
+        write_json(build / DRAFT, plain(content))
+
+
+def _of_readable(
+    drafted: Callable[[list[Path]], Draft],
+    project: Path,
+    logs: Sequence[str],
+    column_names: Sequence[str],
+) -> tuple[Draft, dict[str, str]]:
+    """The draft from all logs, or else from those that can be read; the others with the reason."""
+    try:
+        return drafted([project / log for log in logs]), {}
+    except PividentError:
+        unread = _unreadable(project, logs, column_names)
+        if not unread or len(unread) == len(logs):
+            raise
+    return drafted([project / log for log in logs if log not in unread]), unread
+
+
+def _unreadable(project: Path, logs: Sequence[str], column_names: Sequence[str]) -> dict[str, str]:
+    """Logs that cannot be read by themselves, each with the reason."""
+    found = {}
+    for log in logs:
+        try:
+            read_log_file(project / log, (), column_names)
+        except (PividentError, OSError) as error:
+            found[log] = " ".join(str(error).split())
+    return found
+
+
+def _in_project(project: Path, robot: str | None) -> str | None:
+    """A robot file of the project with its path, anything else as it is."""
+    if robot is not None and (project / robot).is_file():
+        return str(project / robot)
+    return robot

@@ -1,3 +1,0 @@
-"""The command ``pivident``."""
-
-from pivident.cli.app import main as main

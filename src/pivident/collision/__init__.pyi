@@ -1,9 +1,0 @@
-from .apart import built_apart as built_apart
-from .apart import exact_distances as exact_distances
-from .bodies import Body as Body
-from .bodies import Outline as Outline
-from .clearances import Clearances as Clearances
-from .obstacles import Obstacle as Obstacle
-from .obstacles import ToolBox as ToolBox
-from .outlines import outline_of as outline_of
-from .room import clearances_of_room as clearances_of_room

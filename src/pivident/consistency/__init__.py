@@ -1,5 +1,0 @@
-"""Physical consistency: physically possible standard parameters near an estimate."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

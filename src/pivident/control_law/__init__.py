@@ -1,5 +1,0 @@
-"""The control law of a record: identified, or reconstructed together with its reference."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,1 @@
+"""Logs: files of any logger as columns and channels, before anybody judges them."""

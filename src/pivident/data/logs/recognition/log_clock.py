@@ -1,0 +1,247 @@
+"""The clock of a log: columns that hold time, in which unit, at which rate, how regular.
+
+Which columns hold time stamps, by name and values, and in which unit they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.data.logs.clocks.timestamps import (
+    JITTER_TOLERANCE,
+    LOWEST_RATE,
+    bridged_interval,
+    likely_time_units,
+    round_rate,
+    runs_of,
+    usual_interval,
+    without_repeats,
+)
+from pivident.data.logs.recognition.channel_words import TIME_UNITS, TIME_WORDS, Sureness, words_of
+from pivident.data.logs.units import TIME
+
+#: Time of day since 1970 [s], from 1985 to 2128.
+EPOCH = (5e8, 5e9)
+#: Share of samples that may be stamped together, as messages that a network delivered late.
+TOGETHER = 0.02
+#: Share of stamps that must not go backward.
+FORWARD = 0.9
+#: Share of stamps that may repeat the one before in a clock that is only coarse.
+COARSE = 0.9
+
+
+@dataclass(frozen=True, eq=False)
+class LogClock:
+    """What is known about time."""
+
+    column: str | None  # the time column, or None
+    unit: str
+    rate: float  # sampling rate [Hz]
+    sure: Sureness  # how sure column and rate are
+    seen: str
+    resample: bool  # whether the stamps between gaps are too irregular for equidistant
+    by_rate: bool  # whether the rate stands for the stamps, which repeat or go backward
+    seconds: np.ndarray  # the stamps [s], or those that follow from the rate, shape (samples,)
+    together: int = 0  # samples that were stamped together, which lie in a gap of ``seconds``
+    twice: tuple[int, ...] = ()  # rows that were logged twice, which are not used
+
+
+def names_time(name: str) -> bool:
+    """Whether a word of a column's name means time."""
+    return bool(TIME_WORDS & set(words_of(name)))
+
+
+def is_clock(name: str, values: np.ndarray) -> bool:
+    """Whether a column holds time stamps, be they broken: by its name, and nearly increasing."""
+    if not names_time(name) or len(values) < 3:
+        return False
+    finite = values[np.isfinite(values)]
+    steps = np.diff(finite)
+    return bool(steps.size and np.mean(steps >= 0) > FORWARD and np.ptp(finite))
+
+
+def is_usable_clock(name: str, values: np.ndarray) -> bool:
+    """Whether stamps are finite and go forward; without a name for it, perfectly evenly."""
+    if len(values) < 3 or not np.isfinite(values).all():
+        return False
+    steps = np.diff(values)
+    turnover = float(np.abs(steps).sum())
+    if turnover == 0.0 or values[-1] - values[0] < FORWARD * turnover:
+        return False
+    if np.mean(steps == 0) > COARSE:
+        return False
+    # A column without such a name is a clock if nothing else could be as regular.
+    return names_time(name) or bool(steps.min() > 0 and steps.max() < 1.001 * steps.min())
+
+
+def clocks_in(
+    stamps: Mapping[str, np.ndarray], unit: str | None
+) -> tuple[dict[str, np.ndarray], str, list[str]]:
+    """Time columns in seconds, the unit of the first, and a sentence where one was assumed."""
+    clocks, notes = {}, []
+    for number, (name, values) in enumerate(stamps.items()):
+        own = unit if unit and not number else assumed_unit(values)
+        clocks[name] = values * TIME.get(str(own), 1.0)
+        if unit is None and own != "s":
+            notes.append(f"The time stamps {name} were taken for {own}.")
+    first = next(iter(stamps.values()), None)
+    return clocks, unit or ("s" if first is None else assumed_unit(first)), notes
+
+
+def assumed_unit(stamps: np.ndarray) -> str:
+    """Seconds, unless only another unit makes a robot's rate of the stamps."""
+    steps = np.diff(stamps[np.isfinite(stamps)])
+    interval = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    if not interval > 1.0 / LOWEST_RATE:
+        return "s"
+    return next(iter(likely_time_units(interval)), "s")
+
+
+def read_clock(columns: dict[str, np.ndarray], hint: float | None, given: float | None) -> LogClock:
+    """Find the clock of a table; hint [Hz], given [Hz]."""
+    samples = len(next(iter(columns.values())))
+    candidates = [name for name, values in columns.items() if is_usable_clock(name, values)]
+    if not candidates:
+        return _without(columns, samples, hint, given)
+    column = min(candidates, key=lambda name: _roughness(columns[name]))
+    stamps = columns[column]
+    unit, why, sure = stamp_unit(column, stamps, hint)
+    seconds = (stamps - stamps[0]) * TIME[unit]
+    start = float(stamps[0] * TIME[unit])
+    steps = np.diff(seconds)
+    rate = given or round_rate((samples - 1) / float(seconds[-1]))
+    together = 0
+    if (apart := _apart(seconds)) is not None:
+        together, seconds = int((steps == 0).sum()), apart
+        steps = np.diff(seconds)
+    seconds, keep = without_repeats(
+        seconds, (values for name, values in columns.items() if name != column)
+    )
+    twice = np.flatnonzero(~keep)
+    for k in twice:  # somewhere between its neighbours: it is not used
+        seconds[k] += 0.5 * ((seconds[k + 1] if k + 1 < samples else seconds[k] + 1.0) - seconds[k])
+    steps = np.diff(seconds)
+    if (steps <= 0).any():
+        repeats = int((steps <= 0).sum())
+        seen = (
+            f"{repeats} of {samples} stamps in column {column!r} ({why}) repeat the one before or "
+            f"go backward, so that only the rate is taken from them: {rate:.6g} Hz"
+        )
+        return LogClock(None, unit, rate, "assumed", seen, False, True, np.arange(samples) / rate)
+    steps = np.diff(seconds[keep])
+    period = usual_interval(steps)
+    worst = float(np.abs(steps[steps <= bridged_interval(period)] / period - 1.0).max())
+    jitter = f"intervals from {1e3 * steps.min():.4g} to {1e3 * steps.max():.4g} ms"
+    if together:
+        jitter = (
+            f"but {together} samples have the stamp of the one before, as messages that arrive "
+            "together; the longer side of them is used"
+        )
+    elif twice.size:
+        jitter += f"; {twice.size} row(s) were logged twice, the first is {twice[0]}"
+    seen = f"column {column!r} increases, {why}; {rate:.6g} Hz, {jitter}"
+    resample = bool(together) or worst > JITTER_TOLERANCE
+    rows = tuple(twice.tolist())
+    return LogClock(
+        column, unit, rate, sure, seen, resample, False, seconds + start, together, rows
+    )
+
+
+def _apart(seconds: np.ndarray) -> np.ndarray | None:
+    """Stamps of which runs of equal ones lie in the middle of a gap of their own.
+
+    A network that holds messages back delivers them together. When they were taken is not known, so
+    that the log is used on one side of the gap. None: there are no such runs, or too many, or no
+    gap goes with them, or stamps go backward.
+    """
+    steps = np.diff(seconds)
+    if not 0 < np.count_nonzero(steps == 0) <= TOGETHER * len(seconds) or (steps < 0).any():
+        return None
+    apart, bridged = seconds.copy(), bridged_interval(usual_interval(steps[steps > 0]))
+    for start, stop in runs_of(steps == 0):
+        before = seconds[start - 1] if start else seconds[0] - 3.0 * bridged
+        after = seconds[stop + 1] if stop + 1 < len(seconds) else seconds[-1] + 3.0 * bridged
+        if after - before < 2.5 * bridged:
+            return None
+        apart[start : stop + 1] = 0.5 * (before + after) + np.arange(stop + 1 - start) * 1e-6
+    return apart
+
+
+def stamp_unit(
+    name: str, stamps: np.ndarray, hint: float | None = None
+) -> tuple[str, str, Sureness]:
+    """Unit of time stamps, the reason, and how sure it is; stamps (samples,), hint [Hz]."""
+    steps = np.diff(stamps)
+    period = float(np.median(steps[steps > 0]))
+    likely = likely_time_units(period)
+    words = set(words_of(name))
+    for unit, own in TIME_UNITS.items():
+        if words & own and (unit in likely or not likely):
+            return unit, f"its name says {unit}", "certain"
+    size = float(np.median(np.abs(stamps)))
+    for unit, s in TIME.items():
+        if EPOCH[0] < size * s < EPOCH[1] and unit in likely:
+            return unit, f"values of {size:.3g} are {unit} since 1970", "certain"
+    if hint:
+        near = min(TIME, key=lambda unit: abs(np.log(hint * period * TIME[unit])))
+        if abs(np.log(hint * period * TIME[near])) < 0.2:
+            return near, f"steps of {period:.4g} fit the logged speeds as {near}", "certain"
+    if likely:
+        sure: Sureness = "likely" if likely[0] == "s" or len(likely) == 1 else "assumed"
+        rate = 1.0 / (period * TIME[likely[0]])
+        return likely[0], f"steps of {period:.4g} are {rate:.4g} Hz as {likely[0]}", sure
+    return "s", f"steps of {period:.4g} make a likely rate in no unit", "assumed"
+
+
+def speed_rate(q: np.ndarray, dq: np.ndarray) -> float | None:
+    """Rate at which logged speeds are the differences of logged positions [Hz], or None."""
+    step = np.diff(q, axis=0)
+    middle = 0.5 * (dq[1:] + dq[:-1])
+    if not (np.isfinite(step).all() and np.isfinite(middle).all()):
+        return None
+    together, size = float((step * middle).sum()), float((step * step).sum())
+    other = float((middle * middle).sum())
+    if size == 0.0 or other == 0.0 or together < 0.8 * np.sqrt(size * other):
+        return None
+    return together / size
+
+
+def _roughness(stamps: np.ndarray) -> tuple[float, float]:
+    """Share of stamps that do not advance, and relative spread of the intervals."""
+    steps = np.diff(stamps)
+    return float(np.mean(steps <= 0)), round(float(np.std(steps) / np.mean(steps)), 3)
+
+
+def _without(
+    columns: dict[str, np.ndarray], samples: int, hint: float | None, given: float | None
+) -> LogClock:
+    """The rate of a log without time column."""
+    pair = _seconds_and_rest(columns)
+    sure: Sureness
+    if given:
+        rate, sure, seen = given, "certain", "the rate was given"
+    elif pair:
+        rate, sure = round_rate((samples - 1) / pair[1]), "likely"
+        seen = f"the columns {pair[0]} hold the stamps in two parts, {rate:.6g} Hz on average"
+    elif hint:
+        rate, sure = float(f"{hint:.3g}"), "likely"
+        seen = f"there is no time column; logged speeds fit the positions at {rate:.4g} Hz"
+    else:
+        rate, sure = 1000.0, "assumed"
+        seen = "there is no time column, and nothing in the log gives the rate"
+    return LogClock(None, "s", rate, sure, seen, False, True, np.arange(samples) / rate)
+
+
+def _seconds_and_rest(columns: dict[str, np.ndarray]) -> tuple[str, float] | None:
+    """Names of a column of whole seconds and one of the rest in ns, and the time they span [s]."""
+    whole = [n for n in columns if set(words_of(n)) & TIME_UNITS["s"]]
+    rest = [n for n in columns if set(words_of(n)) & TIME_UNITS["ns"]]
+    for a in whole:
+        for b in rest:
+            span = columns[a][-1] - columns[a][0] + 1e-9 * (columns[b][-1] - columns[b][0])
+            if np.isfinite(span) and span > 0 and np.max(columns[b]) < 1.001e9:
+                return f"{a!r} and {b!r}", float(span)
+    return None

@@ -1,0 +1,477 @@
+"""One run of a robot: what was measured, in SI units on the joint side, checked once.
+
+Whoever holds a `Recording` may rely on it: all channels have the shape (samples, joints), are
+finite, move, and are not cut off. Estimators therefore carry no guards of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pivident.data.logs.clocks import timestamps
+from pivident.data.logs.source_files import SourceFile
+from pivident.data.logs.torque_scale import TorqueScale
+from pivident.data.recording import checks
+from pivident.data.recording.checks import (
+    CHANNELS,
+    SOURCE_SENTENCES,
+    TIMING_WORDS,
+    MeasuredWrench,
+    Saturation,
+    TorqueSource,
+    TorqueTiming,
+    one_column,
+    settled,
+)
+from pivident.foundation.errors import RecordingError
+from pivident.foundation.text.display import Displayed
+from pivident.foundation.text.printable import is_printable
+from pivident.robot.description import TorqueSide
+from pivident.robot.naming import nearest
+from pivident.robot.transmission import Transmission
+
+__all__ = [
+    "CHANNELS",
+    "MeasuredWrench",
+    "Recording",
+    "Saturation",
+    "TorqueSource",
+    "TorqueTiming",
+]
+
+
+@dataclass(frozen=True, eq=False)
+class Recording(Displayed):
+    """One run, checked when it is made. Its arrays are float64 and read-only.
+
+    Attributes:
+        name: name of the run.
+        joint_names: names of the joints, one per column.
+        q: joint positions, shape (samples, joints) [rad or m].
+        tau: joint torques, shape (samples, joints) [N m or N].
+        rate: sampling rate [Hz].
+        q_ref: reference positions, shape (samples, joints) [rad or m], or None.
+        dq_ref: reference speeds, shape (samples, joints) [rad/s or m/s], or None.
+        ddq_ref: reference accelerations, shape (samples, joints) [rad/s² or m/s²], or None.
+        inputs: known inputs that were added to the controller's output, by name, each of shape
+            (samples, joints) in the unit of that output (V, A or N m).
+        q_link: positions of second encoders behind the gear, shape (samples, joints) [rad or m],
+            or None; q is then the motor encoder over the gear ratio. See `pivident.studies.flexibility`.
+        dq: measured speeds, shape (samples, joints) [rad/s or m/s], or None; of use where their
+            noise is not that of q, see `pivident.loop.instruments.second_sensor`.
+        control_rate: rate of the control loop [Hz]; zero stands for the sampling rate.
+        torque_timing: ``held``: applied from its instant until the next control instant;
+            ``averaged``: mean over the period before its instant; ``sampled``: value at its
+            instant.
+        delay: how much later the torque channel is than the positions [s].
+        drive_delay: how much later than its sample a logged torque acts: the log holds what the
+            drive was commanded, and the simulated loop waits as long [s].
+        start_time: time of the first sample [s].
+        sources: the files it was read from.
+        allow_constant: whether a joint may stand still, or its torque be constant.
+        saturation: ``refuse`` or ``allow`` torques that are cut off at a limit.
+        notes: how the samples were brought onto one clock, in sentences.
+        slowed: why the rate is lower than that of the logged positions, and what keeps theirs, as
+            a half sentence; empty where it is not.
+        torque_scale: joints whose torque has a scale that nobody has verified; its parameters then
+            are as good as that scale.
+        reading: arguments of `load_recording` but the files, by which another log of the same
+            columns can be read; empty where the recording was not read from a log.
+        torque_side: ``motor``: torques of the motors, on the joint side; ``link``: of sensors
+            behind the gears, which feel neither rotors nor the friction of the drives.
+        torque_source: ``measured``: the log holds a torque; ``law``: it does not, and ``tau`` is
+            what the control law commands at the recorded positions, see
+            `pivident.loop.motion.law_torque`; ``none``: it does not, and ``tau`` is zero until a
+            `Problem` with the known law computes it.
+        wrenches: what force sensors measured, see `pivident.data.with_wrenches`.
+        wrench_torque: torque at the joints that they stand for, Σ Jᵀ f at the instants of the
+            samples, shape (samples, joints) [N m or N], or None. It is no part of ``tau``, which is
+            that of the motors; the equations of motion have the sum of both.
+        valid: True for samples that may stand in a joint's equation, shape (samples, joints); None:
+            all of them. The others were no measurement and have been filled.
+
+    Raises:
+        ShapeMismatch: a channel is not (samples, joints).
+        RecordingTooShort: fewer than 16 samples.
+        NonFiniteSamples: a channel holds NaN or infinite values.
+        ConstantChannel: a position or torque never changes, and `allow_constant` is false.
+        SaturatedSignal: a torque is cut off for more than `checks.TOLERATED_CLIPPING` of the
+            samples, and `saturation` is ``refuse``.
+        RecordingError: a rate is not positive, a joint name appears twice, an option is unknown.
+    """
+
+    name: str
+    joint_names: tuple[str, ...]
+    q: np.ndarray
+    tau: np.ndarray
+    rate: float
+    q_ref: np.ndarray | None = None
+    dq_ref: np.ndarray | None = None
+    ddq_ref: np.ndarray | None = None
+    inputs: dict[str, np.ndarray] = field(default_factory=dict)
+    q_link: np.ndarray | None = field(default=None, kw_only=True)  # flexible joints
+    dq: np.ndarray | None = field(default=None, kw_only=True)
+    control_rate: float = 0.0
+    torque_timing: TorqueTiming = "held"
+    delay: float = 0.0
+    drive_delay: float = field(default=0.0, kw_only=True)
+    start_time: float = 0.0
+    sources: tuple[SourceFile, ...] = ()
+    allow_constant: bool = False
+    saturation: Saturation = "refuse"
+    notes: tuple[str, ...] = field(default=(), kw_only=True)  # how clocks were brought together
+    slowed: str = field(default="", kw_only=True)  # by a channel with a slower clock
+    torque_scale: tuple[TorqueScale, ...] = field(default=(), kw_only=True)
+    reading: dict[str, Any] = field(default_factory=dict, kw_only=True, repr=False)
+    torque_side: TorqueSide = field(default="motor", kw_only=True)
+    torque_source: TorqueSource = field(default="measured", kw_only=True)
+    wrenches: tuple[MeasuredWrench, ...] = field(default=(), kw_only=True)
+    wrench_torque: np.ndarray | None = field(default=None, kw_only=True)
+    valid: np.ndarray | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        settle = object.__setattr__
+        settle(self, "joint_names", tuple(self.joint_names))
+        settle(self, "sources", tuple(self.sources))
+        settle(self, "control_rate", self.control_rate or self.rate)
+        for channel in CHANNELS:
+            if getattr(self, channel) is not None:
+                settle(self, channel, settled(channel, getattr(self, channel)))
+        if self.wrench_torque is not None:
+            settle(self, "wrench_torque", settled("wrench_torque", self.wrench_torque))
+        settle(self, "inputs", {key: settled(key, value) for key, value in self.inputs.items()})
+        if self.valid is not None:
+            settle(self, "valid", np.asarray(self.valid, bool))
+        self._check()
+
+    def _check(self) -> None:
+        """Refuse what no estimator could use."""
+        self._check_options()
+        for name in (self.name, *self.joint_names, *self.inputs):
+            if not is_printable(name):
+                raise RecordingError(
+                    f"the name {name!r} holds control characters", advice="rename it"
+                )
+        if not self.joint_names or len(set(self.joint_names)) != self.joints:
+            raise RecordingError(
+                f"recording {self.name!r}: joint names {self.joint_names} are missing or repeated"
+            )
+        channels = {"tau": self.tau} | self.channels()
+        if self.wrench_torque is not None:
+            channels["wrench_torque"] = self.wrench_torque
+        masks = {} if self.valid is None else {"valid": self.valid}
+        for channel, values in (channels | masks).items():
+            checks.check_shape(channel, values, (*self.q.shape[:1], self.joints))
+        timestamps.check_length(self.samples)
+        for channel, values in channels.items():
+            checks.check_finite(channel, values, self.joint_names)
+        if not self.allow_constant:
+            checks.check_changing("q", self.q, self.joint_names)
+        if self.torque_source != "measured":
+            return  # a law is constant and cut off where it commands so
+        if not self.allow_constant:
+            checks.check_changing("tau", self.tau, self.joint_names)
+        if self.saturation == "refuse":
+            checks.check_not_saturated("tau", self.tau, self.q, self.joint_names)
+
+    def _check_options(self) -> None:
+        """Refuse rates, times and choices that mean nothing."""
+        checks.check_times(
+            rate=self.rate,
+            control_rate=self.control_rate,
+            delay=self.delay,
+            drive_delay=self.drive_delay,
+            start_time=self.start_time,
+        )
+        taken = [name for name in self.inputs if name in CHANNELS]
+        if taken:
+            raise RecordingError(
+                f"an input is called {taken[0]!r} like a channel", advice="rename it"
+            )
+        for name, choices in (
+            ("torque_timing", TorqueTiming),
+            ("saturation", Saturation),
+            ("torque_side", TorqueSide),
+            ("torque_source", TorqueSource),
+        ):
+            if getattr(self, name) not in get_args(choices):
+                raise RecordingError(
+                    f"{name} is {getattr(self, name)!r}",
+                    advice=f"choose one of {', '.join(get_args(choices))}",
+                ).about(name)
+
+    def __repr__(self) -> str:
+        joints = f"{self.joints} joint{'s' * (self.joints != 1)}"
+        law = {"tau": "tau by the control law"} if self.torque_source == "law" else {}
+        named = [law.get(name, name) for name in self.channels()]
+        return (
+            f"<Recording {self.name!r}: {self.samples} samples of {joints} at {self.rate:.6g} Hz, "
+            f"{self.duration:.4g} s, channels {', '.join(named)}>"
+        )
+
+    def channels(self) -> dict[str, np.ndarray]:
+        """All arrays that are there, by name: q, tau, references, then inputs."""
+        named = {channel: getattr(self, channel) for channel in CHANNELS}
+        if self.torque_source == "none":
+            del named["tau"]
+        return {key: values for key, values in named.items() if values is not None} | self.inputs
+
+    @property
+    def has_torque(self) -> bool:
+        """Whether a torque was measured."""
+        return self.torque_source == "measured"
+
+    def require_torque(self, purpose: str) -> None:
+        """Refuse what only a measured torque can tell.
+
+        Args:
+            purpose: what needs it, the beginning of a sentence such as ``drive gains are found``.
+
+        Raises:
+            RecordingError: the torque was not measured.
+        """
+        if not self.has_torque:
+            raise RecordingError(
+                f"recording {self.name!r} has no measured torque, and {purpose} from one",
+                advice="map the column of tau",
+            ).about("columns", "tau")
+
+    def behind(self, joints: int) -> Recording:
+        """The recording without the first joints, those of a measured base.
+
+        Args:
+            joints: how many are left out.
+        """
+        cut: dict[str, Any] = {
+            channel: None if (values := getattr(self, channel)) is None else values[:, joints:]
+            for channel in CHANNELS
+        }
+        return replace(
+            self,
+            **cut,
+            joint_names=self.joint_names[joints:],
+            inputs={key: values[:, joints:] for key, values in self.inputs.items()},
+            wrench_torque=None if self.wrench_torque is None else self.wrench_torque[:, joints:],
+            valid=None if self.valid is None else self.valid[:, joints:],
+        )
+
+    def with_reference_of(self, driven: Recording) -> Recording:
+        """The recording with the reference of its last joints, those that have motors.
+
+        Args:
+            driven: the same run of these joints alone, see `behind`.
+        """
+        base = self.q[:, : self.joints - driven.joints]
+        speed = None
+        if driven.dq_ref is not None:
+            speed = np.hstack([np.zeros_like(base), driven.dq_ref])
+        position = None if driven.q_ref is None else np.hstack([base, driven.q_ref])
+        return replace(self, q_ref=position, dq_ref=speed)
+
+    @property
+    def samples(self) -> int:
+        """Number of samples."""
+        return len(self.q)
+
+    @property
+    def joints(self) -> int:
+        """Number of joints."""
+        return len(self.joint_names)
+
+    @property
+    def dt(self) -> float:
+        """Sampling period [s]."""
+        return 1.0 / self.rate
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last sample [s]."""
+        return (self.samples - 1) / self.rate
+
+    @property
+    def t(self) -> np.ndarray:
+        """Time of each sample, shape (samples,) [s]."""
+        return self.start_time + np.arange(self.samples) / self.rate
+
+    @property
+    def account(self) -> tuple[str, ...]:
+        """How it was logged and what was done to its samples, in sentences."""
+        sentences = [
+            f"{self.samples} samples at {self.rate:.6g} Hz, control loop at "
+            f"{self.control_rate:.6g} Hz.",
+        ]
+        if self.torque_source != "measured":
+            sentences.append(SOURCE_SENTENCES[self.torque_source])
+        if self.torque_source != "none":
+            sentences.append(f"A torque sample is {TIMING_WORDS[self.torque_timing]}.")
+        if self.torque_side == "link":
+            sentences.append("The torques are those of sensors behind the gears.")
+        if self.delay:
+            late = "later" if self.delay > 0 else "earlier"
+            sentences.append(
+                f"The torque channel is {1e3 * abs(self.delay):.4g} ms {late} than the positions, "
+                "which is allowed for."
+            )
+        if self.drive_delay:
+            sentences.append(
+                f"A logged torque acts {1e3 * self.drive_delay:.4g} ms after its sample, which is "
+                "allowed for."
+            )
+        return (*sentences, *self.notes)
+
+    def part(self, start: int, stop: int) -> Recording:
+        """The samples start … stop-1 as a recording of their own, without copying.
+
+        A part may stand still or touch a limit: that was judged on the whole recording.
+
+        Args:
+            start: index of the first sample.
+            stop: index after the last sample.
+
+        Raises:
+            RecordingError: the indices lie outside the recording.
+        """
+        if not 0 <= start < stop <= self.samples:
+            raise RecordingError(
+                f"samples {start} to {stop} do not lie inside recording {self.name!r}, which has "
+                f"samples 0 to {self.samples}"
+            )
+        cut: dict[str, Any] = {
+            channel: None if (values := getattr(self, channel)) is None else values[start:stop]
+            for channel in CHANNELS
+        }
+        return replace(
+            self,
+            **cut,
+            inputs={key: values[start:stop] for key, values in self.inputs.items()},
+            wrenches=tuple(replace(w, values=w.values[start:stop]) for w in self.wrenches),
+            wrench_torque=None if self.wrench_torque is None else self.wrench_torque[start:stop],
+            valid=None if self.valid is None else self.valid[start:stop],
+            start_time=self.start_time + start / self.rate,
+            allow_constant=True,
+            saturation="allow",
+        )
+
+    def slice(self, start_s: float, stop_s: float) -> Recording:
+        """The samples with start_s ≤ t < stop_s, on the recording's own clock `t`.
+
+        Args:
+            start_s: first time [s].
+            stop_s: time at which it ends, not included [s].
+
+        Raises:
+            RecordingError: no sample lies between these times.
+        """
+        # Rounding keeps a time that is meant to be a sample's own from missing it by one bit.
+        first, last = (
+            np.nan_to_num(np.ceil(round((time - self.start_time) * self.rate, 6)))
+            for time in (start_s, stop_s)
+        )
+        first, last = (int(np.clip(index, 0, self.samples)) for index in (first, last))
+        if first >= last:
+            raise RecordingError(
+                f"no sample of recording {self.name!r} lies between {start_s:g} and {stop_s:g} s",
+                advice=f"it runs from {self.start_time:g} to {self.start_time + self.duration:g} s",
+            )
+        return self.part(first, last)
+
+    @classmethod
+    def from_arrays(
+        cls,
+        q: ArrayLike,
+        tau: ArrayLike | None,
+        rate: float,
+        *,
+        joint_names: Sequence[str] | None = None,
+        name: str = "recording",
+        **options: Any,
+    ) -> Recording:
+        """A recording from arrays in SI units on the joint side.
+
+        A vector is the channel of a single joint.
+
+        Args:
+            q: joint positions, shape (samples, joints) or (samples,) [rad or m].
+            tau: joint torques, likewise [N m or N]; None: none were logged, see `torque_source`.
+            rate: sampling rate [Hz].
+            joint_names: names of the joints in the order of the columns; ``joint_1`` … where they
+                are not given. For `Problem` they are those of the robot.
+            name: name of the run.
+            options: further fields of the recording, such as ``q_ref`` or ``torque_timing``.
+
+        Returns:
+            The recording; arrays that are float64, in C order and read-only are not copied.
+
+        Raises:
+            RecordingError: as for the recording itself, or an unknown option.
+
+        Example:
+            >>> t = np.arange(2000) / 1000.0
+            >>> q, tau = np.column_stack([np.sin(5 * t)] * 2), np.column_stack([np.cos(5 * t)] * 2)
+            >>> Recording.from_arrays(q, tau, rate=1000.0).joint_names
+            ('joint_1', 'joint_2')
+        """
+        known = [each.name for each in fields(cls)]
+        for option in options:
+            if option not in known:
+                raise RecordingError(
+                    f"a recording has no option {option!r}", advice=nearest(option, known)
+                )
+        if tau is None:
+            tau = np.zeros(np.shape(q))
+            options["torque_source"] = "none"
+        inputs = options.pop("inputs", {})
+        channels = {key: options.pop(key) for key in CHANNELS if options.get(key) is not None}
+        channels = {key: one_column(key, x) for key, x in ({"q": q, "tau": tau} | channels).items()}
+        options["inputs"] = {key: one_column(key, values) for key, values in inputs.items()}
+        joints = channels["q"].shape[-1] if channels["q"].ndim else 1
+        names = tuple(joint_names or (f"joint_{j + 1}" for j in range(joints)))
+        return cls(name=name, joint_names=names, rate=rate, **channels, **options)
+
+    @classmethod
+    def from_motor_side(
+        cls,
+        name: str,
+        joint_names: Sequence[str],
+        q_motor: np.ndarray,
+        command: np.ndarray,
+        transmission: Transmission,
+        rate: float,
+        **options: Any,
+    ) -> Recording:
+        """A recording from motor positions and drive commands.
+
+        Finite values and saturation are judged on the motor side, since couplings mix the motors:
+        the sum of a clipped and an unclipped torque shows no limit.
+
+        Args:
+            name: name of the run.
+            joint_names: names of the joints.
+            q_motor: motor positions, shape (samples, joints) [rad or m].
+            command: drive commands, shape (samples, joints); times the transmission's drive gain
+                they are motor torques [N m or N].
+            transmission: reduction, couplings, drive gains and position offsets.
+            rate: sampling rate [Hz].
+            options: further fields of the recording, on the joint side.
+
+        Returns:
+            The recording, SI and joint side.
+
+        Raises:
+            RecordingError: as for the recording itself.
+        """
+        names = tuple(joint_names)
+        q_motor, command = np.asarray(q_motor, float), np.asarray(command, float)
+        for channel, values in (("q", q_motor), ("tau", command)):
+            checks.check_shape(channel, values, (len(q_motor), len(transmission.drive_gain)))
+            checks.check_finite(channel, values, names)
+        if options.get("saturation", "refuse") == "refuse":
+            checks.check_not_saturated("tau", command, q_motor, names)
+        q = transmission.joint_positions(q_motor)
+        tau = transmission.joint_torques(command * transmission.drive_gain)
+        return cls(name, names, q, tau, rate, **options)

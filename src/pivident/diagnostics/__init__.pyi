@@ -1,2 +1,0 @@
-from .diagnostics import Diagnostics as Diagnostics
-from .verdict import Verdict as Verdict

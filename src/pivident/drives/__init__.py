@@ -1,5 +1,0 @@
-"""Drives: gains, units of the log, temperature of the motors."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,1 @@
+"""The control law of a record: identified, or reconstructed together with its reference."""

@@ -1,0 +1,1 @@
+"""Drives: gains, units of the log, temperature of the motors."""

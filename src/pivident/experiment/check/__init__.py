@@ -1,0 +1,1 @@
+"""What is wrong with an experiment, before anything heavy is computed from it."""

@@ -1,0 +1,157 @@
+"""Whether the robot is described as it stands and turns: gravity, zeros and senses of the joints.
+
+The inverse model of each joint has parameters of its own, which make good a part of a wrong
+geometry. What they cannot make good shows where another geometry leaves far less of the torque:
+another direction of gravity, a joint that turns the other way, a zero a quarter or half turn away.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from pivident.data.logs.log import Log
+from pivident.foundation.errors import PividentError
+from pivident.foundation.text.finding import Finding, FindingKind, Topic
+from pivident.foundation.text.repair import Edit, Repair, Reversed, Shifted
+from pivident.judgement.audit.examination import Examination, LogCheck
+from pivident.judgement.audit.inverse_model import InverseModel, build_inverse_model
+from pivident.judgement.audit.timing import Timing
+from pivident.robot.description import STANDARD_GRAVITY, Robot
+
+#: What this check looks at.
+GEOMETRY = Topic("geometry")
+
+GRAVITY = FindingKind(GEOMETRY, "gravity", ("robot", "gravity"))
+SENSE = FindingKind(GEOMETRY, "sense", ("recording", "columns", "q"))
+ZERO = FindingKind(GEOMETRY, "zero", ("recording", "position_offset"))
+
+#: Relative error up to which no geometry is doubted.
+SMALL = 0.015
+
+#: Factor by which all joints' errors together must shrink, and by which one of them may grow.
+BETTER, WORSE = 6.0, 1.3
+
+#: Explanations are alike where their gains differ by less: a turned base of an upright arm is a
+#: turned zero of its first joint.
+ALIKE = 0.5
+
+#: Rate that is enough for the comparison [Hz].
+RATE = 400.0
+
+DIRECTIONS = {"+x": (0, 1), "-x": (0, -1), "+y": (1, 1), "-y": (1, -1), "+z": (2, 1), "-z": (2, -1)}
+
+
+class GeometryCheck(LogCheck):
+    """Gravity, zeros and senses of the description."""
+
+    name = "geometry"
+
+    def examine(self, seen: Examination) -> Examination:
+        """See `LogCheck.examine`."""
+        return seen.after(self.name, check_geometry(seen.log, seen.timing, seen.model))
+
+
+def check_geometry(log: Log, timing: Timing, model: InverseModel) -> list[Finding]:
+    """Another geometry that explains the torque far better."""
+    errors = model.relative_errors[np.isfinite(model.relative_errors)]
+    if not errors.size or errors.max() < SMALL or log.robot is None or not timing.rate:
+        return []
+    thin, timing = _thinned(log, timing)
+    here = _errors(thin, timing)
+    if here is None:
+        return []
+    explanations: list[tuple[float, Finding]] = []
+    for candidate, found in candidates(thin, log.robot):
+        there = _errors(candidate, timing)
+        if there is None or np.any(there > WORSE * here + 1e-3):
+            continue
+        gain = float(np.nansum(np.log(np.maximum(here, 1e-6) / np.maximum(there, 1e-6))))
+        if gain > np.log(BETTER):
+            share = f"{100 * _mean(there):.2g} % of the torque instead of {100 * _mean(here):.2g} %"
+            sentence = f"{found.message}: the inverse model leaves {share}."
+            explanations.append((gain, replace(found, message=sentence)))
+    if not explanations:
+        return []
+    explanations.sort(key=lambda pair: -pair[0])
+    (most, best), *others = explanations
+    alike = [finding for gain, finding in others if gain > most - ALIKE][:2]
+    step = " Or also: ".join([best.next_step, *(f"{r.message} {r.next_step}" for r in alike)])
+    repairs = [repair for finding in (best, *alike) for repair in finding.repairs]
+    return [replace(best, next_step=step, repairs=tuple(repairs))]
+
+
+def _mean(errors: np.ndarray) -> float:
+    """Geometric mean."""
+    return float(np.exp(np.nanmean(np.log(np.maximum(errors, 1e-6)))))
+
+
+def _thinned(log: Log, timing: Timing) -> tuple[Log, Timing]:
+    """The log at a rate that is enough."""
+    assert timing.rate, "the caller has asked for it"
+    step = max(1, int(timing.rate // RATE))
+    channels = {kind: values[::step] for kind, values in log.channels.items()}
+    clocks = {name: t[::step] for name, t in log.clocks.items()}
+    thin = replace(log, channels=channels, clocks=clocks, logged={}, columns={})
+    return thin, replace(timing, rate=timing.rate / step)
+
+
+def _errors(log: Log, timing: Timing) -> np.ndarray | None:
+    """Relative error of each joint, or None where nothing can be compared."""
+    try:
+        model = build_inverse_model(log, timing)
+    except (PividentError, np.linalg.LinAlgError):
+        return None
+    return model.relative_errors
+
+
+def candidates(log: Log, robot: Robot) -> Iterator[tuple[Log, Finding]]:
+    """The log with another geometry, and what is to be said if it is the right one."""
+    for name, (axis, sign) in DIRECTIONS.items():
+        gravity = np.zeros(3)
+        gravity[axis] = sign * STANDARD_GRAVITY
+        if np.allclose(gravity, robot.gravity, atol=0.5):
+            continue
+        listed = ", ".join(f"{g:g}" for g in gravity)
+        text = f"Gravity seems to point along {name} of the base frame"
+        step = f"The arm may be mounted on a wall or a ceiling: gravity = [{listed}] under [robot]."
+        down = Edit(("robot", "gravity"), [float(g) for g in gravity])
+        words = f"Change the direction of gravity: gravity = [{listed}]."
+        yield (
+            replace(log, robot=robot.with_gravity(gravity)),
+            GRAVITY.finding("error", text, "", step, repairs=[Repair((down,), words)]),
+        )
+    for j, joint in enumerate(robot.joints):
+        turned = {kind: np.array(values) for kind, values in log.channels.items()}
+        for values in turned.values():
+            values[:, j] *= -1.0
+        text = f"{joint.name} seems to turn in the opposite direction to the description"
+        step = (
+            "Reverse its axis in the description, or the signs of both its position and its "
+            "torque in the log."
+        )
+        other_way = Reversed(channel="", joints=(joint.name,))
+        yield (
+            replace(log, channels=turned),
+            SENSE.finding("error", text, joint.name, step, repairs=[Repair((other_way,))]),
+        )
+        if joint.kind != "revolute":
+            continue
+        for degrees in (90, -90, 180):
+            moved = {kind: np.array(values) for kind, values in log.channels.items()}
+            moved["q"][:, j] += np.radians(degrees)
+            shifted = Shifted(offsets=((joint.name, float(f"{np.radians(degrees):.4f}")),))
+            yield (
+                replace(log, channels=moved),
+                ZERO.finding(
+                    "error",
+                    f"The zero of {joint.name} seems to be {abs(degrees)}° away from that in the "
+                    "description",
+                    joint.name,
+                    f"Set position_offset to {np.radians(degrees):.4f} rad for it (radians, as "
+                    "added to the logged position), or change the description.",
+                    repairs=[Repair((shifted,))],
+                ),
+            )

@@ -1,0 +1,213 @@
+"""One log of an experiment: names of columns, audit, motion, reference and gains.
+
+It is read strictly, as an identification reads it, and forgivingly, as an audit does. What the
+strict reading refuses does not stop what can still be looked at: a log with gaps is looked at in
+the stretches between them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from pivident.data.logs.clocks.timestamps import LOWEST_RATE
+from pivident.data.logs.file_columns import read_columns
+from pivident.data.logs.log import Log
+from pivident.data.recording.recording import Recording
+from pivident.data.recording.usable_samples import filled
+from pivident.dynamics.base_parameters import base_parameters
+from pivident.experiment.check.columns_check import check_columns, check_unnamed_torque
+from pivident.experiment.check.gains_check import check_gains, check_limit
+from pivident.experiment.check.geometry_check import GeometryCheck
+from pivident.experiment.check.gravity_check import check_gravity
+from pivident.experiment.check.motion_check import check_motion
+from pivident.experiment.check.reference_check import check_reference
+from pivident.experiment.check.remark import Remark, of_error, of_finding
+from pivident.experiment.check.torque_side import TorqueSideCheck
+from pivident.experiment.recording_tables import columns_in_file, log_of, run_of
+from pivident.experiment.schema import ControllerEntry, RecordingEntry
+from pivident.foundation.errors import (
+    BadCell,
+    BrokenMotion,
+    GapInClock,
+    MissingSamples,
+    PividentError,
+)
+from pivident.foundation.text.finding import Finding, FindingKind, Topic
+from pivident.foundation.text.repair import Place, setting
+from pivident.judgement.audit.audit import NO_TORQUE, Audit, audit_log
+from pivident.judgement.audit.examination import Examination, in_turn
+from pivident.judgement.audit.timing import MISSING_SAMPLES, NO_CLOCK, RATE, Timing, check_timing
+from pivident.robot.description import Robot
+
+#: What this check finds by itself.
+LONG_DELAY = FindingKind(Topic("timing"), "delay", ("recording", "delay"))
+
+#: A declared delay beyond this is in milliseconds [s].
+MAX_DELAY = 0.5
+
+#: Lines up to which a line of another length means that the whole table is something else.
+EARLY = 3
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedLog:
+    """What was found out about one log."""
+
+    remarks: tuple[Remark, ...]  # what is wrong with it
+    recordings: tuple[Recording, ...] = ()  # as read, or the stretches between gaps
+    audit: Audit | None = None  # the audit, where it can be read at all
+    looked_at: str = ""  # what was checked, in words
+
+
+def check_log(
+    entry: RecordingEntry,
+    place: Place,
+    robot: Robot | None,
+    folder: Path,
+    controller: ControllerEntry | None,
+) -> CheckedLog:
+    """Everything about one log."""
+    remarks: list[Remark] = []
+    if entry.columns is not None:
+        columns = entry.columns.model_dump(exclude_unset=True)
+        units = entry.units.model_dump(exclude_unset=True)
+        remarks += _placed(check_columns(columns, units, robot), place)
+    recordings, failure = _recordings(entry, robot, folder)
+    try:
+        log = log_of(entry, robot, folder)
+    except PividentError as error:
+        remarks.append(of_error(failure or error, "recording", place))
+        return CheckedLog(tuple(remarks), recordings)
+    if isinstance(failure, BadCell) and failure.column is None and failure.line <= EARLY:
+        remarks.append(of_error(failure, "recording", place))
+        return CheckedLog(tuple(remarks))  # the columns are not what they are called
+    audit = audit_log(log)
+    # that there is no torque concerns the control law, which is looked at later
+    grave = [f for f in audit.findings if f.severity != "ok" and f.declared is not NO_TORQUE]
+    refused = failure if not recordings else None
+    same = said_by(refused, grave)
+    if refused is not None and not any(finding.severity == "error" for finding in same):
+        remarks.append(of_error(refused, "recording", place, _kind(refused)))
+        same = []
+    remarks += [of_finding(finding, place, finding in same) for finding in grave]
+    if audit.model is not None:
+        seen = Examination(log, audit.timing, audit.model, audit.findings)
+        checks = (GeometryCheck(), TorqueSideCheck(entry.torque_side or "motor"))
+        further = in_turn(seen, checks).findings[len(audit.findings) :]
+        remarks += _placed(further, place)
+    slow = entry.rate is not None and entry.rate < LOWEST_RATE
+    if entry.delay is not None and abs(entry.delay) > MAX_DELAY:
+        remarks.append(of_finding(_long_delay(entry.delay), place))
+    if not slow and not any(f.declared in (RATE, NO_CLOCK) for f in audit.findings):
+        # a motion with holes would jump over them
+        whole = {key: filled(values, key != "tau") for key, values in log.channels.items()}
+        every = _with_other_columns(replace(log, channels=whole), entry, folder)
+        stretch, timing = _without_gaps(every, audit.timing, failure)
+        has_inputs = entry.columns is not None and bool(entry.columns.inputs)
+        if entry.columns is not None:
+            named = entry.columns.model_dump(exclude_unset=True)
+            remarks += _placed(check_unnamed_torque(named, every.columns), place)
+        remarks += _placed(_motion(stretch, timing, audit, controller, has_inputs), place)
+    looked_at = _looked_at(log, audit, entry) if robot is not None or not remarks else ""
+    return CheckedLog(tuple(remarks), recordings, audit, looked_at)
+
+
+def _recordings(
+    entry: RecordingEntry, robot: Robot | None, folder: Path
+) -> tuple[tuple[Recording, ...], PividentError | None]:
+    """A log as an identification reads it, or between its gaps, and what such a reading says."""
+    if robot is None:
+        return (), None
+    try:
+        return run_of(entry, robot, folder)
+    except (MissingSamples, GapInClock, BrokenMotion) as gap:
+        try:  # what the plan is going to be once the short gaps are filled
+            return run_of(entry.model_copy(update={"resample": True}), robot, folder)[0], gap
+        except PividentError:
+            return (), gap
+    except PividentError as error:
+        return (), error
+
+
+def _without_gaps(log: Log, timing: Timing, failure: PividentError | None) -> tuple[Log, Timing]:
+    """The longest stretch without a gap, whose clock is regular; else the log as it is."""
+    gaps = (MissingSamples, GapInClock, BrokenMotion)
+    if not isinstance(failure, gaps) or len(failure.stretches.parts) < 2:
+        return log, timing
+    longest = log.between(*failure.stretches.longest)
+    return longest, check_timing(longest)
+
+
+def _with_other_columns(log: Log, entry: RecordingEntry, folder: Path) -> Log:
+    """The log with the columns of its file that the experiment does not use."""
+    if not isinstance(entry.files, str) or entry.columns is None:
+        return log
+    try:
+        used = str(columns_in_file(entry, folder))
+        every = read_columns(folder / entry.files)
+    except PividentError:
+        return log
+    every = {n: log.rows_kept(x) for n, x in every.items()}
+    rest = {n: x for n, x in every.items() if repr(n) not in used and len(x) == log.samples}
+    return replace(log, columns=rest)
+
+
+def _placed(findings: Iterable[Finding], table: Place) -> list[Remark]:
+    """Findings about a log as remarks about the table of its recording."""
+    return [of_finding(finding, table) for finding in findings]
+
+
+def _motion(
+    log: Log,
+    timing: Timing,
+    audit: Audit,
+    controller: ControllerEntry | None,
+    has_inputs: bool,
+) -> list[Finding]:
+    """What the channels say about one another, and about the controller."""
+    parameters = 0 if log.robot is None else len(base_parameters(log.robot))
+    findings = [*check_motion(log, timing, parameters), *check_reference(log)]
+    if controller is None:
+        return findings
+    is_wrong = any(finding.severity == "error" for finding in findings)
+    is_wrong |= any(finding.spoils("gains") for finding in audit.findings)
+    findings += check_limit(log, controller)
+    if controller.kp is not None and not is_wrong:
+        reversed_joints = () if audit.power is None else audit.power.reversed
+        findings += check_gains(log, timing, controller, reversed_joints)
+        if not has_inputs:
+            findings += check_gravity(log, timing, controller)
+    return findings
+
+
+def _looked_at(log: Log, audit: Audit, entry: RecordingEntry) -> str:
+    """What was checked of one log, in words."""
+    name = log.name if entry.part is None else f"{log.name} ({entry.part[0]:.13g} s on)"
+    rate = f" at {audit.timing.rate:.6g} Hz" if audit.timing.rate else ""
+    judged = "" if audit.model is None else ", signs, gains, delay, excitation"
+    return f"{name}: {log.samples} samples{rate}; clock, gaps, units, columns, limits{judged}"
+
+
+def _long_delay(delay: float) -> Finding:
+    """A declared delay that no logger has."""
+    text = f"The torque is declared to be {delay:g} s late."
+    step = f"delay is in seconds; {delay:g} ms are {1e-3 * delay:g}."
+    seconds = float(f"{1e-3 * delay:.6g}")
+    repairs = [setting("delay", value=seconds, words="It is in milliseconds.")]
+    return LONG_DELAY.finding("error", text, "tau", step, repairs=repairs)
+
+
+def _kind(failure: PividentError) -> str:
+    """The kind of a remark about an error that no finding reports."""
+    return MISSING_SAMPLES.name if isinstance(failure, (MissingSamples, GapInClock)) else "refused"
+
+
+def said_by(error: PividentError | None, findings: Sequence[Finding]) -> list[Finding]:
+    """Findings that say the same as an error of the reader, by the nearest class that any names."""
+    for kind in type(error).__mro__:
+        same = [f for f in findings if f.declared is not None and kind in f.declared.reports]
+        if same:
+            return same
+    return []

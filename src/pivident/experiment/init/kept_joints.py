@@ -1,0 +1,210 @@
+"""The robot that a log is held against: which joints are identified, and where the others stand.
+
+The robot that a log is held against: its joints before it is known which of them matter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pivident.data.logs.recognition.log_file import JointMap, Run
+from pivident.experiment.init.assumption import DraftError
+from pivident.foundation.errors import RobotDescriptionError
+from pivident.robot.description import Robot
+from pivident.robot.gallery import gallery_names, load_robot
+from pivident.robot.mjcf import movable_joints, read_mjcf
+from pivident.robot.naming import MJCF_FILES, URDF_FILES, errors_name
+from pivident.robot.urdf import read_urdf
+from pivident.robot.urdf_xml import MOVING, UrdfJoint, file_content, parse_model
+
+#: Share of samples with one and the same value from which on a torque is no signal.
+MOSTLY_ONE_VALUE = 0.7
+#: Motion that is none, as share of the largest motion of a joint of its kind in the log; of a joint
+#: alone of its kind as share of all others, that may be logged in a unit a thousand times smaller.
+STILL, STILL_ALONE = 1e-3, 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class KeptJoints:
+    """The joints of the experiment."""
+
+    names: tuple[str, ...]  # those that are identified, parents first
+    left_out: dict[str, str]  # why each of the others in the log is not, by name
+    logged: tuple[str, ...]  # all joints with a column of positions
+
+
+@dataclass(frozen=True, eq=False)
+class RobotFile:
+    """A robot's file, or a robot of the gallery."""
+
+    name: str  # path or name in the gallery
+    is_tree: bool  # a URDF or MJCF: joints can be chosen and frozen
+    joint_names: tuple[str, ...]  # joints that can be identified, parents first
+    fixed: tuple[str, ...] = ()  # joints that move but have no column (they mimic, float, follow …)
+    found: bool = False  # whether nobody named it
+
+    def robot(
+        self, joints: Sequence[str] | None = None, frozen: Mapping[str, float] | None = None
+    ) -> Robot:
+        """The robot with some of its joints; frozen [rad or m]."""
+        if not self.is_tree:
+            return load_robot(self.name)
+        read = read_mjcf if self.name.endswith(MJCF_FILES) else read_urdf
+        return read(self.name, joints=joints or self.joint_names, frozen=frozen)
+
+
+def robot_file(name: str | None, logs: Sequence[Path]) -> RobotFile:
+    """The robot by its name, or the only robot file beside the logs."""
+    found = name is None
+    name = name or _beside(logs)
+    if name.endswith((".xacro", ".xacro.gz")):
+        raise DraftError(
+            f"{name} is a xacro, which has to be expanded first: xacro {name} > robot.urdf"
+        )
+    if name.endswith(MJCF_FILES):
+        movable_names, others = movable_joints(name)
+        return RobotFile(name, True, movable_names, others, found)
+    if not name.endswith(URDF_FILES):
+        robot = load_robot(name)
+        return RobotFile(name, False, robot.joint_names, found=found)
+    with errors_name(name):
+        model = parse_model(file_content(Path(name)))
+        movable = [joint for joint in model.joints if joint.type != "fixed"]
+        usable = [joint for joint in movable if _can_be_kept(joint)]
+        if not usable:
+            raise RobotDescriptionError("no joint of it can move", advice="is it the right file?")
+    carrier = {joint.child: joint for joint in model.joints}
+    order = sorted(usable, key=lambda joint: _depth(joint, carrier))
+    names = tuple(joint.name for joint in order)
+    return RobotFile(
+        name, True, names, tuple(j.name for j in movable if j.name not in names), found
+    )
+
+
+def _can_be_kept(joint: UrdfJoint) -> bool:
+    """Whether a joint is one independent degree of freedom with room to move."""
+    room = joint.limits is None or joint.limits[0] < joint.limits[1]
+    return joint.type in MOVING and joint.mimics is None and room
+
+
+def _depth(joint: UrdfJoint, carrier: Mapping[str, UrdfJoint]) -> int:
+    """Number of joints between a joint and the root; a ring ends the count."""
+    depth = 0
+    while joint.parent in carrier and depth <= len(carrier):
+        joint, depth = carrier[joint.parent], depth + 1
+    return depth
+
+
+def _beside(logs: Sequence[Path]) -> str:
+    """The only URDF in the folder of the logs."""
+    folder = logs[0].absolute().parent
+    found = sorted(p for p in folder.iterdir() if p.name.endswith(URDF_FILES) and p.is_file())
+    if len(found) == 1:
+        return str(logs[0].parent / found[0].name)
+    several = ", ".join(p.name for p in found)
+    what = f"several URDF files lie beside it ({several})" if found else "no URDF lies beside it"
+    raise DraftError(
+        f"the robot of {logs[0].name} is not named, and {what}",
+        advice=f"name one with --robot FILE, or one of the gallery: {', '.join(gallery_names())}",
+    )
+
+
+def kept_joints(
+    run: Run, joints: JointMap, machine: RobotFile, wanted: Sequence[str]
+) -> KeptJoints:
+    """Choose the joints that move and whose torque, where there is one, is a signal."""
+    q, tau = joints.channels["q"], joints.channels.get("tau")
+    left_out: dict[str, str] = {}
+    names = []
+    kinds = {joint.name: joint.kind for joint in machine.robot().joints}
+    for name in machine.joint_names:
+        if name not in q.columns:
+            continue
+        position = q.values(run, [name])[:, 0]
+        alike = [other for other in q.columns if kinds.get(other) == kinds.get(name)]
+        still = STILL * _largest_range(run, joints, alike)
+        if len(alike) == 1:
+            still = STILL_ALONE * _largest_range(run, joints, list(q.columns))
+        reason = _reason(run, joints, name, position, still)
+        if wanted and name not in wanted:
+            reason = "not requested"
+        if reason:
+            left_out[name] = reason
+        else:
+            names.append(name)
+    missing = [name for name in wanted if name not in names]
+    if missing:
+        why = left_out.get(missing[0], "the log has no position of it")
+        raise DraftError(f"joint {missing[0]!r} cannot be identified: {why}", advice="leave it out")
+    if not machine.is_tree:
+        names = [n for n in machine.joint_names if n in q.columns]
+        names = [n for n in names if tau is None or n in tau.columns]
+        if len(names) < len(machine.joint_names):
+            lacking = next(n for n in machine.joint_names if n not in names)
+            raise DraftError(
+                f"the log has no position or no torque of joint {lacking!r}",
+                advice=f"only a URDF can be cut down to some joints, {machine.name} cannot",
+            )
+        left_out = {}
+    if not names:
+        reasons = "; ".join(f"{name}: {reason}" for name, reason in left_out.items())
+        if tau is None:
+            raise DraftError(
+                f"no joint moves ({reasons or 'no joint is in the log'})",
+                advice="log a motion of them",
+            )
+        raise DraftError(
+            f"no joint both moves and has a torque signal ({reasons or 'no joint is in the log'})",
+            advice="log a motion of the joints, check the files, or name the columns in an "
+            "experiment file by hand",
+        )
+    return KeptJoints(tuple(names), left_out, tuple(q.columns))
+
+
+def _reason(run: Run, joints: JointMap, name: str, position: np.ndarray, still: float) -> str:
+    """Why a joint cannot be identified, or nothing; ``still``: motion that is none."""
+    tau = joints.channels.get("tau")
+    if tau is not None and name not in tau.columns:
+        return "it has no torque column"
+    finite = position[np.isfinite(position)]
+    if not finite.size or np.ptp(finite) <= still or is_noise(finite):
+        return "it does not move"
+    if tau is None:
+        return ""
+    useful, why = is_informative(tau.values(run, [name])[:, 0])
+    return "" if useful else f"its torque is {why}"
+
+
+def _largest_range(run: Run, joints: JointMap, names: Sequence[str]) -> float:
+    """The largest motion of some joints, in the unit of the log."""
+    logged = joints.channels["q"].values(run, names)
+    moved = [np.ptp(x[np.isfinite(x)]) for x in logged.T if np.isfinite(x).any()]
+    return float(max(moved, default=0.0))
+
+
+def is_noise(position: np.ndarray) -> bool:
+    """Whether neighbouring samples are no more alike than distant ones; position (samples,).
+
+    Σ(x_{k+1} - x_k)² / Σ(x_k - x̄)², von Neumann's ratio, is 2 for white noise, hardly above zero
+    for a motion.
+    """
+    spread = float(np.sum((position - position.mean()) ** 2))
+    return float(np.sum(np.diff(position) ** 2)) > spread
+
+
+def is_informative(tau: np.ndarray) -> tuple[bool, str]:
+    """Whether a torque column holds a signal, or why not; tau (samples,)."""
+    finite = tau[np.isfinite(tau)]
+    if not finite.size:
+        return False, "no number in it"
+    values, counts = np.unique(finite, return_counts=True)
+    share = counts.max() / len(tau)
+    if len(values) == 1:
+        return False, f"always {values[0]:.4g}"
+    if share > MOSTLY_ONE_VALUE:
+        return False, f"exactly {values[counts.argmax()]:.4g} in {100 * share:.0f} % of the rows"
+    return True, ""

@@ -1,0 +1,226 @@
+"""Whether a draft runs: its records are read, its law is looked for, its methods begin."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from pivident.data.logs.recognition.channel_words import Sureness
+from pivident.data.recording.checks import TIMING_WORDS
+from pivident.data.recording.recording import Recording
+from pivident.estimation.identification import Identification
+from pivident.estimation.identify import identify
+from pivident.estimation.method import Method
+from pivident.estimation.problem import Problem
+from pivident.experiment.experiment import Experiment
+from pivident.experiment.explained import validated
+from pivident.experiment.init.assumption import Assumption
+from pivident.experiment.init.complete_sign import complete_sign
+from pivident.experiment.missing_torque import is_without_torque
+from pivident.experiment.recording_tables import log_of
+from pivident.foundation.errors import (
+    ConstantChannel,
+    GapInClock,
+    IrregularSampling,
+    MissingSamples,
+    PividentError,
+    SaturatedSignal,
+)
+from pivident.foundation.errors.recordings import written
+from pivident.foundation.text.repair import Edit, Repair
+from pivident.foundation.text.sentences import half_sentence
+from pivident.foundation.text.toml import parse_toml
+from pivident.judgement.audit.audit import audit_log
+from pivident.judgement.audit.delay import LOOP_RATE, TIMING, faster_loop, undeclared_timing
+from pivident.judgement.audit.saturation import ACCEPT_CONSTANT, ACCEPT_CUT_OFF
+from pivident.judgement.audit.timing import INTERPOLATED, only
+from pivident.judgement.validation.held_out.folds import division_of
+from pivident.loop.instruments.kinds import KINDS
+from pivident.robot.friction import law_toml
+
+#: Longest record on which methods are tried [samples times joints]; longer ones are tried in part.
+MAX_TRIAL = 150_000
+
+#: Standard error of a delay [samples] from which on it does not tell what a torque is nearest to.
+KNOWN = 0.15
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What trials have shown so far."""
+
+    recording: tuple[Assumption, ...] = ()  # lines of ``[recording]`` that became necessary
+    friction: tuple[Assumption, ...] | None = None  # its line, if any; None: not looked for yet
+    law_failed: str = ""  # why no law could be identified, or empty
+    law_found: str = ""  # what the identified law is like, or empty
+    instruments: str = ""  # what the instruments are made of, where no loop is simulated
+    failed: dict[str, str] = field(default_factory=dict)  # why, by method
+    notes: tuple[str, ...] = ()  # what was left out of the recordings, in sentences
+    troubles: tuple[str, ...] = ()  # what a person has to do before it runs
+    explained: dict[str, float] = field(default_factory=dict)  # relative error by joint
+    folds: int | None = None  # blocks that can be held out, where those of a long record cannot
+    settled: bool = False  # whether nothing more is to be tried
+
+
+def try_out(text: str, out: Path, known: Findings, say: Callable[[str], None]) -> Findings:
+    """Go as far with a draft as a first iteration of its methods."""
+    experiment = Experiment(out, validated(parse_toml(text)))
+    try:
+        recordings = experiment.recordings()
+    except PividentError as error:
+        line = _remedy(error)
+        if line is None or any(line.key == other.key for other in known.recording):
+            return _stuck(known, error)
+        return replace(known, recording=(*known.recording, line))
+    known = replace(known, notes=tuple(dict.fromkeys(n for r in recordings for n in r.notes)))
+    controller = experiment.content.controller
+    try:
+        problem = experiment.problem(say, recordings)
+    except PividentError as error:
+        return _stuck(known, error)
+    if controller is not None and problem.loop is None:
+        return replace(known, law_failed=problem.without_loop.rstrip("."))
+    return _try_methods(experiment, problem, known, say)
+
+
+def _try_methods(
+    experiment: Experiment, problem: Problem, known: Findings, say: Callable[[str], None]
+) -> Findings:
+    """The first solution of every method."""
+    shorter = replace(problem, recordings=tuple(_shortened(r) for r in problem.recordings))
+    explained: dict[str, float] = {}
+    failed, made = dict(known.failed), ""
+    for name, method in experiment.methods().items():
+        if (first := method.first_iteration()) is not None:
+            try:
+                result = identify(shorter, first, say)
+            except PividentError as error:
+                failed[name] = _short(error)
+                continue
+            made = _instead(result)
+        else:
+            try:
+                result = identify(problem, method, say)
+            except PividentError as error:
+                return _stuck(known, error)
+            explained = {joint.name: float(joint.relative_error) for joint in result.joints}
+            if known.friction is None and method.handles.law_choice:
+                known = replace(known, friction=_friction(problem, method, result, say))
+                if known.friction:
+                    return known
+    timing = _timing(experiment, known)
+    if timing is not None:
+        return replace(known, recording=(*known.recording, timing))
+    loops = [m for m in experiment.methods() if m != "ls"]
+    if is_without_torque(experiment.content) and set(loops) <= set(failed):
+        text = f"pivident identify ends with: {next(failed[m] for m in loops)}"
+        return replace(known, troubles=(*known.troubles, text), settled=True)
+    if experiment.content.controller is not None and set(loops) <= set(failed):
+        reason = next(failed[m] for m in loops)
+        return replace(known, law_failed=f"the identified law does not carry the loop ({reason})")
+    known = replace(known, failed=failed, explained=explained, instruments=made)
+    validation = experiment.content.validation
+    wanted = validation.folds
+    folds = division_of(problem, wanted, validation.gap).count
+    return replace(known, settled=True) if folds == wanted else replace(known, folds=folds)
+
+
+def _friction(
+    problem: Problem, method: Method, found: Identification, say: Callable[[str], None]
+) -> tuple[Assumption, ...]:
+    """The line with the law of friction, where the log asks for another than the default.
+
+    Behind the gears `identify` decides by itself, together with which friction there is.
+    """
+    if problem.robot.torque_side == "link":
+        return ()
+    better = complete_sign(problem, method, found, say)
+    if better is None:
+        return ()
+    value = parse_toml(f"x = {law_toml(better.law)}")["x"]
+    seen = f"{better}; `pivident laws` compares other laws"
+    return (Assumption("robot", "friction", value, "likely", seen),)
+
+
+def _instead(result: Identification) -> str:
+    """What instruments are made of, where it is not the simulated loop."""
+    used = result.instruments
+    if used is None or used.kind == "loop":
+        return ""
+    title = KINDS[used.kind].title
+    return f"{title} ({used.instead_of.rstrip('.')})" if used.instead_of else title
+
+
+def _timing(experiment: Experiment, known: Findings) -> Assumption | None:
+    """The line that says which instant a torque sample belongs to, where the motion tells."""
+    if any(line.key in ("torque_timing", "control_rate") for line in known.recording):
+        return None
+    entry = experiment.content.recording[0]
+    try:
+        log = replace(log_of(entry, experiment.robot, experiment.path.parent), torque_timing="")
+        audit = audit_log(log)
+    except PividentError:
+        return None
+    if audit.delay is None or audit.model is None:
+        return None
+    said, common, rate = audit.delay.findings[0], audit.delay.common, audit.model.rate
+    seen = half_sentence(said.message)
+    if said.declared is LOOP_RATE:
+        faster = faster_loop(log, rate, common)
+        return Assumption("recording", "control_rate", faster, "likely", seen)
+    timing = undeclared_timing(log, rate, common)
+    if timing is None or common[1] * rate > KNOWN:
+        return None
+    clear = said.declared is TIMING
+    if not clear:
+        seen += f": nearer to torques that are {TIMING_WORDS[timing]} than to torques that are "
+        seen += f"{TIMING_WORDS['held']}, which the motion does not decide"
+    return Assumption(
+        "recording", "torque_timing", timing, "likely" if clear else "assumed", seen,
+        "Or held from its instant until the next (held), the mean over the period before it "
+        "(averaged). Where you know the rate of the control loop, write control_rate in its place.",
+    )  # fmt: skip
+
+
+def _remedy(error: PividentError) -> Assumption | None:
+    """The line that makes a recording acceptable that has one fault: the repair of a check."""
+    if isinstance(error, SaturatedSignal):
+        better = "Torque beyond a limit is not what the model says; better cut those parts out."
+        return _line(ACCEPT_CUT_OFF, "assumed", error.fact, better)
+    if isinstance(error, ConstantChannel):
+        seen = f"{error.fact}; what needs its motion cannot be determined"
+        return _line(ACCEPT_CONSTANT, "assumed", seen)
+    if isinstance(error, (MissingSamples, GapInClock)) and error.stretches.lost:
+        longest = error.stretches.longest
+        others = [written(part) for part in error.stretches.parts if part != longest]
+        more = f"A copy of this table for each adds {', '.join(others)}." if others else ""
+        seen = f"{error.fact}; this is the longest stretch without such a gap"
+        return _line(only(longest), "likely", seen, more)
+    if isinstance(error, IrregularSampling):
+        return _line(INTERPOLATED, "assumed", f"{error.fact}; samples are interpolated")
+    return None
+
+
+def _line(repair: Repair, sure: Sureness, seen: str, correct: str = "") -> Assumption:
+    """The line of a recording that a repair sets."""
+    (edit,) = repair.edits
+    assert isinstance(edit, Edit), "these repairs set one key"
+    return Assumption("recording", str(edit.place[-1]), edit.value, sure, seen, correct)
+
+
+def _stuck(known: Findings, error: PividentError) -> Findings:
+    """A fault that only a person can put right."""
+    text = f"pivident identify ends with: {_short(error)}"
+    return replace(known, troubles=(*known.troubles, text), settled=True)
+
+
+def _shortened(recording: Recording) -> Recording:
+    """The first part of a record that is too long for a trial."""
+    longest = max(MAX_TRIAL // recording.joints, 1000)
+    return recording if recording.samples <= longest else recording.part(0, longest)
+
+
+def _short(error: BaseException) -> str:
+    """An error in one line."""
+    return " ".join(str(error).split())

@@ -1,0 +1,206 @@
+"""Drawings as plotly.js takes them: the packed library, bands, legends, packed numbers.
+
+plotly's own classes check each attribute whenever one changes, which would take longer than the
+rest of a page. What is gathered here is written as it is.
+
+The library that draws the figures, packed: it is two thirds of a page otherwise.
+"""
+
+from __future__ import annotations
+
+import base64
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pivident.foundation.extras import require
+
+#: A curve, a row of bars, a map: its kind and attributes.
+Trace = dict[str, Any]
+#: A legend in one row above the axes.
+LEGEND = {"orientation": "h", "y": 1.02, "yanchor": "bottom"}
+
+
+class Plot:
+    """Traces over a layout; their attributes are those of plotly.js.
+
+    Attributes:
+        data: the traces, the last on top.
+        layout: axes, legend, shapes and the rest.
+    """
+
+    def __init__(self, *traces: Trace, **layout: Any) -> None:
+        self.data: list[Trace] = [*traces]
+        self.layout: dict[str, Any] = layout
+
+    def add(self, kind: str = "scatter", **attributes: Any) -> None:
+        """One more trace; see `trace`."""
+        self.data.append(trace(kind, **attributes))
+
+    def update(self, **layout: Any) -> None:
+        """Change parts of the layout; dictionaries are merged, all else is replaced."""
+        self.layout = _merged(self.layout, layout)
+
+    def x_axis(self, title: str | None = None, **attributes: Any) -> None:
+        """Change the first x axis."""
+        self.update(xaxis=attributes | _titled(title))
+
+    def y_axis(self, title: str | None = None, **attributes: Any) -> None:
+        """Change the first y axis."""
+        self.update(yaxis=attributes | _titled(title))
+
+    def add_shape(self, kind: str, **attributes: Any) -> None:
+        """A line or a rectangle in coordinates of the axes."""
+        shape = {"type": kind} | attributes
+        self.update(shapes=[*self.layout.get("shapes", []), shape])
+
+    def horizontal(self, y: float, line: Mapping[str, Any]) -> None:
+        """A line from edge to edge."""
+        self.add_shape("line", xref="paper", x0=0, x1=1, y0=y, y1=y, line=line)
+
+    def vertical(self, x: float, line: Mapping[str, Any]) -> None:
+        """A line from bottom to top."""
+        self.add_shape("line", yref="paper", x0=x, x1=x, y0=0, y1=1, line=line)
+
+    def stack(self, titles: Sequence[str], **attributes: Any) -> None:
+        """Axes y, y2, … below each other, over one axis of time; attributes of each of them."""
+        gap = 0.065
+        height = (1.0 - gap * (len(titles) - 1)) / len(titles)
+        axes: dict[str, Any] = {
+            "xaxis": {"title": {"text": "time [s]"}, "anchor": f"y{len(titles)}"}
+        }
+        for k, title in enumerate(titles):
+            top = 1.0 - (height + gap) * k
+            axes[f"yaxis{k + 1 if k else ''}"] = {
+                "domain": [max(top - height, 0.0), top],
+                "title": {"text": title, "standoff": 4},
+                **attributes,
+            }
+        self.update(**axes)
+
+    def content(self) -> dict[str, Any]:
+        """Traces and layout, arrays as plotly.js unpacks them."""
+        return {"data": [_written(trace) for trace in self.data], "layout": self.layout}
+
+
+def trace(kind: str = "scatter", **attributes: Any) -> Trace:
+    """A curve, a row of bars, a map; attributes that are None keep their default."""
+    return {"type": kind} | {name: x for name, x in attributes.items() if x is not None}
+
+
+def packed(x: np.ndarray) -> np.ndarray:
+    """Single precision: a page has it in 5 characters per number."""
+    return np.asarray(x, dtype=np.float32)
+
+
+def band(
+    x: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    colour: str,
+    *,
+    opacity: float = 0.18,
+    axis: str = "y",
+) -> Trace:
+    """Filled between two curves; neither the legend nor the pointer shows it."""
+    return {
+        "type": "scatter",
+        "x": packed(np.concatenate([x, x[::-1]])),
+        "y": packed(np.concatenate([high, low[::-1]])),
+        "yaxis": axis,
+        "mode": "lines",
+        "fill": "toself",
+        "fillcolor": colour,
+        "opacity": opacity,
+        "line": {"width": 0},
+        "hoverinfo": "skip",
+        "showlegend": False,
+    }
+
+
+def _titled(title: str | None) -> dict[str, Any]:
+    """A title as attribute of an axis."""
+    return {} if title is None else {"title": {"text": title}}
+
+
+def _merged(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
+    """Both, the new one where they differ."""
+    both = {
+        name: _merged(old[name], value)
+        for name, value in new.items()
+        if isinstance(value, Mapping) and isinstance(old.get(name), Mapping)
+    }
+    return {**old, **new, **both}
+
+
+def _written(value: Any) -> Any:
+    """Arrays of numbers as bytes in base64, wherever a trace has them."""
+    if isinstance(value, Mapping):
+        return {name: _written(own) for name, own in value.items()}
+    if not isinstance(value, np.ndarray) or value.dtype.kind not in "if" or not value.size:
+        return value
+    kind = np.dtype("i4") if value.dtype.kind == "i" else value.dtype
+    numbers = value.astype(kind.newbyteorder("<")).tobytes()
+    written = {"dtype": kind.str[1:], "bdata": base64.b64encode(numbers).decode("ascii")}
+    return written if value.ndim == 1 else written | {"shape": str(value.shape)[1:-1]}
+
+
+def kept_samples(y: np.ndarray, points: int) -> np.ndarray:
+    """Indices of the samples to draw: first, last, and minimum and maximum of equal stretches.
+
+    Every peak stays at its place and height, which plain decimation does not promise. NaN is never
+    an extreme.
+    """
+    if y.size <= points:
+        return np.arange(y.size)
+    edges = np.linspace(0, y.size, max(1, (points - 2) // 2) + 1).astype(np.int64)
+    start, stop = edges[:-1, None], edges[1:, None]
+    at = np.minimum(start + np.arange(np.diff(edges).max()), stop - 1)  # a row for each stretch
+    low, high = (np.where(np.isnan(y), sign * np.inf, y)[at] for sign in (1.0, -1.0))
+    extremes = [low.argmin(axis=1), high.argmax(axis=1)]
+    return np.unique([0, y.size - 1, *(start[:, 0] + extremes).ravel()])
+
+
+def stretches(mask: np.ndarray, t: np.ndarray, pixels: int = 500) -> list[tuple[float, float]]:
+    """Times (from, to) where a mask holds, at the resolution of a drawing.
+
+    A stretch shorter than one of so many pixels shows if it fills half of it.
+    """
+    count = min(pixels, mask.size)
+    long, shorter = mask.size % count, mask.size // count  # the first ones are longer by a sample
+    borders = np.r_[0, np.cumsum(np.where(np.arange(count) < long, shorter + 1, shorter))]
+    filled = np.add.reduceat(mask.astype(np.int64), borders[:-1]) >= 0.5 * np.diff(borders)
+    edges = np.flatnonzero(np.diff(np.r_[False, filled, False])).reshape(-1, 2)
+    return [(float(t[borders[a]]), float(t[borders[b] - 1])) for a, b in edges]
+
+
+if TYPE_CHECKING:
+    from plotly.colors import get_colorscale as colour_scale
+    from plotly.io import to_json
+else:
+    _FIGURES = {"extra": "report", "purpose": "a page with figures"}
+    colour_scale = require("plotly.colors", **_FIGURES).get_colorscale
+    to_json = require("plotly.io", **_FIGURES).to_json
+
+
+@dataclass(frozen=True)
+class DrawingLibrary:
+    """plotly.js as a page carries it; ``inflate.js`` unpacks it when the first figure wants it."""
+
+    packed: str  # deflated (RFC 1951) UTF-8 text in base64
+    size: int  # bytes of the text
+
+
+@cache
+def drawing_library() -> DrawingLibrary:
+    """plotly.js of the installed package, packed once per process."""
+    from plotly.offline import get_plotlyjs
+
+    text = get_plotlyjs().encode("utf-8")
+    packer = zlib.compressobj(9, wbits=-zlib.MAX_WBITS)  # without header and checksum
+    packed = packer.compress(text) + packer.flush()
+    return DrawingLibrary(base64.b64encode(packed).decode("ascii"), len(text))

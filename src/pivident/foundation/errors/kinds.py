@@ -1,0 +1,165 @@
+"""Kinds of errors: one base class, and a child for each thing that can be wrong."""
+
+from __future__ import annotations
+
+import copyreg
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, Self
+
+from pivident.foundation.text.nearest import NearestNames
+from pivident.foundation.text.printable import shortened
+
+
+class Advised(Exception):
+    """An error that says what was seen and what to do.
+
+    Its text is ``what was seen; what to do``.
+
+    Args:
+        fact: what was seen, a half sentence.
+        advice: what to do, a half sentence; empty where that is open.
+
+    Attributes:
+        fact: what was seen, without the file and the table in front.
+        advice: what to do.
+        headings: file and table in front of what was seen, the outermost first.
+        meant: a name that is not known, and the nearest one that is; None where there is none.
+    """
+
+    headings: tuple[str, ...] = ()
+    meant: tuple[str, str] | None = None
+
+    def __init__(self, fact: str = "", *, advice: str = "") -> None:
+        self.fact, self.advice = fact, advice
+        if isinstance(advice, NearestNames):
+            self.meant = advice.meant
+        super().__init__(_joined(fact, advice))
+
+    @classmethod
+    def of_part(cls, heading: str, error: Exception) -> Self:
+        """An error of a part as one of the whole, with a heading in front of what was seen."""
+        if not isinstance(error, Advised):
+            return cls(f"{heading}{error}")
+        headings = "".join([heading, *(f"{each} " for each in error.headings)])
+        whole = cls(f"{headings}{error.fact}", advice=error.advice)
+        whole.meant = error.meant
+        return whole
+
+    def followed_by(self, more: str) -> Self:
+        """The same with something behind its text."""
+        if not self.advice:
+            return type(self)(f"{self.fact}{more}")
+        whole = type(self)(self.fact, advice=f"{self.advice}{more}")
+        whole.meant = self.meant
+        return whole
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Text and attributes for another process: a kind cannot be made again of its text."""
+        return copyreg.__newobj__, (type(self), *self.args), vars(self)  # type: ignore[attr-defined]
+
+
+class UnusableValue(Advised, ValueError):
+    """A value that cannot be used, as its type or a table of a file finds."""
+
+
+class PividentError(Advised):
+    """Base of every error that pivident raises on purpose.
+
+    Its text is shortened for reading; ``args`` holds all of it, for instance the whole of a name
+    of 50,000 letters.
+
+    Attributes:
+        place: keys below the table of an experiment file that is being read, whose value the error
+            is about; empty where nobody has said it.
+        table: the table itself, where it is another one than that being read.
+    """
+
+    place: tuple[str, ...] = ()
+    table: tuple[str, ...] = ()
+
+    @property
+    def sentence(self) -> str:
+        """The message without the file and the table in front."""
+        return shortened(_joined(self.fact, self.advice))
+
+    def about(self, *keys: str) -> Self:
+        """The same error, about the value of these keys if it has no place yet."""
+        self.place = self.place or keys
+        return self
+
+    def __str__(self) -> str:
+        return shortened(super().__str__())
+
+
+def _joined(fact: str, advice: str) -> str:
+    """What was seen and what to do, in one line."""
+    return f"{fact}; {advice}" if advice else fact
+
+
+class RobotDescriptionError(PividentError, ValueError):
+    """A robot description (modified DH table or URDF) that cannot be used."""
+
+
+class RecordingError(PividentError, ValueError):
+    """A recording whose content cannot be used as it is."""
+
+
+class FileFormatError(RecordingError):
+    """A file that is missing, unreadable or not what its name promises."""
+
+    place: tuple[str, ...] = ("files",)
+
+
+class ExperimentError(PividentError, ValueError):
+    """An experiment file with unknown keys, bad values or contradictory options."""
+
+    def headed(self, *headings: str) -> Self:
+        """The error with a file, a table or both in front of its message; its place stays."""
+        whole = type(self).of_part("".join(f"{each} " for each in headings), self)
+        whole.fact, whole.headings = self.fact, (*headings, *self.headings)
+        whole.table, whole.place = self.table, self.place
+        return whole
+
+    def within(self, table: str, *keys: str) -> Self:
+        """The error about keys of this table, such as ``identify.piv``, with its name in front."""
+        whole = self.headed(f"[{table}]").about(*keys)
+        whole.table = tuple(table.split("."))
+        return whole
+
+
+class IdentificationError(PividentError):
+    """An identification that cannot be carried out on the given data."""
+
+
+class IdentificationFileError(PividentError, ValueError):
+    """An identification on disk that cannot be used.
+
+    Attributes:
+        file: the file.
+        reason: what is wrong with it.
+    """
+
+    def __init__(self, file: str, reason: str, *, advice: str = "") -> None:
+        self.file, self.reason = file, reason
+        super().__init__(f"{file}: {reason}", advice=advice)
+
+    @classmethod
+    def of_content(cls, file: str, error: Exception, advice: str) -> Self:
+        """An error of its content as one of the file, with what to do about the file behind."""
+        said = error if isinstance(error, Advised) else UnusableValue(str(error))
+        return cls(file, said.fact, advice="; ".join(filter(None, (said.advice, advice))))
+
+
+class ExportError(PividentError, ValueError):
+    """A model that cannot be written in a format, or a file that must not be written."""
+
+
+@contextmanager
+def concerning(*keys: str) -> Iterator[None]:
+    """Errors from inside are about the value of these keys, unless they have a place already."""
+    try:
+        yield
+    except PividentError as error:
+        error.about(*keys)
+        raise

@@ -1,0 +1,1 @@
+"""Text: numbers, names, findings and tables as they are printed, TOML and JSON."""

@@ -1,0 +1,1 @@
+"""Diagnostics of results, and the verdict on them."""

@@ -1,0 +1,232 @@
+"""Rows of a problem on which other readings of its log are compared in milliseconds.
+
+A log may be read in many ways: with a torque of the other sign, with two columns exchanged, with a
+zero elsewhere, with gravity along another axis. For each of them least squares
+
+    min_θ Σ_j w_j ‖τ_j - Φ_j(q, dq, ddq) θ‖²
+
+is solved from the sums of stretches of time, each stretch predicted from all others. Positions and
+torques are low-passed alike, and rows near a standstill or a reversal are left out, where neither
+friction nor a low-pass of it is known. The score of a stretch is the mean logarithm of the joints'
+relative errors: no unit and no gain of a joint changes it by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from pivident.dynamics.base_parameters import base_parameters
+from pivident.dynamics.regressor import Regressor
+from pivident.dynamics.robot_regressor import regressor_of
+from pivident.estimation.problem import Problem
+from pivident.foundation.common_work import once
+from pivident.foundation.errors import PividentError
+from pivident.foundation.text.repair import Change, Edit, Repair, Retimed
+from pivident.judgement.audit.blocked_fit import BLOCKS
+from pivident.judgement.audit.inverse_model import BANDWIDTH, InverseModel
+from pivident.judgement.audit.recording_audit import recording_model
+from pivident.judgement.diagnostics.repaired_problem import channels_after, zeros_of
+from pivident.robot.description import Robot
+
+#: Channels that the observation matrix is made of.
+MOTION = ("q", "dq", "ddq")
+
+#: Rows of a joint below which those near a reversal are kept.
+FEW_ROWS = 200
+
+#: Rows per hertz of the band, which are enough to solve for parameters.
+DENSITY = 3.0
+
+#: Relative size of what keeps normal equations solvable.
+RIDGE = 1e-12
+
+#: Relative errors below this are alike: of an exact log nothing is left to compare.
+LEAST = 1e-6
+
+#: Share of a joint's mean square below which its torque in a stretch says nothing.
+STILL = 1e-3
+
+#: Φᵀ Φ, Φᵀ τ and τᵀ τ of each stretch and joint.
+Sums = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class ReadingRows:
+    """Rows of all recordings.
+
+    Attributes:
+        robot: the robot.
+        parameters: names of those that are estimated.
+        channels: ``q dq ddq tau``, low-passed, each of shape (rows, joints).
+        moving: rows that count, shape (rows, joints).
+        block: number of the stretch of time of each row, shape (rows,).
+        regressor: of the parameters that are estimated, for the robot.
+        zeros: what was added to the logged positions, shape (joints,) [rad or m].
+        known: the observation matrix, where rows with the same motion have made it.
+    """
+
+    robot: Robot
+    parameters: tuple[str, ...]
+    channels: Mapping[str, np.ndarray]
+    moving: np.ndarray
+    block: np.ndarray
+    regressor: Regressor
+    zeros: np.ndarray
+    known: np.ndarray | None = None
+
+    @classmethod
+    def of(cls, problem: Problem) -> ReadingRows | None:
+        """Rows of a problem whose torques were measured.
+
+        None for mechanisms with closed loops or measured bases, and where recordings are too short.
+        """
+        robot = problem.robot
+        measured = all(r.torque_source == "measured" for r in problem.recordings)
+        if robot.constraints is not None or robot.base_joints or not measured:
+            return None
+        try:
+            return once(("reading rows", problem), lambda: cls._of(problem))
+        except (PividentError, np.linalg.LinAlgError):
+            return None
+
+    @classmethod
+    def _of(cls, problem: Problem) -> ReadingRows:
+        models = [recording_model(problem.robot, r) for r in problem.recordings]
+        some = [slice(None, None, _stride(model)) for model in models]
+        pairs = list(zip(models, some, strict=True))
+        channels = {c: np.vstack([getattr(m, c)[own] for m, own in pairs]) for c in MOTION}
+        names = tuple(problem.base.names[k] for k in problem.selection)
+        return cls(
+            problem.robot,
+            names,
+            channels | {"tau": np.vstack([m.tau()[own] for m, own in pairs])},
+            np.vstack([_counting(m)[own] for m, own in pairs]),
+            np.concatenate([m.block[own] + k * BLOCKS for k, (m, own) in enumerate(pairs)]),
+            _regressor(problem.robot, names),
+            zeros_of(problem.recordings[0]),
+        )
+
+    def after(self, repair: Repair) -> ReadingRows:
+        """The same rows with a repair.
+
+        Raises:
+            ExperimentError: they do not show what it changes.
+        """
+        rows = self
+        for edit in repair.edits:
+            rows = rows._after(edit)
+        return rows
+
+    def _after(self, edit: Change) -> ReadingRows:
+        match edit:
+            case Retimed(factor=f):
+                slower = {"dq": self.channels["dq"] / f, "ddq": self.channels["ddq"] / f**2}
+                return replace(self, channels={**self.channels, **slower}, known=None)
+            case Edit(place=("robot", "gravity"), value=gravity):
+                robot = self.robot.with_gravity(np.array(gravity, float))
+                regressor = _regressor(robot, self.parameters)
+                return replace(self, robot=robot, regressor=regressor, known=None)
+        names = self.robot.joint_names
+        moving = np.abs(channels_after(edit, {"tau": 1.0 * self.moving}, names)["tau"]) > 0.0
+        changed = channels_after(edit, self.channels, names, self.zeros)
+        same = all(changed[c] is self.channels[c] for c in MOTION)
+        return replace(self, channels=changed, moving=moving, known=self.matrix if same else None)
+
+    def scores(self) -> np.ndarray:
+        """Mean logarithm of the joints' relative errors in each stretch, from all others."""
+        return scores(self.sums)
+
+    def with_gain(self, joint: int, factor: float) -> np.ndarray:
+        """The same with so many times one joint's torque, which may be negative."""
+        gram, right, square = (x.copy() for x in self.sums)
+        gram[:, joint] /= factor**2
+        right[:, joint] /= factor
+        return scores((gram, right, square))
+
+    def without(self, names: Collection[str]) -> np.ndarray:
+        """The same without some parameters."""
+        kept = [k for k, name in enumerate(self.parameters) if name not in names]
+        gram, right, square = self.sums
+        return scores((gram[:, :, kept][..., kept], right[:, :, kept], square))
+
+    @cached_property
+    def matrix(self) -> np.ndarray:
+        """Φ of all rows, shape (rows, joints, parameters)."""
+        if self.known is not None:
+            return self.known
+        motion = (np.ascontiguousarray(self.channels[c]) for c in MOTION)
+        return self.regressor.matrix(*motion)
+
+    @cached_property
+    def sums(self) -> Sums:
+        """Sums of each stretch and joint, torques in units of their own rms."""
+        tau = self.channels["tau"]
+        size = np.sqrt(np.mean(np.where(self.moving, tau, 0.0) ** 2, axis=0))
+        scale = self.moving / np.where(size > 0.0, size, np.inf)
+        phi, tau = self.matrix * scale[:, :, None], tau * scale
+        gram, right, square = [], [], []
+        for b in np.unique(self.block):
+            own, y = phi[self.block == b].transpose(1, 0, 2), tau[self.block == b].T
+            turned = own.transpose(0, 2, 1)
+            gram.append(turned @ own)
+            right.append((turned @ y[:, :, None])[:, :, 0])
+            square.append(np.sum(y**2, axis=1))
+        return np.array(gram), np.array(right), np.array(square)
+
+
+def _regressor(robot: Robot, names: tuple[str, ...]) -> Regressor:
+    """Φ of parameters by name; of all where another direction of gravity has others."""
+    base = base_parameters(robot)
+    places = {name: k for k, name in enumerate(base.names)}
+    named = [places[name] for name in names if name in places]
+    chosen = named if len(named) == len(names) else range(len(base.names))
+    return regressor_of(robot, [base.parameters[k] for k in chosen])
+
+
+def scores(sums: Sums) -> np.ndarray:
+    """Mean logarithm of the joints' relative errors in each stretch, shape (stretches,)."""
+    gram, right, square = sums
+    whole = gram.sum(axis=0), right.sum(axis=0), square.sum(axis=0)
+    left = _left(_solved(whole[0].sum(axis=0), whole[1].sum(axis=0)), *whole)
+    weights = whole[2] / np.maximum(left, LEAST**2 * whole[2] + 1e-300)
+    a, b = np.einsum("j,bjik->bik", weights, gram, optimize=True), weights @ right
+    theta = _solved(a.sum(axis=0) - a, b.sum(axis=0) - b)
+    moves = square > STILL * whole[2] / len(gram)
+    missed = _left(theta, gram, right, square) / np.where(moves, square, 1.0)
+    found = np.where(moves, 0.5 * np.log(np.maximum(missed, LEAST**2)), 0.0)
+    return np.asarray(found.sum(axis=1) / np.maximum(moves.sum(axis=1), 1))
+
+
+def mean_error(scores: np.ndarray) -> float:
+    """Geometric mean of the joints' errors on all stretches, each predicted from all others [%]."""
+    return 100.0 * float(np.exp(scores.mean()))
+
+
+def _solved(gram: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """θ of normal equations, shape (…, parameters); leading axes are kept."""
+    size = np.sqrt(np.maximum(np.einsum("...ii->...i", gram), 1e-300))
+    scaled = gram / (size[..., :, None] * size[..., None, :]) + RIDGE * np.eye(gram.shape[-1])
+    return np.asarray(np.linalg.solve(scaled, (right / size)[..., None])[..., 0] / size)
+
+
+def _left(theta: np.ndarray, gram: np.ndarray, right: np.ndarray, square: np.ndarray) -> np.ndarray:
+    """‖τ_j - Φ_j θ‖² of each joint, shape (…, joints); leading axes are kept."""
+    turned = theta[..., None, :]
+    explained = np.sum(turned * ((gram @ turned[..., None])[..., 0] - 2.0 * right), axis=-1)
+    return np.asarray(np.maximum(square + explained, 0.0))
+
+
+def _stride(model: InverseModel) -> int:
+    """Every so many rows of a model are used."""
+    rows = model.rate / float(model.at[1] - model.at[0])
+    return max(1, int(rows / (DENSITY * min(BANDWIDTH, 0.1 * model.rate))))
+
+
+def _counting(model: InverseModel) -> np.ndarray:
+    """Rows away from standstill and reversals, or all that move where these are few."""
+    away = model.away_from_reversals().moving
+    return np.where(away.sum(axis=0) > FEW_ROWS, away, model.moving)

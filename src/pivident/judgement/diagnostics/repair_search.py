@@ -1,0 +1,254 @@
+"""Repairs of a log's reading that let unseen motion be predicted better.
+
+One joint's torque of the other sign or of another gain, two columns exchanged, a joint that counts
+the other way, a zero a quarter turn off, degrees among radians, gravity along another axis, another
+clock: each is tried on `reading_rows`, and compared with the log as it is read, stretch by stretch.
+With d_k the change of the score of stretch k, a repair counts where
+
+    mean(d) + t(1 - α/m) std(d)/√K < log(1 - LEAST_GAIN).
+
+Each kind of fault has the same share of α, and each of its members the same share of that: m is the
+number of kinds times that of the members. The best repair is applied and the search goes on, so
+that two faults are found one after the other.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from pivident.foundation.errors import PividentError
+from pivident.foundation.text.repair import (
+    Change,
+    Edit,
+    Multiplied,
+    Reordered,
+    Repair,
+    Retimed,
+    Reversed,
+    Shifted,
+)
+from pivident.judgement.diagnostics.reading_rows import ReadingRows, mean_error
+from pivident.robot.description import Robot
+
+#: Level of all tests of a round together.
+LEVEL = 0.05
+
+#: Share by which a repair lowers the error at least.
+LEAST_GAIN = 0.02
+
+#: Faults that are looked for, one after the other.
+ROUNDS = 3
+
+#: Gains of a joint's torque that are tried, and within which the best one is no fault.
+GAINS, NO_GAIN = (0.5, 0.7, 1.4, 2.0), 1.2
+
+#: Range of gains, and of clocks, that is searched.
+GAIN_RANGE, CLOCK_RANGE = 20.0, 2.5
+
+#: Clocks that are tried; the best one is no fault within the same bounds as a gain.
+CLOCKS = (0.5, 2.0)
+
+#: Positions of a joint span at least this in its unit, and at most this many turns [rad].
+LEAST_SPAN, FARTHEST = 0.05, 20.0
+
+#: Growth of the score within which another repair explains as much.
+ALIKE = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A repair that lowers the error clearly.
+
+    Attributes:
+        repair: what is changed.
+        alike: other repairs that do as well.
+    """
+
+    repair: Repair
+    alike: tuple[Repair, ...] = ()
+
+
+def search(rows: ReadingRows) -> tuple[Candidate, ...]:
+    """Repairs that lower the error clearly, one after the other, each upon those before.
+
+    The repairs are in the order in which they were found; none where the log is best as it is read.
+    """
+    found: list[Candidate] = []
+    for _ in range(ROUNDS):
+        best = _best(rows)
+        if best is None:
+            break
+        found.append(best)
+        rows = rows.after(best.repair)
+    return tuple(found)
+
+
+def _best(rows: ReadingRows) -> Candidate | None:
+    """The repair that lowers the error most, and those that do as well."""
+    given = rows.scores()
+    tried = [(repair, scores - given) for repair, scores in _tried(rows)]
+    members = Counter(_kind(repair) for repair, _ in tried)
+    kept = [
+        (repair, change)
+        for repair, change in tried
+        if clearly_lower(change, len(members) * members[_kind(repair)])
+    ]
+    if not kept:
+        return None
+    best = min(kept, key=lambda pair: float(pair[1].mean()))
+    alike = [
+        repair
+        for repair, change in kept
+        if repair is not best[0] and not clearly_lower(best[1] - change, 1, ALIKE)
+    ]
+    return Candidate(best[0], tuple(alike))
+
+
+def _kind(repair: Repair) -> tuple[str, str]:
+    """What kind of fault a repair undoes."""
+    edit = repair.edits[0]
+    return type(edit).__name__, getattr(edit, "channel", "")
+
+
+def raises_the_error(rows: ReadingRows, repair: Repair) -> tuple[float, float] | None:
+    """Mean errors without and with a repair that clearly raises them [%]; None where it may not."""
+    try:
+        given, other = rows.scores(), rows.after(repair).scores()
+    except (PividentError, np.linalg.LinAlgError):  # the rows do not show it
+        return None
+    return (mean_error(given), mean_error(other)) if clearly_lower(given - other, 1) else None
+
+
+def clearly_lower(change: np.ndarray, tried: int, least: float = LEAST_GAIN) -> bool:
+    """Whether scores, shape (stretches,), fall by more than a share, of so many comparisons."""
+    from scipy.stats import t
+
+    n = len(change)
+    if n < 3:
+        return False
+    reach = float(t.isf(LEVEL / tried, n - 1)) * float(np.std(change, ddof=1)) / np.sqrt(n)
+    return float(change.mean()) + reach < np.log1p(-least)
+
+
+def _tried(rows: ReadingRows) -> Iterator[tuple[Repair, np.ndarray]]:
+    """Repairs with the scores of the rows that they make."""
+    names = rows.robot.joint_names
+    for j, name in enumerate(names):
+        yield _torque(name, -1.0), rows.with_gain(j, -1.0)
+        gain = _gain(rows, j)
+        if gain is not None:
+            yield _torque(name, gain), rows.with_gain(j, gain)
+    for repair in _of_motion(rows):
+        try:
+            yield repair, rows.after(repair).scores()
+        except (PividentError, np.linalg.LinAlgError):
+            continue
+
+
+def _torque(name: str, factor: float) -> Repair:
+    """So many times one joint's torque."""
+    if factor == -1.0:
+        return Repair((Reversed(channel="tau", joints=(name,)),))
+    return Repair((Multiplied(channel="tau", factors=((name, float(f"{factor:.4g}")),)),))
+
+
+def _gain(rows: ReadingRows, joint: int) -> float | None:
+    """Factor of a joint's torque with the lowest score, where that is not about one."""
+    return _best_factor(rows, lambda x: rows.with_gain(joint, x), GAINS, GAIN_RANGE)
+
+
+def _clock(rows: ReadingRows) -> float | None:
+    """Factor of the times with the lowest score, likewise; a round one where that does as well."""
+
+    def scores(factor: float) -> np.ndarray:
+        return rows.after(_one(Retimed(factor=factor))).scores()
+
+    best = _best_factor(rows, scores, CLOCKS, CLOCK_RANGE)
+    if best is None:
+        return None
+    nearest = min(CLOCKS, key=lambda factor: abs(np.log(factor / best)))
+    return best if clearly_lower(scores(best) - scores(nearest), 1, 0.0) else nearest
+
+
+def _best_factor(
+    rows: ReadingRows,
+    scores: Callable[[float], np.ndarray],
+    tried: Sequence[float],
+    reach: float,
+) -> float | None:
+    """Factor with the lowest score, where one of some is better than one; None if it is near."""
+    from scipy.optimize import minimize_scalar
+
+    given = float(rows.scores().mean())
+    if all(float(scores(factor).mean()) >= given for factor in tried):
+        return None
+    found = minimize_scalar(
+        lambda x: float(scores(np.exp(x)).mean()),
+        bounds=(-np.log(reach), np.log(reach)), method="bounded", options={"xatol": 1e-3},
+    )  # fmt: skip
+    factor = float(np.exp(found.x))
+    at_an_end = abs(found.x) > 0.99 * np.log(reach)  # where no best one is
+    return None if at_an_end or 1.0 / NO_GAIN < factor < NO_GAIN else factor
+
+
+def _of_motion(rows: ReadingRows) -> Iterator[Repair]:
+    """Repairs that change the observation matrix, or which torque belongs to which row of it."""
+    robot, names = rows.robot, rows.robot.joint_names
+    clock = _clock(rows)
+    if clock is not None:
+        yield _one(Retimed(factor=float(f"{clock:.4g}")))
+    if robot.size > 1:
+        for name in names:
+            yield _one(Reversed(channel="q", joints=(name,)))
+            yield _one(Reversed(channel="", joints=(name,)))
+    for j, k in combinations(range(robot.size), 2):
+        order = list(range(robot.size))
+        order[j], order[k] = k, j
+        yield _one(Reordered(channel="tau", order=tuple(order)))
+        if robot.joints[j].kind == robot.joints[k].kind:
+            yield _one(Reordered(channel="", order=tuple(order)))
+    for gravity in directions(robot):
+        yield _one(Edit(("robot", "gravity"), list(gravity)))
+    for j, name in enumerate(names):
+        if robot.joints[j].kind == "revolute":
+            for quarters in (1, -1, 2):
+                offset = float(f"{quarters * np.pi / 2:.6f}")
+                yield _one(Shifted(offsets=((name, offset),)))
+            logged, zero = rows.channels["q"][:, j] - rows.zeros[j], rows.zeros[j]
+            for factor in (np.pi / 180.0, 180.0 / np.pi):
+                if _turns(factor * logged + zero):
+                    yield _one(Multiplied(channel="q", factors=((name, factor),)))
+
+
+def _one(edit: Change) -> Repair:
+    return Repair((edit,))
+
+
+def _turns(q: np.ndarray) -> bool:
+    """Whether positions in radians, shape (rows,), may be those of a joint."""
+    return float(np.ptp(q)) > LEAST_SPAN and float(np.abs(q).max()) < FARTHEST
+
+
+def directions(robot: Robot) -> Iterator[tuple[float, ...]]:
+    """The other axes of the base along which gravity may point, and none, shape (3,) [m/s²].
+
+    Some drives log torques from which gravity is taken out.
+    """
+    size = float(np.linalg.norm(robot.gravity))
+    if size:
+        yield (0.0, 0.0, 0.0)
+    for axis in range(3):
+        for sign in (1.0, -1.0):
+            gravity = sign * size * np.eye(3)[axis]
+            if size and not np.allclose(gravity, robot.gravity, atol=0.1 * size):
+                yield tuple(float(f"{x:.6g}") + 0.0 for x in gravity)
+
+
+def joined(candidates: Sequence[Candidate]) -> Repair:
+    """Several repairs as one, in their order."""
+    return Repair(tuple(edit for one in candidates for edit in one.repair.edits))

@@ -1,0 +1,1 @@
+"""Causes of model error: found in the residual by their shapes, named, corrected."""

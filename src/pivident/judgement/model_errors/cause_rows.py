@@ -1,0 +1,370 @@
+"""Rows on which causes are compared: below the highest frequency of the motion.
+
+Columns and torque pass the same low-pass without phase, weighted by what the estimate holds for
+noise, and are thinned out to what the band needs. Samples that the estimate leaves out are left out
+with those that the low-pass mixes with them.
+
+Signals of a record behind a low-pass without phase, at the few rows that its band needs.
+
+A filter without phase is a gain by frequency. Of the spectrum of a record only what lies below half
+the rate of the rows is kept, and turned back at that rate: filter and thinning in one. Signals that
+hold nothing far above the band may come at a fraction of the rate. The record is taken for periodic
+on the way, so rows near its ends are to be left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.dynamics.regressor import Regressor
+from pivident.estimation.identification import Identification
+from pivident.estimation.kinematics import estimate_kinematics
+from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import RandomWalk
+from pivident.estimation.standstill import without_recent
+from pivident.foundation.threads import run_in_threads
+from pivident.judgement.model_errors.cause import (
+    SMOOTH_SAMPLES_PER_PERIOD,
+    Cause,
+    RecordMotion,
+    stride_of,
+    thinned,
+)
+from pivident.judgement.model_errors.cause_sums import CauseSums, JointRows
+from pivident.judgement.validation.held_out.prediction import motion_band
+from pivident.loop.motion.motion import Kinematics, Motion, measured_samples
+from pivident.signals.bandpass import bandpass_response
+
+#: Rows that are kept for each period of the highest frequency, at least.
+ROWS_PER_PERIOD = 5.0
+#: Blocks of the motion that are held out in turn, all recordings together.
+BLOCKS = 10
+#: Time over which the low-pass mixes rest and motion, in periods of the highest frequency …
+MIXED = 1.0
+#: … and over which weight and low-pass may still show what static friction holds at rest.
+SHOWN = 4.0
+#: Share of the samples in use that has to be left without those that are mixed.
+FEWEST = 0.25
+#: Time over which a filter remembers to either side [s].
+MEMORY = 0.5
+#: Periods of the highest frequency that are left out at the ends of a record.
+ENDS = 3.0
+#: Packed columns of the model, shape (entries, samples), and those of all causes, each (joints,
+#: samples) or at a fraction of their rate.
+Columns = tuple[np.ndarray, list[np.ndarray]]
+#: Size below which a number is zero; products of such would be denormal, and slow.
+VANISHING = 1e-150
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Which samples of a record are looked at.
+
+    Attributes:
+        rate: of the samples that columns are made on [Hz].
+        stride: of these samples, in those of the record.
+        fraction: stride of smooth columns, in these samples.
+        step: that of the rows, likewise.
+    """
+
+    rate: float
+    stride: int
+    fraction: int
+    step: int
+
+    @classmethod
+    def of(cls, kinematics: Kinematics, band: float) -> Grid:
+        """As few as a band needs [Hz]."""
+        stride = stride_of(kinematics.recording.rate, band)
+        rate = kinematics.recording.rate / stride
+        fraction = max(1, int(rate / (SMOOTH_SAMPLES_PER_PERIOD * band)))
+        step = fraction * max(1, int(rate / (ROWS_PER_PERIOD * band * fraction)))
+        return cls(rate, stride, fraction, step)
+
+
+@dataclass(frozen=True)
+class BandRows:
+    """Every so many samples of a record, as far as they are not near its ends.
+
+    Attributes:
+        rate: of the samples [Hz].
+        band: highest frequency that is kept [Hz].
+        step: samples from one row to the next.
+        count: rows of the whole record, its ends and a few beyond them included.
+        kept: those that are used.
+    """
+
+    rate: float
+    band: float
+    step: int
+    count: int
+    kept: slice
+
+    @classmethod
+    def of(cls, samples: int, rate: float, band: float, step: int, span: slice) -> BandRows:
+        """Rows of a record of so many samples; ``span``: samples at which rows may be."""
+        from scipy.fft import next_fast_len
+
+        count = next_fast_len(-(-samples // step), real=True)
+        first, last = -(-span.start // step), -(-span.stop // step)
+        return cls(rate, band, step, count, slice(first, max(first, last)))
+
+    @property
+    def at(self) -> np.ndarray:
+        """Samples at which the rows are, shape (rows,)."""
+        return np.arange(self.kept.start, self.kept.stop) * self.step
+
+    @property
+    def samples(self) -> int:
+        """Samples that the rows of the whole record span."""
+        return self.count * self.step
+
+    @property
+    def frequencies(self) -> np.ndarray:
+        """Of the spectrum that is kept [Hz], shape (count // 2 + 1,)."""
+        return np.fft.rfftfreq(self.count, self.step / self.rate)
+
+    def gain(self, weight: np.ndarray | None) -> np.ndarray:
+        """Gain of the low-pass at these frequencies.
+
+        ``weight``: taps of a further filter, symmetric about the middle one; None: no filter.
+        """
+        gain = np.abs(bandpass_response(self.frequencies, self.rate, self.band))
+        if weight is None:
+            return gain
+        circle = np.zeros(self.samples)
+        half = weight.size // 2
+        np.add.at(circle, np.arange(-half, half + 1) % self.samples, weight)
+        return gain * np.fft.rfft(circle).real[: gain.size]
+
+    def passed(
+        self, signals: Sequence[np.ndarray] | np.ndarray, gain: np.ndarray, fraction: int = 1
+    ) -> np.ndarray:
+        """Rows of some signals behind a filter, shape (signals, rows).
+
+        Args:
+            signals: one sample for every ``fraction`` of the record's, shape (signals, samples).
+            gain: of the filter.
+            fraction: a divisor of ``step``.
+        """
+        from scipy.fft import irfft, rfft
+
+        if not len(signals):
+            return np.zeros((0, self.at.size))
+        length = self.samples // fraction
+        spectrum = rfft(np.asarray(signals)[:, :length], length, axis=1)[:, : gain.size]
+        whole = irfft(spectrum * (gain * fraction / self.step), self.count, axis=1)
+        rows = np.ascontiguousarray(whole[:, self.kept])
+        rows[np.abs(rows) < VANISHING] = 0.0
+        return rows
+
+
+class CauseRows:
+    """Rows of all joints and records for some causes.
+
+    ``motions``: the motion that makes the instruments of each record; None: the measured one.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        found: Identification,
+        causes: Sequence[Cause],
+        kinematics: Sequence[Kinematics],
+        motions: Sequence[Motion | None],
+    ) -> None:
+        self.problem, self.found, self.causes = problem, found, causes
+        self.band = min(motion_band(r) for r in problem.recordings)
+        counts = [cause.count for cause in causes]
+        self.first = len(found.theta) + np.concatenate([[0], np.cumsum(counts)]).astype(int)
+        self.joints: list[list[JointRows]] = []
+        began = 0.0
+        for number, (kin, motion) in enumerate(zip(kinematics, motions, strict=True)):
+            self.joints.append(self._rows(number, kin, motion, began))
+            began += kin.recording.duration
+
+    def _rows(
+        self, number: int, kin: Kinematics, motion: Motion | None, began: float
+    ) -> list[JointRows]:
+        """Rows of one record."""
+        rate, regressor = kin.recording.rate, self.regressor
+        grid = Grid.of(kin, self.band)
+        rows = self._band_rows(kin, grid)
+        made = None if motion is None else self._columns(motion, rate, grid, number, began)
+        clean = None if getattr(motion, "from_record", True) else made
+        measured = self._columns(kin, rate, grid, number, began, clean)
+        valid = getattr(motion, "valid", None)
+        allowed = np.ones(rows.at.size, bool) if valid is None else valid[:: grid.stride][rows.at]
+        used = self._used(number, kin)[:, :: grid.stride]
+        known = np.broadcast_to(measured_samples(kin), kin.q.shape)[:, :: grid.stride]
+        reaches = [int(np.ceil(periods * grid.rate / self.band)) for periods in (MIXED, SHOWN)]
+        rates = [cause.is_smooth for cause in self.causes for _ in range(cause.count)]
+        out: list[JointRows | None] = [None] * self.problem.robot.size
+
+        def thin(j: int) -> None:
+            alive = [c for c, column in enumerate(measured[1]) if column[j].any()]
+            smooth = np.array([rates[c] for c in alive], bool)
+            own = slice(regressor.offsets[j], regressor.offsets[j + 1])
+            near, far = (without_neighbours(used[j], reach)[rows.at] for reach in reaches)
+            free = allowed & known[j][rows.at]
+            gain = rows.gain(self._weight(j, rate, grid.rate))
+
+            def passed(columns: Columns) -> np.ndarray:
+                of_causes = np.empty((len(alive), rows.at.size))
+                for kind, fraction in ((smooth, grid.fraction), (~smooth, 1)):
+                    chosen = [columns[1][c][j] for c, one in zip(alive, kind, strict=True) if one]
+                    of_causes[kind] = rows.passed(chosen, gain, fraction)
+                return np.vstack([rows.passed(columns[0][own], gain), of_causes])
+
+            x = passed(measured)
+            y = x if made is None else passed(made)
+            index = np.concatenate(
+                [regressor.columns_of(j), len(self.found.theta) + np.array(alive, int)]
+            )
+            torque = thinned(kin.tau[j][None], rate, grid.stride)
+            theta = self.found.theta[regressor.columns_of(j)]
+            residual = torque - theta @ measured[0][own]
+            tau, whole, rest = rows.passed(
+                np.vstack([torque, residual, np.where(used[j], 0.0, residual)]), gain
+            )
+            counts = rows_worth_using(whole, rest, free & near, free & far)
+            out[j] = JointRows(index, x * counts, y * counts, tau * counts)
+
+        run_in_threads(thin, range(len(out)))
+        return [r for r in out if r is not None]
+
+    def _band_rows(self, kin: Kinematics, grid: Grid) -> BandRows:
+        """Rows of one record without its ends, which the low-pass and the weight spoil."""
+        margin = int(np.ceil(max(ENDS / self.band, MEMORY) * grid.rate))
+        span = slice(-(-kin.start // grid.stride) + margin, kin.stop // grid.stride - margin)
+        samples = -(-kin.q.shape[1] // grid.stride)
+        return BandRows.of(samples, grid.rate, self.band, grid.step, span)
+
+    def _used(self, number: int, kin: Kinematics) -> np.ndarray:
+        """Samples at which the model is asked, shape (joints, samples): those of the estimate."""
+        equations = self.found.equations
+        if equations is not None and equations.full_rate:
+            return equations.records[number].used
+        moving = np.abs(kin.dq) > self.problem.low_speeds(kin.recording)[:, None]
+        return moving & measured_samples(kin)
+
+    def _weight(self, j: int, rate: float, working: float) -> np.ndarray | None:
+        """|L_j| below the highest frequency of the motion as a filter without phase.
+
+        What the estimate holds for noise decides which of these frequencies say most. Shape
+        (taps,); None: all say the same.
+        """
+        equations = self.found.equations
+        if equations is None or not equations.full_rate or not equations.filters:
+            return None
+        half = int(MEMORY * working)
+        frequency = np.fft.rfftfreq(2 * half, 1.0 / working)
+        gain = np.abs(equations.filters[j].response(np.minimum(frequency, self.band), rate))
+        taps = np.fft.fftshift(np.fft.irfft(gain / gain.max(), 2 * half))
+        return np.append(taps, taps[0]) * np.hanning(2 * half + 1)
+
+    def _columns(
+        self,
+        motion: Motion,
+        rate: float,
+        grid: Grid,
+        number: int,
+        began: float,
+        clean: Columns | None = None,
+    ) -> Columns:
+        """Columns of the model and of the causes, on every so many samples.
+
+        ``clean``: those of a simulated motion, from which the rough ones are taken.
+        """
+        theta, regressor = self.found.theta, self.regressor
+        q, dq, ddq = (thinned(x, rate, grid.stride) for x in motion.stretch(slice(None)))
+        own = RecordMotion(regressor, theta, q, dq, ddq, grid.rate, number, began)
+        smooth = own.every(grid.fraction)
+        packed = regressor.packed(q, dq, ddq, inner=regressor.inner(q, dq, ddq, theta))
+        made = [np.zeros((0, *q.shape))] * len(self.causes)
+        own.torque, own.load, smooth.torque  # noqa: B018 - once, before several threads ask
+
+        def make(k: int) -> None:
+            cause = self.causes[k]
+            if cause.is_rough and clean is not None:
+                first, last = self.first[k : k + 2] - len(theta)
+                made[k] = np.array(clean[1][first:last])
+            else:
+                made[k] = cause.columns(smooth if cause.is_smooth else own)
+
+        run_in_threads(make, range(len(made)))
+        return packed, [column for own in made for column in own]
+
+    @property
+    def regressor(self) -> Regressor:
+        """The model that was estimated."""
+        equations = self.found.equations
+        return self.problem.regressor if equations is None else equations.regressor
+
+    def variances(self, theta: np.ndarray) -> np.ndarray:
+        """Mean square of each joint's residual τ - Xθ in the band, shape (joints,)."""
+        squares, rows = np.zeros((2, self.problem.robot.size))
+        for record in self.joints:
+            for j, r in enumerate(record):
+                squares[j] += np.sum((r.tau - theta[r.columns] @ r.x) ** 2)
+                rows[j] += np.count_nonzero(r.tau)
+        return np.maximum(squares / np.maximum(rows, 1.0), 1e-300)
+
+    def sums(self, variance: np.ndarray) -> CauseSums:
+        """All sums, with weights 1/λ_j."""
+        return CauseSums(self.joints, variance, self.first, BLOCKS)
+
+
+def without_neighbours(used: np.ndarray, reach: int) -> np.ndarray:
+    """Samples in use that have none but such within ``reach`` to either side; shape (samples,).
+
+    All of them where that would leave less than `FEWEST`.
+    """
+    alone = without_recent(used, reach) & without_recent(used[::-1], reach)[::-1]
+    return alone if alone.sum() > FEWEST * used.sum() else used
+
+
+def rows_worth_using(
+    residual: np.ndarray, rest: np.ndarray, near: np.ndarray, far: np.ndarray
+) -> np.ndarray:
+    """Which of the rows ``near`` to a standstill are used beside those that are ``far`` from it.
+
+    All or none. With r the mean square of what the filters show of standstill in the m rows that
+    are nearer, over that of the residual of the c others, they are left out where r > 1 + m/c: they
+    then make the variance of an estimate larger (see `pivident.estimation.standstill`).
+
+    ``rest``: the residual of standstill alone, filtered likewise; all of shape (rows,).
+    """
+    between = near & ~far
+    c, m = int(far.sum()), int(between.sum())
+    if c == 0 or m == 0:
+        return near
+    ratio = float(np.mean(rest[between] ** 2) / max(np.mean(residual[far] ** 2), 1e-300))
+    return near & far if ratio > 1.0 + m / c else near
+
+
+def instrument_motions(
+    problem: Problem, found: Identification, kinematics: Sequence[Kinematics]
+) -> list[Motion | None]:
+    """What made the instruments of each record, at its full rate; None: the record itself.
+
+    Those of decimated equations are not kept; a loop is simulated once more.
+    """
+    from pivident.estimation.auxiliary_model import AuxiliaryModel
+
+    if found.equations is not None and found.equations.full_rate:
+        return [r.motion for r in found.equations.records]
+    used = found.instruments
+    if problem.loop is None or used is None or used.kind != "loop":
+        return [None] * len(kinematics)
+    return list(AuxiliaryModel(problem, False, kinematics, torque=False).simulate(found.theta))
+
+
+def smoothed(problem: Problem, found: Identification) -> list[Kinematics]:
+    """The smoothed motion of each record: that of the estimate where it has one at full rate."""
+    if found.equations is not None and found.equations.full_rate:
+        return [r.kinematics for r in found.equations.records]
+    return [estimate_kinematics(r, RandomWalk()) for r in problem.recordings]

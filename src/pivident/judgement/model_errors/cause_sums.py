@@ -1,0 +1,235 @@
+"""Sums over rows that suffice for every test of causes and every estimate with some corrected.
+
+With X = (Φ, D) the columns of the model and of all causes, Y the same on the motion that makes the
+instruments, and weights 1/λ_j of each joint,
+
+    Yᵀ X,  Yᵀ τ   by window of time,
+    Xᵀ X,  Xᵀ τ,  τᵀ τ   by block of the motion
+
+Of the products only those are made that a test asks for: of all columns with those that stay in the
+equations, which are the model's and those of corrected causes, and of the columns of each cause
+with one another. Two causes meet only once one of them is corrected.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from copy import copy
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from pivident.estimation.covariance.windows import Share, windows_of
+from pivident.foundation.compiled import kernel
+
+
+@dataclass(frozen=True, eq=False)
+class JointRows:
+    """Rows of one joint in one record, on the columns that act on it; time last."""
+
+    columns: np.ndarray  # indices, shape (k,)
+    x: np.ndarray  # columns of model and causes, shape (k, rows); ``y`` their instruments
+    y: np.ndarray
+    tau: np.ndarray  # shape (rows,)
+
+
+#: Columns of several causes, as many of each: places among those of a joint, shape (causes, n), and
+#: of their products among all such, shape (causes, n, n).
+Group = tuple[np.ndarray, np.ndarray]
+
+
+class Products:
+    """Aᵀ X and Aᵀ τ of several parts of the rows, as far as they are asked for.
+
+    Args:
+        parts: number of parts.
+        first: first column of each cause, and behind the last one; the model's are before them.
+        is_symmetric: whether A is X.
+    """
+
+    def __init__(self, parts: int, first: np.ndarray, is_symmetric: bool) -> None:
+        columns, sizes = int(first[-1]), np.diff(first)
+        self.tau = np.zeros((parts, columns))
+        self.is_symmetric = is_symmetric
+        self._left = np.zeros((parts, 0, columns))  # A of the columns that stay, X of all
+        self._right = np.zeros((parts, columns, 0))  # A of all, X of the columns that stay
+        self._own = np.zeros((parts, int(np.sum(sizes**2))))  # of each cause's with one another
+        self._place = np.full(columns, -1)  # of a column among those that stay
+        # The cause of a column, -1 for the model; its place there; where its products begin
+        self._cause = np.r_[np.zeros(first[0], int) - 1, np.repeat(np.arange(sizes.size), sizes)]
+        self._within = np.arange(columns) - np.r_[0, first][self._cause + 1]
+        begin = np.r_[0, np.cumsum(sizes**2)][self._cause]
+        self._row = begin + self._within * np.r_[sizes, 0][self._cause]
+
+    @property
+    def total(self) -> Products:
+        """Of all parts together, as one part."""
+        whole = copy(self)
+        for name in ("tau", "_left", "_right", "_own"):
+            setattr(whole, name, getattr(self, name).sum(axis=0, keepdims=True))
+        return whole
+
+    def of(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+        """Some entries of Aᵀ X by indices that are broadcast, shape (parts, …)."""
+        down, across = self._place[rows], self._place[columns]
+        if across.size and across.min() >= 0:
+            return self._right[:, rows, across]
+        if down.size and down.min() >= 0:
+            return self._left[:, down, columns]
+        rows, columns, down, across = np.broadcast_arrays(rows, columns, down, across)
+        out = np.empty((len(self.tau), *rows.shape))
+        right, left = across >= 0, (across < 0) & (down >= 0)
+        own = ~(right | left)
+        if not np.array_equal(self._cause[rows[own]], self._cause[columns[own]]):
+            raise ValueError("products of two causes neither of which stays were not made")
+        out[:, right] = self._right[:, rows[right], across[right]]
+        out[:, left] = self._left[:, down[left], columns[left]]
+        out[:, own] = self._own[:, self._row[rows[own]] + self._within[columns[own]]]
+        return out
+
+    def border(self, columns: np.ndarray) -> None:
+        """Make room for the products of more columns, which stay from now on, with all."""
+        parts, every = self.tau.shape
+        self._place[columns] = self._left.shape[1] + np.arange(columns.size)
+        self._left = np.concatenate([self._left, np.zeros((parts, columns.size, every))], axis=1)
+        if self.is_symmetric:
+            self._right = self._left.transpose(0, 2, 1)
+        else:
+            more = np.zeros((parts, every, columns.size))
+            self._right = np.concatenate([self._right, more], axis=2)
+
+    def stays(self, columns: np.ndarray) -> np.ndarray:
+        """Which columns' products with all others are there."""
+        return np.asarray(self._place[columns] >= 0)
+
+    def add(
+        self, part: int, columns: np.ndarray, a: np.ndarray, x: np.ndarray, chosen: np.ndarray
+    ) -> None:
+        """Add products of rows of one joint: of ``chosen`` places among ``columns`` with all."""
+        place = self._place[columns[chosen]]
+        _put(self._left[part], place, columns, a[chosen] @ x.T)
+        if not self.is_symmetric:
+            _put(self._right[part], columns, place, a @ x[chosen].T)
+
+    def add_own(self, part: int, groups: Sequence[Group], a: np.ndarray, x: np.ndarray) -> None:
+        """Add products of the columns of each cause with one another."""
+        for chosen, place in groups:
+            self._own[part, place] += a[chosen] @ x[chosen].transpose(0, 2, 1)
+
+    def groups(self, columns: np.ndarray) -> list[Group]:
+        """The columns of a joint by cause, causes of as many columns together."""
+        causes, number, count = np.unique(
+            self._cause[columns], return_index=True, return_counts=True
+        )
+        number, count = number[causes >= 0], count[causes >= 0]
+        out = []
+        for n in np.unique(count):
+            chosen = number[count == n][:, None] + np.arange(n)
+            own = columns[chosen]
+            out.append((chosen, self._row[own][:, :, None] + self._within[own][:, None, :]))
+        return out
+
+
+@kernel
+def _put(out, rows, columns, products):
+    """Add products to the entries of their rows and columns: in place, without a copy of these."""
+    for a in range(rows.size):
+        for b in range(columns.size):
+            out[rows[a], columns[b]] += products[a, b]
+
+
+class CauseSums:
+    """The sums; all columns of the model first, then those of the causes in their order.
+
+    Attributes:
+        parameters: number of the model's columns.
+        windows: Yᵀ X and Yᵀ τ of each window of time.
+        blocks: Xᵀ X and Xᵀ τ of each block of the motion.
+        squares: τᵀ τ of each block.
+        torque_squares: τᵀ τ of each joint.
+        lengths: rows of each record.
+    """
+
+    def __init__(
+        self, records: list[list[JointRows]], variance: np.ndarray, first: np.ndarray, blocks: int
+    ) -> None:
+        """Of the rows of all records and joints.
+
+        ``variance``: λ of each joint, shape (joints,); ``first``: first column of each cause, and
+        behind the last one; ``blocks``: blocks of the motion, of equal length.
+        """
+        self.records, self.variance, self.parameters = records, variance, int(first[0])
+        self.lengths = [record[0].tau.size for record in records]
+        every = windows_of(self.lengths)
+        self.windows = Products(sum(w.count for w in every), first, is_symmetric=False)
+        self.blocks = Products(blocks, first, is_symmetric=True)
+        self.squares = np.zeros(blocks)
+        #: Windows of each record, with their samples and weights, and blocks with their samples.
+        self._windows = [_spans(w.shares(slice(0, w.samples))) for w in every]
+        ends = -(-np.arange(blocks + 1) * sum(self.lengths) // blocks)
+        begin = np.r_[0, np.cumsum(self.lengths)]
+        self._blocks = [
+            [
+                (part, slice(max(ends[part] - start, 0), min(ends[part + 1], stop) - start))
+                for part in range(blocks)
+                if max(ends[part], start) < min(ends[part + 1], stop)
+            ]
+            for start, stop in pairwise(begin)
+        ]
+        self.stay(np.arange(self.parameters))
+        self._add_own()
+        self.torque_squares = self.joint_squares(np.zeros(0, int), np.zeros(0))
+
+    def stay(self, columns: np.ndarray) -> None:
+        """Make the products of some columns with all others, as far as they are not there."""
+        columns = columns[~self.windows.stays(columns)]
+        if not columns.size:
+            return
+        self.windows.border(columns)
+        self.blocks.border(columns)
+        for number, record in enumerate(self.records):
+            for rows, lam in zip(record, self.variance, strict=True):
+                chosen = np.flatnonzero(np.isin(rows.columns, columns))
+                for window, span, weight in self._windows[number]:
+                    y = rows.y[:, span] * (weight / lam)
+                    self.windows.add(window, rows.columns, y, rows.x[:, span], chosen)
+                for block, span in self._blocks[number]:
+                    x = rows.x[:, span]
+                    self.blocks.add(block, rows.columns, x / lam, x, chosen)
+
+    def _add_own(self) -> None:
+        """Products of the columns of each cause, and those of all with the torques."""
+        for number, record in enumerate(self.records):
+            for rows, lam in zip(record, self.variance, strict=True):
+                groups = self.windows.groups(rows.columns)
+                for window, span, weight in self._windows[number]:
+                    y = rows.y[:, span] * (weight / lam)
+                    self.windows.add_own(window, groups, y, rows.x[:, span])
+                    self.windows.tau[window, rows.columns] += y @ rows.tau[span]
+                for block, span in self._blocks[number]:
+                    x, tau = rows.x[:, span], rows.tau[span]
+                    self.blocks.add_own(block, groups, x / lam, x)
+                    self.blocks.tau[block, rows.columns] += x @ tau / lam
+                    self.squares[block] += tau @ tau / lam
+
+    def joint_squares(self, columns: np.ndarray, theta: np.ndarray) -> np.ndarray:
+        """Sum of squares of each joint's τ - Xθ with some columns, weighted, shape (joints,)."""
+        whole, squares = np.zeros(self.blocks.tau.shape[1]), np.zeros(len(self.variance))
+        whole[columns] = theta
+        for record in self.records:
+            for joint, (rows, lam) in enumerate(zip(record, self.variance, strict=True)):
+                squares[joint] += np.sum((rows.tau - whole[rows.columns] @ rows.x) ** 2) / lam
+        return squares
+
+
+def _spans(shares: Iterable[Share]) -> list[tuple[int, slice, np.ndarray]]:
+    """Each window of a record with its samples and weights: where it falls and where it rises."""
+    parts: dict[int, list[tuple[slice, np.ndarray]]] = {}
+    for share in shares:
+        parts.setdefault(share.window, []).append((share.part, 1.0 - share.rising))
+        parts.setdefault(share.window + 1, []).append((share.part, share.rising))
+    return [
+        (window, slice(own[0][0].start, own[-1][0].stop), np.concatenate([w for _, w in own]))
+        for window, own in parts.items()
+    ]

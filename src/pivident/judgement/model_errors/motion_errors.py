@@ -1,0 +1,349 @@
+"""Geometry and positions that are off: lengths, angles, zero, scale, encoder, spring and play.
+
+An error δq(t) of one joint's position changes speeds and accelerations with it, and the torque by
+its derivative along all three. An encoder that turns with a share s of another joint reads
+q + s q_i for its position q. Behind a spring of stiffness k the link is at q - τ_load/k, with play
+of width b at q - (b/2) sign(τ_load), and only what the link carries moves with it.
+
+Geometry that is off: lengths and angles between joints, and the way up.
+
+The frame of a joint in its parent's link has six coordinates, of which a turn about its own axis is
+the zero position, see `motion_errors`. Columns are the derivative of Φθ by each, from torques of
+the robot changed by a small step. Parameters whose groups change with the geometry take up what
+lies in the space of Φ; what remains is seen by no other parameter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import lru_cache
+from itertools import permutations
+
+import numpy as np
+
+from pivident.data.recording.recording import Recording
+from pivident.dynamics.regressor import Regressor
+from pivident.dynamics.robot_regressor import regressor_of
+from pivident.estimation.problem import Problem
+from pivident.judgement.model_errors.cause import (
+    NEGLIGIBLE,
+    SAMPLES_PER_PERIOD,
+    STEP,
+    Cause,
+    RecordMotion,
+)
+from pivident.robot.description import Robot
+from pivident.robot.joints import Joint
+from pivident.signals.bandpass import butterworth
+
+#: Percent, milliradian, and what a radian per newton metre is in the unit of compliances.
+PERCENT, MILLI, MICRO = 1e-2, 1e-3, 1e-6
+#: Largest sizes that are believed.
+LARGEST = {"°": 5.0, "mm": 50.0, "%": 20.0, "mrad": 20.0}
+#: Share of the largest load at which play has been taken up.
+TAKEN_UP = 0.02
+#: Highest frequency of the errors of a spring and of play, in bands of the motion.
+WITHIN = 2.0
+#: Periods of a joint's turn that its encoder may have errors of.
+TURNS = (1, 2)
+#: Size of one unit in which geometry is told: millimetres and degrees [m, rad].
+MILLIMETRE, DEGREE = 1e-3, np.pi / 180.0
+#: Steps of the differences [mm, °].
+STEPS = {"mm": 1e-2, "°": 1e-3}
+#: Largest sizes that are believed [mm, °].
+
+
+#: Direction of gravity beyond which a turn about an axis leaves it where it is.
+UPRIGHT = 0.99
+#: A robot changed by a length [m] or an angle [rad].
+Change = Callable[[Robot, float], Robot]
+#: Positions of a joint corrected, shape (samples,), from these and those of all joints.
+Correct = Callable[[np.ndarray, np.ndarray], np.ndarray]
+AXES = "xyz"
+
+
+def geometry_causes(robot: Robot) -> Iterator[Cause]:
+    """Lengths and angles between the joints, and the direction of gravity."""
+    # lengths and angles of closed loops are no free numbers
+    for j, joint in enumerate(robot.joints if robot.constraints is None else ()):
+        if joint.motion != "driven":
+            continue  # a measured base is where it was measured
+        base = "the base" if joint.parent < 0 else robot.joints[joint.parent].name
+        way = f"from {base} to {joint.name}"
+        for k, axis in enumerate(AXES):
+            yield _cause(
+                joint.name, f"correction of the length along {axis} {way}", "mm", _moved(j, k)
+            )
+        about = [_turned(j, k) for k in range(2)]
+        tilted = f"the axis of {joint.name} is tilted by {{size}}"
+        for k, axis in enumerate(AXES[:2]):
+            what, phrase = (
+                f"correction of the angle about {axis} {way}",
+                f"{tilted} about its {axis}",
+            )
+            yield _cause(joint.name, what, "°", about[k], phrase=phrase)
+        what = f"correction of the direction of its axis {way}"
+        yield _cause(joint.name, what, "°", *about, phrase=tilted)
+        if any(other.parent == j for other in robot.joints):
+            alone = [_turned_alone(j, k) for k in range(2)]
+            what = f"correction of the direction of its axis alone {way}"
+            yield _cause(joint.name, what, "°", *alone, phrase=f"{tilted}, and nothing beyond it")
+    size = float(np.linalg.norm(robot.gravity))
+    level = [k for k in range(3) if abs(robot.gravity[k]) < UPRIGHT * size]
+    for k in level:
+        what = f"correction of the angle of the base about {AXES[k]}"
+        yield _cause("", what, "°", _tilted(k))
+    if level:
+        tilts = [_tilted(k) for k in level]
+        yield _cause("", "correction of the direction of gravity", "°", *tilts)
+
+
+def rotation(axis: int, angle: float) -> np.ndarray:
+    """Rotation about a coordinate axis by an angle [rad], shape (3, 3)."""
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    turn = np.eye(3)
+    turn[[i, j], [i, j]] = np.cos(angle)
+    turn[i, j], turn[j, i] = -np.sin(angle), np.sin(angle)
+    return turn
+
+
+def _cause(subject: str, what: str, unit: str, *changes: Change, phrase: str = "") -> Cause:
+    """A cause of one change of the robot, or of several together."""
+    scale, step = (MILLIMETRE if unit == "mm" else DEGREE), STEPS[unit]
+
+    @lru_cache(maxsize=1)
+    def changed(regressor: Regressor) -> list[Regressor]:
+        robots = [change(regressor.robot, step * scale) for change in changes]
+        return [regressor_of(robot, regressor.parameters) for robot in robots]
+
+    def columns(motion: RecordMotion) -> np.ndarray:
+        after = [motion.torque_by(other) for other in changed(motion.regressor)]
+        return (np.array(after) - motion.torque) / step
+
+    def correct(problem: Problem, size: np.ndarray) -> Problem:
+        robot = problem.robot
+        for change, own in zip(changes, size, strict=True):
+            robot = change(robot, float(own) * scale)
+        return replace(problem, robot=robot)
+
+    return Cause(
+        "geometry",
+        subject,
+        what,
+        unit,
+        columns,
+        len(changes),
+        correct,
+        LARGEST[unit],
+        is_smooth=True,
+        phrase=phrase,
+    )
+
+
+def _moved(joint: int, axis: int) -> Change:
+    """The frame of a joint moved along an axis of its parent's link."""
+
+    def change(robot: Robot, length: float) -> Robot:
+        own = robot.joints[joint]
+        translation = own.translation + length * np.eye(3)[axis]
+        return _with_joint(robot, joint, replace(own, translation=translation))
+
+    return change
+
+
+def _turned(joint: int, axis: int) -> Change:
+    """The frame of a joint turned about one of its own axes."""
+
+    def change(robot: Robot, angle: float) -> Robot:
+        own = robot.joints[joint]
+        turned = own.rotation @ rotation(axis, angle)
+        return _with_joint(robot, joint, replace(own, rotation=turned))
+
+    return change
+
+
+def _turned_alone(joint: int, axis: int) -> Change:
+    """The same, while what the joint carries stays where it is as long as the joint is at zero."""
+
+    def change(robot: Robot, angle: float) -> Robot:
+        back = rotation(axis, -angle)
+        for k, other in enumerate(robot.joints):
+            if other.parent == joint:
+                pose = back @ other.rotation, back @ other.translation
+                other = replace(other, rotation=pose[0], translation=pose[1])
+                robot = _with_joint(robot, k, other)
+        return _turned(joint, axis)(robot, angle)
+
+    return change
+
+
+def _tilted(axis: int) -> Change:
+    """Gravity turned about an axis of the base."""
+    return lambda robot, angle: robot.with_gravity(rotation(axis, angle) @ robot.gravity)
+
+
+def _with_joint(robot: Robot, index: int, joint) -> Robot:
+    joints = list(robot.joints)
+    joints[index] = joint
+    return replace(robot, joints=tuple(joints))
+
+
+def motion_causes(robot: Robot) -> Iterator[Cause]:
+    """Zero position, scale and errors of each encoder, spring and play behind each motor.
+
+    An encoder may also see a share of each other joint.
+    """
+    driven = [j for j, joint in enumerate(robot.joints) if joint.motion == "driven"]
+    for j, other in permutations(driven, 2):
+        yield _shared(robot.joints[j], robot.joints[other], j, other)
+    for j, joint in enumerate(robot.joints):
+        if joint.motion != "driven":
+            continue
+        turns = joint.kind == "revolute"
+        zero, unit = (DEGREE, "°") if turns else (MILLI, "mm")
+        yield _shifted(joint.name, j, zero, unit)
+        yield _scaled(joint.name, j)
+        if turns:
+            orders = [(float(n), "turn of the joint") for n in TURNS]
+            motor = abs(float(robot.transmission.reduction[j, j]))
+            if motor > TURNS[-1]:
+                orders.append((motor, "turn of the motor"))
+            for order, words in orders:
+                yield _sine(joint.name, j, order, words)
+        if robot.torque_side == "motor":
+            yield _spring(joint.name, j, turns)
+            yield _play(joint.name, j, turns)
+
+
+def _shared(joint: Joint, seen: Joint, j: int, other: int) -> Cause:
+    """An encoder that reads q_j + s q_i: the joint is at what it reads less the share."""
+    alike = joint.kind == seen.kind
+    scale, unit = (PERCENT, "%") if alike else (1.0, f"{joint.position_unit}/{seen.position_unit}")
+
+    def columns(motion: RecordMotion) -> np.ndarray:
+        change = motion.q[other], motion.dq[other], motion.ddq[other]
+        return -scale * motion.along(j, change, STEP)[None]
+
+    def correct(problem: Problem, size: np.ndarray) -> Problem:
+        share = scale * float(size[0])
+        return with_positions(problem, j, lambda q, every: q - share * every[:, other])
+
+    return Cause(
+        "encoder coupling",
+        joint.name,
+        f"share of {seen.name} that its encoder reads",
+        unit,
+        columns,
+        1,
+        correct,
+        LARGEST["%"] if alike else np.inf,
+        least_torque=NEGLIGIBLE,
+        phrase=f"the encoder of {joint.name} turns with {{size}} of {seen.name}",
+    )
+
+
+def _shifted(name: str, j: int, scale: float, unit: str) -> Cause:
+    def columns(motion: RecordMotion) -> np.ndarray:
+        one, none = np.ones(motion.q.shape[1]), np.zeros(motion.q.shape[1])
+        return scale * motion.along(j, (one, none, none), STEP)[None]
+
+    def correct(problem: Problem, size: np.ndarray) -> Problem:
+        return with_positions(problem, j, lambda q, _: q + scale * size[0])
+
+    what = "correction of the zero position"
+    return Cause("zero position", name, what, unit, columns, 1, correct, LARGEST[unit])
+
+
+def _scaled(name: str, j: int) -> Cause:
+    def columns(motion: RecordMotion) -> np.ndarray:
+        change = motion.q[j], motion.dq[j], motion.ddq[j]
+        return PERCENT * motion.along(j, change, STEP)[None]
+
+    def correct(problem: Problem, size: np.ndarray) -> Problem:
+        return with_positions(problem, j, lambda q, _: q * (1.0 + PERCENT * size[0]))
+
+    return Cause(
+        "position scale",
+        name,
+        "correction of the scale of the positions",
+        "%",
+        columns,
+        correct=correct,
+    )
+
+
+def _sine(name: str, j: int, order: float, words: str) -> Cause:
+    """δq = a sin(nq) + b cos(nq), with its derivatives by time."""
+
+    def columns(motion: RecordMotion) -> np.ndarray:
+        q, dq, ddq = motion.q[j], motion.dq[j], motion.ddq[j]
+        found = []
+        for phase in (0.0, 0.5 * np.pi):
+            sine, cosine = np.sin(order * q + phase), np.cos(order * q + phase)
+            change = (
+                sine,
+                order * cosine * dq,
+                order * cosine * ddq - order**2 * sine * dq**2,
+            )
+            found.append(MILLI * motion.along(j, change, STEP / order**2))
+        return np.array(found)
+
+    def correct(problem: Problem, size: np.ndarray) -> Problem:
+        a, b = MILLI * size
+        return with_positions(
+            problem, j, lambda q, _: q + a * np.sin(order * q) + b * np.cos(order * q), ref=False
+        )
+
+    what = f"correction of the encoder once per {words}"
+    if order == TURNS[1]:
+        what = f"correction of the encoder twice per {words}"
+    return Cause("encoder", name, what, "mrad", columns, 2, correct, LARGEST["mrad"])
+
+
+def _behind_motor(
+    name: str, j: int, kind: str, what: str, unit: str, error: Callable[[np.ndarray], np.ndarray],
+    scale: float,
+) -> Cause:  # fmt: skip
+    """An error of the link's position that follows from the torque it carries."""
+
+    def columns(motion: RecordMotion) -> np.ndarray:
+        cutoff = WITHIN * motion.rate / SAMPLES_PER_PERIOD
+        delta = -butterworth(error(motion.load[j]), motion.rate, cutoff)
+        speed = motion.derivative(delta)
+        change = delta, speed, motion.derivative(speed)
+        largest = max(float(np.abs(delta).max()), 1e-300)
+        return scale * motion.along(j, change, STEP / largest, load=True)[None]
+
+    largest = LARGEST.get(unit, np.inf)
+    return Cause(kind, name, what, unit, columns, largest=largest, is_positive=True, is_rough=True)
+
+
+def _spring(name: str, j: int, turns: bool) -> Cause:
+    unit = "µrad/(N m)" if turns else "µm/N"
+    what = "compliance between motor and link"
+    return _behind_motor(name, j, "elasticity", what, unit, lambda load: load, MICRO)
+
+
+def _play(name: str, j: int, turns: bool) -> Cause:
+    def error(load: np.ndarray) -> np.ndarray:
+        return 0.5 * np.tanh(load / (TAKEN_UP * max(float(np.abs(load).max()), 1e-300)))
+
+    unit = "mrad" if turns else "mm"
+    return _behind_motor(name, j, "backlash", "play behind the motor", unit, error, MILLI)
+
+
+def with_positions(problem: Problem, j: int, change: Correct, ref: bool = True) -> Problem:
+    """The problem with one joint's positions corrected, and its reference with them."""
+
+    def corrected(recording: Recording) -> Recording:
+        q = recording.q.copy()
+        q[:, j] = change(q[:, j], recording.q)
+        reference = recording.q_ref
+        if ref and reference is not None:
+            every = reference
+            reference = reference.copy()
+            reference[:, j] = change(reference[:, j], every)
+        return replace(recording, q=q, q_ref=reference)
+
+    return replace(problem, recordings=tuple(corrected(r) for r in problem.recordings))

@@ -1,0 +1,1 @@
+"""Pages: reports, audits and friction, each one HTML file that needs nothing else."""

@@ -1,0 +1,1 @@
+"""Tests of residuals and instruments, prediction of held-out motion."""

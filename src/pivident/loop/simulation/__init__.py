@@ -1,0 +1,1 @@
+"""What the machine would do: control laws, references, the closed loop."""

@@ -1,0 +1,1 @@
+"""Physical consistency: physically possible standard parameters near an estimate."""

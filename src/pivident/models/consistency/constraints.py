@@ -1,0 +1,326 @@
+"""Conditions for physically possible parameters, as linear images of cones.
+
+* every link: mass and second moments about its own centre of mass are at least those of a small
+  steel ball, see `least_body`;
+* drives: the matrix of rotor inertias, with coupled motors, is positive semidefinite, since
+  ½ dqᵀ I dq is the rotors' kinetic energy; the same for viscous friction, whose power is
+  dqᵀ F dq;
+* other dissipative terms are not negative;
+* bounds that the user declares.
+
+A coupled motor adds ratio·iam between two joints (see `Coupling`): [[ia5, r iam6], [r iam6, ia6]]
+on the TX40's wrist.
+
+Plausible masses are within a factor of the reference's, unless the user or the data say otherwise.
+Descriptions of vendors are off by some tens of percent, bodies of the geometry alone by a factor of
+a few. These bounds apply to the choice among near parameters only (see `nearest_consistent`); least
+distance and intervals do not use them, since they are no knowledge of the machine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from pivident.dynamics.parameters import Parameter
+from pivident.foundation.errors import ExperimentError, RobotDescriptionError
+from pivident.models.consistency.cone_program import Cone
+from pivident.models.consistency.pseudo_inertia import BASIS, least_body, triangle
+from pivident.models.consistency.reference import Reference, body_links, link_places
+from pivident.robot.description import Robot
+from pivident.robot.naming import nearest
+
+#: Lowest and highest value; None: no bound on that side.
+Interval = tuple[float | None, float | None]
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Declared bounds of masses and centres of mass, by the name of the link.
+
+    Attributes:
+        mass: lowest and highest mass of a link [kg].
+        total_mass: lowest and highest total mass of all moving links [kg].
+        center_of_mass: box around a link's centre of mass in its frame: an interval for x, y, z
+            [m].
+        ellipsoid: ellipsoid around a link's centre of mass: its centre (x, y, z) and its half axes
+            along the axes of the frame [m].
+    """
+
+    mass: Mapping[str, Interval] = field(default_factory=dict)
+    total_mass: Interval | None = None
+    center_of_mass: Mapping[str, tuple[Interval, Interval, Interval]] = field(default_factory=dict)
+    ellipsoid: Mapping[str, tuple[Sequence[float], Sequence[float]]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Constraint:
+    """One condition on the standard parameters, F φ + g ∈ K."""
+
+    subject: str  # its link or joint, or ``all links``
+    kind: str  # the condition in words
+    cone: Cone  # kind of K
+    order: int  # order of the matrices of a semidefinite cone; otherwise the number of rows
+    matrix: np.ndarray  # F, shape (rows, standard)
+    offset: np.ndarray  # g, shape (rows,)
+    is_declared: bool = False  # whether it is a bound declared by the user
+
+
+#: Conditions on a link's second moments, see `WORDS` in `nearest_consistent`, and on its mass.
+REAL_BODY, LEAST_MASS = "a real body", "mass at its limit: that of the smallest body"
+
+
+def place_of_link(robot: Robot, name: str) -> int:
+    """Row of `link_places` of a link by its name or that of its joint.
+
+    Raises:
+        RobotDescriptionError: there is no such link, or it is no body; names the nearest ones.
+    """
+    tree, bodies = robot.tree, body_links(robot)
+    index = tree.link_index(name)
+    if index not in bodies:
+        raise RobotDescriptionError(
+            f"link {tree.links[index].name!r} is a frame without a body",
+            advice=nearest(name, [tree.links[i].name for i in bodies]),
+        )
+    return bodies.index(index)
+
+
+def make_constraints(
+    robot: Robot,
+    standard: Sequence[Parameter],
+    reference: Reference,
+    bounds: Bounds | None = None,
+) -> tuple[Constraint, ...]:
+    """All conditions."""
+    made = _real_bodies(robot, standard, reference)
+    made += _positive_forms(robot, standard, reference)
+    made += _dissipative(robot, standard, reference)
+    declared = _declared(robot, standard, reference, bounds or Bounds())
+    return (*made, *(replace(c, is_declared=True) for c in declared))
+
+
+def _real_bodies(
+    robot: Robot, standard: Sequence[Parameter], reference: Reference
+) -> list[Constraint]:
+    """P̃ - Ẽ ≥ 0 of each link, on the scale of its reference, and m ≥ m_b; see `least_body`."""
+    made = []
+    links = [robot.tree.links[i].name for i in body_links(robot)]
+    for i, place in enumerate(link_places(robot, standard)):
+        matrix = np.zeros((10, len(standard)))
+        matrix[:, place] = triangle(reference.scaled(i, BASIS)).T
+        least, lightest = least_body(float(reference.diameters[i]))
+        offset = -triangle(reference.scaled(i, least))
+        name = links[i]
+        made.append(Constraint(name, REAL_BODY, "semidefinite", 4, matrix, offset))
+        made.append(_at_least(name, LEAST_MASS, place[9:], lightest, reference))
+    return made
+
+
+def _positive_forms(
+    robot: Robot, standard: Sequence[Parameter], reference: Reference
+) -> list[Constraint]:
+    """Positive semidefinite matrices of rotor inertia and of viscous friction of coupled joints."""
+    made = []
+    for own, coupled, kind in (
+        ("ia", "iam", "rotor inertias of coupled motors physically possible"),
+        ("fv", "fvm", "viscous friction of coupled motors dissipative"),
+    ):
+        diagonal = {p.joint: k for k, p in enumerate(standard) if p.stem == own}
+        for joints in coupled_joints(robot.tree):
+            if not all(j in diagonal for j in joints):
+                continue  # another friction law: its terms are constrained one by one
+            place = {joint: i for i, joint in enumerate(joints)}
+            size = len(joints)
+            form = np.zeros((len(standard), size, size))
+            for joint in joints:
+                form[diagonal[joint], place[joint], place[joint]] = 1.0
+            found = False
+            for k, p in enumerate(standard):
+                if p.stem == coupled and p.coupling is not None and p.coupling.motor in place:
+                    i, j = place[p.coupling.motor], place[p.coupling.joint]
+                    form[k, i, j] = form[k, j, i] = p.coupling.ratio
+                    found = True
+            if not found:
+                continue
+            scale = 1.0 / np.sqrt([reference.scales[diagonal[j]] for j in joints])
+            form = form * np.outer(scale, scale)
+            rows = triangle(form)
+            subject = " and ".join(robot.tree.joints[j].name for j in joints)
+            made.append(
+                Constraint(subject, kind, "semidefinite", size, rows.T, np.zeros(rows.shape[1]))
+            )
+    return made
+
+
+def coupled_joints(robot: Robot) -> list[tuple[int, ...]]:
+    """Groups of joints whose motors are coupled, ascending."""
+    groups: list[set[int]] = []
+    for c in robot.couplings:
+        touching = [g for g in groups if g & {c.motor, c.joint}]
+        merged = {c.motor, c.joint}.union(*touching)
+        groups = [g for g in groups if g not in touching] + [merged]
+    return [tuple(sorted(g)) for g in groups]
+
+
+def _dissipative(
+    robot: Robot, standard: Sequence[Parameter], reference: Reference
+) -> list[Constraint]:
+    """Non-negative friction levels and rotor inertias."""
+    made = []
+    for k, p in enumerate(standard):
+        if p.is_dissipative:
+            name, kind = robot.tree.joints[p.joint].name, f"{p.name} not negative"
+            made.append(_at_least(name, kind, np.array([k]), 0.0, reference))
+    return made
+
+
+def _at_least(
+    subject: str, kind: str, places: np.ndarray, bound: float, reference: Reference, sign: int = 1
+) -> Constraint:
+    """Σ φ ≥ bound; ≤ with the sign -1."""
+    scale = float(reference.scales[places].sum())
+    matrix = np.zeros((1, reference.scales.size))
+    matrix[0, places] = sign / scale
+    return Constraint(subject, kind, "nonnegative", 1, matrix, np.array([-sign * bound / scale]))
+
+
+def _declared(
+    robot: Robot, standard: Sequence[Parameter], reference: Reference, bounds: Bounds
+) -> list[Constraint]:
+    """The user's bounds."""
+    places = link_places(robot, standard)
+    made = []
+    for name, interval in bounds.mass.items():
+        mass = places[place_of_link(robot, name), 9:]
+        made += mass_interval(name, "mass", interval, mass, reference)
+    if bounds.total_mass is not None:
+        made += mass_interval("all links", "total mass", bounds.total_mass, places[:, 9], reference)
+    for name, box in bounds.center_of_mass.items():
+        place = places[place_of_link(robot, name)]
+        if len(box) != 3:
+            raise ExperimentError(
+                f"center_of_mass of link {name!r} needs three intervals, for x, y, z",
+                advice=f"it has {len(box)}",
+            )
+        for axis, interval in enumerate(box):
+            made += _box(name, axis, interval, place, len(standard), reference)
+    for name, (center, axes) in bounds.ellipsoid.items():
+        place = places[place_of_link(robot, name)]
+        c, a = np.asarray(center, float), np.asarray(axes, float)
+        if c.shape != (3,) or a.shape != (3,) or not (np.isfinite(c).all() and (a > 0).all()):
+            raise ExperimentError(
+                f"ellipsoid of link {name!r} needs a centre of three numbers and three positive "
+                f"half axes in m, not {center!r} and {axes!r}"
+            )
+        # |(h - c m)/a| ≤ m
+        matrix = np.zeros((4, len(standard)))
+        matrix[0, place[9]] = 1.0
+        matrix[1:, place[6:9]] = np.diag(1.0 / a)
+        matrix[1:, place[9]] = -c / a
+        matrix /= reference.scales[place[9]]
+        made.append(
+            Constraint(
+                name, "centre of mass in its ellipsoid", "second_order", 4, matrix, np.zeros(4)
+            )
+        )
+    return made
+
+
+def mass_interval(
+    subject: str,
+    what: str,
+    interval: Interval,
+    places: np.ndarray,
+    reference: Reference,
+) -> list[Constraint]:
+    """Lowest ≤ Σ φ ≤ highest [kg], ``places`` the indices of the masses.
+
+    Raises:
+        ExperimentError: bounds that are not an interval.
+    """
+    _check(subject, what, interval)
+    made = []
+    for bound, sign, words in zip(interval, (1, -1), ("at least", "at most"), strict=True):
+        if bound is not None:
+            kind = f"{what} {words} {bound:.4g} kg"
+            made.append(_at_least(subject, kind, places, bound, reference, sign))
+    return made
+
+
+def _box(
+    name: str,
+    axis: int,
+    interval: Interval,
+    place: np.ndarray,
+    size: int,
+    reference: Reference,
+) -> list[Constraint]:
+    """Lowest · m ≤ h ≤ highest · m."""
+    label = "xyz"[axis]
+    _check(name, f"center_of_mass {label}", interval)
+    scale = reference.scales[place[6]]
+    made = []
+    for bound, sign, words in zip(interval, (1.0, -1.0), ("at least", "at most"), strict=True):
+        if bound is None:
+            continue
+        matrix = np.zeros((1, size))
+        matrix[0, place[6 + axis]] = sign / scale
+        matrix[0, place[9]] = -sign * bound / scale
+        kind = f"centre of mass {label} {words} {bound:g} m"
+        made.append(Constraint(name, kind, "nonnegative", 1, matrix, np.zeros(1)))
+    return made
+
+
+def _check(subject: str, what: str, interval: Interval) -> None:
+    """Refuse bounds that are not an interval."""
+    try:
+        low, high = interval
+        numbers = [float(b) for b in (low, high) if b is not None]
+        good = bool(np.isfinite(numbers).all()) and (len(numbers) < 2 or numbers[0] < numbers[1])
+    except (TypeError, ValueError):
+        good = False
+    if not good:
+        raise ExperimentError(
+            f"{what} of {subject}: {interval!r} is not an interval",
+            advice="give the lowest and the highest value, None for no bound",
+        )
+
+
+#: Largest mass of a link over that of the description, and least under it; the same of the total.
+MAX_FACTOR, MAX_TOTAL_FACTOR = 3.0, 2.0
+
+#: The same for bodies of the geometry alone.
+MAX_ASSUMED_FACTOR, MAX_ASSUMED_TOTAL_FACTOR = 10.0, 4.0
+
+
+def plausible_masses(
+    robot: Robot,
+    standard: Sequence[Parameter],
+    reference: Reference,
+    bounds: Bounds | None = None,
+) -> tuple[Constraint, ...]:
+    """Bounds of every mass and of their total, where the user declares none."""
+    declared = bounds or Bounds()
+    places = link_places(robot, standard)
+    own = {place_of_link(robot, name) for name in declared.mass}
+    made: list[Constraint] = []
+    names = [robot.tree.links[i].name for i in body_links(robot)]
+    for i, place in enumerate(places):
+        if i not in own:
+            factor = MAX_ASSUMED_FACTOR if reference.assumed[i] else MAX_FACTOR
+            made += _within(names[i], "mass", place[9:], factor, reference)
+    if declared.total_mass is None and not own:
+        factor = MAX_ASSUMED_TOTAL_FACTOR if reference.assumed.any() else MAX_TOTAL_FACTOR
+        made += _within("all links", "total mass", places[:, 9], factor, reference)
+    return tuple(made)
+
+
+def _within(
+    subject: str, what: str, places: np.ndarray, factor: float, reference: Reference
+) -> list[Constraint]:
+    """Between the reference over ``factor`` and ``factor`` times the reference."""
+    mass = float(reference.values[places].sum())
+    return mass_interval(subject, what, (mass / factor, mass * factor), places, reference)

@@ -1,0 +1,1 @@
+"""Models as formulas and as code."""

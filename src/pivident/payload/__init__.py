@@ -1,9 +1,0 @@
-"""The load that a robot carries, from a record without and one with the load.
-
-`identify_payload` does the work; `LoadEstimate` holds mass, centre of mass and inertia with their
-intervals.
-"""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

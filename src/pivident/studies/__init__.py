@@ -1,0 +1,5 @@
+"""A question in each folder: friction, prediction, comparison, payload, exciting motion, many records …"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,5 @@
+"""Figures for papers, one call each: matplotlib figures of one or two columns' width.
+
+Every function returns a `matplotlib.figure.Figure` that no window and no global state knows of, so
+it works on a machine without a screen. Lines differ by dash and by lightness as well as by colour.
+"""

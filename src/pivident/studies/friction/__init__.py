@@ -1,0 +1,1 @@
+"""Friction: maps against its states, bearings, ripple."""

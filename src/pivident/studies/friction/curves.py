@@ -1,0 +1,184 @@
+"""Functions and maps as tables, and the whole study as JSON."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pivident.foundation.extras import require
+from pivident.foundation.version import __version__
+from pivident.studies.friction.friction_study import FrictionStudy, JointFriction
+
+if TYPE_CHECKING:
+    import polars as pl
+
+    from pivident.studies.friction.ripple.ripple_lines import Ripple
+
+#: Number of the layout of ``friction.json``.
+SCHEMA = 1
+
+#: State of each function and its unit: p position unit, t torque unit.
+STATES = {
+    "positive": ("speed", "{p}/s"),
+    "negative": ("speed", "{p}/s"),
+    "position": ("position", "{p}"),
+    "load": ("load", "{t}"),
+    "time": ("time", "s"),
+}
+
+
+def curves_table(study: FrictionStudy) -> pl.DataFrame:
+    """All functions and maps, one row per point.
+
+    Columns: joint, kind (``function`` or ``map``), name, state_name, state, state_unit, value,
+    lower, upper (2σ), torque_unit, passes, effective (both of a map; independent samples of a
+    function).
+    """
+    pl = require("polars", extra="tables", purpose="the table of friction curves")
+    frames = [frame for joint in study.joints for frame in _joint_frames(joint)]
+    return pl.concat(frames)
+
+
+def as_json(study: FrictionStudy) -> dict[str, Any]:
+    """The study as plain values; numbers that are not finite become null."""
+    return {
+        "schema": SCHEMA,
+        "pivident": __version__,
+        "robot": study.robot,
+        "method": study.method,
+        "recordings": list(study.recordings),
+        "left_out": dict(study.left_out),
+        "joints": [_joint_json(joint) for joint in study.joints],
+        "ripple": None if study.ripple is None else _ripple_json(study.ripple),
+    }
+
+
+def _ripple_json(ripple: Ripple) -> list[dict[str, Any]]:
+    """Ripple lines, joint by joint."""
+    return [
+        {
+            "joint": joint.name,
+            "unit": joint.unit,
+            "lines": [
+                {
+                    "order": line.order,
+                    "order_std": line.order_std,
+                    "over": line.angle.name,
+                    "amplitude": line.amplitude,
+                    "interval": list(line.interval),
+                    "phase_rad": _finite(line.phase),
+                    "sentence": str(line),
+                }
+                for line in joint.lines
+            ],
+            "notes": list(joint.notes),
+        }
+        for joint in ripple.joints
+    ]
+
+
+def _joint_json(joint: JointFriction) -> dict[str, Any]:
+    fit, held_out = joint.fit, joint.held_out
+    return {
+        "joint": joint.name,
+        "torque_unit": joint.torque.torque_unit,
+        "position_unit": joint.torque.position_unit,
+        "samples_in_motion": int(joint.torque.moving.sum()),
+        "correlation_s": _finite(fit.correlation / joint.torque.rate),
+        "independent_samples": _finite(fit.effective),
+        "converged": fit.converged,
+        "residual_std": _finite(fit.noise_std),
+        "rigid_std": _finite(joint.torque.load_std),
+        "held_out": {
+            "band_hz": held_out.band,
+            "constant_rms": _finite(held_out.constant.rms),
+            "speed_rms": _finite(held_out.speed.rms),
+            "full_rms": _finite(held_out.full.rms),
+            "without_rms": {name: _finite(e.rms) for name, e in held_out.by_term.items()},
+        },
+        "functions": [
+            {
+                "name": p.name,
+                "over": STATES[p.name][0],
+                "nvr": _finite(p.nvr),
+                "straight": p.is_straight,
+                "state": _finite_list(p.state),
+                "value": _finite_list(p.value),
+                "std": _finite_list(p.std),
+            }
+            for p in fit.parameters
+        ],
+        "findings": [
+            {
+                "kind": f.kind,
+                "severity": f.severity,
+                "message": f.message,
+                "value": _finite(f.evidence["value"].value),
+                "two_sigma": _finite(f.evidence["two_sigma"].value),
+                "unit": f.evidence["value"].unit,
+                "clear": bool(f.clear),
+                "terms": f.terms,
+            }
+            for f in joint.findings
+        ],
+    }
+
+
+def _joint_frames(joint: JointFriction) -> list[pl.DataFrame]:
+    pl = require("polars", extra="tables", purpose="the table of friction curves")
+    torque = joint.torque
+    frames = []
+    for p in joint.fit.parameters:
+        over, unit = STATES[p.name]
+        frames.append(
+            {
+                "kind": "function",
+                "name": p.name,
+                "state_name": over,
+                "state_unit": unit.format(p=torque.position_unit, t=torque.torque_unit),
+                "state": p.state,
+                "value": p.value,
+                "lower": p.value - 2.0 * p.std,
+                "upper": p.value + 2.0 * p.std,
+                "passes": np.full(p.state.size, np.nan),
+                "effective": p.density,
+            }
+        )
+    for name, found in joint.maps.items():
+        frames.append(
+            {
+                "kind": "map",
+                "name": name,
+                "state_name": found.state,
+                "state_unit": found.unit,
+                "state": found.centre,
+                "value": found.value,
+                "lower": found.lower,
+                "upper": found.upper,
+                "passes": found.passes.astype(float),
+                "effective": found.effective,
+            }
+        )
+    numbers = ("state", "value", "lower", "upper", "passes", "effective")
+    return [
+        pl.DataFrame(
+            {
+                "joint": torque.name,
+                **{k: v for k, v in frame.items() if k not in numbers},
+                "torque_unit": torque.torque_unit,
+                **{k: pl.Series(frame[k], dtype=pl.Float64) for k in numbers},
+            }
+        ).with_columns(pl.col(pl.Float64).fill_nan(None))
+        for frame in frames
+    ]
+
+
+def _finite(x: float) -> float | None:
+    x = float(x)
+    return x if math.isfinite(x) else None
+
+
+def _finite_list(x: np.ndarray) -> list[float | None]:
+    return [_finite(value) for value in x]

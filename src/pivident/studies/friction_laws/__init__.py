@@ -1,0 +1,1 @@
+"""Friction laws of joints: their choice, and their shape constants."""

@@ -1,0 +1,1 @@
+"""Many records: simulated studies, fleets over time."""

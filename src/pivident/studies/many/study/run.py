@@ -1,0 +1,176 @@
+"""Runs of a study: simulate a record, identify it with every method, one row for each.
+
+A failed run has a row too: error class and message in place of estimates.
+They are computed on any executor and written once; see `batch.runner`.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import time
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pivident.estimation.identification import Identification
+from pivident.foundation.common_work import shared_work
+from pivident.foundation.threads import thread_count
+from pivident.judgement.diagnostics.failed_simulation import identify
+from pivident.judgement.validation.residuals.autocorrelation import correlated_shares
+from pivident.loop.simulation.excitation import FourierSeries
+from pivident.studies.many.batch.results_folder import Row as Row
+from pivident.studies.many.batch.results_folder import failure
+from pivident.studies.many.batch.runner import CHANGED, GivenExecutor, Pool, Processes, Runner, Say
+from pivident.studies.many.study.bench import Bench
+from pivident.studies.many.study.scenario import Scenario
+from pivident.studies.many.study.scenario_tables import FILE as TRAJECTORY
+from pivident.studies.many.study.scenario_tables import as_json, optimised_series
+from pivident.studies.many.study.study_store import Store
+from pivident.studies.many.study.summary import figures_of_merit
+
+#: The bench that this process used last: robot, motion and truth are the same for all runs.
+_last_bench: dict[str, Bench] = {}
+
+
+@dataclass(frozen=True)
+class Task:
+    """The data of a scenario for a worker; small, and the same for all runs."""
+
+    key: str  # hash of the scenario
+    payload: bytes  # scenario, robot and motion, pickled
+
+    @classmethod
+    def of(cls, scenario: Scenario, series: FourierSeries | None) -> Task:
+        """The task of a scenario."""
+        parts = (scenario.name, scenario.plain, scenario.source, scenario.condition)
+        return cls(scenario.hash, pickle.dumps((parts, scenario.robot, series)))
+
+    @property
+    def bench(self) -> Bench:
+        """The bench, made once per process."""
+        if self.key not in _last_bench:
+            (name, plain, source, condition), robot, series = pickle.loads(self.payload)
+            scenario = Scenario(name, plain, source, {}, condition)
+            vars(scenario)["robot"] = robot  # its file need not be where the worker is
+            _last_bench.clear()
+            _last_bench[self.key] = Bench(scenario, series)
+        return _last_bench[self.key]
+
+
+def execute(task: Task, run: int) -> list[Row]:
+    """All rows of a run, one per method."""
+    bench = task.bench
+    common: Row = {"run": run, "record": bench.record_of(run), "start": bench.start_of(run)}
+    begin = time.perf_counter()
+    try:
+        problem = bench.problem(run)
+    except Exception as error:
+        failed = failure(error, time.perf_counter() - begin)
+        return [common | {"method": method} | failed for method in bench.scenario.methods]
+    rows = []
+    with shared_work() as shared:
+        for name, method in bench.scenario.methods.items():
+            # as if the method stood alone: what was reused began to run before
+            begin, saved = time.perf_counter(), shared.saved
+            try:
+                found = identify(problem, method, test_gains=False)
+                answer = _values(bench, found, begin - (shared.saved - saved))
+            except Exception as error:
+                answer = failure(error, time.perf_counter() - begin + shared.saved - saved)
+            rows.append(common | {"method": name} | answer)
+    return rows
+
+
+def execute_alone(task: Task, run: int) -> list[Row]:
+    """``execute`` in a worker process with one thread: workers share the cores."""
+    os.environ["PIVIDENT_THREADS"] = "1"
+    return execute(task, run)
+
+
+def _values(bench: Bench, found: Identification, begin: float) -> Row:
+    """The row of an identification."""
+    seconds = time.perf_counter() - begin
+    merit = figures_of_merit(bench, found.theta)
+    return {
+        "converged": bool(found.converged),
+        "iterations": found.iterations,
+        "simulations": found.simulations,
+        "theta": found.theta.tolist(),
+        "std": found.method_std.tolist(),
+        "robust_std": found.robust_std.tolist(),
+        "formula_std": found.formula_std.tolist(),
+        "relative_error": found.relative_error,
+        "condition": found.condition,
+        "d_tau": merit.d_tau,
+        "d_q": merit.d_q if np.isfinite(merit.d_q) else None,
+        "d_beta": merit.d_beta,
+        "seconds": seconds,
+        "noise_order": [fit.ar_order for fit in found.joints],
+        "correlated": correlated_shares(found),
+    }
+
+
+def lost_rows(task: Task, run: int, times: int) -> list[Row]:
+    """Rows of a run whose worker died each time it was tried."""
+    bench = task.bench
+    common: Row = {"run": run, "record": bench.record_of(run), "start": bench.start_of(run)}
+    message = f"the worker died {times} times on this run; is there enough memory?"
+    lost: Row = {"error": "WorkerLost", "message": message}
+    return [common | {"method": method} | lost for method in bench.scenario.methods]
+
+
+def run_study(
+    scenario: Scenario,
+    folder: str | Path,
+    runs: int | None = None,
+    *,
+    workers: int | None = None,
+    executor: Executor | None = None,
+    pool: Pool | None = None,
+    say: Say | None = None,
+) -> Store:
+    """Compute the runs of a scenario that are not in the folder yet.
+
+    Args:
+        scenario: a scenario without conditions, or one condition.
+        folder: results folder; new, or of the same scenario.
+        runs: total number of runs; None: that of the scenario.
+        workers: processes on this machine, or runs at a time of ``executor``.
+        executor: any executor whose workers can import pivident.
+        pool: instead of the two, see ``cluster``.
+        say: progress.
+
+    Returns:
+        The folder with all runs.
+
+    Raises:
+        StudyFolderError: the folder cannot be used; it is not changed.
+        ExperimentError: the scenario contradicts itself.
+    """
+    say = say or (lambda line: None)
+    total = scenario.content.runs if runs is None else runs
+    if runs is not None and runs != scenario.content.runs:
+        scenario = scenario.with_runs(total)
+    if pool is None:
+        at_a_time = workers or thread_count()
+        pool = Processes(at_a_time) if executor is None else GivenExecutor(executor, at_a_time)
+    store = Store(Path(folder))
+    with store.opened(scenario, total):
+        series = optimised_series(scenario, store.folder, say)
+        if series is not None and not (store.folder / TRAJECTORY).is_file():
+            store.write(TRAJECTORY, as_json(scenario, series))
+        done = store.done()
+        missing = [run for run in range(total) if run not in done]
+        if done and missing and len(store.programs()) > 1:
+            say(f"{scenario.title}: {CHANGED}")
+        if done and missing:
+            say(f"{scenario.title}: {total - len(missing)} runs are done, {len(missing)} to do")
+        work = execute if executor is not None else execute_alone
+        if missing:
+            task = Task.of(scenario, series)
+            runner = Runner(task, store, pool, work, lost_rows, scenario.title, total, say)
+            runner.compute(missing)
+    return store

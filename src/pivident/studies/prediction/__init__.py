@@ -1,0 +1,1 @@
+"""Torques of a new log by a result, with their errors."""

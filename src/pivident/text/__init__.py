@@ -1,5 +1,0 @@
-"""Text: numbers, names, findings and tables as they are printed, TOML and JSON."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,2 +1,0 @@
-from .finding import Finding as Finding
-from .finding import Quantity as Quantity

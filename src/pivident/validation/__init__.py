@@ -1,5 +1,0 @@
-"""Tests of residuals and instruments, prediction of held-out motion."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

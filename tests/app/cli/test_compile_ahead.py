@@ -1,0 +1,45 @@
+"""Kernels compiled in a process beside this one."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from pivident.app.cli import compile_ahead as ahead
+from pivident.dynamics import forward, regressor_kernels
+from pivident.estimation import normal_equations
+from pivident.foundation.compiled import is_compiled
+from pivident.loop.simulation import loop_kernel
+from pivident.signals import burg, prefilter, random_walk_likelihood
+
+
+def test_nothing_is_started_where_everything_is_compiled(monkeypatch):
+    monkeypatch.setattr(ahead, "is_compiled", lambda kernel: True)
+    monkeypatch.setattr(subprocess, "Popen", lambda *_, **__: pytest.fail("a process"))
+    ahead.compile_ahead()
+
+
+def test_a_process_is_started_where_a_kernel_is_missing(monkeypatch):
+    started, ended = [], []
+    monkeypatch.setattr(ahead, "is_compiled", lambda kernel: False)
+    monkeypatch.setattr(subprocess, "Popen", lambda command, **_: started.append(command))
+    monkeypatch.setattr(ahead.atexit, "register", lambda *call: ended.append(call))
+    ahead.compile_ahead()
+    assert started == [[sys.executable, "-m", "pivident.app.cli.compile_ahead"]]
+    assert ended == [(ahead._end, None)]
+
+
+def test_it_leaves_the_shared_kernels_in_the_cache():
+    ahead.compile_shared()
+    kernels = (
+        regressor_kernels.observe,
+        loop_kernel.run_loop,
+        forward._mass_matrices,
+        burg.products,
+        prefilter._filter_group,
+        random_walk_likelihood._search,
+        normal_equations._add_products,
+    )
+    assert [kernel.__name__ for kernel in kernels if not is_compiled(kernel)] == []

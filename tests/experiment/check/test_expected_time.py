@@ -1,0 +1,67 @@
+"""The expected time grows with what it depends on, and says what compiling adds."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from pivident.estimation.methods import METHODS
+from pivident.experiment.check.expected_time import (
+    CONSISTENT,
+    JUDGED,
+    WRITTEN,
+    expected_stages,
+    expected_time,
+)
+from pivident.experiment.check.plan import in_words
+
+FOUR = ("ls", "iv", "iv-full-rate", "piv")
+
+#: Samples, joints, parameters, methods, whether the law is to be found, and seconds measured.
+MEASURED = {
+    "TIAGo": (6174, 5, 40, ("ls",), False, 2.1),
+    "EMPS": (24841, 1, 4, FOUR, False, 3.7),
+    "UR10e": (27082, 6, 58, ("ls", "iv-full-rate", "piv"), True, 11.0),
+    "TX40": (37250, 6, 34, FOUR, False, 6.0),
+}
+
+
+def problem_of(samples, joints, parameters, loop=True):
+    return SimpleNamespace(
+        recordings=[SimpleNamespace(samples=samples)],
+        robot=SimpleNamespace(size=joints),
+        names=range(parameters),
+        loop=loop,
+    )
+
+
+def seconds(samples, joints, parameters, methods, law, folds=5):
+    problem = problem_of(samples, joints, parameters, None if methods == ("ls",) else True)
+    chosen = {name: METHODS[name] for name in methods}
+    return expected_time(problem, chosen, folds, law_unknown=law)
+
+
+@pytest.mark.parametrize("name", MEASURED)
+def test_measured_identifications_are_within_a_factor_of_two(name):
+    *given, measured = MEASURED[name]
+    assert 0.5 < seconds(*given) / measured < 2.0
+
+
+def test_folds_methods_and_law_cost_time():
+    whole = seconds(30000, 6, 40, FOUR, True)
+    assert seconds(30000, 6, 40, FOUR, True, folds=0) < 0.9 * whole
+    assert seconds(30000, 6, 40, ("ls",), True) < 0.8 * whole
+    assert seconds(30000, 6, 40, FOUR, False) < whole
+
+
+def test_stages_are_in_the_order_in_which_they_pass():
+    chosen = {name: METHODS[name] for name in FOUR}
+    stages = expected_stages(problem_of(30000, 6, 40), chosen, 5)
+    assert [*stages] == [*FOUR, JUDGED, WRITTEN]
+    both = expected_stages(problem_of(30000, 6, 40), chosen, 5, consistent=2)
+    assert [*both] == [*FOUR, JUDGED, CONSISTENT, WRITTEN] and min(both.values()) > 0.0
+    without = expected_stages(problem_of(30000, 6, 40, None), chosen, 5)
+    assert without[JUDGED] < 0.6 * stages[JUDGED]  # no loop is simulated
+
+
+def test_times_in_words():
+    assert [in_words(s) for s in (0.2, 41.4, 89.6, 150.0)] == ["1 s", "41 s", "90 s", "2 min"]

@@ -1,0 +1,38 @@
+"""Gains of the file against those of the log: what is a difference, and what is a delay."""
+
+import numpy as np
+import pytest
+
+from pivident.data.logs.log import Log
+from pivident.experiment.check.gains_check import check_gains
+from pivident.experiment.schema import ControllerEntry
+from pivident.judgement.audit.timing import Timing
+
+RATE, KP, KD = 1000.0, 1000.0, 2.0
+TIMING = Timing((), np.full(2999, 1.0 / RATE), RATE, True)
+
+
+def log(late: int) -> Log:
+    """A PD loop of one joint whose torque is logged some samples late."""
+    t = np.arange(3000) / RATE
+    q_ref = np.sin(2 * np.pi * 2.0 * t)[:, None]
+    error = 0.01 * np.sin(2 * np.pi * 3.0 * t + 1.0)[:, None]
+    tau = KP * error + KD * np.diff(error, axis=0, prepend=error[:1]) * RATE
+    channels = {"q": q_ref - error, "q_ref": q_ref, "tau": np.roll(tau, late, axis=0)}
+    return Log("log", ("elbow",), {}, {}, RATE, logged=channels, channels=channels)
+
+
+def told(late: int, **gains: float) -> list[str]:
+    entry = ControllerEntry(type="pd", **gains)
+    return [r.place[-1] for r in check_gains(log(late), TIMING, entry, ())]
+
+
+@pytest.mark.parametrize("late", [0, 1])
+def test_a_torque_that_is_a_sample_late_is_no_other_gain(late):
+    assert told(late, kp=KP, kd=KD) == []
+
+
+def test_other_gains_are_told():
+    assert told(0, kp=KP, kd=60.0) == ["kd"]
+    assert told(0, kp=2 * KP, kd=KD) == ["kp"]
+    assert told(0, kp=KP * np.pi / 180, kd=10.0) == ["kp", "kd"]

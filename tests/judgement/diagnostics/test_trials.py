@@ -1,0 +1,159 @@
+"""Repairs are tried on logs of Pinocchio's arms: the right one wins, none wins on a right log."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pivident.data.recording.recording import Recording
+from pivident.estimation.identify import identify
+from pivident.estimation.methods import METHODS
+from pivident.estimation.problem import Problem
+from pivident.foundation.text.finding import FindingKind, Quantity, Topic
+from pivident.foundation.text.repair import (
+    Edit,
+    Multiplied,
+    Reordered,
+    Repair,
+    Retimed,
+    Reversed,
+    Shifted,
+    setting,
+)
+from pivident.judgement.audit.scale import GAIN
+from pivident.judgement.diagnostics.diagnostics import diagnose
+from pivident.judgement.diagnostics.reading_rows import ReadingRows
+from pivident.judgement.diagnostics.repair_search import search
+from pivident.judgement.diagnostics.repaired_problem import repaired
+from pivident.judgement.diagnostics.trials import consequences, tried
+from pivident.judgement.diagnostics.verdict import verdict
+from pivident.robot.urdf import parse_urdf
+from tests.other_arms import Setting, make_log
+
+SETTING = Setting("regular", 200.0, 30.0, 0.0, 0.002, "true", 0.8)
+
+#: Names of the joints.
+ONE, TWO = "joint_2", "joint_3"
+
+ODD = FindingKind(Topic("odd"), "odd", reservation=True)
+
+
+@pytest.fixture(scope="module")
+def right() -> Problem:
+    log = make_log(5, SETTING, joints=4)
+    record = Recording(
+        "run", log.arm.joint_names, log.q, log.tau, SETTING.rate, torque_timing="sampled", dq=log.dq
+    )
+    return Problem(parse_urdf(log.arm.urdf), (record,))
+
+
+def after(problem: Problem, *edits) -> Problem:
+    return repaired(problem, Repair(edits))
+
+
+def joint(problem: Problem, number: int) -> str:
+    return problem.robot.joint_names[number]
+
+
+def test_nothing_is_found_in_a_right_log(right):
+    assert search(ReadingRows.of(right)) == ()
+    assert tried(right, (), METHODS["ls"], 5) == ()
+
+
+@pytest.mark.parametrize("number", [1, 2])
+@pytest.mark.parametrize("fault", ["sign", "turned", "zero", "degrees", "order", "gravity"])
+def test_the_repair_that_undoes_a_fault_wins(right, fault, number):
+    name, quarter, circle = joint(right, number), float(np.pi / 2), float(180.0 / np.pi)
+    order = (0, 2, 1, 3) if number == 1 else (0, 1, 3, 2)
+    faults = {
+        "sign": Reversed(channel="tau", joints=(name,)),
+        "turned": Reversed(channel="q", joints=(name,)),
+        "zero": Shifted(offsets=((name, quarter),)),
+        "degrees": Multiplied(channel="q", factors=((name, 1.0 / circle),)),
+        "order": Reordered(channel="tau", order=order),
+        "gravity": Edit(("robot", "gravity"), [9.81, 0.0, 0.0]),
+    }
+    wrong = after(right, faults[fault])
+    trial = tried(wrong, (), METHODS["ls"], 5)[0]
+    assert trial.wins and trial.after < 0.9 * trial.before, trial
+    made = identify(repaired(wrong, trial.repair), "ls").relative_error
+    assert made < 1.05 * identify(right, "ls").relative_error
+    found = verdict(diagnose(wrong, {"ls": identify(wrong, "ls")}))
+    assert found.answer("torque") == "no"
+    assert found.repairs[0].cause.rstrip(".").lower() in found.headline.lower()
+
+
+def test_two_faults_are_found_one_after_the_other(right):
+    wrong = after(
+        right,
+        Reversed(channel="tau", joints=(joint(right, 2),)),
+        Shifted(offsets=((joint(right, 1), float(np.pi / 2)),)),
+    )
+    candidates = search(ReadingRows.of(wrong))
+    assert {type(one.repair.edits[0]) for one in candidates} == {Reversed, Shifted}
+
+
+@pytest.mark.parametrize("factor", [2.0, 0.5])
+def test_the_logged_speeds_know_the_clock(right, factor):
+    """Without them the fit finds it: gravity stays as it is where inertia changes by a square."""
+    wrong = after(right, Retimed(factor=factor))
+    trial = tried(wrong, (), METHODS["ls"], 5)[0]
+    assert trial.evidence and trial.wins
+    (edit,) = trial.repair.edits
+    assert edit.factor == pytest.approx(1.0 / factor, rel=0.01)
+    without = replace(wrong, recordings=(replace(wrong.recordings[0], dq=None),))
+    (trial,) = tried(without, (), METHODS["ls"], 5)
+    (edit,) = trial.repair.edits
+    assert trial.wins and not trial.evidence
+    assert edit.factor == pytest.approx(1.0 / factor, rel=0.05)
+
+
+def test_one_speed_of_another_size_is_a_unit(right):
+    name = joint(right, 3)
+    wrong = after(right, Multiplied(channel="q", factors=((name, 0.8),)))
+    found = [t for t in tried(wrong, (), METHODS["ls"], 5) if t.evidence]
+    assert any(name in trial.evidence for trial in found)
+
+
+def test_a_repair_that_leaves_nothing_is_a_lost_trial(right):
+    nothing = setting("part", value=[1e3, 2e3])
+    finding = ODD.finding("error", "It is odd.", repairs=[nothing])
+    (trial,) = tried(right, (finding,), METHODS["ls"], 5)
+    assert trial.outcome == "unsolvable" and not trial.wins
+    assert consequences((finding,), (trial,)) == ()
+
+
+def test_advice_that_changes_nothing_is_a_note(right):
+    same = setting("torque_timing", value="sampled")
+    finding = ODD.finding("warning", "It is odd.", repairs=[same])
+    trials = tried(right, (finding,), METHODS["ls"], 5)
+    (left,) = consequences((finding,), trials)
+    assert left.severity == "note" and "Of no consequence" in left.message
+
+
+def test_advice_that_makes_it_worse_is_not_given(right):
+    wrong_way = Repair((Reversed(channel="tau", joints=(joint(right, 1),)),))
+    finding = ODD.finding("warning", "It is odd.", repairs=[wrong_way])
+    trials = tried(right, (finding,), METHODS["ls"], 5)
+    assert [trial.outcome for trial in trials] == ["worse"]
+    assert consequences((finding,), trials) == ()
+
+
+@pytest.mark.parametrize("scaled", [True, False])
+def test_a_gain_is_told_from_a_wrong_mass(right, scaled):
+    """A torque of three times its size is repaired; a description of a third of it is none."""
+    name = joint(right, 2)
+    size = {"factor": Quantity(3.0)}
+    finding = GAIN.finding("warning", "It is 3 times that.", name, evidence=size)
+    problem = after(right, Multiplied(channel="tau", factors=((name, 3.0),))) if scaled else right
+    trials = tried(problem, (finding,), METHODS["ls"], 5)
+    if scaled:
+        assert trials[0].wins and "times as large" in trials[0].cause
+    else:
+        (left,) = consequences((finding,), trials)
+        assert left.severity == "note" and "It is no gain (tried: error in motion" in left.message
+
+
+def test_what_nobody_can_try_is_a_reservation_at_most():
+    finding = ODD.finding("error", "It is odd.")
+    assert [f.severity for f in consequences((finding,), ())] == ["warning"]

@@ -1,0 +1,212 @@
+"""Sums and tests against direct solutions on stacked rows."""
+
+import numpy as np
+import pytest
+
+from pivident.judgement.model_errors.cause import Cause
+from pivident.judgement.model_errors.cause_sums import CauseSums, JointRows
+from pivident.judgement.model_errors.column_tests import Normal, Partition, Parts
+from pivident.judgement.model_errors.score_tests import ScoreTests
+
+ROWS, BLOCKS = 600, 5
+
+
+def made(seed=0, size=0.0):
+    """Two joints, three parameters and three causes, one of which has a size."""
+    rng = np.random.default_rng(seed)
+    columns = (np.array([0, 1, 3, 4]), np.array([1, 2, 4, 5]))
+    theta = np.array([1.0, -2.0, 0.5, size, 0.0, 0.0])
+    records = []
+    for _ in range(2):
+        record = []
+        for own in columns:
+            y = rng.standard_normal((own.size, ROWS))
+            x = y + 0.01 * rng.standard_normal(y.shape)
+            tau = theta[own] @ y + 0.1 * rng.standard_normal(ROWS)
+            record.append(JointRows(own, x, y, tau))
+        records.append(record)
+    variance = np.array([0.01, 0.02])
+    tests = score_tests(records, variance)
+    return records, variance, tests
+
+
+def score_tests(records, variance):
+    # none explains too little to be tested
+    causes = [Cause(kind, "", kind, "", lambda m: m.q, least=-np.inf) for kind in "abc"]
+    first = np.array([3, 4, 5, 6])
+    return ScoreTests(CauseSums(records, variance, first, BLOCKS), causes, first, 3)
+
+
+def stacked(records, variance, rows=slice(None)):
+    """Y, X and τ of all rows, weighted."""
+    y, x, tau = [], [], []
+    for record in records:
+        for r, lam in zip(record, variance, strict=True):
+            for target, part in ((y, r.y), (x, r.x)):
+                full = np.zeros((part[:, rows].shape[1], 6))
+                full[:, r.columns] = part[:, rows].T / np.sqrt(lam)
+                target.append(full)
+            tau.append(r.tau[rows] / np.sqrt(lam))
+    return np.vstack(y), np.vstack(x), np.concatenate(tau)
+
+
+@pytest.mark.parametrize("corrected", [[], [0], [0, 1]])
+def test_fit_is_that_of_the_stacked_rows(corrected):
+    records, variance, tests = made(size=0.3)
+    y, x, tau = stacked(records, variance)
+    own = tests.columns(corrected)
+    expected = np.linalg.solve(y[:, own].T @ x[:, own], y[:, own].T @ tau)
+    fit = tests.fit(own)
+    np.testing.assert_allclose(fit.theta, expected, rtol=1e-9)
+    assert fit.residual == pytest.approx(np.sum((tau - x[:, own] @ expected) ** 2), rel=1e-8)
+
+
+def test_unseen_blocks_are_predicted_by_the_others():
+    records, variance, tests = made(size=0.3)
+    own = tests.columns([])
+    total = 0.0
+    length = 2 * ROWS
+    for block in range(BLOCKS):
+        seen, unseen = [[], []], [[], []]
+        for k, record in enumerate(records):
+            number = (k * ROWS + np.arange(ROWS)) * BLOCKS // length
+            for target, part in ((seen, number != block), (unseen, number == block)):
+                _, x, tau = stacked([record], variance, part)
+                target[0].append(x[:, own])
+                target[1].append(tau)
+        theta = np.linalg.lstsq(np.vstack(seen[0]), np.concatenate(seen[1]), rcond=None)[0]
+        total += np.sum((np.concatenate(unseen[1]) - np.vstack(unseen[0]) @ theta) ** 2)
+    assert tests.fit(own).unseen == pytest.approx(total, rel=1e-8)
+
+
+def test_size_has_its_standard_error():
+    """Rows of white noise: the jackknife agrees with the formula, and so does the sensitivity."""
+    records, variance, tests = made(size=0.3)
+    y, x, _ = stacked(records, variance)
+    score = tests.all_scores([])[1][0]
+    own = tests.columns([0])
+    inverse = np.linalg.inv(y[:, own].T @ x[:, own])
+    residual = 0.5 * (1.0 + 0.1**2 / 0.02)  # of unit variance on the first joint
+    assert score.size[0] == pytest.approx(0.3, abs=0.02)
+    assert score.std[0] == pytest.approx(np.sqrt(residual * inverse[3, 3]), rel=0.4)
+    assert score.significance < 1e-6
+    gain = tests.sensitivity(own)
+    expected = np.linalg.solve(y[:, :3].T @ x[:, :3], y[:, :3].T @ x[:, 3:4])
+    np.testing.assert_allclose(gain, expected, rtol=1e-8, atol=1e-12)
+    np.testing.assert_allclose(score.shift, -gain[:, 0] * score.size[0], rtol=1e-6, atol=1e-9)
+
+
+def test_chance_is_not_significant():
+    """Of 100 causes without a size about five are significant at 5 %."""
+    found = []
+    for seed in range(50):
+        _, _, tests = made(seed)
+        found += [score.significance for score in tests.all_scores([])[1].values()]
+    assert 0.01 <= np.mean(np.array(found) < 0.05) <= 0.12
+
+
+def test_columns_that_the_model_has_are_not_distinct():
+    records, variance, _ = made()
+    for record in records:
+        for r in record:
+            if 3 in r.columns:  # the first cause is the first parameter once more
+                r.x[2], r.y[2] = r.x[0], r.y[0]
+    tests = score_tests(records, variance)
+    _, scores = tests.all_scores([])
+    assert set(scores) == {1, 2}
+
+
+def test_a_cause_that_is_corrected_already_hides_its_like():
+    """Also where the motion hardly separates the parameters."""
+    rng = np.random.default_rng(0)
+    x = rng.standard_normal((6, ROWS))
+    x[1] = x[0] + 1e-4 * x[1]
+    x[3] = x[2] + 0.5 * x[0] + 0.01 * x[3]
+    x[4] = x[3]  # causes a and b are the same torque
+    tau = x[0] + 0.3 * x[3] + 0.1 * rng.standard_normal(ROWS)
+    tests = score_tests([[JointRows(np.arange(6), x, x.copy(), tau)]], np.array([0.01]))
+    assert set(tests.all_scores([])[1]) == {0, 1, 2}
+    assert set(tests.all_scores([0])[1]) == {2}
+    assert tests.columns([0, 1]).tolist() == [0, 1, 2, 3]
+    assert np.isfinite(tests.covariance(tests.columns([0, 1]), np.zeros(4))).all()
+
+
+@pytest.mark.parametrize("corrected", [[], [0], [2, 0]])
+def test_several_columns_are_tested_as_single_ones_are(corrected):
+    """The general path, for causes of any number of columns, and the one for single columns."""
+    _, _, tests = made(size=0.3)
+    stay = np.sort(tests.columns(corrected))
+    others = np.setdiff1d(np.arange(6), stay)
+    mask = np.isin(np.arange(6), stay)
+    base, scores = tests.all_scores(corrected)
+    parts = Parts(
+        Partition.of(Normal(tests.yx), mask, tests.scale),
+        Partition.of(Normal(tests.yx, tests.sums.windows), mask, tests.scale),
+        Partition.of(Normal(tests.xx, tests.sums.blocks), mask, tests.scale),
+    )
+    for number, score in scores.items():
+        general = tests._score(number, base, parts, stay, others)
+        for name in ("size", "covariance", "significance", "explained", "unseen", "shift"):
+            expected = getattr(general, name)
+            np.testing.assert_allclose(getattr(score, name), expected, rtol=1e-7, atol=1e-12)
+
+
+def test_two_causes_meet_only_once_one_of_them_stays():
+    """Of all columns against all there are as many as causes squared, in each part of the rows."""
+    records, variance, _ = made(size=0.3)
+    first = np.array([2, 3, 6])  # a cause of one column and one of three
+    sums = CauseSums(records, variance, first, BLOCKS)
+    y, x, tau = stacked(records, variance)
+    whole, right = y.T @ x, y.T @ tau
+    every = np.arange(6)
+
+    def entries(rows, columns):
+        return sums.windows.of(rows, columns).sum(axis=0)
+
+    own = np.array([3, 4, 5])
+    np.testing.assert_allclose(entries(own[:, None], own), whole[3:, 3:], rtol=1e-10)
+    np.testing.assert_allclose(entries(every[:, None], every[:2]), whole[:, :2], rtol=1e-10)
+    np.testing.assert_allclose(entries(every[:2, None], every), whole[:2], rtol=1e-10)
+    np.testing.assert_allclose(sums.windows.tau.sum(axis=0), right, rtol=1e-10)
+    with pytest.raises(ValueError, match="neither of which stays"):
+        entries(every[:, None], every)
+    sums.stay(np.array([2]))
+    np.testing.assert_allclose(entries(every[:, None], every), whole, rtol=1e-10)
+    x_x = sums.blocks.of(every[:, None], every).sum(axis=0)
+    np.testing.assert_allclose(x_x, x.T @ x, rtol=1e-10)
+    assert sums.squares.sum() == pytest.approx(tau @ tau)
+
+
+def test_columns_join_each_part_as_a_whole_solution_has_them():
+    """δ and θ of a cause of three columns, with each window left out in turn."""
+    records, variance, _ = made(size=0.3)
+    first, stay = np.array([2, 3, 6]), np.array([0, 1])
+    sums = CauseSums(records, variance, first, BLOCKS)
+    whole, windows = sums.windows.total, sums.windows
+    part = Partition.of(Normal(whole, windows), np.isin(np.arange(6), stay), np.ones(6))
+    own = np.array([1, 3])  # among the others
+    theta, delta = part.joined(own)
+    columns = np.r_[stay, 2 + own]
+    gram, right = whole.of(columns[:, None], columns)[0], whole.tau[0, columns]
+    parts = windows.of(columns[:, None], columns), windows.tau[:, columns]
+    for k, (x, tau) in enumerate(zip(*parts, strict=True)):
+        direct = np.linalg.solve(gram - x, right - tau)
+        np.testing.assert_allclose(np.r_[theta[k], delta[k]], direct, rtol=1e-8, atol=1e-12)
+    np.testing.assert_allclose(
+        part.schur_diagonal(own), part.schur(own)[:, [0, 1], [0, 1]], rtol=1e-10
+    )
+
+
+@pytest.mark.parametrize("corrected", [[], [0], [2, 0]])
+def test_scores_are_those_of_whole_fits(corrected):
+    """The partition gives what a solution with all columns gives."""
+    _, _, tests = made(size=0.3)
+    base, scores = tests.all_scores(corrected)
+    for number, score in scores.items():
+        columns = tests.columns([*corrected, number])
+        fit = tests.fit(columns)
+        covariance = tests.covariance(columns, fit.theta)
+        np.testing.assert_allclose(score.size, fit.theta[-1:], rtol=1e-8)
+        np.testing.assert_allclose(score.covariance, covariance[-1:, -1:], rtol=1e-7)
+        assert score.explained == pytest.approx(1.0 - fit.residual / base.residual, abs=1e-9)
+        assert score.unseen == pytest.approx(1.0 - fit.unseen / base.unseen, abs=1e-9)
