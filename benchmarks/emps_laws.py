@@ -1,8 +1,8 @@
 """Friction laws of the EMPS carriage that `benchmarks.emps_leaderboard` chooses from.
 
-They are the changes that ``pivident laws`` tries on a joint (`pivident.studies.friction_laws`): another
-slope of the sign, Stribeck friction, a power of the speed, two viscous slopes, presliding with a
-state. An offset beside Coulomb friction is a Coulomb level for each direction.
+They are the changes that ``pivident laws`` tries on a joint (`pivident.studies.friction_laws`):
+another slope of the sign, Stribeck friction, a power of the speed, two viscous slopes, presliding
+with a state. An offset beside Coulomb friction is a Coulomb level for each direction.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """An exported model in MuJoCo under a sampled control law, beside our own simulator.
 
-The law is the one that `pivident.loop.simulation` compiles: it reads positions at each control sample
-and its torque is held over the period, during which MuJoCo makes some steps. Dry friction is
+The law is the one that `pivident.loop.simulation` compiles: it reads positions at each control
+sample and its torque is held over the period, during which MuJoCo makes some steps. Dry friction is
 MuJoCo's own, a constraint with a sharp sign, or the model's smooth one, put on by hand: in each
 step it is linearised about the present speed v,
 

@@ -45,23 +45,23 @@ MODULES = {
         "tests/dynamics/test_regressor.py",
         "tests/dynamics/test_friction_columns.py",
     ],
-    "audit/delay.py": [
+    "judgement/audit/delay.py": [
         "tests/judgement/audit/test_delay.py",
         "tests/judgement/audit/test_sticking.py",
         "tests/judgement/audit/test_planted_faults.py",
         "tests/judgement/audit/test_recording_audit.py",
     ],
-    "audit/order.py": [
+    "judgement/audit/order.py": [
         "tests/judgement/audit/test_planted_faults.py",
         "tests/app/studio/test_fixes.py",
     ],
-    "audit/power.py": [
+    "judgement/audit/power.py": [
         "tests/judgement/audit/test_power.py",
         "tests/judgement/audit/test_planted_faults.py",
         "tests/judgement/audit/test_slide_weight.py",
     ],
     "experiment/repairs.py": ["tests/experiment/test_repairs.py", "tests/app/studio/test_fixes.py"],
-    "text/repair.py": ["tests/experiment/test_repairs.py", "tests/app/studio/test_fixes.py"],
+    "foundation/text/repair.py": ["tests/experiment/test_repairs.py", "tests/app/studio/test_fixes.py"],
 }
 
 TURNED = {ast.Lt: ast.GtE, ast.LtE: ast.Gt, ast.Gt: ast.LtE, ast.GtE: ast.Lt, ast.Eq: ast.NotEq,

@@ -11,20 +11,21 @@ import pytest
 
 import pivident
 from tests.planar_log import write_experiment
+from tests.rooms import package
 from tests.test_layout import DOORS
 
 SOURCE = Path(pivident.__file__).parent
 
 #: A command of the command line that needs each package, if there is one.
 COMMANDS = {
-    "symbolic": ["symbolic", "planar_2r"],
-    "export": ["export", "model.json", "--to", "c", "--out", "model.c"],
-    "payload": ["payload", "experiment.toml"],
-    "flexibility": ["flexibility", "experiment.toml"],
-    "collision": ["excite", "planar_2r", "--seconds", "1"],
-    "excitation": ["excite", "planar_2r", "--seconds", "1"],
-    "many": ["study", "fine", "--runs", "1"],
-    "paper": ["paper", "--quick"],
+    "models.symbolic": ["symbolic", "planar_2r"],
+    "models.export": ["export", "model.json", "--to", "c", "--out", "model.c"],
+    "studies.payload": ["payload", "experiment.toml"],
+    "studies.flexibility": ["flexibility", "experiment.toml"],
+    "studies.collision": ["excite", "planar_2r", "--seconds", "1"],
+    "studies.excitation": ["excite", "planar_2r", "--seconds", "1"],
+    "studies.many": ["study", "fine", "--runs", "1"],
+    "studies.paper": ["paper", "--quick"],
 }
 
 
@@ -34,7 +35,7 @@ def installation_without(tmp_path_factory):
 
     def copied(*doors: str) -> Path:
         folder = tmp_path_factory.mktemp("without")
-        left_out = {str(SOURCE / door) for door in doors}
+        left_out = {str(SOURCE.joinpath(*door.split("."))) for door in doors}
 
         def ignored(parent: str, names: list[str]) -> list[str]:
             return [n for n in names if f"{parent}/{n}" in left_out]
@@ -85,9 +86,12 @@ sys.meta_path[:] = map(AllButHidden, sys.meta_path)
 commands, doors = map(json.loads, sys.argv[1:])
 found = {}
 for door, arguments in commands.items():
-    for name in [n for n in sys.modules if n.startswith("pivident.") and n.split(".")[1] in doors]:
-        del sys.modules[name]
-        vars(pivident).pop(name.split(".")[1], None)
+    for closed in [f"pivident.{one}" for one in doors]:
+        for name in [n for n in sys.modules if f"{n}.".startswith(f"{closed}.")]:
+            del sys.modules[name]
+        room, _, package = closed.rpartition(".")
+        if room in sys.modules:
+            vars(sys.modules[room]).pop(package, None)
     AllButHidden.hidden = f"pivident.{door}"
     errors = io.StringIO()
     with contextlib.redirect_stderr(errors), contextlib.redirect_stdout(io.StringIO()):
@@ -112,24 +116,26 @@ def said(tmp_path_factory):
 def test_a_command_names_the_package_that_was_left_out(door, said):
     code, errors = said[door]
     assert code == 1
-    assert errors.startswith(f"error: this installation has no {door!r}"), errors
+    assert errors.startswith(f"error: this installation has no {door.rpartition('.')[2]!r}"), errors
     assert "Traceback" not in errors
 
 
 def test_a_package_that_is_not_there_is_named_as_one_that_is_hidden(
     installation_without, tmp_path, said
 ):
-    found = run(installation_without("symbolic"), tmp_path, "-m", "pivident", *COMMANDS["symbolic"])
-    assert [found.returncode, found.stderr] == said["symbolic"]
+    door = "models.symbolic"
+    found = run(installation_without(door), tmp_path, "-m", "pivident", *COMMANDS[door])
+    assert [found.returncode, found.stderr] == said[door]
 
 
 def test_no_door_is_opened_before_a_command_needs_it(tmp_path):
     """So the command line, the report and notebooks do without each of them."""
     code = (
-        "import sys, pivident.app.cli.workflow, pivident.judgement.report.builder, pivident.app.notebook.displays; "
-        "print(*{n.split('.')[1] for n in sys.modules if n.startswith('pivident.')})"
+        "import sys, pivident.app.cli.workflow, pivident.app.notebook.displays; "
+        "import pivident.judgement.report.builder; "
+        "print(*(n for n in sys.modules if n.startswith('pivident.')))"
     )
     found = run(SOURCE.parent, tmp_path, "-c", code)
     assert found.returncode == 0, found.stderr
-    opened = set(found.stdout.split())
-    assert {"cli", "report", "notebook"} <= opened and not opened & set(DOORS)
+    opened = {package(name) for name in found.stdout.split()}
+    assert {"app.cli", "judgement.report", "app.notebook"} <= opened and not opened & set(DOORS)

@@ -1,36 +1,25 @@
-"""The order of the packages: each imports only from those before it, wherever the import stands."""
+"""The order of the rooms: each imports only from those before it, wherever the import stands."""
 
 import ast
 import re
-from collections.abc import Iterator
-from functools import cache
 from itertools import count
 from pathlib import Path
 
 import pytest
 
+from tests import rooms_picture
 from tests.conftest import REPOSITORY
+from tests.rooms import MODULES, ORDER, ROOMS, graph, imported, named, package, room
 
-SOURCE = REPOSITORY / "src"
-
-#: From the lowest to the highest; CONTRIBUTING.md shows the same list.
-ORDER = (
-    "version", "text", "errors", "extras", "registry", "options", "files", "scratch", "threads",
-    "document", "compiled", "common_work",
-    "robot", "dynamics", "signals", "logs", "recording", "simulation", "motion", "instruments",
-    "estimation", "control_law", "drives", "validation", "consistency",
-    "friction_laws", "friction", "models",
-    "model_errors", "experiment", "audit", "diagnostics", "check", "init",
-    "report", "comparison", "prediction", "figures", "tables", "notebook",
-    "linear", "symbolic", "export", "simulators", "payload", "flexibility", "collision",
-    "excitation", "presentation", "many", "paper", "studio", "cli", "__main__",
-)  # fmt: skip
-
-#: Doors that can be closed: no package before the command line imports them.
+#: Doors that can be closed: nothing but the faces of pivident imports them.
 DOORS = (
-    "linear", "symbolic", "export", "simulators", "payload", "flexibility", "collision",
-    "excitation", "many", "paper", "studio",
+    "linear", "models.symbolic", "models.export", "studies.simulators", "studies.payload",
+    "studies.flexibility", "studies.collision", "studies.excitation", "studies.many",
+    "studies.paper", "app.studio",
 )  # fmt: skip
+
+#: Rooms at the top of `pivident`; their number only falls.
+MAX_ROOMS = 13
 
 #: 6,000, loops whose law reads whole counts, iterations that go back and forth, noise of the
 #: equations, methods that fit a simulation, logs without torque, options of regressions and
@@ -43,65 +32,14 @@ MAX_STATEMENTS = 73_067
 #: each friction term.
 MAX_MODULES_OF_IDENTIFY = 192
 
-#: Subpackages with a budget of their own.
-ROOMS = (
+#: Parts of packages with a budget of their own.
+PARTS = (
     "dynamics.closed_chains",
     "estimation.covariance",
     "estimation.output_error",
     "estimation.literature.filters",
     "estimation.literature",
 )
-
-
-def modules() -> dict[str, Path]:
-    found = {}
-    for path in sorted((SOURCE / "pivident").rglob("*.py")):
-        name = ".".join(path.relative_to(SOURCE).with_suffix("").parts)
-        found[name.removesuffix(".__init__")] = path
-    return found
-
-
-MODULES = modules()
-
-
-def package(name: str) -> str:
-    return name.split(".")[1] if "." in name else ""
-
-
-#: The one exception: ``pivident.studies.tables`` lists the tables of studies and fleets with all others.
-TABLES_OF_STUDIES = ("pivident.studies.tables.chosen", "many")
-
-
-def named(text: str) -> str:
-    """The module that a string imports from, ``pivident.x.y:name`` or ``pivident.x.y.name``, or "".
-
-    The name of a module alone says what a process runs.
-    """
-    module = text.partition(":")[0] if ":" in text else text.rpartition(".")[0]
-    return module if module in MODULES and module != "pivident" and text not in MODULES else ""
-
-
-def read_imports(name: str) -> Iterator[tuple[str, int]]:
-    """Modules of pivident that a module imports anywhere, or names in a registry, and the line."""
-    for node in ast.walk(ast.parse(MODULES[name].read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            yield from ((a.name, node.lineno) for a in node.names if a.name in MODULES)
-        elif isinstance(node, ast.ImportFrom):
-            assert not node.level, f"{name}:{node.lineno}: relative import"
-            for alias in node.names:
-                whole = f"{node.module}.{alias.name}"
-                if whole in MODULES or node.module in MODULES:
-                    yield (whole if whole in MODULES else str(node.module)), node.lineno
-        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-            module = named(node.value)
-            if module and not (name, package(module)) == TABLES_OF_STUDIES:
-                yield module, node.lineno  # an entry of a registry, imported when it is asked for
-
-
-@cache
-def imported(name: str) -> tuple[tuple[str, int], ...]:
-    """The same, read once."""
-    return tuple(read_imports(name))
 
 
 def test_strings_that_are_imported_from_count_as_imports():
@@ -111,31 +49,26 @@ def test_strings_that_are_imported_from_count_as_imports():
     assert not named("pivident.judgement.audit.no_module.at_all")
 
 
-@cache
-def graph() -> dict[str, set[str]]:
-    """Modules that each module imports."""
-    return {name: {to for to, _ in imported(name) if to != name} for name in MODULES}
-
-
 def test_every_package_has_its_place():
-    assert {package(name) for name in MODULES} - {""} == set(ORDER)
+    files = {name for name, path in MODULES.items() if path.name != "__init__.py"}
+    fronts = {name.removeprefix("pivident.") for name in set(MODULES) - files}
+    assert {package(name) for name in files} | (fronts & set(ORDER)) == set(ORDER)
+    assert {room(name) for name in MODULES} - {"", "__main__"} == set(ROOMS)
+    assert len(ROOMS) <= MAX_ROOMS
 
 
-@pytest.mark.parametrize("name", sorted(set(MODULES) - {"pivident"}))
+@pytest.mark.parametrize("name", sorted(n for n in MODULES if package(n) in ORDER))
 def test_imports_go_downward(name):
     here = ORDER.index(package(name))
-    upward = [
-        f"{name}:{line} imports {to}"
-        for to, line in imported(name)
-        if package(to) != package(name) and (not package(to) or ORDER.index(package(to)) > here)
+    above = {*ORDER[: here + 1]}  # a front is above nothing: what it names is imported from there
+    assert not [
+        f"{name}:{line} imports {to}" for to, line in imported(name) if package(to) not in above
     ]
-    assert not upward
 
 
 def test_no_door_is_imported_by_what_stands_before_it():
-    lowest = min(ORDER.index(door) for door in DOORS)
-    below = [name for name in MODULES if package(name) in ORDER[:lowest]]
-    assert not [(a, b) for a in below for b in graph()[a] if package(b) in DOORS]
+    others = [name for name in MODULES if package(name) not in DOORS and room(name) != "app"]
+    assert not [(a, b) for a in others for b in graph()[a] if package(b) in DOORS]
 
 
 def cycles() -> list[set[str]]:
@@ -187,8 +120,8 @@ def test_packages_stay_small():
     lines: dict[str, int] = {}
     for name, path in MODULES.items():
         here = len(path.read_text(encoding="utf-8").splitlines())
-        room = next((r for r in ROOMS if f"{name}.".startswith(f"pivident.{r}.")), package(name))
-        lines[room] = lines.get(room, 0) + here
+        part = next((p for p in PARTS if f"{name}.".startswith(f"pivident.{p}.")), package(name))
+        lines[part] = lines.get(part, 0) + here
     assert {name: n for name, n in lines.items() if n > MAX_LINES_OF_PACKAGE} == {}
 
 
@@ -208,8 +141,12 @@ def test_contributing_shows_the_same_order():
     text = (REPOSITORY / "CONTRIBUTING.md").read_text(encoding="utf-8")
     table = text[text.index("## Where things are") :]
     shown = [
-        name
-        for row in re.findall(r"^\|([^|]*`[^|]*)\|", table, re.MULTILINE)
-        for name in re.findall(r"`(\w+)`", row)
+        ".".join(filter(None, names))
+        for names in re.findall(r"^\| `(\w+)`(?:\.`(\w+)`)? \|", table, re.MULTILINE)
     ]
     assert [name for name in shown if name in ORDER] == [n for n in ORDER if n != "__main__"]
+
+
+def test_contributing_opens_with_the_picture_of_the_rooms():
+    assert not rooms_picture.missing_steps()
+    assert rooms_picture.page(text := rooms_picture.PAGE.read_text("utf-8")) == text

@@ -3,8 +3,8 @@
 One verb, ``identify(problem, method)``. A `Problem` holds what is given (robot, recordings,
 control loop), a method how to estimate (`LeastSquares`, `InstrumentalVariables`,
 `PrefilteredIV`), and an `Identification` the answer with everything needed to judge it. Each
-subject has a front of its own (``pivident.robot``, ``pivident.studies.friction`` …); modules behind the
-fronts are private. Names are imported when they are first used.
+room has a front of its own (``pivident.robot``, ``pivident.studies`` …); modules behind the fronts
+are private. Names are imported when they are first used.
 """
 
 import lazy_loader

@@ -21,7 +21,7 @@ from pivident.robot.gallery import load_robot
 from pivident.studies.many.batch.results_folder import ResultsFolder
 from tests.planar_log import write_experiment
 
-PROJECT = Path(__file__).parents[1] / "pyproject.toml"
+PROJECT = Path(__file__).parents[2] / "pyproject.toml"
 
 #: Extra by library, as it is imported.
 OPTIONAL = {

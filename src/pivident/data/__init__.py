@@ -1,4 +1,4 @@
-"""Logs of any logger, and recordings made of them: measured signals in SI units on the joint side."""
+"""Logs of any logger, and recordings of them: measured signals in SI units on the joint side."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Problem, methods and answer: LS, IV and PIV."""
+"""Problem, methods and answer: LS, IV, PIV, the literature; control laws, drive gains."""
 
 import lazy_loader
 

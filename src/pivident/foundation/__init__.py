@@ -1,4 +1,4 @@
-"""What every room stands on: text, files, errors, compiled kernels, options, registry, documents."""
+"""What every room stands on: text, files, errors, kernels, options, registry, documents."""
 
 import lazy_loader
 

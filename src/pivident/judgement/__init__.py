@@ -1,4 +1,4 @@
-"""Whether to believe a result: the log, residuals, held-out motion, causes of error, the verdict."""
+"""Whether to believe a result: the log, residuals, held-out motion, model error, verdict."""
 
 import lazy_loader
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.signal import lfilter
 
+from pivident.foundation.document.figure import colour
 from pivident.foundation.extras import require
-from pivident.judgement.report.plotly_figures import colour
 from pivident.linear.model import LinearModel, polynomials, response_and_gradient
 from pivident.linear.simulation import continuous_response, delayed
 

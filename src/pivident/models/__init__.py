@@ -1,4 +1,4 @@
-"""Models with a value for every parameter, from the files of results."""
+"""Models with a value for every parameter: consistent, symbolic, exported."""
 
 import lazy_loader
 

@@ -18,12 +18,13 @@ from pivident.dynamics.parameters import standard_parameters
 from pivident.estimation.identification import Identification
 from pivident.estimation.stored_identification import json_of_file, load_identification
 from pivident.foundation.errors import IdentificationError, IdentificationFileError, PividentError
-from pivident.judgement.diagnostics.consistent_files import CONSISTENT_FILE
-from pivident.judgement.diagnostics.consistent_files import SCHEMA as CONSISTENT_SCHEMA
 from pivident.models.model_json import KnownKeys
 from pivident.models.runnable_model import Origin, RunnableModel, impossible_value, runnable_model
 from pivident.robot.robot_schema import Finite, Name, RobotValues, first_problem
 from pivident.robot.robot_values import made_robot
+
+#: Name of the file of a consistent estimate, and the version of its layout.
+CONSISTENT_FILE, CONSISTENT_SCHEMA = "consistent.json", 1
 
 
 class _StandardValues(KnownKeys):

@@ -1,4 +1,4 @@
-"""Robot descriptions: modified DH tables, URDF, transmission, friction laws, gallery."""
+"""Robots as described: modified DH tables, URDF, MJCF, transmissions, friction terms."""
 
 import lazy_loader
 

@@ -87,7 +87,7 @@ def key(
     alias: str | None = None,
     **declared: Any,
 ) -> Any:
-    """A field of a table with what the manual says of it, see `pivident.foundation.options.Option`."""
+    """A field of a table with what the manual says of it (`pivident.foundation.options`)."""
     words: Any = {DECLARED: Option(meaning, **declared)}
     if factory is not None:
         return Field(default_factory=factory, alias=alias, json_schema_extra=words)

@@ -1,4 +1,4 @@
-"""A question in each folder: friction, prediction, comparison, payload, exciting motion, many records …"""
+"""A question in each folder: friction, prediction, comparison, payload, exciting motion, fleets."""
 
 import lazy_loader
 

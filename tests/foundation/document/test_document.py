@@ -10,11 +10,11 @@ import pytest
 
 from pivident.foundation.document.curves import Curve, Curves, compared, torque_axis
 from pivident.foundation.document.document import Accounted, Document, Part
+from pivident.foundation.document.figure import ERROR, MEASURED, METHOD_COLOURS, drawn
 from pivident.foundation.document.table import Column, Table, TableError
 from pivident.foundation.text.finding import Finding
 from pivident.foundation.text.plain_values import plain
 from pivident.judgement.report.pages import page_of_documents, write_account
-from pivident.judgement.report.plotly_figures import ERROR, MEASURED, METHOD_COLOURS, drawn
 from pivident.studies.tables.chosen import table, table_names
 
 HOSTILE = "<script>alert(1)</script> & =1+1"

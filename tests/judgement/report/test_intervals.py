@@ -3,8 +3,8 @@ import math
 import pytest
 
 from pivident.estimation.parameter_rows import ParameterRow
+from pivident.foundation.document.figure import METHOD_COLOURS
 from pivident.judgement.report.intervals import MARKERS, ConsistentValue, interval_drawing, marker
-from pivident.judgement.report.plotly_figures import METHOD_COLOURS
 
 
 def row(value, std, truth=math.nan):

@@ -6,9 +6,9 @@ import numpy as np
 import plotly.graph_objects as go
 import pytest
 
+from pivident.foundation.document.figure import Figure
 from pivident.foundation.document.plot import LEGEND, Plot
 from pivident.judgement.report.builder import page_environment
-from pivident.judgement.report.plotly_figures import Figure
 
 
 def written(plot):

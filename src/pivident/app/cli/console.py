@@ -69,20 +69,16 @@ def error_line(error: BaseException) -> str:
     """
     if package := missing_package(error):
         return (
-            f"error: this installation has no {package!r}: pivident.{package} was left out of it; "
-            "install the whole of pivident to use this command"
+            f"error: this installation has no {package.rpartition('.')[2]!r}: {package} was left "
+            "out of it; install the whole of pivident to use this command"
         )
     return f"error: {in_words(error)}"
 
 
 def missing_package(error: BaseException) -> str | None:
     """Name of the package of pivident that an import did not find because it was left out."""
-    if not isinstance(error, ModuleNotFoundError):
-        return None
-    parts = (error.name or "").split(".")
-    if parts[0] != "pivident" or len(parts) < 2 or find_spec(".".join(parts[:2])) is not None:
-        return None
-    return parts[1]
+    name = (isinstance(error, ModuleNotFoundError) and error.name) or ""
+    return name if name.startswith("pivident.") and find_spec(name) is None else None
 
 
 class ProgressChannel:

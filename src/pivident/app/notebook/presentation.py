@@ -1,7 +1,7 @@
 """How results are shown: as HTML in notebooks, as text by ``print``, as files by ``save``.
 
-What results call for this is `pivident.foundation.text.display.presentation`, which `pivident` sets to this
-module: results of every layer can be shown, and none needs what it takes to show them.
+What results call for this is `pivident.foundation.text.display.presentation`, which `pivident` sets
+to this module: results of every room can be shown, and none needs what it takes to show them.
 """
 
 from __future__ import annotations

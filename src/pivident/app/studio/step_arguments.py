@@ -17,7 +17,7 @@ from pivident.app.studio.projects import RESULTS, Project
 from pivident.data.logs.tables.tables import is_log
 from pivident.estimation.methods import METHODS
 from pivident.foundation.errors import PividentError
-from pivident.judgement.diagnostics.consistent_files import CONSISTENT_FILE
+from pivident.models.stored_model import CONSISTENT_FILE
 
 Kind = Literal[
     "choice", "choices", "number", "integer", "flag", "result", "results", "names", "log"

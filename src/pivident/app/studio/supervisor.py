@@ -1,4 +1,6 @@
-"""One run from its command to its outcome: ``python -m pivident.app.studio.supervisor STATE_FOLDER``.
+"""One run from its command to its outcome.
+
+It is started as ``python -m pivident.app.studio.supervisor STATE_FOLDER``.
 
 It has a session of its own, so that it goes on when the server ends. It starts the command in a
 process group of its own, keeps what it says, ends it when somebody has left word, and writes the

@@ -61,7 +61,8 @@ class Recording(Displayed):
         inputs: known inputs that were added to the controller's output, by name, each of shape
             (samples, joints) in the unit of that output (V, A or N m).
         q_link: positions of second encoders behind the gear, shape (samples, joints) [rad or m],
-            or None; q is then the motor encoder over the gear ratio. See `pivident.studies.flexibility`.
+            or None; q is then the motor encoder over the gear ratio. See
+            `pivident.studies.flexibility`.
         dq: measured speeds, shape (samples, joints) [rad/s or m/s], or None; of use where their
             noise is not that of q, see `pivident.loop.instruments.second_sensor`.
         control_rate: rate of the control loop [Hz]; zero stands for the sampling rate.

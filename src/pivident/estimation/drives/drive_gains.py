@@ -5,8 +5,8 @@
     a force sensor under the base                      the gains: its rows are in N and N m
     one record alone                                   ratios of gains, and free scales
 
-The estimate is that of `pivident.estimation.drives.gain_equations`: commands are the regressand, not
-regressors, with instruments from the simulated loop where the control law is known.
+The estimate is that of `pivident.estimation.drives.gain_equations`: commands are the regressand,
+not regressors, with instruments from the simulated loop where the control law is known.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-#: The module `pivident.app.notebook.presentation`, which `pivident` sets: its functions show results.
+#: The module `pivident.app.notebook.presentation`, set by `pivident`: its functions show results.
 presentation: Any = None
 
 

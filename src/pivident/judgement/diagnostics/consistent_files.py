@@ -17,13 +17,11 @@ from typing import Any
 from pivident.foundation.document.table import Table, Values
 from pivident.judgement.diagnostics.consistent_estimate import CONFIDENCE, ConsistentEstimate
 from pivident.models.consistency.link_quantities import LinkRow, Quantity
+from pivident.models.stored_model import CONSISTENT_FILE, CONSISTENT_SCHEMA
 from pivident.robot.robot_values import robot_values
 
-#: Version of the layout of ``consistent.json``.
-SCHEMA = 1
-
-#: Names of the files.
-CONSISTENT_FILE, TABLE_FILE = "consistent.json", "consistent_parameters.csv"
+#: Name of the table beside `CONSISTENT_FILE`.
+TABLE_FILE = "consistent_parameters.csv"
 
 
 def write_consistent(estimate: ConsistentEstimate, folder: Path, identification: Path) -> None:
@@ -37,7 +35,7 @@ def write_consistent(estimate: ConsistentEstimate, folder: Path, identification:
 def consistent_json(estimate: ConsistentEstimate, identification: Path) -> str:
     """Strict JSON of the complete result."""
     model = estimate.model
-    content = {"schema": SCHEMA} | model.to_values()
+    content = {"schema": CONSISTENT_SCHEMA} | model.to_values()
     for entries, intervals in (
         (content["standard"], estimate.standard),
         (content["base"], estimate.base),

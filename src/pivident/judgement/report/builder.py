@@ -16,6 +16,13 @@ from markupsafe import Markup, escape
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import method_labels
 from pivident.foundation.document.document import Document
+from pivident.foundation.document.figure import (
+    DARK_COLOURS,
+    ERROR,
+    MEASURED,
+    METHOD_COLOURS,
+    Figure,
+)
 from pivident.foundation.document.plot import drawing_library, to_json
 from pivident.foundation.errors import Attempts, PividentError, in_words
 from pivident.foundation.files import atomic_folder
@@ -26,13 +33,6 @@ from pivident.foundation.version import __version__
 from pivident.judgement.diagnostics.diagnostics import Diagnostics, diagnose_one
 from pivident.judgement.diagnostics.summary import Summary
 from pivident.judgement.report.intervals import marker
-from pivident.judgement.report.plotly_figures import (
-    DARK_COLOURS,
-    ERROR,
-    MEASURED,
-    METHOD_COLOURS,
-    Figure,
-)
 from pivident.judgement.report.report_data import ReportData
 from pivident.judgement.report.sections import SECTIONS, Section
 

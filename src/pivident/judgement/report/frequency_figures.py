@@ -9,9 +9,7 @@ import numpy as np
 
 from pivident.estimation.signal_recipes import Algebraic, Bandpass, Decimated
 from pivident.estimation.summary_tables import frequencies_text
-from pivident.foundation.document.plot import LEGEND, Plot, band, packed
-from pivident.foundation.text.numbers import format_significant, plus_minus
-from pivident.judgement.report.plotly_figures import (
+from pivident.foundation.document.figure import (
     ERROR,
     MEASURED,
     METHOD_COLOURS,
@@ -19,6 +17,8 @@ from pivident.judgement.report.plotly_figures import (
     colour,
     empty_plot,
 )
+from pivident.foundation.document.plot import LEGEND, Plot, band, packed
+from pivident.foundation.text.numbers import format_significant, plus_minus
 from pivident.judgement.validation.identified_loop import IdentifiedJointLoop
 from pivident.signals.algebraic import algebraic_gain
 from pivident.signals.bandpass import bandpass_response

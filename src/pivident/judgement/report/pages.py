@@ -9,10 +9,10 @@ from pathlib import Path
 from markupsafe import Markup
 
 from pivident.foundation.document.document import Accounted, Document
+from pivident.foundation.document.figure import drawn
 from pivident.foundation.files import atomic_folder
 from pivident.foundation.text.identifiers import identifier
 from pivident.judgement.report.builder import page_environment, page_of
-from pivident.judgement.report.plotly_figures import drawn
 
 
 def page_of_documents(documents: Sequence[Document], names: Sequence[str] = ("",)) -> str:

@@ -25,7 +25,7 @@ CONSISTENT_METHODS = {f"{PREFIX}{free}": free for free in METHODS}
 
 @dataclass(frozen=True, eq=False)
 class ConsistencyOptions:
-    """How estimates are made consistent, see :func:`pivident.models.consistency.make_consistent`."""
+    """How estimates are made consistent, see `pivident.make_consistent`."""
 
     # rule that selects among equally near sets of bodies
     prior: Literal["entropic", "euclidean", "none"] = "entropic"

@@ -91,7 +91,7 @@ class Obstacle:
 
     @property
     def solid(self) -> np.ndarray:
-        """The numbers that `pivident.studies.collision.distances.signed_distance` takes, shape (1, 6) [m].
+        """The numbers that `collision.distances.signed_distance` takes, shape (1, 6) [m].
 
         Of a segment they are its ends in the base frame.
         """

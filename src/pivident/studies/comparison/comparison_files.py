@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
+from pivident.foundation.document.figure import Figure, colour, empty_plot
 from pivident.foundation.document.plot import LEGEND, Trace, band, packed
 from pivident.foundation.document.table import Table
 from pivident.foundation.files import atomic_folder
@@ -27,7 +28,6 @@ from pivident.foundation.text.plain_values import json_of_entries, plain
 from pivident.foundation.version import __version__
 from pivident.judgement.report.builder import page_environment, page_of
 from pivident.judgement.report.intervals import Interval, IntervalDrawing
-from pivident.judgement.report.plotly_figures import Figure, colour, empty_plot
 from pivident.studies.comparison.compared_results import (
     ComparedParameter,
     ComparedResults,

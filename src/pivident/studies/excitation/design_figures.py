@@ -6,9 +6,7 @@ import html
 
 import numpy as np
 
-from pivident.foundation.document.plot import LEGEND, Plot, band, kept_samples, packed
-from pivident.foundation.text.numbers import format_significant, percent
-from pivident.judgement.report.plotly_figures import (
+from pivident.foundation.document.figure import (
     ERROR,
     MEASURED,
     METHOD_COLOURS,
@@ -16,6 +14,8 @@ from pivident.judgement.report.plotly_figures import (
     colour,
     empty_plot,
 )
+from pivident.foundation.document.plot import LEGEND, Plot, band, kept_samples, packed
+from pivident.foundation.text.numbers import format_significant, percent
 from pivident.judgement.validation.parameter_correlation import ParameterCorrelation
 from pivident.studies.excitation.design import PAGE_RATE, Design
 

@@ -10,7 +10,7 @@ import numpy as np
 from pivident.estimation.identification import Identification
 from pivident.foundation.document.plot import stretches
 from pivident.foundation.text.numbers import percent
-from pivident.judgement.report.plotly_figures import torque_curves
+from pivident.judgement.report.identification_figures import torque_curves
 from pivident.loop.simulation.control_loop import FittedLaw
 from pivident.studies.figures.paper_style import (
     ERROR,

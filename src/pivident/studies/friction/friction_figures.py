@@ -7,15 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from pivident.foundation.document.figure import ERROR, MEASURED, METHOD_COLOURS, Figure, empty_plot
 from pivident.foundation.document.plot import LEGEND, Plot, band, colour_scale, kept_samples, packed
 from pivident.foundation.text.numbers import format_significant
-from pivident.judgement.report.plotly_figures import (
-    ERROR,
-    MEASURED,
-    METHOD_COLOURS,
-    Figure,
-    empty_plot,
-)
 from pivident.studies.friction.friction_findings import FrictionFinding, pm
 from pivident.studies.friction.friction_map import FrictionMap
 from pivident.studies.friction.friction_study import JointFriction

@@ -13,13 +13,10 @@ import numpy as np
 from pivident.estimation.identification import Identification
 from pivident.foundation.text.numbers import format_significant
 from pivident.loop.simulation.joint_loop import joint_feedbacks
-from pivident.studies import (
-    figure_of_autocorrelations,
-    figure_of_bandpass,
-    figure_of_control_law,
-    figure_of_predictions,
-    figure_of_reference,
-)
+from pivident.studies.figures.filters import figure_of_bandpass
+from pivident.studies.figures.residuals import figure_of_autocorrelations
+from pivident.studies.figures.torques import figure_of_control_law, figure_of_predictions
+from pivident.studies.figures.tracking import figure_of_reference
 from pivident.studies.many.study.summary import NOMINAL_COVERAGE, geometric_mean
 from pivident.studies.paper.claims import (
     IV,

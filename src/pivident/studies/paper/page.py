@@ -114,7 +114,7 @@ def _provenance(repetition: Repetition, seconds: float, quick: bool) -> str:
 
 def _write(folder: Path, kind: str, content: dict[str, Any], figures: Mapping[str, Any]) -> Path:
     """Page and figures, as a whole or not at all."""
-    from pivident.studies import save_figure
+    from pivident.studies.figures.paper_style import save_figure
 
     page = markdown_of(content)
     with atomic_folder(folder) as build:

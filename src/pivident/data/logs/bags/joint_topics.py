@@ -2,8 +2,7 @@
 
 Messages are kept as bytes for a moment, a few thousand at a time, and then read together: those of
 the same structure are rows of one array. A column that is not in every message, because the topic
-has several publishers or its joints come in turns, keeps the rows in which it is. A bag does not
-say who published a message; `pivident.data.logs.bags.joint_topics` separates sources that contradict.
+has several publishers or its joints come in turns, keeps the rows in which it is.
 
 The sources of one topic: messages that contradict each other come from different publishers.
 

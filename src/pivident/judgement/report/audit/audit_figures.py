@@ -7,16 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from pivident.foundation.document.figure import ERROR, MEASURED, METHOD_COLOURS, Figure, empty_plot
 from pivident.foundation.document.plot import Plot, Trace, colour_scale, kept_samples, trace
 from pivident.foundation.text.numbers import with_spread
 from pivident.judgement.audit.audit import Audit
-from pivident.judgement.report.plotly_figures import (
-    ERROR,
-    MEASURED,
-    METHOD_COLOURS,
-    Figure,
-    empty_plot,
-)
 
 #: Points of one trace.
 POINTS = 1200

@@ -7,12 +7,12 @@ from pathlib import Path
 
 from markupsafe import Markup
 
+from pivident.foundation.document.figure import Figure
 from pivident.foundation.files import atomic_folder
 from pivident.foundation.text.finding import Finding, counted, gravest_first, serious
 from pivident.judgement.audit.audit import Audit, audits_json
 from pivident.judgement.report.audit import audit_figures as figures
 from pivident.judgement.report.builder import page_environment, page_of, write_page
-from pivident.judgement.report.plotly_figures import Figure
 
 
 def write_audit(audits: Sequence[Audit], folder: str | Path) -> Path:

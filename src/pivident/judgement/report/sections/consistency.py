@@ -10,13 +10,13 @@ import numpy as np
 
 from pivident.dynamics.closed_chains.closed_motion import ClosedChains
 from pivident.estimation.equation_record import FittedRecording
+from pivident.foundation.document.figure import MEASURED, Figure, colour, empty_plot
 from pivident.foundation.document.plot import Plot
 from pivident.judgement.diagnostics.consistent_estimate import (
     CONFIDENCE,
     ConsistentEstimate,
     NoConsistentEstimate,
 )
-from pivident.judgement.report.plotly_figures import MEASURED, Figure, colour, empty_plot
 from pivident.judgement.report.sections.base import Section
 from pivident.models.consistency.metric import HALF_INTERVAL
 from pivident.models.consistency.pseudo_inertia import link_body, outline

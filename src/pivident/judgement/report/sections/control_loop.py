@@ -22,9 +22,10 @@ from pivident.estimation.control_law.law_equations import (
 from pivident.estimation.control_law.law_gravity import PLACE_TEXTS, JointGravity
 from pivident.estimation.identification import Identification
 from pivident.estimation.signal_recipes import Algebraic, Bandpass
+from pivident.foundation.document.figure import Figure
 from pivident.foundation.text.numbers import format_significant, plus_minus
 from pivident.judgement.report.frequency_figures import bandwidth_text, loop_figure
-from pivident.judgement.report.plotly_figures import Figure, law_figure, reference_figure
+from pivident.judgement.report.identification_figures import law_figure, reference_figure
 from pivident.judgement.report.sections.base import Gallery, Section, sampling_rate, signal_recipe
 from pivident.judgement.validation.identified_loop import (
     DECIMATION_FACTOR,

@@ -6,13 +6,13 @@ from typing import Any
 
 from pivident.estimation.identification import Identification
 from pivident.estimation.signal_recipes import Algebraic, Bandpass, Decimated, RandomWalk
+from pivident.foundation.document.figure import Figure
 from pivident.judgement.report.frequency_figures import (
     bandpass_figure,
     decimation_figure,
     smoother_figure,
     window_figure,
 )
-from pivident.judgement.report.plotly_figures import Figure
 from pivident.judgement.report.sections.base import Section, sampling_rate, signal_recipe
 
 

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from pivident.judgement.report.identification_figures import signal_figure, torque_figure
 from pivident.judgement.report.motion import joint_ranges, motion_values
-from pivident.judgement.report.plotly_figures import signal_figure, torque_figure
 from pivident.judgement.report.sections.base import RecordingSection, Section, SignalSection
 
 

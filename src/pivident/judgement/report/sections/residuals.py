@@ -6,17 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from pivident.foundation.document.figure import ERROR, MEASURED, SHADE, Figure, colour, empty_plot
 from pivident.foundation.document.plot import LEGEND, Plot, packed
 from pivident.foundation.text.numbers import format_significant, percent
-from pivident.judgement.report.plotly_figures import (
-    ERROR,
-    MEASURED,
-    SHADE,
-    Figure,
-    colour,
-    empty_plot,
-    residual_figure,
-)
+from pivident.judgement.report.identification_figures import residual_figure
 from pivident.judgement.report.sections.base import Section, SignalSection
 from pivident.judgement.validation.residuals.autocorrelation import PRACTICAL_CORRELATION
 from pivident.judgement.validation.residuals.residual_spectrum import (

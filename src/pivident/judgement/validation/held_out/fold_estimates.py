@@ -21,8 +21,8 @@ rows of a block the same equations give
     p₍ₖ₎ = p + H₍ₖ₎⁻¹ g₍ₖ₎
 
 one Gauss–Newton step from the estimate of the whole record, at which derivatives, noise models and
-initial states are shared, as `pivident.judgement.validation.held_out.fold_estimates` shares instruments. The
-simulation runs through the held-out block: its positions and torques are not compared there.
+initial states are shared, as instruments are above. The simulation runs through the held-out block:
+its positions and torques are not compared there.
 """
 
 from __future__ import annotations

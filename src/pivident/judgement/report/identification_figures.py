@@ -1,94 +1,31 @@
-"""Figures of a report as plotly figures; colours of text and grid are the page's business."""
+"""Figures of an identification: torques, reference, signals, residual, iterations."""
 
 from __future__ import annotations
 
 import html
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from pivident.estimation.control_law.law_equations import START
 from pivident.estimation.identification import FittedRecording, Identification
-from pivident.foundation.document.curves import Curve, Curves, compared, torque_axis
-from pivident.foundation.document.plot import (
-    LEGEND,
-    Plot,
-    Trace,
-    kept_samples,
-    packed,
-    stretches,
-    trace,
+from pivident.foundation.document.curves import Curves, compared, torque_axis
+from pivident.foundation.document.figure import (
+    ERROR,
+    MEASURED,
+    METHOD_COLOURS,
+    SHADE,
+    Figure,
+    colour,
+    drawn,
+    empty_plot,
+    line,
+    traces_of,
 )
+from pivident.foundation.document.plot import Plot, packed, stretches, trace
 from pivident.foundation.text.numbers import format_significant, percent
 from pivident.judgement.validation.residuals.residual_tests import JointResidualTests
 from pivident.loop.simulation.control_loop import IdentifiedLaw
-
-#: Colours of the methods, and of the joints, on white; then they repeat. After Okabe and Ito
-#: (2008), distinct for any colour vision; vermilion is kept for errors.
-METHOD_COLOURS = (
-    "#0072b2", "#b87a00", "#009e73", "#b5568f", "#2f8fc7", "#7a7430", "#6a51a3", "#8c564b",
-    "#a6323e", "#3f7f3f",
-)  # fmt: skip
-
-MEASURED, ERROR, SHADE = "#7f8999", "#d55e00", "rgba(138, 147, 163, 0.22)"
-
-#: What each of these colours becomes on a dark page.
-DARK_COLOURS = {
-    "#0072b2": "#4ba3dd",
-    "#b87a00": "#e69f00",
-    "#009e73": "#2fc79a",
-    "#b5568f": "#e08fbf",
-    "#2f8fc7": "#7cc7f2",
-    "#7a7430": "#b9b25a",
-    "#6a51a3": "#a894dd",
-    "#8c564b": "#c9958b",
-    "#a6323e": "#ec8f97",
-    "#3f7f3f": "#8bcf8b",
-    MEASURED: "#98a2b3",
-    ERROR: "#ff8a3d",
-}
-
-
-#: Points of a trace.
-POINTS = 3000
-
-
-@dataclass(frozen=True)
-class Figure:
-    """A drawing with its words."""
-
-    plot: Plot
-    height: int  # height on the page [px]
-    title: str  # what stands above it, plain text
-    label: str  # the drawing in words, for those who do not see it
-    note: str = ""  # what stands below it, plain text, may be empty
-    #: where the x axis is time: whose. Figures of one recording show the same window.
-    recording: str = ""
-    start: float = 0.0  # instant at which that axis is zero, on the recording's clock [s]
-
-
-def colour(method: int) -> str:
-    """Colour of a method by its index."""
-    return METHOD_COLOURS[method % len(METHOD_COLOURS)]
-
-
-def drawn(
-    curves: Curves, points: int = POINTS, recording: str = "log", zero: float | None = None
-) -> Figure:
-    """Curves as a figure of a page.
-
-    Args:
-        curves: the lines.
-        points: of each of them.
-        recording: whose time it is.
-        zero: instant at which the axis is zero [s]; None: the first one.
-    """
-    zero = float(curves.t[0]) if zero is None else zero
-    plot = empty_plot(curves.axis, "time [s]", _traces(curves.t - zero, curves.curves, points))
-    return Figure(plot, 250, curves.title, curves.label, curves.note, recording, zero)
 
 
 def torque_curves(
@@ -124,7 +61,7 @@ def law_figure(found: IdentifiedLaw, joint: int, method: int, points: int) -> Fi
     law, used = found.joints[joint], slice(START, None)  # before, there is no speed yet
     measured, model = found.output[used, joint], found.model[used, joint]
     t = np.arange(len(found.output))[used] / found.rate
-    traces = _traces(t, compared(measured, model, "law", method), points)
+    traces = traces_of(t, compared(measured, model, "law", method), points)
     plot = empty_plot(f"{found.compared} [{found.unit}]", "time [s]", traces)
     rms = f"rms {format_significant(law.rms)} {found.unit}"
     note = f"not explained {percent(100.0 * law.relative_error)}, {rms}"
@@ -143,7 +80,7 @@ def reference_figure(
     name, unit = identification.joints[joint].name, identification.robot.joints[joint].position_unit
     t = _time(recording)
     measured, reference = recording.q_measured[:, joint], recording.q_ref[:, joint]
-    lines = _traces(t, compared(measured, reference, "reference", method), points)
+    lines = traces_of(t, compared(measured, reference, "reference", method), points)
     plot = empty_plot("", traces=[*lines[:2], lines[2] | {"yaxis": "y2"}])
     plot.stack([f"q [{unit}]", f"difference [{unit}]"])
     plot.update(yaxis2={"automargin": True})
@@ -288,65 +225,6 @@ def change_figure(identification: Identification) -> Figure:
         "the weighted error is 100 % where it is as large as its weights expect" if fitted else ""
     )
     return Figure(plot, height=300, title="Criteria", label=label, note=note)
-
-
-def empty_plot(
-    y_title: str,
-    x_title: str | None = None,
-    traces: Iterable[Trace] = (),
-    *,
-    x: Mapping[str, Any] | None = None,
-    y: Mapping[str, Any] | None = None,
-    legend: bool = False,
-    **layout: Any,
-) -> Plot:
-    """Axes without decoration.
-
-    Args:
-        y_title: of the ordinate.
-        x_title: of the abscissa; None: none.
-        traces: what is drawn, the last on top.
-        x: further attributes of the abscissa.
-        y: further attributes of the ordinate.
-        legend: whether there is one.
-        layout: further parts of the layout.
-    """
-    plot = Plot(
-        *traces,
-        margin={"l": 58, "r": 12, "t": 8, "b": 42},
-        showlegend=legend,
-        hovermode="closest",
-        xaxis={"automargin": False, "zeroline": False},
-        yaxis={"title": {"text": y_title, "standoff": 4}, "zeroline": True},
-    )
-    plot.x_axis(x_title, **(x or {}))
-    plot.update(yaxis=y or {}, **({"legend": LEGEND} | layout if legend else layout))
-    return plot
-
-
-def line(
-    t: np.ndarray, y: np.ndarray, points: int, name: str, line_colour: str, *, width: float
-) -> Trace:
-    """A signal over time, with so many points."""
-    kept = kept_samples(np.asarray(y, dtype=float), points)
-    return {
-        "type": "scatter",
-        "x": packed(t[kept]),
-        "y": packed(y[kept]),
-        "mode": "lines",
-        "name": name,
-        "line": {"color": line_colour, "width": width},
-    }
-
-
-def _traces(t: np.ndarray, curves: Sequence[Curve], points: int) -> list[Trace]:
-    """Curves as lines in the colours of their roles."""
-    shades = {"measured": MEASURED, "error": ERROR}
-    return [
-        line(t, one.values, points, one.name, shade, width=one.width)
-        for one in curves
-        for shade in [shades[one.role] if isinstance(one.role, str) else colour(one.role)]
-    ]
 
 
 def _shade(plot: Plot, excluded: np.ndarray, t: np.ndarray) -> None:
