@@ -5,9 +5,10 @@
 Random arms of three to six axes (`tests.studies.friction_laws.friction_arms`: Pinocchio's inverse
 dynamics, exact signs, encoders of 14 bits, three levels of torque noise). Laws are chosen from two
 motions of 30 s, or from the first alone, and judged on a third with other speeds, postures and
-temperature: error of the torque without noise below 20 Hz, over that of the present laws (viscous, Coulomb,
-offset). *Plain*: nothing else is there, and a term that is added is wrong. *Rich*: Stribeck
-friction, friction that grows with the load, and viscous friction that falls with the temperature.
+temperature: error of the torque without noise below 20 Hz, over that of the present laws (viscous,
+Coulomb, offset). *Plain*: nothing else is there, and a term that is added is wrong. *Rich*:
+Stribeck friction, friction that grows with the load, and viscous friction that falls with the
+temperature.
 
 The rules were written with the arms 0 to 9; by default those from 10 on are judged.
 

@@ -61,7 +61,10 @@ MODULES = {
         "tests/judgement/audit/test_slide_weight.py",
     ],
     "experiment/repairs.py": ["tests/experiment/test_repairs.py", "tests/app/studio/test_fixes.py"],
-    "foundation/text/repair.py": ["tests/experiment/test_repairs.py", "tests/app/studio/test_fixes.py"],
+    "foundation/text/repair.py": [
+        "tests/experiment/test_repairs.py",
+        "tests/app/studio/test_fixes.py",
+    ],
 }
 
 TURNED = {ast.Lt: ast.GtE, ast.LtE: ast.Gt, ast.Gt: ast.LtE, ast.GtE: ast.Lt, ast.Eq: ast.NotEq,
