@@ -9,7 +9,7 @@ from pivident.estimation.methods import METHODS
 from pivident.experiment import consistency_keys, excite_keys, identify_table, schema
 from pivident.experiment.manual import fields_of, words_of
 from pivident.foundation.options import declarations, default_of
-from pivident.foundation.text.toml_values import value_text
+from pivident.foundation.text.toml import value_text
 from pivident.robot.mdh_schema import Entry, declared_of
 from tests.manual_page import PAGE, TABLES, heading_of, page, sections
 

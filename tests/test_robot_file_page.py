@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from pivident.foundation.text.toml_values import value_text
+from pivident.foundation.text.toml import value_text
 from pivident.robot import mdh_schema as schema
 from pivident.robot.mdh_schema import Entry
 

@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pivident.foundation.text.toml import toml_value
-from pivident.foundation.text.toml_values import key_text
+from pivident.foundation.text.toml import key_text, toml_value
 
 #: Channels that hold positions, so that an encoder's zero and unit concern them all.
 POSITIONS = ("q", "q_ref", "q_link")

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from pivident.dynamics import friction_generated
-from pivident.dynamics.compiled_columns import BY_GAMMA, CURVATURE, SLOPE, VALUE
 from pivident.dynamics.friction import expression_value
 from pivident.dynamics.friction_generated import position_derivatives, speed_derivatives
+from pivident.dynamics.friction_kernels import BY_GAMMA, CURVATURE, SLOPE, VALUE
 from pivident.foundation.compiled import kernel
 from pivident.robot.friction_terms import TERM_KINDS, friction_columns
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from math import exp, log, sqrt
 
-from pivident.dynamics.compiled_columns import column_function
+from pivident.dynamics.friction_kernels import column_function
 from pivident.dynamics.elementary import cos, direction, power, sin, size
 
 

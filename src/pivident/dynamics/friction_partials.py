@@ -7,9 +7,14 @@ The simulator integrates friction f(v; p) with its slope ∂f/∂v, so a tangent
 
 from __future__ import annotations
 
-from pivident.dynamics.compiled_columns import BY_GAMMA, CURVATURE, FIRST_ADDRESS, call_column
 from pivident.dynamics.friction_generated import position_derivatives, speed_derivatives
-from pivident.dynamics.friction_kernels import sign_partials
+from pivident.dynamics.friction_kernels import (
+    BY_GAMMA,
+    CURVATURE,
+    FIRST_ADDRESS,
+    call_column,
+    sign_partials,
+)
 from pivident.foundation.compiled import inlined as _inline
 from pivident.foundation.compiled import inner
 from pivident.robot.friction_terms.coulomb import COULOMB

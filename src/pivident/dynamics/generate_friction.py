@@ -19,7 +19,7 @@ from importlib import import_module
 from itertools import chain
 from typing import Any
 
-from pivident.dynamics.compiled_columns import COUNT
+from pivident.dynamics.friction_kernels import COUNT
 from pivident.foundation.extras import require
 from pivident.robot.friction_column import FrictionColumn, evaluated
 from pivident.robot.friction_term import TermKind

@@ -21,7 +21,7 @@ import numpy as np
 from pivident.dynamics.base_parameters import BaseParameters, independent_columns, preference
 from pivident.foundation.errors import RankDeficientRegressor
 from pivident.foundation.text.finding import Finding
-from pivident.foundation.text.lists import listed
+from pivident.foundation.text.sentences import listed
 
 #: Kind of the finding that names the parameters left out.
 KIND = "inseparable"

@@ -25,7 +25,7 @@ from pivident.estimation.standstill import (
 )
 from pivident.foundation.errors import ExperimentError, IdentificationError
 from pivident.foundation.text.finding import Finding
-from pivident.foundation.text.lists import plural
+from pivident.foundation.text.sentences import plural
 from pivident.foundation.threads import run_in_threads
 from pivident.loop.motion.motion import (
     Kinematics,

@@ -33,7 +33,7 @@ from pivident.dynamics.robot_regressor import regressor_of
 from pivident.foundation.errors import ExperimentError, IdentificationError, concerning
 from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.finding import Finding
-from pivident.foundation.text.lists import listed
+from pivident.foundation.text.sentences import listed
 from pivident.loop.motion.law_torque import with_law_torque
 from pivident.loop.motion.motion import SpeedLimits
 from pivident.loop.simulation.control_loop import Loop

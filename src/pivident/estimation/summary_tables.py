@@ -24,9 +24,9 @@ from pivident.estimation.parameter_rows import (
 )
 from pivident.estimation.signal_recipes import Algebraic, Bandpass
 from pivident.estimation.simulation_result import LoopParameter, SimulationResult
-from pivident.foundation.text.lists import listed
 from pivident.foundation.text.numbers import format_exact, format_significant, percent, with_spread
 from pivident.foundation.text.plain_table import GAP, column, lines_of, plain_table
+from pivident.foundation.text.sentences import listed
 
 #: Width of a table in characters, unless its numbers need more.
 WIDTH = 110

@@ -36,8 +36,7 @@ from pivident.experiment.file_lines import numbered, sureness
 from pivident.experiment.repairs import FileContent, edits_of
 from pivident.foundation.errors import ExperimentError
 from pivident.foundation.text.repair import Place, Repair
-from pivident.foundation.text.toml import parse_toml
-from pivident.foundation.text.toml_values import value_text
+from pivident.foundation.text.toml import parse_toml, value_text
 
 #: Places and their new values as TOML, in their order; None: removed.
 Edits = tuple[tuple[Place, str | None], ...]

@@ -16,7 +16,7 @@ from pivident.experiment.explained import plain_form
 from pivident.experiment.file_lines import SHORT_FORMS, SURE, FileLine, file_lines, numbered
 from pivident.foundation.errors import ExperimentError
 from pivident.foundation.text.repair import Place
-from pivident.foundation.text.toml import parse_toml
+from pivident.foundation.text.toml import comment, key_text, parse_toml
 from pivident.foundation.text.toml_tree import (
     Body,
     behind_dots,
@@ -26,7 +26,6 @@ from pivident.foundation.text.toml_tree import (
     parts_of,
     toml_document,
 )
-from pivident.foundation.text.toml_values import comment, key_text
 
 #: Longest old value that its comment repeats, in characters.
 MAX_VALUE = 200

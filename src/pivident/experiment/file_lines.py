@@ -14,9 +14,8 @@ import tomlkit
 from tomlkit.items import Array, Comment, Item
 
 from pivident.foundation.text.repair import Place
-from pivident.foundation.text.toml import parse_toml
+from pivident.foundation.text.toml import key_text, parse_toml
 from pivident.foundation.text.toml_tree import Body, behind_dots, bodies, is_line
-from pivident.foundation.text.toml_values import key_text
 
 #: How sure a line is, as its comment says it.
 SURE = {"certain": "seen", "likely": "likely", "assumed": "ASSUMED, please check"}

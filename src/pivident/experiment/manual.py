@@ -14,7 +14,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from pivident.foundation.options import Option, literals
-from pivident.foundation.text.toml_values import value_text
+from pivident.foundation.text.toml import value_text
 from pivident.robot.mdh_schema import declared_of
 
 #: What a value is called, by its type.

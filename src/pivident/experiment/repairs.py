@@ -33,7 +33,7 @@ from pivident.foundation.text.repair import (
     Scaled,
     Shifted,
 )
-from pivident.foundation.text.toml_values import value_text
+from pivident.foundation.text.toml import value_text
 from pivident.robot.naming import URDF_FILES
 
 #: Channels of a joint that count the way in which it turns.

@@ -29,7 +29,7 @@ from pivident.foundation.options import (
     default_of,
 )
 from pivident.foundation.text.printable import is_printable
-from pivident.foundation.text.toml_values import value_text
+from pivident.foundation.text.toml import value_text
 from pivident.loop.simulation.controllers import UNKNOWN_GAIN
 from pivident.robot.mdh_schema import Entry, key
 

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 
 from pivident.foundation.errors import RobotDescriptionError
-from pivident.foundation.text.nearest import NearestNames
+from pivident.foundation.text.sentences import NearestNames
 
 #: Endings of robot files: a name with one of them is a path.
 URDF_FILES = (".urdf", ".urdf.gz")

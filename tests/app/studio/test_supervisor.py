@@ -11,9 +11,8 @@ import psutil
 import pytest
 
 from pivident.app.studio import run_folder
-from pivident.app.studio.lock import is_held, take
 from pivident.app.studio.output import KeptStream, cleaned, last_line, shown
-from pivident.app.studio.run_folder import RunError, RunFolder, new_run
+from pivident.app.studio.run_folder import RunError, RunFolder, is_held, new_run, take
 from pivident.app.studio.run_listing import RunProgress
 from pivident.app.studio.supervisor import supervise, with_title
 from tests.app.studio.projects import WAITS, WRITES, ended, entry, make_project, wait_for

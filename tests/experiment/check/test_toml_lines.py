@@ -2,7 +2,7 @@
 
 import pytest
 
-from pivident.experiment.check.toml_lines import TomlLines
+from pivident.experiment.check.experiment_check import TomlLines
 
 TEXT = """\
 robot = "arm"

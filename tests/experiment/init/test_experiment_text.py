@@ -5,7 +5,7 @@ import tomllib
 import pytest
 
 from pivident.experiment.init.assumption import Assumption, experiment_text
-from pivident.foundation.text.toml_values import comment, value_text
+from pivident.foundation.text.toml import comment, value_text
 
 NASTY = [
     'a "quoted" name', "it's", "back\\slash", "line\nend", "tab\tand\rreturn", "bell\x07",

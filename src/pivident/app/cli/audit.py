@@ -11,8 +11,8 @@ from cyclopts import Parameter
 from pivident.app.cli.console import DONE, FAULTY_LOG, Progress
 from pivident.app.cli.findings import print_findings
 from pivident.foundation.text.finding import counted, serious
-from pivident.foundation.text.lists import separated
 from pivident.foundation.text.plain_values import write_json
+from pivident.foundation.text.sentences import separated
 
 if TYPE_CHECKING:
     from pivident.judgement.audit.audit import Audit

@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from pivident.app.cli.console import DONE, NOT_CONVERGED, Progress
 from pivident.foundation.errors import ExperimentError
-from pivident.foundation.text.lists import separated
+from pivident.foundation.text.sentences import separated
 
 if TYPE_CHECKING:
     from pivident.estimation.identification import Identification

@@ -41,7 +41,7 @@ def fit_simulator(
     from pivident.experiment.experiment import load_experiment
     from pivident.foundation.extras import is_installed
     from pivident.foundation.files import check_output
-    from pivident.foundation.text.lists import separated
+    from pivident.foundation.text.sentences import separated
     from pivident.robot.mjcf_model import mujoco_library
     from pivident.studies.simulators.account import account, file_name
     from pivident.studies.simulators.joint_quantities import DEFAULT_QUANTITIES

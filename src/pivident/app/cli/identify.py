@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from pivident.app.cli.console import DONE, NOT_CONVERGED, WRONG_INPUT, UsageError
-from pivident.foundation.text.lists import separated
+from pivident.foundation.text.sentences import separated
 
 if TYPE_CHECKING:
     from pivident.app.cli.workflow import Outcome

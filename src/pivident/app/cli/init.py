@@ -12,7 +12,7 @@ from cyclopts import Parameter
 
 from pivident.app.cli.console import DONE, FAULTY_LOG, Progress, UsageError, note
 from pivident.app.cli.excite import excite
-from pivident.foundation.text.lists import separated
+from pivident.foundation.text.sentences import separated
 
 if TYPE_CHECKING:
     from pivident.experiment.init.assumption import Answers, Question
@@ -159,7 +159,7 @@ def print_draft(draft: Draft, out: Path) -> None:
     from rich.text import Text
 
     from pivident.foundation.text.printable import escaped
-    from pivident.foundation.text.toml_values import value_text
+    from pivident.foundation.text.toml import value_text
 
     console = Console(highlight=False)
     rows = []

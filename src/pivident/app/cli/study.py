@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from pivident.app.cli.console import Progress, note
 from pivident.app.cli.workers import check_count, chosen_pool
-from pivident.foundation.text.lists import separated
+from pivident.foundation.text.sentences import separated
 
 if TYPE_CHECKING:
     from pivident.studies.many.batch.runner import Pool

@@ -11,8 +11,8 @@ from cyclopts import Parameter
 
 from pivident.app.cli.console import note
 from pivident.foundation.errors import PividentError
-from pivident.foundation.text.lists import separated
 from pivident.foundation.text.plain_table import plain_table
+from pivident.foundation.text.sentences import separated
 
 if TYPE_CHECKING:
     from pivident.models.symbolic.program import Program

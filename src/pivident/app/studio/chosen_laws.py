@@ -6,8 +6,7 @@ from pathlib import Path
 
 from pivident.experiment.edited_file import Edits, edited
 from pivident.foundation.errors import ExperimentError, PividentError
-from pivident.foundation.text.toml import parse_toml
-from pivident.foundation.text.toml_values import value_text
+from pivident.foundation.text.toml import parse_toml, value_text
 
 #: File of the chosen laws, and where they belong in an experiment file.
 LAWS, PLACE = "laws.toml", ("robot", "joint_friction")

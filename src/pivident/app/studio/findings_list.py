@@ -8,8 +8,8 @@ from typing import Any
 
 from pivident.app.studio.rows import Row, channel_of
 from pivident.experiment.check.plan import Plan
-from pivident.foundation.text.lists import plural
 from pivident.foundation.text.repair import Place
+from pivident.foundation.text.sentences import plural
 
 #: Severities from grave to harmless; what is right is not listed.
 SHOWN = ("error", "warning", "note")

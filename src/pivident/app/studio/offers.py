@@ -8,7 +8,7 @@ from typing import Any
 
 from pivident.app.studio.projects import EXPERIMENT, RESULTS
 from pivident.app.studio.run_folder import read_object, result_folders
-from pivident.foundation.text.lists import listed
+from pivident.foundation.text.sentences import listed
 from pivident.foundation.text.toml import parse_toml
 
 Offer = dict[str, Any]

@@ -31,9 +31,9 @@ from pivident.app.studio.run_folder import read_object
 from pivident.app.studio.studio import Studio
 from pivident.app.studio.view import View
 from pivident.data.logs.tables.tables import is_log
-from pivident.foundation.text.lists import plural
 from pivident.foundation.text.numbers import bytes_in_words
 from pivident.foundation.text.plain_values import strict_json
+from pivident.foundation.text.sentences import plural
 from pivident.foundation.version import __version__
 from pivident.robot.gallery import gallery_names
 

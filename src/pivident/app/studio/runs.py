@@ -17,9 +17,8 @@ from pathlib import Path
 from threading import Condition, Thread
 from typing import Any
 
-from pivident.app.studio.lock import take
 from pivident.app.studio.projects import EXPERIMENT, RESULTS
-from pivident.app.studio.run_folder import RunError, RunFolder, new_run, run_numbers
+from pivident.app.studio.run_folder import RunError, RunFolder, new_run, run_numbers, take
 from pivident.app.studio.run_listing import RunListing
 from pivident.app.studio.steps import step_named
 from pivident.foundation.text.plain_values import plain

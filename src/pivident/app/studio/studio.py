@@ -34,7 +34,7 @@ from pivident.app.studio.tasks import Tasks
 from pivident.app.studio.verdict_repairs import repaired_text
 from pivident.data.logs.tables.tables import is_log
 from pivident.experiment.edited_file import confirmed, edited
-from pivident.foundation.text.toml_values import string_text
+from pivident.foundation.text.toml import string_text
 from pivident.robot.gallery import gallery_names
 from pivident.robot.naming import nearest
 

@@ -23,10 +23,16 @@ from typing import Any, BinaryIO
 
 import tomlkit
 
-from pivident.app.studio.lock import take
 from pivident.app.studio.output import KeptStream, last_line, shown
 from pivident.app.studio.projects import EXPERIMENT
-from pivident.app.studio.run_folder import ACCOUNT, OUTPUT, RunFolder, read_object, write_whole
+from pivident.app.studio.run_folder import (
+    ACCOUNT,
+    OUTPUT,
+    RunFolder,
+    read_object,
+    take,
+    write_whole,
+)
 from pivident.foundation.errors import PividentError
 from pivident.foundation.files import atomic_folder, clear_up
 from pivident.foundation.text.plain_values import write_json

@@ -14,8 +14,8 @@ from pivident.data.logs.recognition.channel_words import (
     words_of,
 )
 from pivident.foundation.text.finding import Finding, FindingKind, Severity, Topic
-from pivident.foundation.text.lists import listed
 from pivident.foundation.text.repair import Repair, in_unit, setting
+from pivident.foundation.text.sentences import listed
 from pivident.robot.description import Robot
 
 #: What these checks look at, and the table of the columns.

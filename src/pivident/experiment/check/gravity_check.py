@@ -12,8 +12,8 @@ import numpy as np
 
 from pivident.data.logs.log import Log
 from pivident.estimation.control_law.law_gravity import GravityColumns, gravity_columns
-from pivident.experiment.check.channels import usable_rows
 from pivident.experiment.check.gains_check import CONTROLLER
+from pivident.experiment.check.remark import usable_rows
 from pivident.experiment.schema import ControllerEntry
 from pivident.foundation.text.finding import Finding, FindingKind
 from pivident.foundation.text.repair import Edit, Repair

@@ -8,7 +8,7 @@ import numpy as np
 
 from pivident.data.logs.clocks.timestamps import LOWEST_RATE
 from pivident.data.logs.log import Log
-from pivident.experiment.check.channels import usable_rows
+from pivident.experiment.check.remark import usable_rows
 from pivident.foundation.text.finding import Finding, FindingKind, Quantity, Topic
 from pivident.foundation.text.repair import setting
 from pivident.judgement.audit.standstill import STILL, still_joints

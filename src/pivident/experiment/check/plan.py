@@ -11,8 +11,8 @@ from pivident.estimation.method import Method
 from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Problem
 from pivident.experiment.check.expected_time import expected_time, first_run, time_of_methods
-from pivident.foundation.text.lists import plural
 from pivident.foundation.text.plain_values import plain
+from pivident.foundation.text.sentences import plural
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from pivident.data.logs.log import Log
-from pivident.experiment.check.channels import usable_rows
+from pivident.experiment.check.remark import usable_rows
 from pivident.foundation.text.finding import Finding, FindingKind, Quantity, Topic
 from pivident.foundation.text.repair import Reordered, Repair, Reversed, in_unit
 

@@ -1,4 +1,7 @@
-"""One thing that a check has to say, with the place in the experiment file where it is changed."""
+"""One thing that a check has to say, with the place in the experiment file where it is changed.
+
+What the checks of channels share.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
+
+import numpy as np
 
 from pivident.foundation.errors import Advised, PividentError
 from pivident.foundation.text.finding import SEVERITIES, Finding
@@ -83,3 +88,8 @@ def advised(error: Advised) -> tuple[str, str]:
 def gravest_first(remarks: Iterable[Remark]) -> list[Remark]:
     """Remarks in order of severity, those that stop an identification first of all."""
     return sorted(remarks, key=lambda r: (-SEVERITIES.index(r.severity), not r.refused))
+
+
+def usable_rows(*channels: np.ndarray) -> np.ndarray:
+    """Indices of the samples at which every value of every channel is finite."""
+    return np.flatnonzero(np.logical_and.reduce([np.isfinite(c).all(axis=1) for c in channels]))

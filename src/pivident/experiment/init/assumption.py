@@ -13,7 +13,7 @@ from pivident.data.logs.recognition.channel_words import Sureness
 from pivident.experiment.file_lines import SURE
 from pivident.foundation.errors import PividentError
 from pivident.foundation.text.sentences import capital
-from pivident.foundation.text.toml_values import comment, key_text, value_text
+from pivident.foundation.text.toml import comment, key_text, value_text
 
 #: The answer to a question that nobody can answer.
 UNKNOWN = "unknown"

@@ -32,9 +32,9 @@ from pivident.experiment.init.assumption import Assumption, Question
 from pivident.experiment.init.clock_lines import clock_place
 from pivident.experiment.init.kept_joints import KeptJoints
 from pivident.experiment.init.torque_unit import Comparison, TorqueUnit
-from pivident.foundation.text.lists import listed
 from pivident.foundation.text.numbers import percent
-from pivident.foundation.text.toml_values import string_text
+from pivident.foundation.text.sentences import listed
+from pivident.foundation.text.toml import string_text
 from pivident.loop.instruments.second_sensor import SAME_SENSOR, explained_noise
 
 #: Time before and after the motion that is kept [s].

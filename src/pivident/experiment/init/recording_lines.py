@@ -61,7 +61,7 @@ from pivident.experiment.init.torque_unit import (
     torque_unit,
     without_torque,
 )
-from pivident.foundation.text.lists import listed
+from pivident.foundation.text.sentences import listed
 from pivident.judgement.audit.standstill import motion_window
 from pivident.robot.description import Robot
 from pivident.robot.mjcf_actuators import ActuatorLaw, actuator_law

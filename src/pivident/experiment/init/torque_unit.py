@@ -18,8 +18,8 @@ from pivident.data.logs.units import COMMAND, TORQUE
 from pivident.experiment.check.torque_side import TorqueSideEvidence, torque_side_evidence
 from pivident.experiment.init.assumption import Question, Sureness
 from pivident.foundation.errors import PividentError
-from pivident.foundation.text.lists import listed
 from pivident.foundation.text.numbers import plus_minus
+from pivident.foundation.text.sentences import listed
 from pivident.judgement.audit.description_factors import BLUNT, description_factors
 from pivident.judgement.audit.examination import Examination, in_turn
 from pivident.judgement.audit.flange_load import FlangeLoad, flange_load

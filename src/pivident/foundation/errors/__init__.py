@@ -4,7 +4,6 @@ Every message names the object (joint, sample, file, key), the value met, the va
 and the next step, so that it can be shown to a user as one readable line.
 """
 
-from pivident.foundation.errors.attempts import Attempts, in_words
 from pivident.foundation.errors.identifications import (
     ContradictoryBounds,
     DelayTooLong,
@@ -23,6 +22,7 @@ from pivident.foundation.errors.identifications import (
 )
 from pivident.foundation.errors.kinds import (
     Advised,
+    Attempts,
     ExperimentError,
     ExportError,
     FileFormatError,
@@ -33,6 +33,7 @@ from pivident.foundation.errors.kinds import (
     RobotDescriptionError,
     UnusableValue,
     concerning,
+    in_words,
 )
 from pivident.foundation.errors.recordings import (
     BadCell,

@@ -10,10 +10,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal, TypeVar
 
-from pivident.foundation.text.lists import plural
 from pivident.foundation.text.numbers import plus_minus
 from pivident.foundation.text.plain_values import plain
 from pivident.foundation.text.repair import RECORDING, Place, Repair, joined_repairs
+from pivident.foundation.text.sentences import plural
 
 Severity = Literal["ok", "note", "warning", "error"]
 

@@ -1,8 +1,14 @@
-"""Half sentences as sentences, and back."""
+"""Half sentences as sentences, and back.
+
+Lists of names, in a sentence and as they are typed.
+
+A hint that names what was probably meant, as a sentence and as data.
+"""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Sequence
 
 #: Words of an experiment file that keep their small letter at the start of a sentence.
 _NAMES = {"q", "dq", "tau", "t", "kp", "kd", "ki", "kv", "rate", "mask", "delay", "files", "name"}
@@ -32,3 +38,41 @@ def first_sentence(text: str) -> str:
 def half_sentence(text: str) -> str:
     """A sentence without its capital and its stop, to go on with."""
     return text[:1].lower() + text[1:].rstrip(".")
+
+
+#: Maximum number of names in one sentence.
+MAX_LISTED = 8
+
+
+def listed(names: Sequence[str], most: int = MAX_LISTED) -> str:
+    """The first names of a list, and how many more there are, where these are more than one."""
+    if len(names) <= most + 1:
+        return ", ".join(names)
+    return f"{', '.join(names[:most])} and {len(names) - most} more"
+
+
+def plural(number: int, thing: str) -> str:
+    """A number of things: 1 joint, 6 joints."""
+    return f"{number} {thing}{'' if number == 1 else 's'}"
+
+
+def separated(texts: Iterable[str]) -> list[str]:
+    """Names of one text or several, with commas between them."""
+    return [name for text in texts for name in map(str.strip, text.split(",")) if name]
+
+
+class NearestNames(str):
+    """A half sentence such as ``did you mean 'tau'?``.
+
+    Attributes:
+        meant: a name that is not known, and the nearest one that is; None where none is near.
+    """
+
+    meant: tuple[str, str] | None = None
+
+    @classmethod
+    def of(cls, text: str, name: str, near: Sequence[str]) -> NearestNames:
+        """The hint in its words, with the name and those that are near it, the nearest first."""
+        hint = cls(text)
+        hint.meant = (name, near[0]) if near else None
+        return hint

@@ -11,7 +11,7 @@ import numpy as np
 from pivident.data.logs.log import Log
 from pivident.foundation.errors import PividentError, RecordingError
 from pivident.foundation.text.finding import Finding, FindingKind, Severity, Topic, worst
-from pivident.foundation.text.lists import listed
+from pivident.foundation.text.sentences import listed
 from pivident.foundation.threads import linear_algebra_in_one_thread
 from pivident.foundation.version import __version__
 from pivident.judgement.audit.delay import DELAY, Delay

@@ -17,9 +17,9 @@ from dataclasses import replace
 import numpy as np
 
 from pivident.foundation.text.finding import FindingKind, Quantity, Topic
-from pivident.foundation.text.lists import listed
 from pivident.foundation.text.numbers import plus_minus
 from pivident.foundation.text.repair import Edit, Repair
+from pivident.foundation.text.sentences import listed
 from pivident.judgement.audit.blocked_fit import blocked_fit, jackknife
 from pivident.judgement.audit.examination import Examination, LogCheck
 from pivident.judgement.audit.inverse_model import InverseModel

@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator
 
 from pivident.foundation.text.finding import Finding, Quantity, Severity
-from pivident.foundation.text.lists import listed
 from pivident.foundation.text.numbers import format_significant, percent
+from pivident.foundation.text.sentences import listed
 from pivident.judgement.diagnostics.consistent_estimate import NoConsistentEstimate
 from pivident.judgement.diagnostics.diagnostics import Diagnostics
 from pivident.models.consistency.metric import NOTABLE_COST

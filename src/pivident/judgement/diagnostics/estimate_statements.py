@@ -16,9 +16,8 @@ from pivident.dynamics.signs import NegativeParameter, negative_parameters
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import ParameterRow, parameter_rows
 from pivident.foundation.text.finding import Finding, Quantity, Severity
-from pivident.foundation.text.lists import listed
 from pivident.foundation.text.numbers import format_significant, percent
-from pivident.foundation.text.sentences import capital
+from pivident.foundation.text.sentences import capital, listed
 from pivident.judgement.diagnostics.diagnostics import Diagnostics
 from pivident.judgement.diagnostics.slight_terms import SLIGHT, torque_shares, zero_and_slight
 from pivident.loop.motion.wanted_motion import SENTENCES, FullMotion, MotionLimits, motions_for

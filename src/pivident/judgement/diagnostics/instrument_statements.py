@@ -6,9 +6,8 @@ from collections.abc import Iterator
 
 from pivident.estimation.simulation_result import SimulationResult
 from pivident.foundation.text.finding import Finding, Quantity, Severity
-from pivident.foundation.text.lists import listed
 from pivident.foundation.text.numbers import percent
-from pivident.foundation.text.sentences import capital
+from pivident.foundation.text.sentences import capital, listed
 from pivident.judgement.diagnostics.diagnostics import Diagnostics
 from pivident.loop.instruments.given_motion import InstrumentsUsed
 from pivident.loop.instruments.kinds import KINDS

@@ -8,10 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from pivident.foundation.text.finding import Finding, FindingKind, Quantity, Severity, Topic
-from pivident.foundation.text.lists import listed
 from pivident.foundation.text.numbers import format_significant, percent
 from pivident.foundation.text.repair import RECORDING
-from pivident.foundation.text.sentences import capital
+from pivident.foundation.text.sentences import capital, listed
 from pivident.judgement.audit.scale import GAIN, LOAD, MEDIAN, WARNING
 from pivident.judgement.diagnostics.diagnostics import Diagnostics
 from pivident.judgement.diagnostics.ranges import much_wider

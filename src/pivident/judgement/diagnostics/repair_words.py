@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from pivident.foundation.text.lists import listed
 from pivident.foundation.text.numbers import format_significant
 from pivident.foundation.text.repair import (
     CALLED,
@@ -19,6 +18,7 @@ from pivident.foundation.text.repair import (
     Reversed,
     Shifted,
 )
+from pivident.foundation.text.sentences import listed
 
 
 def cause_of(repair: Repair, joints: Sequence[str]) -> str:

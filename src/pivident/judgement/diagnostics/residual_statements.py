@@ -9,8 +9,8 @@ import numpy as np
 from pivident.estimation.identification import Identification
 from pivident.estimation.method import AutoRegressive
 from pivident.foundation.text.finding import Finding, Severity
-from pivident.foundation.text.lists import listed
 from pivident.foundation.text.numbers import format_significant
+from pivident.foundation.text.sentences import listed
 from pivident.judgement.diagnostics.diagnostics import Diagnostics
 from pivident.judgement.validation.residuals.residual_tests import (
     ResidualTests,

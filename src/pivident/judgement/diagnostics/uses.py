@@ -22,9 +22,8 @@ from typing import Any, Literal
 from pivident.dynamics.signs import negative_parameters
 from pivident.estimation.parameter_rows import parameter_rows
 from pivident.foundation.text.finding import Finding, Quantity
-from pivident.foundation.text.lists import listed, plural
 from pivident.foundation.text.numbers import format_significant, percent
-from pivident.foundation.text.sentences import half_sentence
+from pivident.foundation.text.sentences import half_sentence, listed, plural
 from pivident.judgement.diagnostics.consistent_estimate import ConsistentEstimate
 from pivident.judgement.diagnostics.diagnostics import Diagnostics
 from pivident.judgement.diagnostics.estimate_statements import is_known

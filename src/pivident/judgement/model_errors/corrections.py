@@ -25,8 +25,8 @@ from pivident.estimation.methods import method_named
 from pivident.estimation.problem import Problem
 from pivident.foundation.errors import IdentificationError
 from pivident.foundation.text.finding import Finding, Quantity, Severity
-from pivident.foundation.text.lists import listed
 from pivident.foundation.text.numbers import plus_minus
+from pivident.foundation.text.sentences import listed
 from pivident.foundation.threads import linear_algebra_in_one_thread
 from pivident.judgement.model_errors.cause import Cause
 from pivident.judgement.model_errors.named_causes import alternatives, is_found, score_tests

@@ -29,7 +29,7 @@ from itertools import combinations, permutations
 
 import numpy as np
 
-from pivident.foundation.text.lists import listed
+from pivident.foundation.text.sentences import listed
 from pivident.judgement.model_errors.cause import Cause, Columns, Reach, RecordMotion, on_joint
 from pivident.judgement.model_errors.motion_errors import PERCENT
 from pivident.robot.description import Robot

@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from pivident.foundation.errors import ExportError
-from pivident.foundation.text.lists import listed
+from pivident.foundation.text.sentences import listed
 from pivident.models.export.differences import RobotFile, differences, plain_content
 from pivident.models.export.joint_side import JointProperty, JointSide, joint_side
 from pivident.models.export.load_back import verify_with_mujoco, verify_with_pinocchio

@@ -12,7 +12,7 @@ from collections.abc import Collection, Iterable
 import numpy as np
 
 from pivident.foundation.errors import RobotDescriptionError
-from pivident.foundation.text.lists import listed
+from pivident.foundation.text.sentences import listed
 from pivident.robot.description import INERTIAL, Robot
 from pivident.robot.naming import repeated
 from pivident.robot.refusals import without_loops

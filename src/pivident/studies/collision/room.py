@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pivident.foundation.errors import ExperimentError, RobotDescriptionError, concerning
-from pivident.foundation.text.lists import listed
+from pivident.foundation.text.sentences import listed
 from pivident.robot.description import Robot
 from pivident.robot.frames import rotation_from_rpy
 from pivident.robot.naming import nearest

@@ -8,7 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from pivident.estimation.summary_tables import error_rows
-from pivident.foundation.text import lists
+from pivident.foundation.text import sentences
 from pivident.foundation.text.numbers import format_significant, with_spread
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 MAX_PERCENT = 1000.0
 
 #: Names in a sentence, at most twelve.
-listed = partial(lists.listed, most=12)
+listed = partial(sentences.listed, most=12)
 
 
 def remarks(comparison: ComparedResults, geometry: Sequence[str]) -> Iterator[str]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from pivident.estimation.identification import Identification
 from pivident.foundation.errors import ExperimentError
-from pivident.foundation.text.lists import listed
+from pivident.foundation.text.sentences import listed
 from pivident.loop.motion.wanted_motion import RISE
 from pivident.robot.description import Robot
 from pivident.robot.refusals import without_loops

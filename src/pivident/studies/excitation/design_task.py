@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pivident.foundation.errors import ExperimentError
-from pivident.foundation.text.lists import listed
 from pivident.foundation.text.numbers import percent
+from pivident.foundation.text.sentences import listed
 from pivident.robot.description import Robot
 from pivident.studies.collision.clearances import Clearances
 from pivident.studies.excitation.constraints import Constraints, TorqueModel

@@ -14,7 +14,7 @@ from pivident.dynamics.robot_regressor import regressor_of
 from pivident.estimation.identification import Identification
 from pivident.estimation.solved_equations import EquationNoise
 from pivident.foundation.errors import ExperimentError
-from pivident.foundation.text.lists import listed
+from pivident.foundation.text.sentences import listed
 from pivident.robot.description import Robot
 from pivident.studies.excitation.information import assumed_noise
 from pivident.studies.excitation.limits import JointLimits

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pivident.foundation.errors import ExperimentError
-from pivident.foundation.text.lists import listed
+from pivident.foundation.text.sentences import listed
 from pivident.loop.motion.wanted_motion import RISE
 from pivident.robot.description import Robot
 

@@ -22,7 +22,7 @@ import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters, independent_columns
 from pivident.foundation.errors import ExperimentError
-from pivident.foundation.text.lists import listed
+from pivident.foundation.text.sentences import listed
 from pivident.robot.description import INERTIAL
 
 #: Share of the longest column below which one is rounding.

@@ -23,10 +23,10 @@ from pivident.dynamics.base_parameters import base_parameters
 from pivident.estimation.identification import Identification
 from pivident.foundation.document.document import Accounted, Document, Part
 from pivident.foundation.document.table import Column, Table
-from pivident.foundation.text.lists import listed
 from pivident.foundation.text.numbers import format_significant
 from pivident.foundation.text.plain_values import plain
 from pivident.foundation.text.printable import escaped
+from pivident.foundation.text.sentences import listed
 from pivident.studies.excitation.design import Design
 from pivident.studies.excitation.design_file import load_design
 from pivident.studies.excitation.followed_motion import ANOTHER, FollowedMotion, followed_motion

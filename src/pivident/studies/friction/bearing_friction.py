@@ -25,8 +25,8 @@ from pivident.estimation.method import Method
 from pivident.estimation.problem import Problem
 from pivident.experiment.init.complete_sign import complete_sign
 from pivident.foundation.text.finding import Finding, Quantity
-from pivident.foundation.text.lists import listed
 from pivident.foundation.text.numbers import format_significant, plus_minus
+from pivident.foundation.text.sentences import listed
 from pivident.robot.friction import FrictionLaw
 
 #: Probability with which friction that is zero stays in a joint's law.

@@ -25,7 +25,7 @@ import numpy as np
 
 from pivident.estimation.problem import Problem
 from pivident.foundation.errors import IdentificationError
-from pivident.foundation.text.lists import listed
+from pivident.foundation.text.sentences import listed
 from pivident.judgement.validation.held_out.folds import moving_part
 from pivident.judgement.validation.held_out.segment_sums import Segments, SegmentSums
 from pivident.studies.friction_laws.filtered_rows import LastPass

@@ -19,8 +19,8 @@ from typing import Literal
 import numpy as np
 
 from pivident.foundation.text.finding import Finding, Quantity
-from pivident.foundation.text.lists import listed
 from pivident.foundation.text.numbers import format_significant, percent
+from pivident.foundation.text.sentences import listed
 from pivident.judgement.validation.held_out.held_out_errors import (
     ALL_JOINTS,
     HeldOutErrors,

@@ -27,8 +27,8 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.problem import Problem
 from pivident.foundation.errors import ExperimentError
 from pivident.foundation.text.finding import Finding, Quantity
-from pivident.foundation.text.lists import listed
 from pivident.foundation.text.numbers import format_significant, percent
+from pivident.foundation.text.sentences import listed
 from pivident.judgement.diagnostics.prediction_statements import WORSE
 from pivident.judgement.validation.held_out.cross_validation import CrossValidation
 from pivident.judgement.validation.held_out.folds import moving_part

@@ -35,7 +35,7 @@ from pivident.data.logs.bags.message_layout import MAX_VISITS, Layout, layout_of
 from pivident.data.logs.source_files import refuse_bomb
 from pivident.foundation.errors import FileFormatError
 from pivident.foundation.scratch import working_array
-from pivident.foundation.text.lists import listed, plural
+from pivident.foundation.text.sentences import listed, plural
 
 #: Messages that are read together, and the bytes that they may have.
 TOGETHER, BYTES_TOGETHER = 4096, 2**24

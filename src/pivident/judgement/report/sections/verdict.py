@@ -17,8 +17,8 @@ from pivident.estimation.parameter_rows import (
 )
 from pivident.estimation.summary_tables import ending, error_rows, label_lines
 from pivident.foundation.text.finding import Finding, Quantity
-from pivident.foundation.text.lists import listed
 from pivident.foundation.text.numbers import percent
+from pivident.foundation.text.sentences import listed
 from pivident.judgement.diagnostics.verdict import beside_verdict
 from pivident.judgement.report.sections.base import Section
 from pivident.judgement.validation.residuals.residual_tests import ResidualTests

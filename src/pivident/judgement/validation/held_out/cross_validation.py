@@ -24,7 +24,7 @@ from pivident.estimation.problem import Problem
 from pivident.foundation.document.table import Column, Table
 from pivident.foundation.errors import IdentificationError, SimulationDiverged
 from pivident.foundation.errors import MassMatrixNotPositiveDefinite as IndefiniteMass
-from pivident.foundation.text.lists import listed
+from pivident.foundation.text.sentences import listed
 from pivident.judgement.validation.held_out.fold_estimates import (
     estimates_without,
     filters_without,

@@ -34,8 +34,8 @@ from pivident.estimation.problem import Problem, torque_units
 from pivident.estimation.signal_recipes import RandomWalk
 from pivident.foundation.document.table import Column, Table
 from pivident.foundation.errors import IdentificationError
-from pivident.foundation.text.lists import listed
 from pivident.foundation.text.numbers import format_significant, with_spread
+from pivident.foundation.text.sentences import listed
 from pivident.judgement.validation.held_out.cross_validation import CrossValidation
 from pivident.judgement.validation.held_out.prediction import at_rest, motion_band
 from pivident.loop.motion.motion import torque_of, usable_samples

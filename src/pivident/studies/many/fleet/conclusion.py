@@ -16,9 +16,9 @@ from markupsafe import Markup
 
 from pivident.foundation.document.figure import ERROR, MEASURED, SHADE, Figure, colour, empty_plot
 from pivident.foundation.document.plot import LEGEND, Plot
-from pivident.foundation.text.lists import plural
 from pivident.foundation.text.numbers import with_spread
 from pivident.foundation.text.plain_values import plain
+from pivident.foundation.text.sentences import plural
 from pivident.foundation.text.toml import toml_lines
 from pivident.judgement.report.builder import page_environment, page_of
 from pivident.studies.many.fleet.control_chart import Alarm, Chart, Rate
