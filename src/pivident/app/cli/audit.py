@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from pivident.app.cli.console import DONE, FAULTY_LOG, Progress
-from pivident.app.cli.findings import print_findings
+from pivident.app.cli.console import DONE, FAULTY_LOG, Progress, print_findings
 from pivident.foundation.text.finding import counted, serious
 from pivident.foundation.text.plain_values import write_json
 from pivident.foundation.text.sentences import separated

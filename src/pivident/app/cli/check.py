@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from pivident.app.cli.console import DONE, FAULTY_LOG, WRONG_INPUT, Progress
-from pivident.app.cli.findings import print_findings
+from pivident.app.cli.console import DONE, FAULTY_LOG, WRONG_INPUT, Progress, print_findings
 from pivident.foundation.text.finding import counted
 from pivident.foundation.text.printable import escaped
 

@@ -10,6 +10,8 @@ The environment variable ``PIVIDENT_PROGRESS`` names the file:
     {"keep": "IDIM-PIV: 6 iterations …"}                    what has been done
 
 How commands end: their exit codes, and the error of a command line that means nothing.
+
+Findings on the command line: a line each, broken and coloured on a terminal.
 """
 
 from __future__ import annotations
@@ -17,13 +19,16 @@ from __future__ import annotations
 import os
 import sys
 import warnings
+from collections.abc import Iterable
 from contextlib import suppress
 from importlib.util import find_spec
+from textwrap import wrap
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from pivident.foundation.errors import PividentError, in_words
 from pivident.foundation.registry import ExtensionWarning
+from pivident.foundation.text.finding import Finding, Severity
 from pivident.foundation.text.plain_values import plain, strict_json
 from pivident.foundation.text.printable import escaped
 
@@ -34,6 +39,7 @@ if TYPE_CHECKING:
     from rich.text import Text
 
     from pivident.app.cli.remaining import Remaining
+
 
 #: How Python prints a warning.
 _WITH_PLACE = warnings.formatwarning
@@ -179,3 +185,33 @@ class Progress:
 
 class UsageError(PividentError):
     """A command line that cannot be understood."""
+
+
+#: How severities look on a terminal with colours.
+STYLES: dict[Severity, str] = {
+    "error": "bold red",
+    "warning": "yellow",
+    "note": "",
+    "ok": "green",
+}
+
+#: Width of a line on a terminal; lines of a file or a pipe are not broken.
+WIDTH = 96
+
+
+def print_findings(findings: Iterable[Finding]) -> None:
+    """Severity, place, message and next step of each."""
+    from rich.console import Console
+    from rich.text import Text
+
+    console = Console(highlight=False)
+    for finding in findings:
+        word = f"  {finding.severity:<7} "
+        heading = f"{finding.heading}:" if finding.heading else ""
+        lines = [escaped(x) for x in (heading, finding.message, finding.next_step) if x]
+        if not sys.stdout.isatty():
+            print(word + " ".join(lines))
+            continue
+        broken = [part for line in lines for part in wrap(line, WIDTH - len(word))]
+        console.print(Text(word, STYLES[finding.severity]), end="")
+        console.print(Text(f"\n{' ' * len(word)}".join(broken)))

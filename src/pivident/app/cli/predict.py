@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pivident.app.cli.console import Progress
-from pivident.app.cli.findings import print_findings
+from pivident.app.cli.console import Progress, print_findings
 from pivident.foundation.errors import ExperimentError
 
 
