@@ -3,10 +3,10 @@ from .conversion import from_control as from_control
 from .conversion import from_scipy as from_scipy
 from .estimate import LinearEstimate as LinearEstimate
 from .free_law import identify_free_law as identify_free_law
-from .noise import Noise as Noise
-from .noise import ar as ar
-from .noise import arma as arma
-from .noise import select_arma as select_arma
+from .model import Noise as Noise
+from .model import ar as ar
+from .model import arma as arma
+from .model import select_arma as select_arma
 from .order_selection import select_orders as select_orders
 from .sriv import riv as riv
 from .sriv import sriv as sriv

@@ -6,6 +6,8 @@ response G = B/A of an input, with s the power of the operator that multiplies a
     ∂G/∂b = s/A,    ∂G/∂a = -G s/A.
 
 Orders of a continuous-time model: which parameters there are and in which order.
+
+Noise models of the linear subject: AR and ARMA, found in ``pivident.signals``.
 """
 
 from __future__ import annotations
@@ -20,6 +22,9 @@ import numpy as np
 
 from pivident.foundation.errors import IdentificationError
 from pivident.signals.arma import Noise
+from pivident.signals.arma import ar as ar
+from pivident.signals.arma import arma as arma
+from pivident.signals.arma import select_arma as select_arma
 
 Hold = Literal["zoh", "foh"]
 #: Poles on the imaginary axis are moved this far to the left, relative to their modulus.
