@@ -24,8 +24,7 @@ from scipy.signal import lfilter, max_len_seq
 
 from pivident.linear.model import Structure
 from pivident.linear.refined_iv import iv_step, linearised
-from pivident.linear.sampled_data import SampledData
-from pivident.linear.simulation import continuous_response, delayed
+from pivident.linear.sampled_data import SampledData, continuous_response, delayed
 from pivident.linear.state_variable_filter import discretised_chain
 from pivident.signals.arma import Noise
 

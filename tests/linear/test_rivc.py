@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pivident.foundation.errors import IdentificationError
-from pivident.linear.simulation import continuous_response
+from pivident.linear.sampled_data import continuous_response
 from pivident.linear.srivc import rivc, srivc
 from tests.linear import published_systems
 from tests.linear.monte_carlo import check_against_bound, estimate

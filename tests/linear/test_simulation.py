@@ -10,7 +10,7 @@ from scipy.signal import cont2discrete, lfilter, lsim
 from pivident.foundation.errors import UnusableSignal
 from pivident.linear.estimate import LinearEstimate
 from pivident.linear.model import Fit
-from pivident.linear.simulation import continuous_response, delayed, simulate
+from pivident.linear.sampled_data import continuous_response, delayed, simulate
 from pivident.linear.state_variable_filter import (
     discretised_chain,
     filtered_derivatives,

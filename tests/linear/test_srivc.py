@@ -15,7 +15,7 @@ from pivident.foundation.errors import (
     UnstableFit,
     UnusableSignal,
 )
-from pivident.linear.simulation import continuous_response, delayed
+from pivident.linear.sampled_data import continuous_response, delayed
 from pivident.linear.srivc import srivc
 from tests.linear import published_systems
 from tests.linear.monte_carlo import check_against_bound, estimate

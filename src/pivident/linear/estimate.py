@@ -11,7 +11,7 @@ from scipy.signal import TransferFunction
 
 from pivident.foundation.extras import require
 from pivident.linear.model import LinearModel, gain
-from pivident.linear.simulation import simulate
+from pivident.linear.sampled_data import simulate
 from pivident.signals.arma import Noise
 
 if TYPE_CHECKING:

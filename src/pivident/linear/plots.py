@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 from pivident.foundation.document.figure import colour
 from pivident.foundation.extras import require
 from pivident.linear.model import LinearModel, polynomials, response_and_gradient
-from pivident.linear.simulation import continuous_response, delayed
+from pivident.linear.sampled_data import continuous_response, delayed
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go

@@ -27,8 +27,7 @@ from scipy.signal import lfilter
 
 from pivident.foundation.errors import OrdersNotSupported
 from pivident.linear.model import Structure
-from pivident.linear.sampled_data import SampledData
-from pivident.linear.simulation import continuous_response
+from pivident.linear.sampled_data import SampledData, continuous_response
 from pivident.linear.state_variable_filter import combined, filtered_derivatives
 from pivident.signals.arma import Noise
 
