@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pivident.models.export_format import FileOptions, Format
-from pivident.models.exported import ExportedText, Verification, compared
+from pivident.models.exported import ExportedText, FileOptions, Format, Verification, compared
 from pivident.models.runnable_model import RunnableModel
 
 

@@ -26,8 +26,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from pivident.foundation.errors import IdentificationFileError, PividentError
 from pivident.foundation.text.plain_values import json_of_entries
-from pivident.models.export_format import Format
-from pivident.models.exported import ExportedText, Verification, compared
+from pivident.models.exported import ExportedText, Format, Verification, compared
 from pivident.models.runnable_model import Origin, RunnableModel, impossible_value, runnable_model
 from pivident.robot.description import INERTIAL, Robot
 from pivident.robot.inertia import from_center_of_mass, tensor
