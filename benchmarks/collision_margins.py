@@ -18,10 +18,10 @@ import numpy as np
 
 from pivident.robot.description import Robot
 from pivident.robot.urdf import read_urdf
-from pivident.studies.collision.apart import built_apart, exact_distances
 from pivident.studies.collision.bodies import Body
 from pivident.studies.collision.clearances import Clearances
 from pivident.studies.collision.outlines import outline_of
+from pivident.studies.collision.room import built_apart, exact_distances
 
 #: What rounding, and the tolerance of coal, may take from a margin [m].
 TOLERANCE = 1e-5

@@ -1,5 +1,5 @@
-from .collision.apart import built_apart as built_apart
-from .collision.apart import exact_distances as exact_distances
+from .collision.room import built_apart as built_apart
+from .collision.room import exact_distances as exact_distances
 from .collision.bodies import Body as Body
 from .collision.bodies import Outline as Outline
 from .collision.clearances import Clearances as Clearances

@@ -5,12 +5,12 @@ from pivident.foundation.errors import ExperimentError, RobotDescriptionError
 from pivident.robot.frames import rotation_from_rpy
 from pivident.robot.gallery import load_robot
 from pivident.robot.urdf import parse_urdf, read_urdf
-from pivident.studies.collision.apart import built_apart, exact_distances
 from pivident.studies.collision.bodies import Body, LinkPoses
 from pivident.studies.collision.clearances import Clearances
 from pivident.studies.collision.obstacles import Obstacle, ToolBox
 from pivident.studies.collision.outlines import outline_of
 from pivident.studies.collision.pairs import swept_ball
+from pivident.studies.collision.room import built_apart, exact_distances
 from tests.robot.kinematics import link_poses
 from tests.robot.random_robots import random_robot
 from tests.studies.collision.shaped_arm import write_arm
