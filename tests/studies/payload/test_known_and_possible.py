@@ -11,8 +11,8 @@ from pivident.robot.inertia import from_center_of_mass, tensor
 from pivident.studies.payload import possible_load as module
 from pivident.studies.payload.arm_and_load import KnownParts
 from pivident.studies.payload.load_estimate import NATURAL, LoadEstimate
-from pivident.studies.payload.load_quantities import load_sentences
 from pivident.studies.payload.payload_findings import contradicted
+from pivident.studies.payload.payload_identification import load_sentences
 from pivident.studies.payload.possible_load import possible_load
 
 CENTRE, INERTIA = (0.03, -0.02, 0.10), (0.0012, 0.0001, -0.0002, 0.0015, 0.0001, 0.0009)

@@ -6,7 +6,7 @@ import pytest
 from pivident.robot.frames import Pose, rotation_from_rpy
 from pivident.robot.inertia import elements, from_center_of_mass, tensor
 from pivident.studies.payload.load_estimate import LoadEstimate, seen_from
-from pivident.studies.payload.load_quantities import is_asymmetric, load_quantities
+from pivident.studies.payload.payload_identification import is_asymmetric, load_quantities
 
 MASS, CENTRE = 1.3, np.array([0.03, -0.02, 0.10])
 INERTIA = np.array([0.0012, 0.0001, -0.0002, 0.0015, 0.0001, 0.0009])
