@@ -51,7 +51,7 @@ from .flexibility.simulated_joint import TwoMassJoint as TwoMassJoint
 from .flexibility.simulated_joint import simulate_joint as simulate_joint
 from .flexibility.two_mass import identify_two_mass as identify_two_mass
 from .friction.bearing_friction import bearing_friction as bearing_friction
-from .friction.friction_files import write_friction as write_friction
+from .friction.curves import write_friction as write_friction
 from .friction.friction_study import FrictionStudy as FrictionStudy
 from .friction.friction_study import study_friction as study_friction
 from .friction.ripple.ripple_lines import NamedOrder as NamedOrder

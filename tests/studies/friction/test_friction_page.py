@@ -12,8 +12,7 @@ import pytest
 from pivident.app.cli import main
 from pivident.foundation.document.plot import DrawingLibrary
 from pivident.foundation.errors import PividentError
-from pivident.studies.friction.curves import curves_table
-from pivident.studies.friction.friction_files import render_page, write_friction
+from pivident.studies.friction.curves import curves_table, render_page, write_friction
 from pivident.studies.friction.friction_study import FrictionStudy, joint_friction
 from tests.browser import needs_browser, seen_on_a_phone
 from tests.planar_log import write_experiment
@@ -99,7 +98,7 @@ def test_files_agree_and_are_strict(study, tmp_path):
 
 
 def test_nothing_is_left_half_written(study, tmp_path, monkeypatch):
-    monkeypatch.setattr("pivident.studies.friction.friction_files.render_page", lambda *a: 1 / 0)
+    monkeypatch.setattr("pivident.studies.friction.curves.render_page", lambda *a: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         write_friction(study, tmp_path / "out")
     assert not (tmp_path / "out").exists()

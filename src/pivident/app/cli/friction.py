@@ -57,7 +57,7 @@ def run_friction(
     from pivident.app.cli.workflow import check_output
     from pivident.estimation.identify import identify
     from pivident.experiment.experiment import load_experiment
-    from pivident.studies.friction.friction_files import write_friction
+    from pivident.studies.friction.curves import write_friction
     from pivident.studies.friction.friction_study import study_friction
     from pivident.studies.friction.ripple.ripple_search import find_ripple
 
