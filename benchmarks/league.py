@@ -24,9 +24,8 @@ from pivident.estimation.methods import METHODS
 from pivident.estimation.signal_recipes import Decimated
 from pivident.studies.many.batch.runner import Processes
 from pivident.studies.many.study.conclusion import conclude_study, write_index
-from pivident.studies.many.study.run import run_study
+from pivident.studies.many.study.run import Store, run_study
 from pivident.studies.many.study.scenario import Scenario, load_scenario
-from pivident.studies.many.study.study_store import Store
 from pivident.studies.many.study.summary import MethodSummary, Summary
 
 #: Methods of the league. Filters by sigma points and the linear programs of set membership, which

@@ -19,9 +19,8 @@ import psutil
 
 from pivident.studies.many.batch.cluster import DaskCluster
 from pivident.studies.many.batch.runner import Pool, Processes
-from pivident.studies.many.study.run import run_study
+from pivident.studies.many.study.run import Store, run_study
 from pivident.studies.many.study.scenario import Scenario, load_scenario
-from pivident.studies.many.study.study_store import Store
 
 #: Columns that must not depend on who computed them.
 NUMBERS = ["run", "method", "theta", "std", "robust_std", "iterations", "d_tau", "d_q", "d_beta"]

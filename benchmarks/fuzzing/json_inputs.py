@@ -20,8 +20,8 @@ JSON_CHUNKS = (
 
 
 def manifest_seed() -> bytes:
+    from pivident.studies.many.study.run import Store
     from pivident.studies.many.study.scenario import read_scenario
-    from pivident.studies.many.study.study_store import Store
 
     with tempfile.TemporaryDirectory() as folder:
         scenario = read_scenario(STUDY.decode().split("[vary")[0], "study")

@@ -127,8 +127,8 @@ def _audited(path: Path) -> object:
 
 def _manifest(path: Path) -> object:
     """Opening the results folder of a study whose manifest this is."""
+    from pivident.studies.many.study.run import Store
     from pivident.studies.many.study.scenario import read_scenario
-    from pivident.studies.many.study.study_store import Store
 
     store = Store(path.parent)
     store.programs()

@@ -60,7 +60,7 @@ def test_files_that_are_no_names(tmp_path, spec):
 )  # fmt: skip
 def test_manifests_that_are_none(tmp_path, text):
     from pivident.studies.many.batch.batch_errors import StudyFolderError
-    from pivident.studies.many.study.study_store import MANIFEST, Store
+    from pivident.studies.many.study.run import MANIFEST, Store
 
     (tmp_path / MANIFEST).write_text(text)
     with pytest.raises(StudyFolderError, match=r"manifest\.json"):

@@ -15,7 +15,7 @@ import pytest
 
 from pivident.foundation.errors import PividentError
 from pivident.foundation.files import BUILD, COMPLETE, atomic_folder
-from pivident.studies.many.study.study_store import UNFINISHED, Store
+from pivident.studies.many.study.run import UNFINISHED, Store
 from tests.studies.many.study.small import small
 
 WRITER = """
@@ -33,7 +33,7 @@ APPENDER = """
 import itertools, sys
 from pathlib import Path
 from pivident.studies.many.study.scenario import Scenario
-from pivident.studies.many.study.study_store import Store
+from pivident.studies.many.study.run import Store
 from pivident.foundation.text.toml import parse_toml
 from tests.studies.many.study.small import TEXT
 plain = parse_toml(TEXT)

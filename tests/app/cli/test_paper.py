@@ -40,7 +40,7 @@ def test_a_folder_without_permission_is_refused(tmp_path, capsys):
 
 
 def test_a_study_of_another_scenario_is_refused(tmp_path, capsys):
-    from pivident.studies.many.study.study_store import Store
+    from pivident.studies.many.study.run import Store
     from pivident.studies.paper.experiment import condition
 
     other = condition("motor")

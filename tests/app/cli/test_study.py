@@ -148,7 +148,7 @@ def test_ctrl_c_keeps_finished_runs_and_says_how_to_go_on(scenario, tmp_path):
     _, error = process.communicate(timeout=60)
     assert process.returncode == 130
     assert "the same command continues there" in error and "Traceback" not in error
-    from pivident.studies.many.study.study_store import Store
+    from pivident.studies.many.study.run import Store
 
     assert Store(out).rows()["error"].null_count() == len(Store(out).rows()) > 0
 

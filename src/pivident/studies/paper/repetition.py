@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from pivident.studies.many.study.bench import Bench
-from pivident.studies.many.study.study_store import Store
+from pivident.studies.many.study.run import Store
 from pivident.studies.many.study.summary import (
     Interval,
     clustered_interval,

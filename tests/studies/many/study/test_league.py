@@ -58,7 +58,7 @@ def test_methods_hold_in_all_conditions_and_nothing_else_changes():
 def summaries():
     import polars as pl
 
-    from pivident.studies.many.study.study_store import row_schema
+    from pivident.studies.many.study.run import row_schema
 
     made = {}
     for condition in read_scenario(VARIED, "small").with_methods(["ls", "iv"]).conditions:
@@ -91,7 +91,7 @@ def test_the_page_has_a_table_for_each_figure_and_its_best_value(summaries):
 def test_rows_of_an_older_program_have_no_simulations(summaries):
     import polars as pl
 
-    from pivident.studies.many.study.study_store import row_schema
+    from pivident.studies.many.study.run import row_schema
 
     scenario = small(identify={"methods": ["ls"]})
     rows = pl.DataFrame(execute(Task.of(scenario, None), 0), schema=row_schema())

@@ -19,8 +19,7 @@ from pivident.studies.many.batch.batch_errors import SchedulerUnreachable
 from pivident.studies.many.batch.cluster import DaskCluster
 from pivident.studies.many.batch.runner import Processes
 from pivident.studies.many.study import run
-from pivident.studies.many.study.run import Row, Task, execute, run_study
-from pivident.studies.many.study.study_store import Store
+from pivident.studies.many.study.run import Row, Store, Task, execute, run_study
 from tests.studies.many.study.small import TEXT, small
 
 RUNS = 12

@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from pivident.studies.many.batch.batch_errors import OtherScenario, StudyFolderError
-from pivident.studies.many.study.study_store import MANIFEST, UNFINISHED, Store
+from pivident.studies.many.study.run import MANIFEST, UNFINISHED, Store
 from tests.studies.many.study.small import small
 
 
@@ -135,7 +135,7 @@ def test_a_file_system_without_room_is_a_clear_error(tmp_path):
     code = f"""
 import resource, signal
 from pathlib import Path
-from pivident.studies.many.study.study_store import Store
+from pivident.studies.many.study.run import Store
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (512, 512))
 rows = [dict(run=r, record=r, start=0, method="ls", theta=[r / 7.0] * 99) for r in range(3, 9)]
