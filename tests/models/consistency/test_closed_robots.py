@@ -21,7 +21,7 @@ from pivident.models.export.load_back import verify_with_mujoco
 from pivident.models.export.mjcf import to_mjcf
 from pivident.models.runnable_model import runnable_model
 from pivident.robot.mjcf import read_mjcf
-from pivident.studies.tables.models import consistent_parameters
+from pivident.studies.tables.inputs import consistent_parameters
 
 
 def identified(name, reach):

@@ -1,4 +1,7 @@
-"""Tables of what is given: robot, recordings, problem, and what an audit says of a log."""
+"""Tables of what is given: robot, recordings, problem, and what an audit says of a log.
+
+Tables of consistent models and of their intervals.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +17,8 @@ from pivident.estimation.problem import Problem
 from pivident.foundation.document.table import Table, Values
 from pivident.foundation.text.finding import Quantity
 from pivident.judgement.audit.audit import Audit
+from pivident.models.consistency.consistent_model import ConsistentModel
+from pivident.models.consistency.profile_intervals import ENDS, ProfileIntervals
 from pivident.robot.description import Joint, Robot
 
 
@@ -202,3 +207,19 @@ def _quantity(decisive: Quantity | None) -> dict[str, float | str]:
 
 def _known(value: float | None) -> float:
     return math.nan if value is None else float(value)
+
+
+consistent_links, consistent_moved = ConsistentModel.table, ConsistentModel.moved_table
+profile_intervals = ProfileIntervals.table
+
+
+def consistent_parameters(model: ConsistentModel) -> Table:
+    """All standard parameters with their 95 % intervals, which take a second or two."""
+    made = model.intervals(of="standard").table().columns
+    tree = model.robot.tree
+    head = {
+        "parameter": made["quantity"],
+        "joint": [tree.joints[p.joint].name for p in model.parameters],
+        "link": [tree.links[p.joint].name for p in model.parameters],
+    }
+    return Table("parameters", head | {k: own for k, own in made.items() if k != "quantity"}, ENDS)
