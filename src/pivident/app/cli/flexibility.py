@@ -27,8 +27,11 @@ def flexibility(
     """
     from pivident.app.cli.workflow import check_output
     from pivident.experiment.experiment import load_experiment
-    from pivident.studies.flexibility.flexibility_page import write_study
-    from pivident.studies.flexibility.flexibility_text import agreement_lines, flexibility_lines
+    from pivident.studies.flexibility.flexibility_page import (
+        agreement_lines,
+        flexibility_lines,
+        write_study,
+    )
     from pivident.studies.flexibility.joint_study import study_flexibility
 
     if bandwidth is not None and not bandwidth > 0:

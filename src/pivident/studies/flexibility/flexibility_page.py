@@ -1,8 +1,13 @@
-"""The study of flexible joints as one self-contained HTML page, and its files."""
+"""The study of flexible joints as one self-contained HTML page, and its files.
+
+A joint's flexibility in rows and sentences, for terminal and page.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +20,7 @@ from pivident.foundation.text.plain_values import plain
 from pivident.judgement.report.audit.audit_figures import audit_plot
 from pivident.judgement.report.builder import page_environment, page_of, write_page
 from pivident.studies.flexibility.compliance import Compliance
-from pivident.studies.flexibility.flexibility_text import agreement_lines, of_kind, parts_of
-from pivident.studies.flexibility.joint_study import JointFlexibility
+from pivident.studies.flexibility.joint_study import JointFlexibility, summary
 from pivident.studies.flexibility.resonance import Resonance
 
 #: Points of one trace.
@@ -140,3 +144,139 @@ def write_study(found: Sequence[JointFlexibility], folder: str | Path) -> Path:
     with atomic_folder(folder) as build:
         write_page(build, "flexibility", page, content)
     return Path(folder) / "flexibility.html"
+
+
+#: Units of prismatic joints.
+SLIDING = {
+    "N m s/rad": "N s/m",
+    "N m/rad": "N/m",
+    "rad/s per N m": "m/s per N",
+    "kg m²": "kg",
+    "N m": "N",
+    "rad": "m",
+}
+
+
+@dataclass(frozen=True)
+class Part:
+    """Results of one method for a joint."""
+
+    heading: str  # the method
+    rows: tuple[tuple[str, str], ...]  # names and values with unit and interval
+    sentences: tuple[str, ...]  # reservations
+
+
+def parts_of(found: JointFlexibility) -> list[Part]:
+    """The results by method."""
+    parts = []
+    if found.compliance is not None:
+        rows = _compliance_rows(found.compliance)
+        parts.append(("both encoders, slow motion", rows, found.compliance.notes))
+    if found.two_mass is not None:
+        two = found.two_mass
+        rows = [(_words(name), str(two.measured(name))) for name in two.names]
+        rows.append(("antiresonance", str(two.antiresonance)))
+        parts.append(("both encoders, two masses", rows, two.notes))
+    if found.resonance is not None:
+        values = {
+            _words(name): getattr(found.resonance, name)
+            for name in ("resonance", "motor_inertia", "load_inertia", "damping")
+        }
+        rows = [(name, str(value)) for name, value in values.items() if value is not None]
+        parts.append(("motor encoder alone", rows, (found.resonance.conclusion,)))
+    if found.rigid is not None:
+        parts.append((f"rigid model: {found.rigid.severity}", [], found.rigid.sentences))
+    if found.notes:
+        parts.append(("not determined", [], found.notes))
+
+    def with_units(text: str) -> str:
+        return of_kind(text, found.sliding)
+
+    return [
+        Part(
+            heading,
+            tuple((name, with_units(value)) for name, value in rows),
+            tuple(with_units(sentence) for sentence in sentences),
+        )
+        for heading, rows, sentences in parts
+    ]
+
+
+def flexibility_lines(found: JointFlexibility) -> list[str]:
+    """The results in lines of text."""
+    lines = [f"{found.recording}, {found.joint}"]
+    for part in parts_of(found):
+        lines.append(f"  {part.heading}")
+        lines += [f"    {name:<22} {value}" for name, value in part.rows]
+        lines += [f"    {sentence}" for sentence in part.sentences]
+    return lines
+
+
+def of_kind(text: str, sliding: bool) -> str:
+    """A text with the units of a sliding joint, if it is one."""
+    if sliding:
+        for turning, other in SLIDING.items():
+            text = text.replace(turning, other)
+    return text
+
+
+def _words(name: str) -> str:
+    """A parameter name in words."""
+    return name.replace("_", " ").replace("coulomb", "Coulomb")
+
+
+def _compliance_rows(c: Compliance) -> list[tuple[str, str]]:
+    return [*(_estimated_rows(c) if c.explained else []), *_recorded_rows(c)]
+
+
+def _estimated_rows(c: Compliance) -> list[tuple[str, str]]:
+    """Estimated terms of the deflection."""
+    rows: list[tuple[str, object]] = [
+        ("stiffness", c.stiffness),
+        ("motor friction", c.friction),
+        ("hysteresis, width", c.hysteresis.times(1e3, "mrad")),
+        (
+            "backlash",
+            "torque keeps its sign" if c.backlash is None else c.backlash.times(1e3, "mrad"),
+        ),
+        ("damping and delay", c.damping),
+        ("link encoder later by", c.encoder_lag.times(1e3, "ms")),
+        ("zeros differ by", c.offset.times(1e3, "mrad")),
+    ]
+    rows += [
+        (f"error, order {line.order:.4g}", line.amplitude.times(1e3, "mrad"))
+        for line in c.lines
+        if line.amplitude.clear
+    ]
+    low, high = (1e3 * end for end in c.deflection)
+    rows.append(("deflection by torque", f"{low:.3g} to {high:.3g} mrad"))
+    if math.isfinite(c.stiffness_change) and c.motor_inertia:
+        rows.append(
+            (
+                "10 % more motor",
+                f"inertia than {c.motor_inertia:.4g} kg m²: stiffness {c.stiffness_change:+.2g} %",
+            )
+        )
+    return [(label, str(value)) for label, value in rows]
+
+
+def _recorded_rows(c: Compliance) -> list[tuple[str, str]]:
+    """Recorded difference of the encoders, and its unexplained part."""
+    low, high = (1e3 * end for end in c.recorded)
+    return [
+        ("recorded difference", f"{low:.3g} to {high:.3g} mrad"),
+        ("unexplained", f"{1e3 * c.residual:.2g} mrad rms ({100 * c.unexplained:.2g} %)"),
+    ]
+
+
+def agreement_lines(found: Sequence[JointFlexibility]) -> list[str]:
+    """Agreement of recordings on the stiffness of a joint, one line for each joint."""
+    lines = []
+    for joint, values in summary(found).items():
+        if len(values) < 2:
+            continue
+        low, high = max(v.low for v in values), min(v.high for v in values)
+        listed = "; ".join(map(str, values))
+        word = "agree" if low <= high else "do not agree"
+        lines.append(f"{joint}: the recordings {word} on the stiffness: {listed}")
+    return lines
