@@ -14,7 +14,7 @@ from pivident.foundation.document.figure import ERROR, MEASURED, METHOD_COLOURS,
 from pivident.foundation.document.table import Column, Table, TableError
 from pivident.foundation.text.finding import Finding
 from pivident.foundation.text.plain_values import plain
-from pivident.judgement.report.pages import page_of_documents, write_account
+from pivident.judgement.report.builder import page_of_documents, write_account
 from pivident.studies.tables.chosen import table, table_names
 
 HOSTILE = "<script>alert(1)</script> & =1+1"

@@ -59,7 +59,7 @@ def fit_simulator(
         drawn = is_installed("plotly")
         document, page = account(fit, robot, judged), ""
         if drawn:
-            from pivident.judgement.report.pages import page_of_documents
+            from pivident.judgement.report.builder import page_of_documents
 
             page = page_of_documents([document])
         more = {} if robot is None else {file_name(robot): robot.content}

@@ -57,7 +57,7 @@ def predict(
             made[0].account().tables["signals"].to_csv(csv)
             written.append(f"CSV:  {csv}")
         if html is not None and can_draw(progress, html.name):
-            from pivident.judgement.report.pages import write_account
+            from pivident.judgement.report.builder import write_account
 
             written.append(f"Page: {write_account(made, html, [one.recording for one in made])}")
     for one, new in zip(made, logs, strict=True):
