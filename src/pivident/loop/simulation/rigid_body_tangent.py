@@ -23,7 +23,6 @@ from pivident.dynamics.rigid_body_slopes import (
 )
 from pivident.foundation.compiled import inlined as _inline
 from pivident.foundation.compiled import inner, rows
-from pivident.loop.simulation.closed_tangent import parameter_torques
 from pivident.loop.simulation.friction_tangent import PATH
 from pivident.loop.simulation.integration import (
     BIAS,
@@ -45,6 +44,7 @@ from pivident.loop.simulation.loop_tangent import (
     RENEWED_TANGENT,
     SINCE_BEFORE,
     SINCE_TANGENT,
+    parameter_torques,
 )
 
 # Layers of ``matrix_block``: the tangents of M, and those of M⁻¹ δM.

@@ -18,7 +18,6 @@ from pivident.dynamics.lanes import LANES, row_array
 from pivident.dynamics.path_partials import partials_scratch
 from pivident.dynamics.rigid_body_slopes import slope_scratch
 from pivident.loop.simulation.closed_loop import Trajectory, simulate, simulate_blocks
-from pivident.loop.simulation.closed_tangent import closed_tangent
 from pivident.loop.simulation.controllers import TAPS, PythonController, SampledLaw
 from pivident.loop.simulation.direction import Direction, ParametrisedLoop
 from pivident.loop.simulation.friction_tangent import PAIR
@@ -35,6 +34,7 @@ from pivident.loop.simulation.loop_tangent import (
     TANGENT_ROWS,
     TIMES,
     LoopTangent,
+    closed_tangent,
 )
 from pivident.loop.simulation.path_integration import SLOPE_ROWS
 from pivident.loop.simulation.rigid_body_tangent import BLOCK_LAYERS
