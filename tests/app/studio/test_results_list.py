@@ -3,7 +3,7 @@
 import json
 import os
 
-from pivident.app.studio.named_files import named_files
+from pivident.app.studio.looks import named_files
 from pivident.app.studio.projects import Project
 from pivident.app.studio.results_list import result_context
 from pivident.app.studio.rows import experiment_rows

@@ -7,16 +7,19 @@ A look has signals of the logs to draw, then everything that is wrong with them:
 
 Both are derived and belong to one state of the inputs, whose hash names their folder. Each appears
 whole or not at all.
+
+The files that an experiment file names: by name, by a pattern, or as a bag of several.
 """
 
 from __future__ import annotations
 
+import glob
 import hashlib
 import json
 import os
 import shutil
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Literal
@@ -24,10 +27,10 @@ from typing import Any, Literal
 from pivident.app.studio.arm_picture import robot_picture as robot_picture
 from pivident.app.studio.fixes import as_json, fixes
 from pivident.app.studio.logged_signals import write_signals
-from pivident.app.studio.named_files import named_files
 from pivident.app.studio.projects import EXPERIMENT, HIDDEN
 from pivident.app.studio.tasks import Tasks
 from pivident.experiment.check.experiment_check import ExperimentCheck, check_experiment
+from pivident.experiment.recording_tables import DESIGN_FILE
 from pivident.foundation.errors import PividentError
 from pivident.foundation.extras import is_installed
 from pivident.foundation.files import BUILD, atomic_folder
@@ -266,3 +269,41 @@ class Looks:
     @staticmethod
     def _task(project: Path, key: str) -> str:
         return f"look {project} {key}"
+
+
+#: Most files of a pattern or a bag that are looked at.
+_MAX_FILES = 2000
+
+#: Longer texts are no paths, in characters.
+_MAX_LENGTH = 1000
+
+
+def named_files(folder: Path, content: Mapping[str, Any]) -> list[Path]:
+    """Files that any value of an experiment file names, with designs beside them, in order.
+
+    Args:
+        folder: of the experiment file.
+        content: its tables.
+    """
+    named: set[Path] = set()
+    for value in _texts(content):
+        if len(value) > _MAX_LENGTH or "\0" in value:
+            continue
+        with suppress(OSError, ValueError):
+            path = folder / value
+            if any(c in value for c in "*?"):
+                named |= {Path(p) for p in glob.glob(str(path))[:_MAX_FILES]}
+            elif path.is_dir():
+                named |= set(sorted(path.iterdir())[:_MAX_FILES])
+            elif path.is_file():
+                named |= {path, path.parent / DESIGN_FILE}
+    return sorted(path for path in named if path.exists())
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """Every text in a value."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, (dict, list)):
+        for inner in value.values() if isinstance(value, dict) else value:
+            yield from _texts(inner)

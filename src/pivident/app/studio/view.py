@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import Any
 
 from pivident.app.studio.gate import Gate, before_run
-from pivident.app.studio.named_files import named_files
+from pivident.app.studio.looks import named_files
 from pivident.app.studio.projects import Content, Project, version_of
 from pivident.app.studio.rows import Row, experiment_rows
 from pivident.app.studio.run_folder import read_object
