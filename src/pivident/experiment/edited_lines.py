@@ -16,13 +16,15 @@ from pivident.experiment.explained import plain_form
 from pivident.experiment.file_lines import SHORT_FORMS, SURE, FileLine, file_lines, numbered
 from pivident.foundation.errors import ExperimentError
 from pivident.foundation.text.repair import Place
-from pivident.foundation.text.toml import comment, key_text, parse_toml
-from pivident.foundation.text.toml_tree import (
+from pivident.foundation.text.toml import (
     Body,
     behind_dots,
     bodies,
+    comment,
     is_line,
+    key_text,
     keys_in,
+    parse_toml,
     parts_of,
     toml_document,
 )

@@ -14,8 +14,7 @@ import tomlkit
 from tomlkit.items import Array, Comment, Item
 
 from pivident.foundation.text.repair import Place
-from pivident.foundation.text.toml import key_text, parse_toml
-from pivident.foundation.text.toml_tree import Body, behind_dots, bodies, is_line
+from pivident.foundation.text.toml import Body, behind_dots, bodies, is_line, key_text, parse_toml
 
 #: How sure a line is, as its comment says it.
 SURE = {"certain": "seen", "likely": "likely", "assumed": "ASSUMED, please check"}

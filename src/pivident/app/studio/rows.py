@@ -20,8 +20,7 @@ from pivident.experiment.file_lines import SHORT_FORMS, file_lines, numbered, su
 from pivident.experiment.manual import KeyWords, fields_of, table_in, words_of
 from pivident.experiment.schema import ExperimentFile
 from pivident.foundation.text.repair import Place
-from pivident.foundation.text.toml import value_text
-from pivident.foundation.text.toml_tree import keys_in
+from pivident.foundation.text.toml import keys_in, value_text
 
 #: Signal that a key of a recording is about.
 CHANNEL = {

@@ -34,7 +34,7 @@ from pivident.foundation.errors import PividentError
 from pivident.foundation.text.finding import Finding, FindingKind, Severity, Topic, merged, worst
 from pivident.foundation.text.repair import Edit, Place, Repair
 from pivident.foundation.text.sentences import plural
-from pivident.foundation.text.toml_tree import behind_dots, keys_in, tables, toml_document
+from pivident.foundation.text.toml import behind_dots, keys_in, tables, toml_document
 from pivident.foundation.threads import linear_algebra_in_one_thread
 from pivident.judgement.audit.audit import Audit
 from pivident.judgement.audit.timing import MISSING_SAMPLES
