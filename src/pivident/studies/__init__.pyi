@@ -1,12 +1,12 @@
-from .collision.room import built_apart as built_apart
-from .collision.room import exact_distances as exact_distances
 from .collision.bodies import Body as Body
 from .collision.bodies import Outline as Outline
 from .collision.clearances import Clearances as Clearances
 from .collision.obstacles import Obstacle as Obstacle
 from .collision.obstacles import ToolBox as ToolBox
 from .collision.outlines import outline_of as outline_of
+from .collision.room import built_apart as built_apart
 from .collision.room import clearances_of_room as clearances_of_room
+from .collision.room import exact_distances as exact_distances
 from .comparison.compare import ComparedParameter as ComparedParameter
 from .comparison.compare import Comparison as Comparison
 from .comparison.compared_results import Difference as Difference

@@ -28,7 +28,6 @@ def robots(name: str | None = None, /) -> int:
     name
         Name in the gallery, or a robot file (.toml, .urdf, .urdf.gz, .xml, .mjcf).
     """
-
     print(gallery_text() if name is None else robot_text(name))
     return DONE
 

@@ -49,12 +49,12 @@ TABLES: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
         ("statements",),
     ),
     "pivident.models.consistency.consistent_model.ConsistentModel": (
-        _HERE + "models",
+        _HERE + "inputs",
         "consistent",
         ("parameters", "links", "moved"),
     ),
     "pivident.models.consistency.profile_intervals.ProfileIntervals": (
-        _HERE + "models",
+        _HERE + "inputs",
         "profile",
         ("intervals",),
     ),
