@@ -40,7 +40,7 @@ from pivident.loop.simulation.integration import (
     advance_runge_kutta,
     evaluate,
 )
-from pivident.loop.simulation.law_tangent import law_columns, law_tangent, record_tangent
+from pivident.loop.simulation.linear_law import law_columns, law_tangent, record_tangent
 from pivident.loop.simulation.loop_tangent import DELAYED, remember_start, switch_tangent
 from pivident.loop.simulation.nonlinear_tangent import nonlinear_tangent
 from pivident.loop.simulation.path_friction_tangent import copy_state

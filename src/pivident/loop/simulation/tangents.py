@@ -22,7 +22,7 @@ from pivident.loop.simulation.controllers import TAPS, PythonController, Sampled
 from pivident.loop.simulation.direction import Direction, ParametrisedLoop
 from pivident.loop.simulation.friction_tangent import PAIR
 from pivident.loop.simulation.integration import ROWS, Q, V
-from pivident.loop.simulation.law_tangent import LAW_COLUMNS
+from pivident.loop.simulation.linear_law import LAW_COLUMNS
 from pivident.loop.simulation.loop_tangent import (
     BEFORE,
     CLOCK_ENTRIES,
