@@ -13,6 +13,7 @@ import math
 
 import numpy as np
 
+from pivident.dynamics.column_slopes import position_partials
 from pivident.dynamics.friction_kernels import (
     LEVEL_PER_PIECE,
     MAX_PIECES,
@@ -24,7 +25,6 @@ from pivident.dynamics.friction_kernels import (
     slip_stiffness,
     travel_to_reversal,
 )
-from pivident.dynamics.friction_partials import position_partials
 from pivident.dynamics.friction_table import OF_POSITION
 from pivident.foundation.compiled import inner
 from pivident.robot.friction_terms.maxwell_slip import MAXWELL

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from pivident.dynamics.friction_kernels import friction_value_and_slope, sign_partials
-from pivident.dynamics.friction_partials import (
+from pivident.dynamics.column_slopes import (
     speed_curvature,
     speed_partials,
 )
+from pivident.dynamics.friction_kernels import friction_value_and_slope, sign_partials
 from pivident.dynamics.lanes import LANES, load, store
 from pivident.foundation.compiled import inlined, inner
 
