@@ -1,13 +1,17 @@
 """Whether the torque of a log without one follows from the tables of an experiment file.
 
 tau = drive_gain · C(q_ref - q): the law C with its gains under ``[controller]``, and q_ref
+
+Temperatures that a log carries beside its channels: read as an input, then kept apart.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
-from pivident.experiment.schema import ControllerEntry, ExperimentFile, RecordingEntry
+from pivident.data.recording.recording import Recording
+from pivident.experiment.schema import ColumnsEntry, ControllerEntry, ExperimentFile, RecordingEntry
 from pivident.foundation.errors import ExperimentError
 from pivident.loop.simulation.controllers import UNKNOWN_GAIN
 
@@ -92,3 +96,27 @@ def _check_ratios(content: ExperimentFile) -> None:
         advice="give "
         'the joint torque per unit of the law\'s output, or identify the law: type = "identify"',
     ).within("controller", "drive_gain")
+
+
+#: Input that carries the temperatures of the motors while a log is read.
+TEMPERATURE = "motor temperature"
+
+
+def with_temperature(
+    entry: RecordingEntry, columns: str | list[str], joints: int
+) -> RecordingEntry:
+    """The table of a recording with the columns of the temperatures as one more input."""
+    if entry.columns is None:
+        return entry
+    listed = [columns] * joints if isinstance(columns, str) else columns
+    inputs = {**entry.columns.inputs, TEMPERATURE: listed}
+    more = ColumnsEntry.model_validate(
+        entry.columns.model_dump(exclude_unset=True) | {"inputs": inputs}
+    )
+    return entry.model_copy(update={"columns": more})
+
+
+def without_temperature(recording: Recording) -> Recording:
+    """The recording with those inputs only that the controller knew."""
+    kept = {name: values for name, values in recording.inputs.items() if name != TEMPERATURE}
+    return replace(recording, inputs=kept)

@@ -22,7 +22,7 @@ import numpy as np
 from pivident.data.recording.recording import Recording
 from pivident.estimation.identification import Identification
 from pivident.estimation.problem import Problem
-from pivident.experiment.temperature import TEMPERATURE, without_temperature
+from pivident.experiment.missing_torque import TEMPERATURE, without_temperature
 from pivident.foundation.errors import ExperimentError, PividentError
 from pivident.foundation.extras import require
 from pivident.foundation.threads import thread_count
