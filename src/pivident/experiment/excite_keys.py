@@ -2,6 +2,8 @@
 
 All in SI units on the joint side: rad and m, rad/s and m/s, N m and N. This module needs pydantic
 and is imported only when a file is read.
+
+Shapes of the solids around a robot.
 """
 
 from __future__ import annotations
@@ -11,7 +13,6 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field, NonNegativeFloat, PositiveFloat, model_validator
 from pydantic import PositiveFloat as Positive
 
-from pivident.experiment.room_shapes import SHAPES, ObstacleShape
 from pivident.foundation.errors import UnusableValue
 from pivident.robot.mdh_schema import Entry, JointReference, Vector3, Vector6, key
 from pivident.robot.naming import nearest
@@ -289,3 +290,8 @@ class ExciteEntry(RoomEntry):
                 "of the last link)"
             )
         return self
+
+
+ObstacleShape = Literal["box", "sphere", "cylinder", "capsule"]
+
+SHAPES: tuple[ObstacleShape, ...] = ("box", "sphere", "cylinder", "capsule")

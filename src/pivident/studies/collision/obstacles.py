@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.experiment.room_shapes import SHAPES, ObstacleShape
+from pivident.experiment.excite_keys import SHAPES, ObstacleShape
 from pivident.foundation.errors import ExperimentError
 from pivident.robot.description import Robot
 from pivident.robot.frames import rotation_from_z_to
