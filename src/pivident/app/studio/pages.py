@@ -14,7 +14,7 @@ from markupsafe import Markup
 
 from pivident.app.studio.assets import templates
 from pivident.app.studio.example import ROBOT
-from pivident.app.studio.findings_list import check_context
+from pivident.app.studio.gate import check_context
 from pivident.app.studio.methods import method_context
 from pivident.app.studio.projects import (
     RESULTS,

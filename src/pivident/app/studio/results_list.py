@@ -8,8 +8,7 @@ from datetime import datetime
 from typing import Any
 from urllib.parse import quote
 
-from pivident.app.studio.findings_list import line_to_go_to
-from pivident.app.studio.gate import before_use
+from pivident.app.studio.gate import before_use, line_to_go_to
 from pivident.app.studio.offers import best_result, offered
 from pivident.app.studio.projects import EXPERIMENT, TEST_LOGS, Project
 from pivident.app.studio.rows import Row
