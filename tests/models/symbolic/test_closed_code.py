@@ -8,8 +8,8 @@ import sympy
 
 from pivident.models import inverse_model, joint_motion, symbolic_models
 from pivident.models.symbolic.print_c import c_header, c_source
-from pivident.models.symbolic.print_latex import latex_document
 from pivident.models.symbolic.print_python import python_module, sympy_module
+from pivident.models.symbolic.program import latex_document
 from tests.models.symbolic.mechanisms import (
     GALLERY,
     MADE,

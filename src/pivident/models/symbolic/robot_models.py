@@ -23,9 +23,8 @@ from pivident.models.symbolic.composite_bodies import gravity_vector, mass_matri
 from pivident.models.symbolic.model_symbols import NOTHING, Columns, bare_symbols
 from pivident.models.symbolic.newton_euler import coriolis_vector, inverse_model, observation_matrix
 from pivident.models.symbolic.print_c import c_header, c_source
-from pivident.models.symbolic.print_latex import latex_document
 from pivident.models.symbolic.print_python import python_module, sympy_module
-from pivident.models.symbolic.program import Program
+from pivident.models.symbolic.program import Program, latex_document
 from pivident.robot.description import Robot
 
 
