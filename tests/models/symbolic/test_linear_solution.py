@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 from pivident.dynamics.grouping.expression_graph import symbol
 from pivident.dynamics.grouping.expressions import ONE, ZERO, constant, evaluate, operation_count
 from pivident.models.symbolic.linear_solution import block_order, solved, solved_by_blocks
-from pivident.models.symbolic.sums import Rotations, collected
-from pivident.models.symbolic.vectors import joint_frame
+from pivident.models.symbolic.sums import Rotations, collected, joint_frame
 from pivident.robot.description import Joint
 from pivident.robot.frames import rotation_x, rotation_z
 from tests.dynamics.closed.mechanisms import random_rotation

@@ -27,11 +27,12 @@ import numpy as np
 from pivident.dynamics.grouping.expressions import ZERO, Expression
 from pivident.models.symbolic.link_motion import LinkMotion, link_motion, link_velocities
 from pivident.models.symbolic.model_symbols import ModelSymbols
-from pivident.models.symbolic.sums import Rotations, collected
-from pivident.models.symbolic.vectors import (
+from pivident.models.symbolic.sums import (
     NULL,
     JointFrame,
+    Rotations,
     Vector,
+    collected,
     cross,
     dot,
     exact,

@@ -25,7 +25,7 @@ from pivident.models.symbolic.robot_symbols import (
     on_given_joints,
     robot_symbols,
 )
-from pivident.models.symbolic.vectors import JointFrame, Tensor, Vector, cross, plus, scaled
+from pivident.models.symbolic.sums import JointFrame, Tensor, Vector, cross, plus, scaled
 from pivident.robot.description import Robot
 
 

@@ -19,14 +19,14 @@ from dataclasses import dataclass
 
 from pivident.dynamics.grouping.expressions import ONE, ZERO, Expression, constant
 from pivident.models.symbolic.model_symbols import ModelSymbols
-from pivident.models.symbolic.sums import collected
-from pivident.models.symbolic.vectors import (
+from pivident.models.symbolic.sums import (
     NULL,
     JointFrame,
     Turn,
     Vector,
     back_about_x,
     back_about_z,
+    collected,
     cross,
     dot,
     is_null,

@@ -29,7 +29,7 @@ from pivident.dynamics.grouping.expressions import (
 from pivident.dynamics.parameters import Parameter, standard_parameters
 from pivident.foundation.errors import RobotDescriptionError
 from pivident.models.symbolic.assignments import Input, LoopClosing
-from pivident.models.symbolic.vectors import Tensor, Vector
+from pivident.models.symbolic.sums import Tensor, Vector
 from pivident.robot.description import INERTIAL, Robot
 from pivident.robot.friction_column import SIGNS, evaluated
 from pivident.robot.friction_term import FrictionTerm

@@ -51,7 +51,7 @@ from pivident.models.symbolic.model_symbols import (
 )
 from pivident.models.symbolic.program import Program
 from pivident.models.symbolic.robot_symbols import on_given_joints, robot_symbols
-from pivident.models.symbolic.vectors import NULL, Vector, cross, dot, is_null, plus, scaled
+from pivident.models.symbolic.sums import NULL, Vector, cross, dot, is_null, plus, scaled
 from pivident.robot.description import INERTIAL, Robot
 
 Hints = list[tuple[str, Expression]]

@@ -37,7 +37,7 @@ from pivident.dynamics.grouping.expressions import (
     evaluate,
 )
 from pivident.models.symbolic.closures import LoopEnds, seen_from
-from pivident.models.symbolic.vectors import JointFrame, Turn, dot, joint_frame, minus, plus
+from pivident.models.symbolic.sums import JointFrame, Turn, dot, joint_frame, minus, plus
 from pivident.robot.description import Joint
 
 #: Largest difference of a whole proportion from Newton's method at postures at random [rad or m],
