@@ -8,7 +8,7 @@ import pytest
 
 from pivident.data.logs.described_log import bare_log, described_log
 from pivident.data.logs.recognition.channel_words import plain_channel
-from pivident.data.logs.recognition.column_series import column_series
+from pivident.data.logs.recognition.log_clock import column_series
 from pivident.experiment.check.audit_file import audit_file
 from pivident.foundation.errors import (
     ExperimentError,

@@ -3,7 +3,7 @@
 import pytest
 
 from pivident.data.logs.recognition.channel_words import read_words, words_of
-from pivident.data.logs.recognition.column_series import column_series
+from pivident.data.logs.recognition.log_clock import column_series
 
 UR = [f"{p}_joint" for p in ("shoulder_pan", "shoulder_lift", "elbow")]
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pivident.data.logs.recognition.column_series import column_series
+from pivident.data.logs.recognition.log_clock import column_series
 from pivident.data.logs.recognition.log_file import LogFile, Run, joint_map
 
 

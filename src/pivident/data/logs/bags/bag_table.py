@@ -28,7 +28,7 @@ from pivident.data.logs.clocks.clock_alignment import (
     onto_sparsest,
 )
 from pivident.data.logs.recognition.channel_words import read_words, words_of
-from pivident.data.logs.recognition.column_series import Series, column_series
+from pivident.data.logs.recognition.log_clock import Series, column_series
 from pivident.foundation.errors import PividentError, RecordingError, UnknownColumn
 from pivident.robot.naming import near_names
 

@@ -2,7 +2,7 @@
 
 The vocabulary of all that reads names of columns stands here. Plain words are trusted in the name
 of a single column, as an audit or a check of an experiment file meets it; the others only where
-`pivident.data.logs.recognition.column_series` has found columns that differ in the joint alone.
+`pivident.data.logs.recognition.log_clock` has found columns that differ in the joint alone.
 
 How sure it is what a column, a clock or a unit was taken for.
 """

@@ -16,8 +16,7 @@ from pivident.data.logs.bags.bag_table import OwnClock, bag_table
 from pivident.data.logs.bags.read_bag import is_bag
 from pivident.data.logs.file_columns import file_columns
 from pivident.data.logs.recognition.channel_words import Reading, Sureness, read_words, words_of
-from pivident.data.logs.recognition.column_series import JOINT, Series, column_series
-from pivident.data.logs.recognition.log_clock import is_clock
+from pivident.data.logs.recognition.log_clock import JOINT, Series, column_series, is_clock
 from pivident.data.logs.source_files import printable_name
 from pivident.data.logs.tables.tables import endings, named_columns
 
