@@ -21,7 +21,7 @@ from pivident.judgement.audit.frozen import CHANNELS
 from pivident.judgement.audit.gravity import NO_GRAVITY
 from pivident.judgement.audit.inverse_model import InverseModel, build_inverse_model
 from pivident.judgement.audit.log_checks import CHECKS
-from pivident.judgement.audit.order import ORDER, Order
+from pivident.judgement.audit.order import ORDER, UNEXPLAINED_TORQUE, Order
 from pivident.judgement.audit.power import SIGNS, Power, mechanical_power
 from pivident.judgement.audit.quantisation import QUANTISATION, Quantisation, check_quantisation
 from pivident.judgement.audit.saturation import check_channels
@@ -30,7 +30,6 @@ from pivident.judgement.audit.speed import DERIVATIVE, check_speeds
 from pivident.judgement.audit.standstill import check_standstill
 from pivident.judgement.audit.steps import CLOCK
 from pivident.judgement.audit.timing import Timing, check_timing
-from pivident.judgement.audit.unexplained import UNEXPLAINED_TORQUE
 
 #: What was read.
 READING = Topic("reading", "What was read")
