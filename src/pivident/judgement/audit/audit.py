@@ -17,13 +17,17 @@ from pivident.foundation.version import __version__
 from pivident.judgement.audit.delay import DELAY, Delay
 from pivident.judgement.audit.examination import Examination, in_turn
 from pivident.judgement.audit.excitation import EXCITATION, Excitation
-from pivident.judgement.audit.frozen import CHANNELS
 from pivident.judgement.audit.gravity import NO_GRAVITY
 from pivident.judgement.audit.inverse_model import InverseModel, build_inverse_model
 from pivident.judgement.audit.log_checks import CHECKS
 from pivident.judgement.audit.order import ORDER, UNEXPLAINED_TORQUE, Order
 from pivident.judgement.audit.power import SIGNS, Power, mechanical_power
-from pivident.judgement.audit.quantisation import QUANTISATION, Quantisation, check_quantisation
+from pivident.judgement.audit.quantisation import (
+    CHANNELS,
+    QUANTISATION,
+    Quantisation,
+    check_quantisation,
+)
 from pivident.judgement.audit.saturation import check_channels
 from pivident.judgement.audit.scale import SCALE, Scale, check_assumed, check_positions, check_reach
 from pivident.judgement.audit.speed import DERIVATIVE, check_speeds

@@ -14,7 +14,7 @@ from pivident.data.recording.usable_samples import left_out
 from pivident.foundation.errors import ConstantChannel, NonFiniteSamples, SaturatedSignal
 from pivident.foundation.text.finding import Finding, FindingKind, Quantity, Severity, at_sample
 from pivident.foundation.text.repair import LeftOut, Repair, setting
-from pivident.judgement.audit.frozen import CHANNELS, check_frozen
+from pivident.judgement.audit.quantisation import CHANNELS, check_frozen
 from pivident.judgement.audit.spoilt_checks import COMPARISONS, GEOMETRY
 
 #: Tables and keys of the part that is used, and of the positions.
