@@ -33,8 +33,7 @@ from pivident.robot.robot_schema import (
     TermValues,
     checked,
 )
-from pivident.robot.transmission import Transmission
-from pivident.robot.wrench_sensor import WrenchSensor
+from pivident.robot.transmission import Transmission, WrenchSensor
 
 
 def robot_values(robot: Robot) -> dict[str, Any]:
