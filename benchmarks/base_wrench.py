@@ -44,7 +44,8 @@ from pivident.robot.description import Robot
 from pivident.robot.frames import Pose, rotation_from_rpy
 from pivident.robot.gallery import load_robot
 from pivident.robot.measured_base import with_held_base, with_wrench_sensors
-from pivident.robot.transmission import Transmission, WrenchSensor
+from pivident.robot.transmission import Transmission
+from pivident.robot.wrench_sensor import WrenchSensor
 
 #: Sensor under the arm, and gains of its law.
 FLOOR = WrenchSensor("floor", "base", Pose(rotation_from_rpy(0.3, -0.2, 1.0), [0.1, 0.05, -0.2]))

@@ -20,7 +20,7 @@ from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.robot.description import Link, Robot
 from pivident.robot.measured_base import rotations_from_quaternions, with_wrench_sensors
-from pivident.robot.transmission import WrenchSensor
+from pivident.robot.wrench_sensor import WrenchSensor
 
 #: Force at a sensor's origin in the world [N] from time [s], its position [m] and speed [m/s].
 Force = Callable[[float, np.ndarray, np.ndarray], np.ndarray]

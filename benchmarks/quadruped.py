@@ -15,7 +15,8 @@ from pivident.robot.description import Joint, Link, Robot
 from pivident.robot.frames import Pose, rotation_from_rpy, rotation_from_z_to
 from pivident.robot.friction import DEFAULT_FRICTION
 from pivident.robot.measured_base import with_floating_base
-from pivident.robot.transmission import Transmission, WrenchSensor
+from pivident.robot.transmission import Transmission
+from pivident.robot.wrench_sensor import WrenchSensor
 
 RATE = 500.0
 

@@ -27,7 +27,7 @@ from pivident.loop.simulation.reference import point_to_point
 from pivident.robot.frames import Pose, rotation_about
 from pivident.robot.gallery import load_robot
 from pivident.robot.measured_base import BASE_JOINTS, with_wrench_sensors
-from pivident.robot.transmission import WrenchSensor
+from pivident.robot.wrench_sensor import WrenchSensor
 
 PART = slice(0, 3), slice(3, 6)
 

@@ -22,7 +22,7 @@ from pivident.robot.measured_base import (
     wrench_torques,
 )
 from pivident.robot.robot_values import robot_of_values, robot_values
-from pivident.robot.transmission import WrenchSensor
+from pivident.robot.wrench_sensor import WrenchSensor
 
 FLOOR = WrenchSensor(
     "floor", "base", Pose(rotation_from_rpy(0.3, -0.2, 1.0), np.array([0.1, 0.05, -0.2]))

@@ -15,7 +15,7 @@ from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot import measured_base as module
 from pivident.robot.frames import Pose, rotation_from_rpy
 from pivident.robot.measured_base import link_places, sensor_link, wrench_torques
-from pivident.robot.transmission import WrenchSensor
+from pivident.robot.wrench_sensor import WrenchSensor
 from tests.robot.mujoco_base_twin import BaseTwin
 
 FRAME = Pose(rotation_from_rpy(0.4, -0.7, 2.0), np.array([0.05, -0.1, 0.15]))

@@ -21,8 +21,8 @@ from pivident.robot.measured_base import with_floating_base, with_wrench_sensors
 from pivident.robot.mjcf import read_mjcf
 from pivident.robot.modified_dh import friction_law
 from pivident.robot.naming import MJCF_FILES, ROBOT_FILES
-from pivident.robot.transmission import WrenchSensor
 from pivident.robot.urdf import read_urdf
+from pivident.robot.wrench_sensor import WrenchSensor
 
 #: Keys of friction laws that somebody chose.
 FRICTION_KEYS = ("friction", "joint_friction", "extra_friction")

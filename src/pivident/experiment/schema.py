@@ -30,7 +30,7 @@ from pivident.loop.simulation.controllers import FeedForward
 from pivident.robot.description import TorqueSide
 from pivident.robot.mdh_schema import Entry, FrictionTerms, Gravity, JointReference, key
 from pivident.robot.naming import MJCF_FILES, URDF_FILES
-from pivident.robot.transmission import Acts
+from pivident.robot.wrench_sensor import Acts
 
 #: Keys that every real loop may have.
 LOOP_KEYS = {"drive_gain", "limit", "feed_forward", "counts"}

@@ -34,4 +34,4 @@ from .modified_dh import read_modified_dh as read_modified_dh
 from .transmission import Transmission as Transmission
 from .urdf import parse_urdf as parse_urdf
 from .urdf import read_urdf as read_urdf
-from .transmission import WrenchSensor as WrenchSensor
+from .wrench_sensor import WrenchSensor as WrenchSensor

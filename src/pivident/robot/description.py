@@ -39,7 +39,8 @@ from pivident.robot.joints import (
 )
 from pivident.robot.naming import find_joint, nearest
 from pivident.robot.pinocchio_model import model_joints
-from pivident.robot.transmission import Transmission, WrenchSensor
+from pivident.robot.transmission import Transmission
+from pivident.robot.wrench_sensor import WrenchSensor
 
 __all__ = [
     "INERTIAL",

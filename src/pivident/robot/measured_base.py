@@ -28,7 +28,8 @@ from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot.description import Joint, JointKind, JointMotion, Link, Robot
 from pivident.robot.frames import rotation_from_rpy, rotation_from_z_to
 from pivident.robot.friction import FrictionLaw
-from pivident.robot.transmission import BASE, Transmission, WrenchSensor
+from pivident.robot.transmission import Transmission
+from pivident.robot.wrench_sensor import BASE, WrenchSensor
 
 #: Names of the joints of a measured base, in their order.
 BASE_JOINTS = ("base_x", "base_y", "base_z", "base_roll", "base_pitch", "base_yaw")

@@ -20,7 +20,7 @@ from pivident.robot.description import MAX_JOINTS, JointMotion, TorqueSide
 from pivident.robot.friction_column import ShapeUnit, Smoothing
 from pivident.robot.friction_terms import friction_columns
 from pivident.robot.naming import nearest
-from pivident.robot.transmission import Acts
+from pivident.robot.wrench_sensor import Acts
 
 #: Maximum number of characters of a name.
 MAX_NAME = 1000

@@ -33,7 +33,8 @@ from pivident.robot.robot_schema import (
     TermValues,
     checked,
 )
-from pivident.robot.transmission import Transmission, WrenchSensor
+from pivident.robot.transmission import Transmission
+from pivident.robot.wrench_sensor import WrenchSensor
 
 
 def robot_values(robot: Robot) -> dict[str, Any]:

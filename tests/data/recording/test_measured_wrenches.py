@@ -10,7 +10,7 @@ from pivident.foundation.errors import PividentError, RecordingError
 from pivident.robot import with_floating_base, with_held_base, with_wrench_sensors
 from pivident.robot.frames import Pose, rotation_from_rpy
 from pivident.robot.measured_base import wrench_torques
-from pivident.robot.transmission import WrenchSensor
+from pivident.robot.wrench_sensor import WrenchSensor
 
 SAMPLES, RATE = 400, 500.0
 FRAME = Pose(rotation_from_rpy(0.1, 0.2, 0.3), np.array([0.0, 0.1, -0.2]))

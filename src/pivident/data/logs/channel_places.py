@@ -30,7 +30,7 @@ import numpy as np
 from pivident.foundation.errors import RecordingError, UnknownColumn
 from pivident.foundation.scratch import working_array
 from pivident.robot.naming import frozen_example, near_names, nearest
-from pivident.robot.transmission import COMPONENTS
+from pivident.robot.wrench_sensor import COMPONENTS
 
 #: What a user may write for the columns of one channel.
 ColumnSpec = str | Sequence[str] | Mapping[str, str | Sequence[str]]

@@ -25,7 +25,7 @@ from pivident.foundation.errors import (
 )
 from pivident.foundation.scratch import working_array
 from pivident.robot.description import Robot
-from pivident.robot.transmission import WrenchSensor
+from pivident.robot.wrench_sensor import WrenchSensor
 
 #: Longest drive_delay that is believed [s]; more is a delay in milliseconds without its 1e-3.
 MAX_DRIVE_DELAY = 0.1

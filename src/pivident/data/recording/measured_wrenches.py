@@ -19,7 +19,7 @@ from pivident.foundation.errors import RecordingError
 from pivident.robot.description import Robot
 from pivident.robot.measured_base import base_positions, base_speeds, wrench_torques
 from pivident.robot.naming import errors_name
-from pivident.robot.transmission import BASE, COMPONENTS
+from pivident.robot.wrench_sensor import BASE, COMPONENTS
 
 
 def with_wrenches(

@@ -41,7 +41,7 @@ from pivident.foundation.errors import (
     SimulationDiverged,
 )
 from pivident.robot.refusals import without_wrenches
-from pivident.robot.transmission import BASE
+from pivident.robot.wrench_sensor import BASE
 
 #: Rounds of simulation; gains that change by less than this many standard errors have converged.
 MAX_ROUNDS, CONVERGED = 8, 0.05

@@ -21,7 +21,7 @@ from pivident.judgement.model_errors.motion_errors import AXES, DEGREE, MILLIMET
 from pivident.robot.description import Robot
 from pivident.robot.frames import Pose, rotation_about
 from pivident.robot.measured_base import link_places, sensor_link, wrench_torques
-from pivident.robot.transmission import WrenchSensor
+from pivident.robot.wrench_sensor import WrenchSensor
 
 #: Largest sizes that are believed, by unit.
 LARGEST = {"mm": 500.0, "°": 45.0, "%": 50.0}
