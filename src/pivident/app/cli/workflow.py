@@ -13,8 +13,9 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pivident.app.cli.compile_ahead import compile_ahead, designs_beside, write_designs
+from pivident.app.cli.compile_ahead import compile_ahead
 from pivident.app.cli.console import Progress, note
+from pivident.app.cli.designs import designs_beside, write_designs
 from pivident.data.logs.source_files import sha256
 from pivident.estimation.identification import Identification, torque_sums
 from pivident.estimation.identification_file import save_identification
