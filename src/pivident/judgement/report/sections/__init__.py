@@ -5,6 +5,7 @@ from pivident.judgement.report.sections.consistency import ConsistencySection
 from pivident.judgement.report.sections.control_loop import ClosedLoopSection, ControlLoopSection
 from pivident.judgement.report.sections.convergence import ConvergenceSection, PrefiltersSection
 from pivident.judgement.report.sections.filters import FiltersSection
+from pivident.judgement.report.sections.held_out import HeldOutSection
 from pivident.judgement.report.sections.motion import (
     DesignedMotionSection,
     ReplaySection,
@@ -19,7 +20,6 @@ from pivident.judgement.report.sections.parameters import (
 )
 from pivident.judgement.report.sections.provenance import DownloadsSection, ProvenanceSection
 from pivident.judgement.report.sections.residuals import (
-    HeldOutSection,
     ResidualsSection,
     SpectraSection,
     TestsSection,
