@@ -75,8 +75,8 @@ from .many.study.scenario import read_scenario as read_scenario
 from .paper.experiment import Reading as Reading
 from .paper.experiment import run_reading as run_reading
 from .paper.page import make_page as make_page
-from .paper.experiment import PublishedParameter as PublishedParameter
-from .paper.experiment import published_table as published_table
+from .paper.published import PublishedParameter as PublishedParameter
+from .paper.published import published_table as published_table
 from .paper.repetition import Repetition as Repetition
 from .paper.repetition import Runs as Runs
 from .payload.arm_and_load import KnownParts as KnownParts

@@ -10,9 +10,10 @@ import pytest
 from pivident.studies.many.batch.runner import GivenExecutor
 from pivident.studies.paper.claims import IV, LS, PIV, PRINTED, Claim, Judged, verdicts
 from pivident.studies.paper.equations import EQUATIONS
-from pivident.studies.paper.experiment import READINGS, published_table
+from pivident.studies.paper.experiment import READINGS
 from pivident.studies.paper.markdown import cell, html_of, markdown_of, object_named, table
 from pivident.studies.paper.page import STUDY, make_page
+from pivident.studies.paper.published import published_table
 from pivident.studies.paper.repetition import ratio_of_deviations, read_repetition
 
 pytest.importorskip("matplotlib")

@@ -7,14 +7,8 @@ from pivident.dynamics.forward import mass_matrix
 from pivident.loop.simulation.joint_loop import JointLoop, joint_feedbacks
 from pivident.studies.many.study.bench import Bench
 from pivident.studies.paper.claims import FRICTION
-from pivident.studies.paper.experiment import (
-    COLUMNS,
-    READINGS,
-    condition,
-    condition_numbers,
-    published_table,
-    stated,
-)
+from pivident.studies.paper.experiment import READINGS, condition, condition_numbers
+from pivident.studies.paper.published import COLUMNS, published_table, stated
 
 
 @pytest.fixture(scope="module")

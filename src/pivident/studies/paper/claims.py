@@ -13,14 +13,8 @@ import numpy as np
 
 from pivident.foundation.text.numbers import plus_minus
 from pivident.studies.many.study.summary import NOMINAL_COVERAGE, geometric_mean
-from pivident.studies.paper.experiment import (
-    FORMS,
-    IDENTIFIED,
-    READINGS,
-    Reading,
-    published_table,
-    stated,
-)
+from pivident.studies.paper.experiment import FORMS, IDENTIFIED, READINGS, Reading
+from pivident.studies.paper.published import published_table, stated
 from pivident.studies.paper.repetition import Repetition, Runs, ratio_of_deviations
 
 LS, IV, PRINTED, PIV = (FORMS[name] for name in ("ls", "iv", "piv-as-printed", "piv"))

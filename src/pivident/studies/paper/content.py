@@ -31,17 +31,15 @@ from pivident.studies.paper.claims import (
 )
 from pivident.studies.paper.equations import EQUATIONS
 from pivident.studies.paper.experiment import (
-    COLUMNS,
     FORMS,
     IDENTIFIED,
     READINGS,
     PublicRecord,
     Reading,
     condition_numbers,
-    published_table,
-    stated,
 )
 from pivident.studies.paper.markdown import code
+from pivident.studies.paper.published import COLUMNS, published_table, stated
 from pivident.studies.paper.repetition import Repetition, Runs
 
 if TYPE_CHECKING:

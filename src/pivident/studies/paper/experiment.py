@@ -6,21 +6,13 @@ The public record of a Stäubli TX40 through the same forms: what of the pattern
 
 The record is not that of the paper: another motion, encoders as fine as they are, no reference. Its
 truth is unknown.
-
-What Brunot, Janot, Young and Carrillo (2018) state: Table 1, and figures of the text.
-
-M. Brunot, A. Janot, P. C. Young, F. Carrillo, An improved instrumental variable method for
-industrial robot model identification, Control Engineering Practice 74 (2018) 107-117, Table 1:
-estimates of 28 parameters of a Stäubli TX40 and their relative standard deviations. Figures of the
-text are in ``stated.toml``, with their sections.
 """
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cached_property
 from importlib import resources
 
 import numpy as np
@@ -35,7 +27,6 @@ from pivident.estimation.methods import METHODS
 from pivident.estimation.signal_recipes import Bandpass
 from pivident.experiment.experiment import load_experiment
 from pivident.foundation.errors import DatasetUnavailable, PividentError
-from pivident.foundation.text.toml import parse_toml
 from pivident.judgement.validation.residuals.autocorrelation import correlated_shares
 from pivident.linear.free_law import FreeLaw
 from pivident.studies.many.study.bench import Bench
@@ -215,48 +206,3 @@ def run_public_record(say: Callable[[str], None] = lambda line: None) -> PublicR
         except PividentError as error:
             failures[FORMS[name]] = str(error)
     return PublicRecord(results, failures)
-
-
-#: Columns of the table by the key of its file.
-COLUMNS = {
-    "ls": "IDIM-LS",
-    "iv": "IDIM-IV",
-    "piv": "IDIM-PIV",
-    "piv_identified_controller": "IDIM-PIV, law identified",
-}
-
-
-@dataclass(frozen=True)
-class PublishedParameter:
-    """One row of the table; both dictionaries are by the keys of ``COLUMNS``.
-
-    Attributes:
-        name: base parameter, as in results.
-        value: estimates [SI unit of the parameter].
-        relative_std: relative standard deviations [%].
-    """
-
-    name: str
-    value: dict[str, float]
-    relative_std: dict[str, float]
-
-
-@cache
-def published_table() -> tuple[PublishedParameter, ...]:
-    """The 28 rows of Table 1, in its order."""
-    text = (resources.files(__package__) / "table1.csv").read_text("utf-8")
-    return tuple(
-        PublishedParameter(
-            row["parameter"],
-            {key: float(row[key]) for key in COLUMNS},
-            {key: float(row[f"{key}_relative_std_percent"]) for key in COLUMNS},
-        )
-        for row in csv.DictReader(text.splitlines())
-    )
-
-
-@cache
-def stated() -> dict[str, int]:
-    """Figures of the text by name, see ``stated.toml`` for units and sections."""
-    text = (resources.files(__package__) / "stated.toml").read_text("utf-8")
-    return {name: int(value) for name, value in parse_toml(text).items()}
