@@ -20,7 +20,7 @@ from pivident.judgement.audit.excitation import EXCITATION, Excitation
 from pivident.judgement.audit.gravity import NO_GRAVITY
 from pivident.judgement.audit.inverse_model import InverseModel, build_inverse_model
 from pivident.judgement.audit.log_checks import CHECKS
-from pivident.judgement.audit.order import ORDER, UNEXPLAINED_TORQUE, Order
+from pivident.judgement.audit.order import ORDER, Order
 from pivident.judgement.audit.power import SIGNS, Power, mechanical_power
 from pivident.judgement.audit.quantisation import (
     CHANNELS,
@@ -34,6 +34,7 @@ from pivident.judgement.audit.speed import DERIVATIVE, check_speeds
 from pivident.judgement.audit.standstill import check_standstill
 from pivident.judgement.audit.steps import CLOCK
 from pivident.judgement.audit.timing import Timing, check_timing
+from pivident.judgement.audit.unexplained import UNEXPLAINED_TORQUE
 
 #: What was read.
 READING = Topic("reading", "What was read")
