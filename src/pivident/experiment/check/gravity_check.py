@@ -19,7 +19,7 @@ from pivident.foundation.text.finding import Finding, FindingKind
 from pivident.foundation.text.repair import Edit, Repair
 from pivident.judgement.audit.timing import Timing
 
-GRAVITY = FindingKind(CONTROLLER, "gravity", ("controller",))
+GRAVITY_SIGN = FindingKind(CONTROLLER, "gravity", ("controller",))
 
 #: Share of the torque's variance that a law without gravity stays below, and that one with gravity
 #: explains.
@@ -64,7 +64,7 @@ def check_gravity(log: Log, timing: Timing, entry: ControllerEntry) -> list[Find
     )
     edit = Edit(("controller", "feed_forward"), "gravity_measured")
     words = 'Declare that the controller compensates gravity: feed_forward = "gravity_measured".'
-    return [GRAVITY.finding("warning", text, name, step, repairs=[Repair((edit,), words)])]
+    return [GRAVITY_SIGN.finding("warning", text, name, step, repairs=[Repair((edit,), words)])]
 
 
 def _explained(

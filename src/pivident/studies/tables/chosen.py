@@ -59,7 +59,7 @@ TABLES: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
         ("intervals",),
     ),
     "pivident.studies.comparison.compare.Comparison": (
-        _HERE + "many_results",
+        _MANY,
         "comparison",
         ("parameters", "results", "torques", "friction"),
     ),
@@ -79,7 +79,7 @@ TABLES: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
         ("parameters", "alarms", "wear"),
     ),
     "pivident.studies.friction.friction_study.FrictionStudy": (
-        _HERE + "many_results",
+        _MANY,
         "friction",
         ("curves",),
     ),
