@@ -2,17 +2,24 @@
 
 A remark carries its repairs as data; here they become the buttons beside it. Those that the file
 contradicts are left out, and a remark that leaves open what is right has none.
+
+Repairs that a verdict has tried, applied to the experiment file as ``pivident apply`` does.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
-from pivident.experiment.edited_file import Edits, edited, edits_for
+from pivident.app.studio.projects import EXPERIMENT, Changed, Project
+from pivident.experiment.edited_file import Edits, edited, edits_for, with_repair
+from pivident.experiment.experiment import load_experiment
 from pivident.foundation.errors import ExperimentError, PividentError
 from pivident.foundation.text.repair import Place, Repair
+from pivident.foundation.text.toml import parse_toml
+from pivident.judgement.diagnostics.verdict_file import repairs_of
 
 
 @dataclass(frozen=True)
@@ -78,3 +85,60 @@ def _value(value: Any) -> str | None:
     if value is not None and not isinstance(value, str):
         raise TypeError
     return value
+
+
+def says_the_same(content: Mapping[str, Any], results: Path) -> bool:
+    """Whether an experiment file says what it said when a result was made, comments apart."""
+    try:
+        then = (results / EXPERIMENT).read_text(encoding="utf-8")
+        return bool(parse_toml(then) == content)
+    except (OSError, ValueError):
+        return False
+
+
+def repair_words(project: Project, results: Path, verdict: Mapping[str, Any]) -> dict[int, str]:
+    """What each repair of a verdict would do and has done when it was tried, by its number.
+
+    Without those that the file contradicts; none where the file says something else by now.
+
+    Args:
+        project: whose.
+        results: folder of the verdict.
+        verdict: its content.
+    """
+    if not verdict.get("repairs"):
+        return {}
+    items = (verdict.get("summary") or {}).get("items", ())
+    effects = [item["effect"] for item in items if item["effect"]]
+    words = {}
+    for number, effect in enumerate(effects, start=1):
+        try:
+            done = repaired_text(project, results, number)[1]
+        except (PividentError, ValueError):
+            continue
+        words[number] = f"{done.rstrip('.')} · tried: {effect}"
+    return words
+
+
+def repaired_text(project: Project, results: Path, number: int) -> tuple[str, str]:
+    """The experiment file with a repair of a verdict, and what was done, a sentence.
+
+    Args:
+        project: whose.
+        results: folder of the verdict.
+        number: of the repair in it, from 1.
+
+    Raises:
+        Changed: the experiment file is no longer the one that the verdict is about.
+        PividentError: there is no such repair, or it contradicts the file.
+    """
+    if not says_the_same(parse_toml(project.text), results):
+        raise Changed(
+            f"{EXPERIMENT} has changed since the verdict in {results.name}",
+            advice="identify it again",
+        )
+    repairs = repairs_of(results)
+    if not 0 < number <= len(repairs):
+        raise Changed(f"the verdict in {results.name} has no repair {number}", advice="reload")
+    joints = load_experiment(project.experiment).robot.joint_names
+    return with_repair(project.text, repairs[number - 1][0], joints)

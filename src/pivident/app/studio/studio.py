@@ -14,7 +14,7 @@ from urllib.parse import quote
 
 from pivident.app.studio.drafting import DRAFT, draft
 from pivident.app.studio.example import ROBOT, draft_example
-from pivident.app.studio.fixes import of_json
+from pivident.app.studio.fixes import of_json, repaired_text
 from pivident.app.studio.gate import Gate, before_run, before_use
 from pivident.app.studio.looks import Looks
 from pivident.app.studio.projects import (
@@ -30,7 +30,6 @@ from pivident.app.studio.run_folder import RunFolder, read_object
 from pivident.app.studio.runs import Runs
 from pivident.app.studio.steps import STEPS, with_laws
 from pivident.app.studio.tasks import Tasks
-from pivident.app.studio.verdict_repairs import repaired_text
 from pivident.data.logs.tables.tables import is_log
 from pivident.experiment.edited_file import confirmed, edited
 from pivident.foundation.text.toml import string_text
