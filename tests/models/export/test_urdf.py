@@ -15,7 +15,7 @@ from pivident.app.cli.export import check_targets, write_export
 from pivident.foundation.errors import ExportError, PividentError, RobotDescriptionError
 from pivident.models.export.load_back import verify_with_mujoco, verify_with_pinocchio
 from pivident.models.export.urdf import to_urdf
-from pivident.models.export.xml_text import quoted, rpy
+from pivident.models.export.xml_edit import quoted, rpy
 from pivident.models.runnable_model import runnable_model
 from pivident.robot.frames import rotation_about, rotation_from_rpy
 from pivident.robot.friction import (

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from pivident.foundation.errors import ExportError
-from pivident.models.export.xml_text import number
+from pivident.models.export.xml_edit import number
 from pivident.studies.simulators.robot_files import fitted_file, fitted_urdf, isaac_actuators
 from pivident.studies.simulators.simulator_fit import FittedValue
 

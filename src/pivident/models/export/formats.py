@@ -70,8 +70,7 @@ def _with_provenance(made: ExportedText, model: RunnableModel) -> ExportedText:
     """A file of XML with comments on its parameters; others say it in their headers."""
     from pivident.models.export.differences import RobotFile
     from pivident.models.export.numpy_function import provenance_lines
-    from pivident.models.export.xml_edit import XmlText
-    from pivident.models.export.xml_text import comment
+    from pivident.models.export.xml_edit import XmlText, comment
 
     if not isinstance(made, RobotFile):
         return made

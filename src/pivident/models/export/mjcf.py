@@ -31,7 +31,7 @@ from pivident.models.export.mjcf_bodies import (
     geom,
     quaternion,
 )
-from pivident.models.export.xml_text import (
+from pivident.models.export.xml_edit import (
     comment,
     distinct,
     number,

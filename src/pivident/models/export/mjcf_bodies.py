@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.models.export.joint_side import JointSide
-from pivident.models.export.xml_text import Stick, number, numbers, quoted, sticks
+from pivident.models.export.xml_edit import Stick, number, numbers, quoted, sticks
 from pivident.models.runnable_model import RunnableModel, written_body
 from pivident.robot.description import Joint, Robot
 from pivident.robot.frames import Pose, rotation_z

@@ -10,7 +10,7 @@ import numpy as np
 
 from pivident.models.export.differences import RobotFile, differences
 from pivident.models.export.joint_side import JointProperty, JointSide, joint_side
-from pivident.models.export.xml_text import (
+from pivident.models.export.xml_edit import (
     Stick,
     comment,
     distinct,

@@ -35,8 +35,7 @@ from pivident.models.export.urdf_new import (
     new_urdf,
     unknown_limits,
 )
-from pivident.models.export.xml_edit import Element, XmlText
-from pivident.models.export.xml_text import number, numbers
+from pivident.models.export.xml_edit import Element, XmlText, number, numbers
 from pivident.models.exported import Format
 from pivident.models.runnable_model import RunnableModel, is_possible, link_inertias
 from pivident.robot.closed_chains import tree_order

@@ -9,7 +9,7 @@ import numpy as np
 
 from pivident.foundation.errors import ExportError
 from pivident.models.export.joint_side import JointSide
-from pivident.models.export.xml_text import (
+from pivident.models.export.xml_edit import (
     Stick,
     comment,
     distinct,

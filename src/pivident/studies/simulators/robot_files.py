@@ -14,8 +14,7 @@ import numpy as np
 from pivident.foundation.errors import ExportError
 from pivident.models.export.differences import RobotFile, plain_content
 from pivident.models.export.urdf_new import dynamics_line
-from pivident.models.export.xml_edit import XmlText
-from pivident.models.export.xml_text import comment, number
+from pivident.models.export.xml_edit import XmlText, comment, number
 from pivident.robot.mjcf_model import compilable, mujoco_library, read_spec
 from pivident.robot.naming import MJCF_FILES, URDF_FILES
 from pivident.robot.urdf_xml import parse_model
