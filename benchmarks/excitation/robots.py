@@ -35,11 +35,11 @@ from pivident.studies import Design, DesignRequest, design_motion, write_design
 from pivident.studies.excitation.checked_motion import FINER, FineCheck, with_more_room
 from pivident.studies.excitation.criteria import standard_errors
 from pivident.studies.excitation.design_task import SAMPLES, DesignTask
-from pivident.studies.excitation.excite_table import limits_of
 from pivident.studies.excitation.knowledge import knowledge
 from pivident.studies.excitation.limits import PLANNED_SHARE, ROOM
 from pivident.studies.excitation.motions import ExcitingMotion
 from pivident.studies.excitation.questions import robot_question
+from pivident.studies.excitation.request import limits_of
 from pivident.studies.excitation.search import random_coefficients
 
 MOTIONS = ("fourier", "splines", "postures")

@@ -24,8 +24,8 @@ from pivident.studies import (
 )
 from pivident.studies.excitation.checked_motion import FineCheck
 from pivident.studies.excitation.constraints import Constraints
-from pivident.studies.excitation.excite_table import limits_of
 from pivident.studies.excitation.questions import gain_question, load_question
+from pivident.studies.excitation.request import limits_of
 from tests.studies.excitation.test_constraints import Wall
 
 PLANAR = load_robot("planar_2r")

@@ -89,7 +89,7 @@ def excite(
     from pivident.studies.collision.room import clearances_of_room
     from pivident.studies.excitation.design_files import RATE, check_rate, write_design
     from pivident.studies.excitation.design_motion import DESIGNED_ELSEWHERE, design_motion
-    from pivident.studies.excitation.excite_table import limits_of, question_of, torque_noise_of
+    from pivident.studies.excitation.request import limits_of, question_of, torque_noise_of
 
     folder = out or _new_folder()
     check_output(folder)
@@ -103,7 +103,7 @@ def excite(
         robot, table, known = _subject(subject, frozen_joints(frozen))
         without_loops(robot, "the design of motions", DESIGNED_ELSEWHERE)
         if cell is not None:
-            from pivident.studies.excitation.excite_table import read_cell
+            from pivident.studies.excitation.request import read_cell
 
             table = read_cell(cell)
         earlier = [*_results(after), *known]
