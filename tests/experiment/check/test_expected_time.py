@@ -5,14 +5,14 @@ from types import SimpleNamespace
 import pytest
 
 from pivident.estimation.methods import METHODS
-from pivident.experiment.check.expected_time import (
+from pivident.experiment.check.plan import (
     CONSISTENT,
     JUDGED,
     WRITTEN,
     expected_stages,
     expected_time,
+    in_words,
 )
-from pivident.experiment.check.plan import in_words
 
 FOUR = ("ls", "iv", "iv-full-rate", "piv")
 

@@ -31,7 +31,7 @@ from pivident.estimation.summary_tables import (
     name_lines,
     rows_kind,
 )
-from pivident.experiment.check.expected_time import (
+from pivident.experiment.check.plan import (
     CONSISTENT,
     JUDGED,
     WRITTEN,
