@@ -26,12 +26,8 @@ from starlette.responses import FileResponse, HTMLResponse, JSONResponse, Redire
 from starlette.routing import Route
 
 from pivident.app.studio import uploads
-from pivident.app.studio.access import Access
-from pivident.app.studio.archive import open_archive, pack
-from pivident.app.studio.assets import ASSETS, asset
-from pivident.app.studio.pages import front_page, one_piece, project_page, state
-from pivident.app.studio.projects import Changed, Project, ProjectError
-from pivident.app.studio.request_bodies import (
+from pivident.app.studio.access import (
+    Access,
     Confirmation,
     DraftRequest,
     Edit,
@@ -43,6 +39,10 @@ from pivident.app.studio.request_bodies import (
     RunRequest,
     Text,
 )
+from pivident.app.studio.archive import open_archive, pack
+from pivident.app.studio.assets import ASSETS, asset
+from pivident.app.studio.pages import front_page, one_piece, project_page, state
+from pivident.app.studio.projects import Changed, Project, ProjectError
 from pivident.app.studio.signals import window
 from pivident.app.studio.studio import Studio
 from pivident.foundation.errors import PividentError
