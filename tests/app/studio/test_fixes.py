@@ -8,8 +8,7 @@ import pytest
 from pivident.app.studio.fixes import Fix, as_json, fixes, of_json
 from pivident.data.logs.log import factors_of
 from pivident.experiment.check.experiment_check import check_experiment
-from pivident.experiment.check.geometry_check import candidates
-from pivident.experiment.check.gravity_check import GRAVITY
+from pivident.experiment.check.geometry_check import GRAVITY, candidates
 from pivident.experiment.check.remark import of_finding
 from pivident.experiment.edited_file import edited
 from pivident.experiment.experiment import load_experiment

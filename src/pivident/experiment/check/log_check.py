@@ -19,8 +19,7 @@ from pivident.data.recording.usable_samples import filled
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.experiment.check.columns_check import check_columns, check_unnamed_torque
 from pivident.experiment.check.gains_check import check_gains, check_limit
-from pivident.experiment.check.geometry_check import GeometryCheck
-from pivident.experiment.check.gravity_check import check_gravity
+from pivident.experiment.check.geometry_check import GeometryCheck, check_gravity
 from pivident.experiment.check.motion_check import check_motion
 from pivident.experiment.check.reference_check import check_reference
 from pivident.experiment.check.remark import Remark, of_error, of_finding
