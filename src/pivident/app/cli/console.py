@@ -12,6 +12,8 @@ The environment variable ``PIVIDENT_PROGRESS`` names the file:
 How commands end: their exit codes, and the error of a command line that means nothing.
 
 Findings on the command line: a line each, broken and coloured on a terminal.
+
+Where commands with many tasks compute them: processes here, or a Dask cluster.
 """
 
 from __future__ import annotations
@@ -26,7 +28,7 @@ from textwrap import wrap
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
-from pivident.foundation.errors import PividentError, in_words
+from pivident.foundation.errors import ExperimentError, PividentError, in_words
 from pivident.foundation.registry import ExtensionWarning
 from pivident.foundation.text.finding import Finding, Severity
 from pivident.foundation.text.plain_values import plain, strict_json
@@ -39,6 +41,7 @@ if TYPE_CHECKING:
     from rich.text import Text
 
     from pivident.app.cli.remaining import Remaining
+    from pivident.studies.many.batch.runner import Pool
 
 
 #: How Python prints a warning.
@@ -215,3 +218,25 @@ def print_findings(findings: Iterable[Finding]) -> None:
         broken = [part for line in lines for part in wrap(line, WIDTH - len(word))]
         console.print(Text(word, STYLES[finding.severity]), end="")
         console.print(Text(f"\n{' ' * len(word)}".join(broken)))
+
+
+def chosen_pool(workers: int | None, dask: bool, scheduler: str | None) -> Pool:
+    """The workers that the options ask for."""
+    from pivident.studies.many.batch.cluster import DaskCluster
+    from pivident.studies.many.batch.runner import Processes
+
+    check_count("--workers", workers)
+    if scheduler is not None and workers is not None:
+        raise ExperimentError(
+            "--scheduler uses the workers of its cluster",
+            advice="leave --workers out, or --scheduler",
+        )
+    if dask or scheduler is not None:
+        return DaskCluster(scheduler, workers)
+    return Processes(workers)
+
+
+def check_count(option: str, value: int | None) -> None:
+    """Refuse a number below one."""
+    if value is not None and value < 1:
+        raise ExperimentError(f"{option} is {value}", advice="at least 1 is needed")

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from pivident.app.cli.console import Progress, note
-from pivident.app.cli.workers import chosen_pool
+from pivident.app.cli.console import Progress, chosen_pool, note
 
 if TYPE_CHECKING:
     from pivident.studies.many.fleet.judgement import Judgement

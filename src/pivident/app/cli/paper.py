@@ -7,8 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from pivident.app.cli.console import Progress
-from pivident.app.cli.workers import check_count, chosen_pool
+from pivident.app.cli.console import Progress, check_count, chosen_pool
 
 
 def paper(

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from pivident.app.cli.console import Progress, note
-from pivident.app.cli.workers import check_count, chosen_pool
+from pivident.app.cli.console import Progress, check_count, chosen_pool, note
 from pivident.foundation.text.sentences import separated
 
 if TYPE_CHECKING:
