@@ -59,7 +59,7 @@ TABLES: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
         ("intervals",),
     ),
     "pivident.studies.comparison.compare.Comparison": (
-        _MANY,
+        _HERE + "many_results",
         "comparison",
         ("parameters", "results", "torques", "friction"),
     ),
@@ -79,7 +79,7 @@ TABLES: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
         ("parameters", "alarms", "wear"),
     ),
     "pivident.studies.friction.friction_study.FrictionStudy": (
-        _MANY,
+        _HERE + "many_results",
         "friction",
         ("curves",),
     ),
