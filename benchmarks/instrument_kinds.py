@@ -46,7 +46,7 @@ from pivident.foundation.errors import PividentError
 from pivident.foundation.text.plain_table import plain_table
 from pivident.judgement.validation.held_out.cross_validation import cross_validate
 from pivident.judgement.validation.held_out.prediction import Judge
-from pivident.judgement.validation.instruments.instrument_tests import instrument_tests
+from pivident.judgement.validation.instrument_tests import instrument_tests
 from pivident.loop.instruments.kinds import KINDS
 from pivident.loop.simulation.control_loop import Loop
 from pivident.loop.simulation.controllers import Cascade

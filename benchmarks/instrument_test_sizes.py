@@ -29,12 +29,12 @@ from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import nominal_values
 from pivident.estimation.identify import identify
 from pivident.estimation.problem import Problem
-from pivident.judgement.validation.instruments.instrument_tests import (
+from pivident.judgement.validation.instrument_tests import (
     instrument_tests,
     relevance_test,
 )
-from pivident.judgement.validation.instruments.moment_sums import MomentSums
-from pivident.judgement.validation.instruments.overidentification import (
+from pivident.judgement.validation.moment_sums import MomentSums
+from pivident.judgement.validation.overidentification import (
     exogeneity_test,
     overidentification_test,
 )

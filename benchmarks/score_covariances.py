@@ -25,7 +25,7 @@ import numpy as np
 
 from pivident.estimation.covariance.windows import WINDOWS
 from pivident.foundation.errors import IdentificationError
-from pivident.judgement.validation.instruments.moment_sums import kept_equations
+from pivident.judgement.validation.moment_sums import kept_equations
 
 if TYPE_CHECKING:
     from pivident.estimation.identification import Identification

@@ -15,7 +15,7 @@ from pivident.estimation.identification_file import save_identification, to_dict
 from pivident.estimation.stored_identification import load_identification
 from pivident.foundation.errors import IdentificationError, IdentificationFileError
 from pivident.foundation.text.finding import Finding, Quantity
-from pivident.judgement.validation.instruments.moment_sums import kept_equations
+from pivident.judgement.validation.moment_sums import kept_equations
 from pivident.judgement.validation.residuals.residual_tests import residual_tests
 from pivident.robot.friction import FrictionLaw, coulomb, load_dependent, lugre, viscous
 from pivident.robot.gallery import load_robot

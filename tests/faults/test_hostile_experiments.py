@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pivident.data.logs.clocks.timestamps import uniform_grid
+from pivident.data.logs.timestamps import uniform_grid
 from pivident.data.recording.load import load_recording
 from pivident.experiment.experiment import load_experiment
 from pivident.foundation.errors import PividentError

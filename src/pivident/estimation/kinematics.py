@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from pivident.data.logs.clocks.timestamps import clear_of_unusable
+from pivident.data.logs.timestamps import clear_of_unusable
 from pivident.data.recording.recording import Recording
 from pivident.estimation.signal_recipes import Algebraic, Bandpass, RandomWalk, SignalRecipe
 from pivident.foundation.common_work import once

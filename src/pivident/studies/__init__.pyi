@@ -54,9 +54,9 @@ from .friction.bearing_friction import bearing_friction as bearing_friction
 from .friction.curves import write_friction as write_friction
 from .friction.friction_study import FrictionStudy as FrictionStudy
 from .friction.friction_study import study_friction as study_friction
-from .friction.ripple.ripple_lines import NamedOrder as NamedOrder
-from .friction.ripple.ripple_lines import remove_ripple as remove_ripple
-from .friction.ripple.ripple_search import find_ripple as find_ripple
+from .friction.ripple_lines import NamedOrder as NamedOrder
+from .friction.ripple_lines import remove_ripple as remove_ripple
+from .friction.ripple_search import find_ripple as find_ripple
 from .friction_laws.chosen_laws import LawChoice as LawChoice
 from .friction_laws.law_candidates import adding as adding
 from .friction_laws.law_choice import choose_laws as choose_laws

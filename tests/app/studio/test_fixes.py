@@ -8,7 +8,7 @@ import pytest
 from pivident.app.studio.fixes import Fix, as_json, fixes, of_json
 from pivident.data.logs.log import factors_of
 from pivident.experiment.check.experiment_check import check_experiment
-from pivident.experiment.check.geometry_check import GRAVITY_SIGN, candidates
+from pivident.experiment.check.geometry_check import FEED_FORWARD, candidates
 from pivident.experiment.check.remark import of_finding
 from pivident.experiment.edited_file import edited
 from pivident.experiment.experiment import load_experiment
@@ -163,7 +163,7 @@ def test_a_sign_is_reversed_in_whatever_unit():
 
 
 def test_gravity_of_the_controller_and_energy():
-    edit = Edit((*GRAVITY_SIGN.place, "feed_forward"), "gravity_measured")
+    edit = Edit((*FEED_FORWARD.place, "feed_forward"), "gravity_measured")
     (fix,) = fixes(remark_of(edit), EXPERIMENT)
     assert fix.edits == ((("controller", "feed_forward"), '"gravity_measured"'),)
     (fix,) = fixes(remark_of(Reversed(channel="tau", joints=("shoulder",))), EXPERIMENT)

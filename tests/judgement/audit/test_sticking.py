@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pivident.data.logs.clocks.timestamps import runs_of
+from pivident.data.logs.timestamps import runs_of
 from pivident.data.recording.recording import Recording
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from pivident.estimation.covariance.windows import windows_of
-from pivident.judgement.validation.instruments.moment_sums import MomentSums
+from pivident.judgement.validation.moment_sums import MomentSums
 
 NAMES = ("ia1", "fv1", "off1")
 THETA = np.array([1.2, 5.0, 0.5])

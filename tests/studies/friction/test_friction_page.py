@@ -17,7 +17,7 @@ from pivident.studies.friction.friction_study import FrictionStudy, joint_fricti
 from tests.browser import needs_browser, seen_on_a_phone
 from tests.planar_log import write_experiment
 from tests.studies.friction.made_up import friction_torque
-from tests.studies.friction.ripple.test_ripple_lines import cosine, found_in, record
+from tests.studies.friction.test_ripple_lines import cosine, found_in, record
 
 
 @pytest.fixture(scope="module")

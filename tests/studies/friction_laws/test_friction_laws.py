@@ -14,8 +14,8 @@ from pivident.estimation.iteration import MAX_PASSES
 from pivident.estimation.least_squares import LeastSquares, least_squares_on
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import Bandpass, RandomWalk
-from pivident.judgement.validation.instruments.moment_sums import moment_sums
-from pivident.judgement.validation.instruments.overidentification import overidentification_test
+from pivident.judgement.validation.moment_sums import moment_sums
+from pivident.judgement.validation.overidentification import overidentification_test
 from pivident.loop.motion.motion import Kinematics, packed_stretch, with_inner
 from pivident.loop.simulation.closed_loop import LoopSignals, simulate
 from pivident.loop.simulation.control_loop import Loop

@@ -59,7 +59,7 @@ def run_friction(
     from pivident.experiment.experiment import load_experiment
     from pivident.studies.friction.curves import write_friction
     from pivident.studies.friction.friction_study import study_friction
-    from pivident.studies.friction.ripple.ripple_search import find_ripple
+    from pivident.studies.friction.ripple_search import find_ripple
 
     if standstill is not None and not 0.0 < standstill < 1.0:
         raise ExperimentError(

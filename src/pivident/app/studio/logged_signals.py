@@ -14,10 +14,10 @@ import numpy as np
 
 from pivident.app.studio.arm_picture import Swept, motion_of, sweep
 from pivident.app.studio.signals import SIGNALS, write_channel, write_times
-from pivident.data.logs.clocks.timestamps import mean_rate
 from pivident.data.logs.file_columns import read_columns
 from pivident.data.logs.log import CHANNELS, Log
 from pivident.data.logs.recognition.log_clock import clocks_in, is_clock
+from pivident.data.logs.timestamps import mean_rate
 from pivident.experiment.check.file_check import file_problems
 from pivident.experiment.experiment import Experiment
 from pivident.experiment.explained import plain_form, toml_content

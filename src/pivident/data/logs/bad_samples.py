@@ -18,8 +18,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from pivident.data.logs.clocks.timestamps import moves, runs_of
 from pivident.data.logs.misplaced_positions import MIN_ROWS, excursions, frozen_positions
+from pivident.data.logs.timestamps import moves, runs_of
 
 #: Values above this are no measurement in any unit, and overflow a spline; nor are values so many
 #: times as large as nearly all others.

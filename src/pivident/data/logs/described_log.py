@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from pivident.data.logs.bags.read_bag import is_bag, open_bag
-from pivident.data.logs.clocks.clock_alignment import ClockedChannel, have_one_clock, onto_one_clock
+from pivident.data.logs.clock_alignment import ClockedChannel, have_one_clock, onto_one_clock
 from pivident.data.logs.file_columns import beside_text, lenient_table, numeric_columns
 from pivident.data.logs.log import (
     CHANNELS,

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from pivident.data.logs.bad_samples import BadSamples
-from pivident.data.logs.clocks.clock_alignment import ClockedChannel
+from pivident.data.logs.clock_alignment import ClockedChannel
 from pivident.data.logs.source_files import SourceFile
 from pivident.data.logs.torque_scale import TorqueScale
 from pivident.data.logs.units import factor_to_si

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from pivident.data.logs.clocks.timestamps import GAP, runs_of
+from pivident.data.logs.timestamps import GAP, runs_of
 
 #: Fewest samples of a log that are compared.
 MIN_ROWS = 50

@@ -30,12 +30,12 @@ from pivident.data.logs.channel_places import (
     columns_of,
     locate,
 )
-from pivident.data.logs.clocks.clock_alignment import ClockedChannel
-from pivident.data.logs.clocks.timestamps import without_repeats
+from pivident.data.logs.clock_alignment import ClockedChannel
 from pivident.data.logs.file_columns import lenient_table
 from pivident.data.logs.log import CHANNELS, Description, Log
 from pivident.data.logs.source_files import SourceFile, printable_name
 from pivident.data.logs.tables.tables import names_in, read_table
+from pivident.data.logs.timestamps import without_repeats
 from pivident.data.logs.units import factor_to_si
 from pivident.foundation.errors import BadCell, PividentError, RecordingError, concerning
 from pivident.robot.description import Robot

@@ -12,8 +12,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pivident.data.logs.clocks import timestamps
-from pivident.data.logs.clocks.timestamps import moves, runs_of
+from pivident.data.logs import timestamps
+from pivident.data.logs.timestamps import moves, runs_of
 from pivident.foundation.errors import (
     ConstantChannel,
     NonFiniteSamples,

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pivident.data.logs.clocks import timestamps
-from pivident.data.logs.clocks.clock_alignment import (
+from pivident.data.logs import timestamps
+from pivident.data.logs.clock_alignment import (
     ClockedChannel,
     have_one_clock,
     is_reduced,

@@ -15,7 +15,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from pivident.data.logs.channel_places import TABLES, ColumnSpec, body_channels, columns_of
-from pivident.data.logs.clocks.clock_alignment import ClockedChannel
+from pivident.data.logs.clock_alignment import ClockedChannel
 from pivident.data.logs.log import Description, Log, factors_of, gains_of, on_joint_side, sides_of
 from pivident.data.logs.read_log import read_log
 from pivident.data.logs.torque_scale import torque_scales

@@ -13,7 +13,7 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pivident.data.logs.clocks import timestamps
+from pivident.data.logs import timestamps
 from pivident.data.logs.source_files import SourceFile
 from pivident.data.logs.torque_scale import TorqueScale
 from pivident.data.recording import checks

@@ -14,14 +14,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.data.logs.bad_samples import TOLERATED, WORDS, BadSamples
-from pivident.data.logs.clocks.timestamps import (
+from pivident.data.logs.misplaced_positions import cuts
+from pivident.data.logs.timestamps import (
     BRIDGED_PERIODS,
     clear_of_unusable,
     long_stretches,
     runs_of,
     stretches_of,
 )
-from pivident.data.logs.misplaced_positions import cuts
 from pivident.data.recording import checks
 from pivident.data.recording.checks import CHANNELS
 from pivident.foundation.errors import BrokenMotion

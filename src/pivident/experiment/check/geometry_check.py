@@ -168,7 +168,7 @@ def candidates(log: Log, robot: Robot) -> Iterator[tuple[Log, Finding]]:
             )
 
 
-GRAVITY_SIGN = FindingKind(CONTROLLER, "gravity", ("controller",))
+FEED_FORWARD = FindingKind(CONTROLLER, "gravity", ("controller",))
 
 #: Share of the torque's variance that a law without gravity stays below, and that one with gravity
 #: explains.
@@ -213,7 +213,7 @@ def check_gravity(log: Log, timing: Timing, entry: ControllerEntry) -> list[Find
     )
     edit = Edit(("controller", "feed_forward"), "gravity_measured")
     words = 'Declare that the controller compensates gravity: feed_forward = "gravity_measured".'
-    return [GRAVITY_SIGN.finding("warning", text, name, step, repairs=[Repair((edit,), words)])]
+    return [FEED_FORWARD.finding("warning", text, name, step, repairs=[Repair((edit,), words)])]
 
 
 def _explained(

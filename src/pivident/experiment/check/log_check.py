@@ -11,9 +11,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from pivident.data.logs.clocks.timestamps import LOWEST_RATE
 from pivident.data.logs.file_columns import read_columns
 from pivident.data.logs.log import Log
+from pivident.data.logs.timestamps import LOWEST_RATE
 from pivident.data.recording.recording import Recording
 from pivident.data.recording.usable_samples import filled
 from pivident.dynamics.base_parameters import base_parameters

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from pivident.data.logs.clocks.timestamps import LOWEST_RATE
 from pivident.data.logs.log import Log
+from pivident.data.logs.timestamps import LOWEST_RATE
 from pivident.experiment.check.remark import usable_rows
 from pivident.foundation.text.finding import Finding, FindingKind, Quantity, Topic
 from pivident.foundation.text.repair import setting

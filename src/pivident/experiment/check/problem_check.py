@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pivident.data.logs.clocks.timestamps import LOWEST_RATE
+from pivident.data.logs.timestamps import LOWEST_RATE
 from pivident.data.recording.recording import Recording
 from pivident.dynamics.base_parameters import base_parameters, parameter_index
 from pivident.dynamics.forward import mass_matrix

@@ -13,9 +13,9 @@ import numpy as np
 
 from pivident.data.logs.bags.bag_table import OwnClock
 from pivident.data.logs.bags.read_bag import STAMP
-from pivident.data.logs.clocks.clock_alignment import ClockedChannel
-from pivident.data.logs.clocks.timestamps import EVEN, mean_rate, stamp_error
+from pivident.data.logs.clock_alignment import ClockedChannel
 from pivident.data.logs.recognition.log_clock import LogClock
+from pivident.data.logs.timestamps import EVEN, mean_rate, stamp_error
 from pivident.experiment.init.assumption import Assumption, Question
 from pivident.judgement.audit.steps import unsteady_steps
 

@@ -22,11 +22,11 @@ from typing import Any
 import numpy as np
 
 from pivident.data.logs.bags.bag_table import OwnClock
-from pivident.data.logs.clocks.timestamps import resample_smooth
 from pivident.data.logs.recognition.channel_words import words_of
 from pivident.data.logs.recognition.log_clock import LogClock
 from pivident.data.logs.recognition.log_file import ChannelColumns, JointMap, Run
 from pivident.data.logs.recognition.position_units import AssumedUnits, following_unit
+from pivident.data.logs.timestamps import resample_smooth
 from pivident.data.logs.units import POSITION, SPEED
 from pivident.experiment.init.assumption import Assumption, Question
 from pivident.experiment.init.clock_lines import clock_place

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from pivident.data.logs.bags.bag_table import COVERED, OwnClock
-from pivident.data.logs.clocks.clock_alignment import ClockedChannel, at_instants
-from pivident.data.logs.clocks.timestamps import mean_rate
+from pivident.data.logs.clock_alignment import ClockedChannel, at_instants
 from pivident.data.logs.recognition.log_clock import LogClock, names_time, read_clock
 from pivident.data.logs.recognition.log_file import LogFile, Run, file_reading, read_log_file
 from pivident.data.logs.tables.tables import names_in, without_header, written_out
+from pivident.data.logs.timestamps import mean_rate
 from pivident.experiment.init.assumption import DraftError
 
 

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from pivident.data.logs.bad_samples import bad_samples, marked
-from pivident.data.logs.clocks.timestamps import stretches
 from pivident.data.logs.file_columns import beside_text
 from pivident.data.logs.recognition.channel_words import plain_channel
 from pivident.data.logs.recognition.log_clock import (
@@ -34,6 +33,7 @@ from pivident.data.logs.recognition.position_units import (
     position_unit,
 )
 from pivident.data.logs.tables.tables import without_header
+from pivident.data.logs.timestamps import stretches
 from pivident.data.logs.units import POSITION, SPEED, TORQUE
 from pivident.experiment.init.assumption import Answers, Assumption, DraftError
 from pivident.experiment.init.clock_lines import (

@@ -16,8 +16,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from pivident.data.logs.bad_samples import TOLERATED
-from pivident.data.logs.clocks.timestamps import resample_smooth
 from pivident.data.logs.log import Log
+from pivident.data.logs.timestamps import resample_smooth
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.data.logs.bad_samples import frozen_samples
-from pivident.data.logs.clocks.timestamps import runs_of
 from pivident.data.logs.log import Log
+from pivident.data.logs.timestamps import runs_of
 from pivident.data.recording.checks import TOLERATED_CLIPPING
 from pivident.estimation.kinematics import ABOVE_HALF_POWER
 from pivident.estimation.signal_recipes import SAMPLES_OF_A_PERIOD

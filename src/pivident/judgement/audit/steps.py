@@ -16,8 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.data.logs.clocks.timestamps import JITTER_TOLERANCE
 from pivident.data.logs.log import Log
+from pivident.data.logs.timestamps import JITTER_TOLERANCE
 from pivident.foundation.text.finding import Finding, FindingKind, Quantity, Topic, at_sample
 
 #: What the checks of a clock look at.

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pivident.data.logs.clocks.timestamps import (
+from pivident.data.logs.log import Log
+from pivident.data.logs.timestamps import (
     EVEN,
     GAP,
     JITTER_TOLERANCE,
@@ -22,7 +23,6 @@ from pivident.data.logs.clocks.timestamps import (
     stretches,
     usual_interval,
 )
-from pivident.data.logs.log import Log
 from pivident.data.logs.units import factor_to_si
 from pivident.foundation.errors import IrregularSampling, MissingSamples
 from pivident.foundation.errors.recordings import Stretches, written

@@ -32,7 +32,7 @@ from pivident.judgement.diagnostics.trials import Trial, consequences, tried
 from pivident.judgement.model_errors.named_causes import ModelErrors, named_causes
 from pivident.judgement.validation.held_out.folds import JudgedMotion
 from pivident.judgement.validation.held_out.out_of_sample import OutOfSample, compare_out_of_sample
-from pivident.judgement.validation.instruments.instrument_tests import (
+from pivident.judgement.validation.instrument_tests import (
     InstrumentTests,
     instrument_tests,
 )

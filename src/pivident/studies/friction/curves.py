@@ -24,7 +24,7 @@ from pivident.studies.friction.friction_study import FrictionStudy, JointFrictio
 if TYPE_CHECKING:
     import polars as pl
 
-    from pivident.studies.friction.ripple.ripple_lines import Ripple
+    from pivident.studies.friction.ripple_lines import Ripple
 
 
 #: Number of the layout of ``friction.json``.

@@ -13,7 +13,7 @@ from pivident.foundation.text.numbers import format_significant
 from pivident.studies.friction.friction_findings import FrictionFinding, pm
 from pivident.studies.friction.friction_map import FrictionMap
 from pivident.studies.friction.friction_study import JointFriction
-from pivident.studies.friction.ripple.ripple_lines import JointRipple
+from pivident.studies.friction.ripple_lines import JointRipple
 from pivident.studies.friction.state_dependent import common_speeds
 
 FORWARDS, BACKWARDS = METHOD_COLOURS[0], METHOD_COLOURS[1]

@@ -19,7 +19,7 @@ from pivident.studies.friction.friction_map import (
 )
 from pivident.studies.friction.friction_torque import FrictionTorque, friction_torques
 from pivident.studies.friction.held_out_friction import HeldOut, constant_law_error, held_out_error
-from pivident.studies.friction.ripple.ripple_lines import Ripple
+from pivident.studies.friction.ripple_lines import Ripple
 from pivident.studies.friction.state_dependent import (
     StateDependence,
     StateDependentFit,

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pivident.data.logs.clocks.timestamps import stretches
 from pivident.data.logs.recognition.log_clock import read_clock, speed_rate
+from pivident.data.logs.timestamps import stretches
 
 T = np.arange(2000) / 250.0
 Q = np.sin(T)

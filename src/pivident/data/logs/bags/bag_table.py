@@ -20,7 +20,7 @@ import numpy as np
 
 from pivident.data.logs.bags.joint_topics import TopicTable
 from pivident.data.logs.bags.read_bag import RECEIVED, STAMP, Bag, open_bag
-from pivident.data.logs.clocks.clock_alignment import (
+from pivident.data.logs.clock_alignment import (
     ONE_CLOCK,
     ClockedChannel,
     at_instants,

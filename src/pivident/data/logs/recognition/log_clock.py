@@ -16,16 +16,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pivident.data.logs.clocks.timestamps import (
-    JITTER_TOLERANCE,
-    LOWEST_RATE,
-    bridged_interval,
-    likely_time_units,
-    round_rate,
-    runs_of,
-    usual_interval,
-    without_repeats,
-)
 from pivident.data.logs.recognition.channel_words import (
     TIME_UNITS,
     TIME_WORDS,
@@ -34,6 +24,16 @@ from pivident.data.logs.recognition.channel_words import (
     read_words,
     without_unit,
     words_of,
+)
+from pivident.data.logs.timestamps import (
+    JITTER_TOLERANCE,
+    LOWEST_RATE,
+    bridged_interval,
+    likely_time_units,
+    round_rate,
+    runs_of,
+    usual_interval,
+    without_repeats,
 )
 from pivident.data.logs.units import TIME
 

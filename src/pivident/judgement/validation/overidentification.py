@@ -25,7 +25,7 @@ import numpy as np
 
 from pivident.estimation.covariance.windows import OVERLAP
 from pivident.foundation.errors import IdentificationError
-from pivident.judgement.validation.instruments.moment_sums import MomentSums
+from pivident.judgement.validation.moment_sums import MomentSums
 from pivident.judgement.validation.residuals.windowed_statistic import (
     WindowedStatistic,
     directions_of,

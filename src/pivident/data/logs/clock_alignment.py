@@ -19,9 +19,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pivident.data.logs import timestamps
 from pivident.data.logs.bad_samples import LARGEST
-from pivident.data.logs.clocks import timestamps
-from pivident.data.logs.clocks.timestamps import bridged_interval, stretches_of
+from pivident.data.logs.timestamps import bridged_interval, stretches_of
 from pivident.foundation.errors import ClocksDisagree, GapInClock, RecordingError
 
 #: A channel that is faster than the grid by this factor is low-passed before it is reduced.

@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pivident.data.logs.clocks import timestamps
-from pivident.data.logs.clocks.clock_alignment import ClockedChannel, resampled
+from pivident.data.logs import timestamps
+from pivident.data.logs.clock_alignment import ClockedChannel, resampled
 from pivident.foundation.errors import (
     IrregularSampling,
     MissingSamples,

@@ -12,14 +12,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pivident.robot.description import Robot
-from pivident.studies.friction.ripple.order_spectrum import (
+from pivident.studies.friction.order_spectrum import (
     HIGHEST_FREQUENCY,
     MIN_SHARE,
     OrderSpectrum,
     order_grid,
     order_spectrum,
 )
-from pivident.studies.friction.ripple.ripple_lines import (
+from pivident.studies.friction.ripple_lines import (
     DISTINGUISHABLE,
     Angle,
     NamedFinding,
@@ -28,7 +28,7 @@ from pivident.studies.friction.ripple.ripple_lines import (
     named_bases,
     relate,
 )
-from pivident.studies.friction.ripple.ripple_series import (
+from pivident.studies.friction.ripple_series import (
     ResidualSeries,
     Wave,
     WaveFit,

@@ -14,7 +14,7 @@ from pivident.estimation.problem import LOW_SPEED
 from pivident.estimation.signal_recipes import RandomWalk
 from pivident.foundation.errors import ExperimentError, IdentificationError
 from pivident.signals.noise_models import ArModel, fit_ar, unmasked_stretches
-from pivident.studies.friction.ripple.order_spectrum import WhiteRows
+from pivident.studies.friction.order_spectrum import WhiteRows
 
 #: Largest order of the noise model: a longer one would fit the lines themselves.
 MAX_NOISE_ORDER = 20

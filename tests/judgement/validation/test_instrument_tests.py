@@ -10,12 +10,12 @@ from pivident.estimation.covariance.windows import OVERLAP, windows_of
 from pivident.estimation.identify import identify
 from pivident.experiment.simulated_tx40 import tx40_scenario
 from pivident.foundation.errors import IdentificationError
-from pivident.judgement.validation.instruments.instrument_tests import (
+from pivident.judgement.validation.instrument_tests import (
     instrument_tests,
     relevance_test,
 )
-from pivident.judgement.validation.instruments.moment_sums import moment_sums
-from pivident.judgement.validation.instruments.overidentification import (
+from pivident.judgement.validation.moment_sums import moment_sums
+from pivident.judgement.validation.overidentification import (
     exogeneity_test,
     overidentification_test,
 )

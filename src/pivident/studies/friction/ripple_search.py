@@ -18,11 +18,11 @@ from pivident.data.recording.recording import Recording
 from pivident.estimation.identification import Identification
 from pivident.foundation.errors import ExperimentError
 from pivident.robot.description import Robot
-from pivident.studies.friction.ripple.order_spectrum import (
+from pivident.studies.friction.order_spectrum import (
     HIGHEST_FREQUENCY,
     OrderSpectrum,
 )
-from pivident.studies.friction.ripple.ripple_lines import (
+from pivident.studies.friction.ripple_lines import (
     DISTINGUISHABLE,
     Angle,
     JointRipple,
@@ -31,7 +31,7 @@ from pivident.studies.friction.ripple.ripple_lines import (
     TimeLine,
     angles_of,
 )
-from pivident.studies.friction.ripple.ripple_measures import (
+from pivident.studies.friction.ripple_measures import (
     LAGS,
     best_lag,
     highest_order,
@@ -43,7 +43,7 @@ from pivident.studies.friction.ripple.ripple_measures import (
     visibility_notes,
     visited_grid,
 )
-from pivident.studies.friction.ripple.ripple_series import (
+from pivident.studies.friction.ripple_series import (
     ResidualSeries,
     Wave,
     WaveFit,

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from pivident.data.logs.clocks import timestamps
-from pivident.data.logs.clocks.clock_alignment import ClockedChannel, onto_one_clock
-from pivident.data.logs.clocks.timestamps import stretches, stretches_of
+from pivident.data.logs import timestamps
+from pivident.data.logs.clock_alignment import ClockedChannel, onto_one_clock
+from pivident.data.logs.timestamps import stretches, stretches_of
 from pivident.foundation.errors import GapInClock, MissingSamples
 
 

@@ -12,15 +12,15 @@ from pivident.foundation.errors import ExperimentError
 from pivident.robot.gallery import load_robot
 from pivident.robot.transmission import Transmission
 from pivident.studies.friction.friction_figures import ripple_figures
-from pivident.studies.friction.ripple.order_spectrum import WhiteRows, order_grid, order_spectrum
-from pivident.studies.friction.ripple.ripple_lines import (
+from pivident.studies.friction.order_spectrum import WhiteRows, order_grid, order_spectrum
+from pivident.studies.friction.ripple_lines import (
     NamedOrder,
     angles_of,
     relate,
     remove_ripple,
     ripple_torque,
 )
-from pivident.studies.friction.ripple.ripple_search import find_ripple
+from pivident.studies.friction.ripple_search import find_ripple
 from tests.synthetic_identification import synthetic_identification
 
 RATE = 400.0

@@ -19,12 +19,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from pivident.judgement.validation.instruments.moment_sums import (
+from pivident.judgement.validation.moment_sums import (
     ExtraInstruments,
     kept_equations,
     moment_sums,
 )
-from pivident.judgement.validation.instruments.overidentification import (
+from pivident.judgement.validation.overidentification import (
     DurbinWuHausmanTest,
     OveridentificationTest,
     exogeneity_test,
@@ -37,7 +37,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pivident.judgement.validation.instruments.moment_sums import MomentSums
+from pivident.judgement.validation.moment_sums import MomentSums
 from pivident.judgement.validation.residuals.windowed_statistic import (
     directions_of,
     windowed_statistic,

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pivident.data.logs.clocks.clock_alignment import ClockedChannel, onto_one_clock
+from pivident.data.logs.clock_alignment import ClockedChannel, onto_one_clock
 from pivident.data.recording.load import load_recording
 from pivident.estimation.problem import Problem
 from pivident.experiment.check.audit_file import audit_file

@@ -22,7 +22,7 @@ from pivident.foundation.errors import ExperimentError
 from pivident.foundation.text.numbers import format_significant, plus_minus
 from pivident.robot.description import Robot
 from pivident.signals.alignment import torque_shift
-from pivident.studies.friction.ripple.order_spectrum import OrderSpectrum
+from pivident.studies.friction.order_spectrum import OrderSpectrum
 
 #: 95 % of a normal variable lie within so many standard deviations.
 TWO_SIDED = 1.96

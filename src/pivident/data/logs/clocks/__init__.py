@@ -1,1 +1,0 @@
-"""Clocks of logs: their stamps, gaps in them, and channels brought onto one clock."""

@@ -1,1 +1,0 @@
-"""Torque ripple: lines over the position in the residual."""
