@@ -1,7 +1,4 @@
-"""The steps of the path that run a command: what they are called, what they take, how they run.
-
-Friction laws that ``pivident laws`` has chosen, written into the experiment file.
-"""
+"""The steps of the path that run a command: what they are called, what they take, how they run."""
 
 from __future__ import annotations
 
@@ -10,12 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pivident.app.studio.chosen_laws import LAWS
 from pivident.app.studio.projects import EXPERIMENT
 from pivident.app.studio.step_arguments import Argument, StepError
 from pivident.estimation.methods import METHODS
-from pivident.experiment.edited_file import Edits, edited
-from pivident.foundation.errors import ExperimentError, PividentError
-from pivident.foundation.text.toml import parse_toml, value_text
 from pivident.models.consistency.options import CONSISTENT_METHODS
 from pivident.models.export.formats import FORMATS
 
@@ -275,43 +270,3 @@ def step_named(name: str) -> Step:
             f"there is no step {str(name)[:60]!r}", advice=f"choose from {', '.join(STEPS)}"
         )
     return STEPS[name]
-
-
-#: File of the chosen laws, and where they belong in an experiment file.
-LAWS, PLACE = "laws.toml", ("robot", "joint_friction")
-
-
-def joints_to_change(text: str, results: Path) -> list[str]:
-    """Joints whose chosen laws an experiment file does not have yet.
-
-    Args:
-        text: the experiment file.
-        results: folder of the run that has chosen.
-    """
-    try:
-        joints = [str(place[-1]) for place, _ in _edits(results)]
-        return joints if with_laws(text, results) != text else []
-    except (PividentError, OSError, ValueError):
-        return []
-
-
-def with_laws(text: str, results: Path) -> str:
-    """An experiment file with the laws that a run has chosen.
-
-    Args:
-        text: the experiment file.
-        results: folder of the run.
-
-    Raises:
-        ExperimentError: it has chosen none, or the file contradicts them.
-    """
-    return edited(text, _edits(results))
-
-
-def _edits(results: Path) -> Edits:
-    """The laws as edits."""
-    path = results / LAWS
-    if not path.is_file():
-        raise ExperimentError(f"{results.name} has chosen no laws", advice="reload the page")
-    laws = parse_toml(path.read_text(encoding="utf-8"))["robot"]["joint_friction"]
-    return tuple(((*PLACE, joint), value_text(law)) for joint, law in laws.items())

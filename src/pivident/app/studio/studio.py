@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+from pivident.app.studio.chosen_laws import with_laws
 from pivident.app.studio.drafting import DRAFT, draft
 from pivident.app.studio.example import ROBOT, draft_example
 from pivident.app.studio.fixes import of_json, repaired_text
@@ -28,7 +29,7 @@ from pivident.app.studio.projects import (
 )
 from pivident.app.studio.run_folder import RunFolder, read_object
 from pivident.app.studio.runs import Runs
-from pivident.app.studio.steps import STEPS, with_laws
+from pivident.app.studio.steps import STEPS
 from pivident.app.studio.tasks import Tasks
 from pivident.data.logs.tables.tables import is_log
 from pivident.experiment.edited_file import confirmed, edited
