@@ -8,24 +8,14 @@ from datetime import datetime
 from typing import Any
 from urllib.parse import quote
 
-<<<<<<< HEAD
+from pivident.app.studio.chosen_laws import joints_to_change
 from pivident.app.studio.fixes import repair_words, says_the_same
 from pivident.app.studio.gate import before_use, line_to_go_to
-=======
-from pivident.app.studio.chosen_laws import joints_to_change
-from pivident.app.studio.findings_list import line_to_go_to
-from pivident.app.studio.gate import before_use
->>>>>>> parent of ec11881a (fold app.studio.chosen_laws into app.studio.steps)
 from pivident.app.studio.offers import best_result, offered
 from pivident.app.studio.projects import EXPERIMENT, TEST_LOGS, Project
 from pivident.app.studio.rows import Row
 from pivident.app.studio.run_folder import read_object
-<<<<<<< HEAD
-from pivident.app.studio.steps import EXPORTED, STEPS, joints_to_change
-=======
 from pivident.app.studio.steps import EXPORTED, STEPS
-from pivident.app.studio.verdict_repairs import repair_words, says_the_same
->>>>>>> parent of ec11881a (fold app.studio.chosen_laws into app.studio.steps)
 from pivident.estimation.methods import METHODS
 from pivident.experiment.check.plan import in_words
 from pivident.foundation.text.numbers import bytes_in_words
