@@ -31,6 +31,7 @@ WAY = (
     (5, "estimation.normal_equations"),
     (1, "judgement.diagnostics.diagnostics"),
     (2, "judgement.audit.recording_audit"),
+    (2, "judgement.validation.instrument_tests"),
     (2, "judgement.validation.held_out.out_of_sample"),
     (2, "judgement.model_errors.named_causes"),
     (2, "judgement.diagnostics.trials"),
@@ -57,7 +58,7 @@ def _rooms() -> list[str]:
     """A row for each room, a dot below each room that it imports."""
     imports = {(room(a), room(b)) for a, others in graph().items() for b in others}
     wide = max(map(len, ROOMS))
-    lines = []
+    lines = [f"{'':{wide}} {' '.join(name[0] for name in ROOMS)}"]
     for number, name in enumerate(ROOMS):
         dots = " ".join("●" if (name, other) in imports else "·" for other in [*ROOMS][:number])
         about = first_line(f"pivident.{name}")

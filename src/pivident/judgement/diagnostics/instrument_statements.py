@@ -9,14 +9,12 @@ from pivident.foundation.text.finding import Finding, Quantity, Severity
 from pivident.foundation.text.numbers import percent
 from pivident.foundation.text.sentences import capital, listed
 from pivident.judgement.diagnostics.diagnostics import Diagnostics
+from pivident.judgement.validation.instrument_tests import WEAK
 from pivident.loop.instruments.given_motion import InstrumentsUsed
 from pivident.loop.instruments.kinds import KINDS
 
 #: Parameters that differ least squares from instruments are named from so many standard errors on.
 NAMED_SHIFT = 2.0
-
-#: First-stage F below which instruments are weak.
-WEAK_BELOW = 10.0
 
 
 def feedback_bias(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
@@ -102,12 +100,12 @@ def strength(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
         return
     relevance = tests.relevance
     evidence = {
-        "F": Quantity(relevance.statistic, bound=WEAK_BELOW),
+        "F": Quantity(relevance.statistic, bound=WEAK),
         "partial R²": Quantity(relevance.practical_size),
         "Cragg-Donald": Quantity(relevance.cragg_donald),
     }
     basis = (
-        f"smallest first-stage F {relevance.statistic:.3g} (weak below {WEAK_BELOW:g}), smallest "
+        f"smallest first-stage F {relevance.statistic:.3g} (weak below {WEAK:g}), smallest "
         f"partial R² {relevance.practical_size:.4g}, Cragg-Donald {relevance.cragg_donald:.3g}"
     )
     used = diagnostics.identifications[name].instruments
