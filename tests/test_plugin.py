@@ -164,8 +164,9 @@ def test_commands_take_logs_of_the_reader(plugin, command):
 
 def test_the_studio_takes_logs_of_the_reader(plugin):
     code = (
-        "from pivident.data.logs.tables.tables import is_log;"
-        "Projects; from pivident.app.studio.uploads import target; from pathlib import Path; "
+        "from pivident.data.logs.tables.tables import is_log; "
+        "from pivident.app.studio.projects import Projects; "
+        "from pivident.app.studio.uploads import target; from pathlib import Path; "
         "print(is_log('LOG.PAIRS'), target(Projects(Path('studio')).create('p'), 'a.pairs').name)"
     )
     done = plugin.python("-c", code)

@@ -19,7 +19,7 @@ from tests.planar_log import EXPERIMENT, HEADER, planar_log
 
 METHODS = ("ls", "iv-full-rate", "piv")
 
-#: What is made to fail, and the line that it costs.
+#: What is made to fail (without its room, which is `judgement`), and the line that it costs.
 JUDGES = {
     "diagnostics.diagnostics.recording_faults": "The recordings could not be audited: ",
     "diagnostics.diagnostics.compare_out_of_sample": "Nothing could be held out: ",
@@ -37,12 +37,12 @@ JUDGES = {
     "diagnostics.verdict.prediction": "Nothing is said about prediction: ",
     "diagnostics.verdict.open_parameters": "No motion is designed for what is open: ",
     "diagnostics.verdict.HeldOutErrors.of": "Held-out errors are not stored: ",
-    "consistency.consistent_estimate.consistent_estimate": "PC-IDIM-PIV: ",
-    "consistency.consistent_estimate.consistent_prediction": "PC-IDIM-PIV was not judged on held",
-    "cli.workflow.write_consistent": "PC-IDIM-PIV could not be written: ",
-    "cli.workflow.torque_sums": "IDIM-WLS: what other parameters cost in torque is not stored: ",
-    "cli.workflow.designs_beside": "The design is not compared: ",
-    "cli.workflow.comparison_table": "Tables could not be printed: ",
+    "diagnostics.consistent_estimate.consistent_estimate": "PC-IDIM-PIV: ",
+    "diagnostics.consistent_estimate.consistent_prediction": "PC-IDIM-PIV was not judged on held",
+    "app.cli.workflow.write_consistent": "PC-IDIM-PIV could not be written: ",
+    "app.cli.workflow.torque_sums": "IDIM-WLS: what other parameters cost in torque is not stored",
+    "app.cli.workflow.designs_beside": "The design is not compared: ",
+    "app.cli.workflow.comparison_table": "Tables could not be printed: ",
     "report.sections.motion.TorqueSection.context": f'"{TorqueSection.title}" could not be written',
     "report.sections.verdict.VerdictSection.context": f'"{VerdictSection.title}" could not be',
     "report.builder.page_of": "The report could not be written: ",
@@ -102,6 +102,7 @@ def come_back(folder, estimates, names=METHODS):
 def test_a_judge_that_fails_costs_its_own_line(folder, estimates, monkeypatch, capsys, place):
     monkeypatch.setattr(workflow, "identify", estimates)
     error, name = np.linalg.LinAlgError("Singular matrix"), place.rpartition(".")[2]
+    place = place if place.startswith("app.") else f"judgement.{place}"
     monkeypatch.setattr(f"pivident.{place}", failing(error, name))
     if place.startswith("report"):
         write_experiment(folder, report=True)

@@ -12,7 +12,7 @@ from tests.conftest import REPOSITORY
 
 pytest.importorskip("sympy")
 
-POINTS = """[pivident.studies.friction]
+POINTS = """[pivident.friction]
 bump = foreign_friction:BUMP_TERM
 well = foreign_friction:WELL_TERM
 """

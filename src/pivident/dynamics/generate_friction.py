@@ -54,7 +54,7 @@ def built_in_module() -> str:
     lines = [
         _HEAD.format(
             title="Functions of friction: values and derivatives, and rows of a tile.",
-            compiled="compiled import inlined",
+            compiled="foundation.compiled import inlined",
             elementary="TILE, cos, direction, power, sin, size",
         )
     ]
@@ -88,7 +88,7 @@ def foreign_module(columns: Sequence[FrictionColumn]) -> str:
     lines = [
         _HEAD.format(
             title="Functions of friction terms.",
-            compiled="dynamics.compiled_columns import column_function",
+            compiled="dynamics.friction_kernels import column_function",
             elementary="cos, direction, power, sin, size",
         )
     ]

@@ -107,7 +107,7 @@ def test_a_goal_for_a_parameter_without_a_value_is_one_for_its_size():
 
 
 def test_ctrl_c_ends_all_searches_of_a_goal(monkeypatch):
-    module = importlib.import_module("pivident.studies.design_motion")
+    module = importlib.import_module("pivident.studies.excitation.design_motion")
     searched = []
 
     class Interrupted(module.Search):

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import pivident as pv
+from pivident import studies as figures
 from pivident.experiment.experiment import load_experiment
 from pivident.foundation.errors import PividentError
 from pivident.judgement.validation.residuals.autocorrelation import autocorrelation, joint_residuals
@@ -17,7 +18,6 @@ from pivident.judgement.validation.residuals.residual_spectrum import (
     residual_spectra,
     welch_spectrum,
 )
-from pivident.studies import figures
 from pivident.studies.figures.paper_style import LINES, STYLE, WIDTHS
 from tests.planar_log import write_experiment
 from tests.synthetic_identification import synthetic_identification

@@ -14,7 +14,7 @@ def test_every_numerical_package_has_code():
 def test_a_change_of_the_numerics_changes_it(tmp_path, monkeypatch):
     from pivident.studies.many.batch import results_folder as module
 
-    place = tmp_path / "many" / "batch" / "fingerprint.py"
+    place = tmp_path / "studies" / "many" / "batch" / "fingerprint.py"
     code = tmp_path / "estimation" / "identify.py"
     for file in (place, code):
         file.parent.mkdir(parents=True)

@@ -35,10 +35,10 @@ MANIFEST, LOCK = "manifest.json", "lock"
 MAX_MANIFEST = 2**22
 #: Names of files that are being written.
 UNFINISHED = ".unfinished-"
-#: Packages whose code affects the numbers of a result.
+#: Folders whose code affects the numbers of a result.
 NUMERICAL = (
-    "control_law", "drives", "dynamics", "estimation", "experiment", "friction", "many/fleet",
-    "many/study", "recording", "robot", "signals", "simulation",
+    "data/recording", "dynamics", "estimation", "experiment", "loop", "robot", "signals",
+    "studies/friction", "studies/many/fleet", "studies/many/study",
 )  # fmt: skip
 
 
@@ -47,7 +47,7 @@ def fingerprint() -> str:
     """Version of pivident with the first digits of the SHA-256 of its numerical code."""
     from pivident.foundation.version import __version__
 
-    package = Path(__file__).resolve().parents[2]
+    package = Path(__file__).resolve().parents[3]
     digest = hashlib.sha256()
     for name in NUMERICAL:
         for file in sorted((package / name).rglob("*.py")):
