@@ -16,7 +16,7 @@ from pivident.models.model_json import read_model, to_json
 from pivident.models.runnable_model import runnable_model
 from pivident.robot import FrictionLaw, Link, closed_robot, viscous
 from pivident.robot.closed_chains import CLOSED, equations
-from pivident.studies.comparison.remarks import difference_of_geometry
+from pivident.studies.comparison.groups import difference_of_geometry
 from pivident.studies.tables.identifications import identification_parameters
 from pivident.studies.tables.inputs import robot_joints, robot_parameters
 

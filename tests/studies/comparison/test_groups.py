@@ -8,7 +8,7 @@ import pytest
 from pivident.robot.gallery import load_robot
 from pivident.studies.comparison.compare import estimate_of
 from pivident.studies.comparison.entry import entry_of
-from pivident.studies.comparison.remarks import base_of, difference_of_geometry, groups_of
+from pivident.studies.comparison.groups import base_of, difference_of_geometry, groups_of
 from tests.studies.comparison.results import result, without
 
 

@@ -38,7 +38,8 @@ from pivident.studies.comparison.entry import (
     relabelled,
 )
 from pivident.studies.comparison.friction_curves import friction_curves
-from pivident.studies.comparison.remarks import Key, difference_of_geometry, remarks
+from pivident.studies.comparison.groups import Key, difference_of_geometry
+from pivident.studies.comparison.remarks import remarks
 from pivident.studies.comparison.side_by_side import comparison_text
 
 #: Probability of one false mark or more in a comparison.

@@ -27,7 +27,7 @@ from pivident.models.model_json import FORMAT, read_model
 from pivident.models.runnable_model import RunnableModel
 from pivident.models.stored_model import stored_model
 from pivident.robot.description import Robot
-from pivident.studies.comparison.remarks import Groups, base_of, groups_of
+from pivident.studies.comparison.groups import Groups, base_of, groups_of
 
 
 class ComparisonError(PividentError, ValueError):

@@ -11,7 +11,7 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import method_labels
 from pivident.studies.comparison.entry import entry_of
 from pivident.studies.comparison.friction_curves import friction_curves
-from pivident.studies.comparison.remarks import difference_of_geometry
+from pivident.studies.comparison.groups import difference_of_geometry
 from pivident.studies.figures.paper_style import (
     FigureError,
     chosen_joints,
