@@ -13,7 +13,7 @@ from pivident.models.consistency import cone_program
 from pivident.models.consistency import profile_intervals as intervals_module
 from pivident.models.consistency.consistent_model import make_consistent
 from pivident.models.consistency.constraints import Bounds
-from pivident.models.consistency.link_quantities import link_rows
+from pivident.models.consistency.link_intervals import link_rows
 from pivident.models.consistency.options import ConsistencyOptions
 from pivident.models.consistency.profile_intervals import profile_intervals
 from pivident.models.consistency.pseudo_inertia import moment_about_axis

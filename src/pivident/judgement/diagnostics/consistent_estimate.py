@@ -237,7 +237,7 @@ def consistent_estimate(
     progress: Callable[[str], None] | None = None,
 ) -> ConsistentEstimate:
     """Make an estimate consistent, with intervals of parameters and links."""
-    from pivident.models.consistency.link_quantities import link_rows
+    from pivident.models.consistency.link_intervals import link_rows
 
     say = progress or (lambda line: None)
     label = consistent_label(free.method)
