@@ -34,17 +34,17 @@ TABLES: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
     ),
     "pivident.judgement.audit.audit.Audit": (_HERE + "inputs", "audit", ("findings",)),
     "pivident.judgement.validation.residuals.residual_tests.ResidualTests": (
-        _HERE + "diagnostics",
+        _HERE + "identifications",
         "residual",
         ("tests",),
     ),
     "pivident.judgement.validation.held_out.cross_validation.CrossValidation": (
-        _HERE + "diagnostics",
+        _HERE + "identifications",
         "validation",
         ("folds", "joints"),
     ),
     "pivident.judgement.diagnostics.verdict.Verdict": (
-        _HERE + "diagnostics",
+        _HERE + "identifications",
         "verdict",
         ("statements",),
     ),
