@@ -15,6 +15,7 @@ from pivident.data.logs.log import Log
 from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Problem
 from pivident.experiment.experiment import load_experiment
+from pivident.foundation.common_work import shared_work
 from pivident.foundation.errors import Attempts, PividentError
 from pivident.judgement.audit.audit import audit_log
 from pivident.judgement.diagnostics.diagnostics import diagnose
@@ -83,17 +84,20 @@ def command_rows(repeats: int) -> Iterator[CommandRow]:
 
 
 def _run(problem: Problem, names: tuple[str, ...]) -> tuple[float, float, float]:
-    """Processor times of estimators, judgement, and files with report [s]."""
+    """Processor times of estimators, judgement, and files with report, made as the command does.
+
+    That is in one block of shared work [s].
+    """
     methods = {name: METHODS[name] for name in names}
-    times = [time.process_time()]
-    outcome = identify_all(problem, methods, _Silent(), Attempts())  # type: ignore[arg-type]
-    found = outcome.identifications
-    times.append(time.process_time())
-    diagnostics = diagnose(problem, found, methods, folds=FOLDS)
-    str(verdict(diagnostics))
-    times.append(time.process_time())
-    with tempfile.TemporaryDirectory() as folder:
-        write_results(Results(found, diagnostics), Path(folder) / "results", "benchmark")
+    with tempfile.TemporaryDirectory() as folder, shared_work():
+        times = [time.process_time()]
+        outcome = identify_all(problem, methods, _Silent(), Attempts())  # type: ignore[arg-type]
+        times.append(time.process_time())
+        diagnostics = diagnose(problem, outcome.identifications, methods, folds=FOLDS)
+        str(verdict(diagnostics))
+        times.append(time.process_time())
+        results = Results(diagnostics.identifications, diagnostics)
+        write_results(results, Path(folder) / "results", "benchmark")
         times.append(time.process_time())
     first, second, third = np.diff(times).tolist()
     return first, second, third

@@ -22,6 +22,7 @@ import numpy as np
 from pivident.dynamics.closed_chains.closed_regressor import ClosedRegressor
 from pivident.dynamics.parameters import Parameter, standard_parameters
 from pivident.dynamics.regressor import Regressor
+from pivident.foundation.common_work import once
 from pivident.foundation.errors import ExperimentError
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
@@ -130,6 +131,11 @@ def base_parameters(robot: Robot) -> BaseParameters:
     Returns:
         Its base parameters.
     """
+    return once(("base parameters", robot), lambda: _base_parameters(robot))
+
+
+def _base_parameters(robot: Robot) -> BaseParameters:
+    """The same, computed."""
     standard = standard_parameters(robot)
     phi = _probe(robot, standard)
     length = np.linalg.norm(phi, axis=0)

@@ -24,6 +24,9 @@ CARRY, INERTIAS, MOMENTS = 1, 2, 4
 ACCELERATION, INNER = 100, 101
 
 
+#: Place of an inertial parameter among the ten of its link, by its stem.
+_PLACES = {stem: place for place, stem in enumerate(INERTIAL)}
+
 #: γ and constants of an entry that has none.
 _NO_SHAPE = (0.0,) * (1 + MAX_SHAPES)
 
@@ -54,14 +57,14 @@ def make_entry_plan(
 ) -> EntryPlan:
     """Plan the computation of entries (joint, index of the parameter)."""
     chains = [robot.ancestors(i) for i in range(robot.size)]
-    moved = np.zeros(robot.size, dtype=np.int64)
     work = np.zeros((robot.size, max(len(chain) for chain in chains)), dtype=np.int64)
-    for joint, c in entries:
-        p = parameters[c]
-        if p.is_inertial:
-            inertia = INERTIAL.index(p.stem) < INERTIAL.index("mx")
-            work[p.joint, chains[p.joint].index(joint)] |= INERTIAS if inertia else MOMENTS
-            moved[list(chains[p.joint])] = 1
+    places = [_PLACES.get(p.stem) for p in parameters]  # None: no inertial parameter
+    wanted = {(parameters[c].joint, joint, place) for joint, c in entries
+              if (place := places[c]) is not None}  # fmt: skip
+    for link, joint, place in wanted:
+        work[link, chains[link].index(joint)] |= INERTIAS if place < _PLACES["mx"] else MOMENTS
+    moved = np.zeros(robot.size, dtype=np.int64)
+    moved[[j for link in {link for link, _, _ in wanted} for j in chains[link]]] = 1
     for i in range(robot.size - 1, -1, -1):
         for k in range(1, len(chains[i])):
             if work[i, k]:
@@ -75,9 +78,9 @@ def make_entry_plan(
     source: list[int] = []
     inner = 0
     for joint, c in entries:
-        p = parameters[c]
-        if p.is_inertial:
-            source.append(blocks[p.joint, joint] + INERTIAL.index(p.stem))
+        p, place = parameters[c], places[c]
+        if place is not None:
+            source.append(blocks[p.joint, joint] + place)
         else:
             source.append(10 * len(blocks) + len(index))
             if has_inner_signal(p):

@@ -10,6 +10,7 @@ from pivident.dynamics.closed_chains.closed_motion import ClosedChains, moved_jo
 from pivident.dynamics.closed_chains.closed_regressor import ClosedRegressor
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor import Regressor
+from pivident.foundation.common_work import once
 from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot.description import Robot
 
@@ -27,9 +28,9 @@ def regressor_of(robot: Robot, parameters: Sequence[Parameter]) -> Regressor:
     Raises:
         RobotDescriptionError: friction that closed loops do not handle.
     """
-    if robot.constraints is None:
-        return Regressor.build(robot, parameters)
-    return ClosedRegressor.of(robot, parameters)
+    kind = Regressor.build if robot.constraints is None else ClosedRegressor.of
+    own = tuple(parameters)
+    return once(("regressor", robot, own), lambda: kind(robot, own))
 
 
 def closing_states(robot: Robot, q: np.ndarray, *others: np.ndarray) -> tuple[np.ndarray, ...]:

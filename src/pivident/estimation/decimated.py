@@ -79,9 +79,8 @@ class DecimatedRecord:
         """Add the rows to the normal equations of all joints."""
         shares = [] if windows is None else list(windows.shares(slice(0, self.t.size)))
         for j, joint in enumerate(sums):
-            own = _own(regressor, j)
-            z = None if self.z is None else self.z[own]
-            joint.add(self.phi[own], z, self.tau[j], self.used[j], shares)
+            phi, z, _, tau = self._columns(regressor, j)
+            joint.add(phi, z, tau, self.used[j], shares)
 
     def residual(self, regressor: Regressor, theta: np.ndarray) -> np.ndarray:
         """τ - Φθ on the rows, shape (joints, rows)."""
@@ -108,9 +107,8 @@ class DecimatedRecord:
         self, regressor: Regressor, filters: Sequence[Prefilter], joint: int, keep: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
         """Some of a joint's columns of Φ and Z, and its τ, on all rows."""
-        own = _own(regressor, joint)
-        z = None if self.z is None else self.z[own][keep]
-        return self.phi[own][keep], z, self.tau[joint]
+        phi, z, _, tau = self._columns(regressor, joint)
+        return phi[keep], None if z is None else z[keep], tau
 
     def blocks(
         self,
@@ -120,13 +118,18 @@ class DecimatedRecord:
         make: Callable[[int, JointColumns, np.ndarray], Rows],
     ) -> Iterator[tuple[slice, tuple[Rows, ...]]]:
         """All rows as one block; ``extra``: packed columns of further instruments."""
-        rows = []
-        for j in range(regressor.robot.size):
-            own = _own(regressor, j)
-            z = None if self.z is None else self.z[own]
-            further = None if extra is None or z is None else extra[own] - z
-            rows.append(make(j, (self.phi[own], z, further, self.tau[j]), self.used[j]))
+        joints = range(regressor.robot.size)
+        rows = [make(j, self._columns(regressor, j, extra), self.used[j]) for j in joints]
         yield slice(0, self.t.size), tuple(rows)
+
+    def _columns(
+        self, regressor: Regressor, joint: int, extra: np.ndarray | None = None
+    ) -> JointColumns:
+        """Φ, Z, what further instruments have beside Z, and τ of a joint."""
+        own = _own(regressor, joint)
+        z = None if self.z is None else self.z[own]
+        further = None if extra is None or z is None else extra[own] - z
+        return self.phi[own], z, further, self.tau[joint]
 
     def _model(self, regressor: Regressor, theta: np.ndarray) -> np.ndarray:
         """Φθ on the rows, shape (joints, rows)."""

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pivident.data.recording.recording import Recording
+from pivident.dynamics.robot_regressor import regressor_of
 from pivident.estimation.identify import identify
 from pivident.estimation.problem import Problem
 from pivident.judgement.diagnostics.diagnostics import diagnose
@@ -38,7 +39,8 @@ def test_rows_without_parameters_are_those_of_a_model_without_them(problem):
     rows = ReadingRows.of(problem)
     names = rows.parameters[3], rows.parameters[-1]
     kept = [k for k, name in enumerate(rows.parameters) if name not in names]
-    fewer = replace(rows, known=np.ascontiguousarray(rows.matrix[:, :, kept]))
+    parameters = [rows.regressor.parameters[k] for k in kept]
+    fewer = replace(rows, regressor=regressor_of(rows.robot, parameters))
     np.testing.assert_allclose(rows.without(names), scores(fewer.sums), rtol=1e-9)
 
 

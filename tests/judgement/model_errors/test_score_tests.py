@@ -5,7 +5,7 @@ import pytest
 
 from pivident.judgement.model_errors.cause import Cause
 from pivident.judgement.model_errors.cause_sums import CauseSums, JointRows
-from pivident.judgement.model_errors.column_tests import Normal, Partition, Parts
+from pivident.judgement.model_errors.column_tests import Normal, Partition
 from pivident.judgement.model_errors.score_tests import ScoreTests
 
 ROWS, BLOCKS = 600, 5
@@ -131,24 +131,24 @@ def test_a_cause_that_is_corrected_already_hides_its_like():
     assert np.isfinite(tests.covariance(tests.columns([0, 1]), np.zeros(4))).all()
 
 
-@pytest.mark.parametrize("corrected", [[], [0], [2, 0]])
-def test_several_columns_are_tested_as_single_ones_are(corrected):
-    """The general path, for causes of any number of columns, and the one for single columns."""
-    _, _, tests = made(size=0.3)
-    stay = np.sort(tests.columns(corrected))
-    others = np.setdiff1d(np.arange(6), stay)
-    mask = np.isin(np.arange(6), stay)
-    base, scores = tests.all_scores(corrected)
-    parts = Parts(
-        Partition.of(Normal(tests.yx), mask, tests.scale),
-        Partition.of(Normal(tests.yx, tests.sums.windows), mask, tests.scale),
-        Partition.of(Normal(tests.xx, tests.sums.blocks), mask, tests.scale),
-    )
-    for number, score in scores.items():
-        general = tests._score(number, base, parts, stay, others)
-        for name in ("size", "covariance", "significance", "explained", "unseen", "shift"):
-            expected = getattr(general, name)
-            np.testing.assert_allclose(getattr(score, name), expected, rtol=1e-7, atol=1e-12)
+def test_several_columns_are_tested_as_whole_fits_have_them():
+    """A cause of two columns beside one of a single column."""
+    records, variance, _ = made(size=0.3)
+    causes = [
+        Cause(kind, "", kind, "", lambda m: m.q, count, least=-np.inf)
+        for kind, count in (("a", 2), ("b", 1))
+    ]
+    first = np.array([3, 5, 6])
+    tests = ScoreTests(CauseSums(records, variance, first, BLOCKS), causes, first, 2)
+    for corrected in ([], [1]):
+        base, scores = tests.all_scores(corrected)
+        columns = tests.columns([*corrected, 0])
+        fit = tests.fit(columns)
+        covariance = tests.covariance(columns, fit.theta)
+        np.testing.assert_allclose(scores[0].size, fit.theta[-2:], rtol=1e-8)
+        np.testing.assert_allclose(scores[0].covariance, covariance[-2:, -2:], rtol=1e-7)
+        assert scores[0].explained == pytest.approx(1.0 - fit.residual / base.residual, abs=1e-9)
+        assert scores[0].unseen == pytest.approx(1.0 - fit.unseen / base.unseen, abs=1e-9)
 
 
 def test_two_causes_meet_only_once_one_of_them_stays():
@@ -192,9 +192,8 @@ def test_columns_join_each_part_as_a_whole_solution_has_them():
     for k, (x, tau) in enumerate(zip(*parts, strict=True)):
         direct = np.linalg.solve(gram - x, right - tau)
         np.testing.assert_allclose(np.r_[theta[k], delta[k]], direct, rtol=1e-8, atol=1e-12)
-    np.testing.assert_allclose(
-        part.schur_diagonal(own), part.schur(own)[:, [0, 1], [0, 1]], rtol=1e-10
-    )
+    each = part.schur(own[:, None])[..., 0, 0]
+    np.testing.assert_allclose(each, part.schur(own)[:, [0, 1], [0, 1]], rtol=1e-10)
 
 
 @pytest.mark.parametrize("corrected", [[], [0], [2, 0]])

@@ -24,7 +24,7 @@ is summed by windows of time holds both.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TypeVar
 
@@ -33,10 +33,8 @@ import numpy as np
 from pivident.data.recording.recording import Recording
 from pivident.data.recording.repeated_motion import find_period
 from pivident.dynamics.regressor import Regressor
-from pivident.estimation.covariance.windows import Windows
 from pivident.estimation.decimated import DecimatedRecord
 from pivident.estimation.equation_record import FittedRecording, JointColumns
-from pivident.estimation.normal_equations import JointSums
 from pivident.foundation.errors import IdentificationError
 from pivident.signals.alignment import torque_shift
 from pivident.signals.prefilter import Prefilter
@@ -210,44 +208,12 @@ class PeriodicRecord(DecimatedRecord):
 
     weights: np.ndarray = field(kw_only=True)  # w of each line, shape (joints, lines + 1)
 
-    def add_to(
-        self,
-        sums: Sequence[JointSums],
-        regressor: Regressor,
-        filters: Sequence[Prefilter],
-        windows: Windows | None,
-    ) -> None:
-        """Add the weighted rows to the normal equations of all joints."""
-        shares = [] if windows is None else list(windows.shares(slice(0, self.t.size)))
-        for j, joint in enumerate(sums):
-            phi, z, _, tau = self._columns(regressor, j)
-            joint.add(phi, z, tau, self.used[j], shares)
-
     def whitened(
         self, residual: np.ndarray, filters: Sequence[Prefilter], variance: np.ndarray
     ) -> np.ndarray:
         """Weighted residuals of unit variance, shape (joints, rows)."""
         white = [self._weighted(x[None], j)[0] for j, x in enumerate(residual)]
         return np.stack(white) / np.sqrt(np.where(variance > 0, variance, 1.0))[:, None]
-
-    def columns_of(
-        self, regressor: Regressor, filters: Sequence[Prefilter], joint: int, keep: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
-        """Some of a joint's columns of Φ and Z, and its τ, weighted, on all rows."""
-        phi, z, _, tau = self._columns(regressor, joint)
-        return phi[keep], None if z is None else z[keep], tau
-
-    def blocks(
-        self,
-        regressor: Regressor,
-        filters: Sequence[Prefilter],
-        extra: np.ndarray | None,
-        make: Callable[[int, JointColumns, np.ndarray], Rows],
-    ) -> Iterator[tuple[slice, tuple[Rows, ...]]]:
-        """All rows as one block; further instruments there are none."""
-        joints = range(regressor.robot.size)
-        rows = [make(j, self._columns(regressor, j), self.used[j]) for j in joints]
-        yield slice(0, self.t.size), tuple(rows)
 
     def fitted(
         self, regressor: Regressor, theta: np.ndarray, residual: np.ndarray, whitened: np.ndarray
@@ -261,8 +227,10 @@ class PeriodicRecord(DecimatedRecord):
         rate, white = float((t.size - 1) / (t[-1] - t[0])), np.where(used, white, np.nan)
         return FittedRecording.at(self.kinematics, index, t, torques, used, white, rate)
 
-    def _columns(self, regressor: Regressor, joint: int) -> JointColumns:
-        """Φ, Z and τ of a joint, weighted."""
+    def _columns(
+        self, regressor: Regressor, joint: int, extra: np.ndarray | None = None
+    ) -> JointColumns:
+        """Φ, Z and τ of a joint, weighted; further instruments there are none."""
         own = slice(regressor.offsets[joint], regressor.offsets[joint + 1])
         assert self.z is not None
         phi, z = self._weighted(self.phi[own], joint), self._weighted(self.z[own], joint)

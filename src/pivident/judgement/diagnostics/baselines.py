@@ -112,11 +112,6 @@ def _described(
     judges = {judge.recording.name: judge for judge in (motion.unseen or motion.fitted)}
     errors = []
     for name, judge in judges.items():
-        rate, start = judge.recording.rate, judge.recording.start_time
-        spans = [
-            slice(round((h.start - start) * rate), round((h.stop - start) * rate))
-            for h in judged.held_out
-            if h.recording == name
-        ]
+        spans = [h.span(judge.recording) for h in judged.held_out if h.recording == name]
         errors += judge.score(model, spans)
     return pooled(errors) if errors else None

@@ -21,7 +21,7 @@ from pivident.foundation.document.table import Column, Table
 from pivident.foundation.errors import Attempts, IdentificationError, in_words
 from pivident.foundation.text.numbers import format_significant
 from pivident.foundation.text.sentences import capital
-from pivident.judgement.validation.held_out.cross_validation import CrossValidation, HeldOut
+from pivident.judgement.validation.held_out.cross_validation import CrossValidation
 from pivident.judgement.validation.held_out.prediction import Judge, PredictionError, pooled
 from pivident.models.consistency.link_quantities import ends_text, link_table
 from pivident.models.consistency.metric import HALF_INTERVAL
@@ -92,7 +92,7 @@ def consistent_prediction(
             recording = next(r for r in recordings if r.name == stretch.recording)
             judges[stretch.recording] = Judge(recording, stretch.prediction.band)
         judge = judges[stretch.recording]
-        consistent += judge.score(model, [_span(stretch, judge.recording)])
+        consistent += judge.score(model, [stretch.span(judge.recording)])
         free.append(stretch.prediction)
     if not free:
         return None
@@ -107,15 +107,6 @@ def _made(
         return make_consistent(found)
     except IdentificationError as error:
         return str(error)
-
-
-def _span(stretch: HeldOut, recording: Recording) -> slice:
-    """Samples of a stretch in its recording."""
-    start, stop = (
-        int(np.rint((time - recording.start_time) * recording.rate))
-        for time in (stretch.start, stretch.stop)
-    )
-    return slice(start, stop)
 
 
 #: Confidence of all intervals.

@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -66,7 +67,9 @@ class ReadingRows:
         block: number of the stretch of time of each row, shape (rows,).
         regressor: of the parameters that are estimated, for the robot.
         zeros: what was added to the logged positions, shape (joints,) [rad or m].
-        known: the observation matrix, where rows with the same motion have made it.
+        known: packed entries of the observation matrix, where rows with the same motion have made
+            them.
+        like: rows with the same motion, which share the sums of joints with the same torque.
     """
 
     robot: Robot
@@ -77,6 +80,7 @@ class ReadingRows:
     regressor: Regressor
     zeros: np.ndarray
     known: np.ndarray | None = None
+    like: ReadingRows | None = None
 
     @classmethod
     def of(cls, problem: Problem) -> ReadingRows | None:
@@ -125,16 +129,17 @@ class ReadingRows:
         match edit:
             case Retimed(factor=f):
                 slower = {"dq": self.channels["dq"] / f, "ddq": self.channels["ddq"] / f**2}
-                return replace(self, channels={**self.channels, **slower}, known=None)
+                return replace(self, channels={**self.channels, **slower}, known=None, like=None)
             case Edit(place=("robot", "gravity"), value=gravity):
                 robot = self.robot.with_gravity(np.array(gravity, float))
                 regressor = _regressor(robot, self.parameters)
-                return replace(self, robot=robot, regressor=regressor, known=None)
+                return replace(self, robot=robot, regressor=regressor, known=None, like=None)
         names = self.robot.joint_names
         moving = np.abs(channels_after(edit, {"tau": 1.0 * self.moving}, names)["tau"]) > 0.0
         changed = channels_after(edit, self.channels, names, self.zeros)
         same = all(changed[c] is self.channels[c] for c in MOTION)
-        return replace(self, channels=changed, moving=moving, known=self.matrix if same else None)
+        known, like = (self.entries, self) if same else (None, None)
+        return replace(self, channels=changed, moving=moving, known=known, like=like)
 
     def scores(self) -> np.ndarray:
         """Mean logarithm of the joints' relative errors in each stretch, from all others."""
@@ -154,28 +159,48 @@ class ReadingRows:
         return scores((gram[:, :, kept][..., kept], right[:, :, kept], square))
 
     @cached_property
-    def matrix(self) -> np.ndarray:
-        """Φ of all rows, shape (rows, joints, parameters)."""
+    def entries(self) -> np.ndarray:
+        """Packed entries of Φ of all rows, shape (entries, rows)."""
         if self.known is not None:
             return self.known
-        motion = (np.ascontiguousarray(self.channels[c]) for c in MOTION)
-        return self.regressor.matrix(*motion)
+        return self.regressor.packed(*(self.channels[c].T for c in MOTION))
 
     @cached_property
     def sums(self) -> Sums:
         """Sums of each stretch and joint, torques in units of their own rms."""
-        tau = self.channels["tau"]
-        size = np.sqrt(np.mean(np.where(self.moving, tau, 0.0) ** 2, axis=0))
-        scale = self.moving / np.where(size > 0.0, size, np.inf)
-        phi, tau = self.matrix * scale[:, :, None], tau * scale
-        gram, right, square = [], [], []
-        for b in np.unique(self.block):
-            own, y = phi[self.block == b].transpose(1, 0, 2), tau[self.block == b].T
-            turned = own.transpose(0, 2, 1)
-            gram.append(turned @ own)
-            right.append((turned @ y[:, :, None])[:, :, 0])
-            square.append(np.sum(y**2, axis=1))
-        return np.array(gram), np.array(right), np.array(square)
+        stretches, first = np.unique(self.block, return_index=True)
+        spans = [slice(*ends) for ends in pairwise([*first.tolist(), len(self.block)])]
+        shape, size = (len(stretches), self.robot.size), len(self.regressor.parameters)
+        gram, right, square = (
+            np.zeros((*shape, size, size)),
+            np.zeros((*shape, size)),
+            np.zeros(shape),
+        )
+        if self.like is not None:
+            gram, right, square = (x.copy() for x in self.like.sums)
+        for j in range(self.robot.size):
+            if self.like is not None and self._has_torque_of(self.like, j):
+                continue
+            phi, tau = self._rows_of(j)
+            columns = self.regressor.columns_of(j)
+            for b, span in enumerate(spans):
+                own, y = phi[:, span], tau[span]
+                gram[b, j, columns[:, None], columns] = own @ own.T
+                right[b, j, columns] = own @ y
+                square[b, j] = y @ y
+        return gram, right, square
+
+    def _has_torque_of(self, other: ReadingRows, joint: int) -> bool:
+        """Whether a joint has the same torque on the same rows."""
+        pairs = (self.channels["tau"], other.channels["tau"]), (self.moving, other.moving)
+        return all(np.array_equal(own[:, joint], their[:, joint]) for own, their in pairs)
+
+    def _rows_of(self, joint: int) -> tuple[np.ndarray, np.ndarray]:
+        """Φ of a joint's own columns, shape (columns, rows), and τ, in units of its rms."""
+        tau, moving = self.channels["tau"][:, joint], self.moving[:, joint]
+        size = np.sqrt(np.mean(np.where(moving, tau, 0.0) ** 2))
+        scale = moving / (size if size > 0.0 else np.inf)
+        return self.entries[self.regressor.row == joint] * scale, tau * scale
 
 
 def _regressor(robot: Robot, names: tuple[str, ...]) -> Regressor:
@@ -183,8 +208,8 @@ def _regressor(robot: Robot, names: tuple[str, ...]) -> Regressor:
     base = base_parameters(robot)
     places = {name: k for k, name in enumerate(base.names)}
     named = [places[name] for name in names if name in places]
-    chosen = named if len(named) == len(names) else range(len(base.names))
-    return regressor_of(robot, [base.parameters[k] for k in chosen])
+    every = base.parameters
+    return regressor_of(robot, [every[k] for k in named] if len(named) == len(names) else every)
 
 
 def scores(sums: Sums) -> np.ndarray:
@@ -193,7 +218,7 @@ def scores(sums: Sums) -> np.ndarray:
     whole = gram.sum(axis=0), right.sum(axis=0), square.sum(axis=0)
     left = _left(_solved(whole[0].sum(axis=0), whole[1].sum(axis=0)), *whole)
     weights = whole[2] / np.maximum(left, LEAST**2 * whole[2] + 1e-300)
-    a, b = np.einsum("j,bjik->bik", weights, gram, optimize=True), weights @ right
+    a, b = sum(w * gram[:, j] for j, w in enumerate(weights)), weights @ right
     theta = _solved(a.sum(axis=0) - a, b.sum(axis=0) - b)
     moves = square > STILL * whole[2] / len(gram)
     missed = _left(theta, gram, right, square) / np.where(moves, square, 1.0)

@@ -280,7 +280,11 @@ def _trial(
 def _judged(
     problem: Problem, method: Method, folds: int, gap: float | None, band: float | None = None
 ) -> CrossValidation:
-    """Held-out errors of least squares; ``band``: highest frequency that is judged [Hz]."""
+    """Held-out errors of least squares; ``band``: highest frequency that is judged [Hz].
+
+    Only torques are compared: no loop is simulated.
+    """
+    problem = replace(problem, loop=None)
     motion = JudgedMotion(problem, tuple(Judge(r, band) for r in problem.recordings))
     return judged_on(motion, method, folds, gap, None, lambda line: None)
 

@@ -96,7 +96,15 @@ class RecordMotion:
 
         What the change of the groups of parameters would add lies in the space of Φ.
         """
-        return regressor.torque(self.q.T, self.dq.T, self.ddq.T, self.theta).T
+        if regressor not in self._torques:
+            tau = regressor.torque(self.q.T, self.dq.T, self.ddq.T, self.theta)
+            self._torques[regressor] = tau.T
+        return self._torques[regressor]
+
+    @cached_property
+    def _torques(self) -> dict[Regressor, np.ndarray]:
+        """Torques in other robots made so far: causes of several changes share them."""
+        return {}
 
     def derivative(self, x: np.ndarray) -> np.ndarray:
         """Derivative by time of signals, time last."""

@@ -1,7 +1,7 @@
-"""Tests of many single columns at once, each beside the same columns that stay.
+"""Tests of causes of as many columns each, many at once, each beside the same columns that stay.
 
-What `score_tests` computes for a cause of one column, for all of them together: every array has the
-columns that are tested as its last axis.
+Every array has the causes as an axis of its own, before that of their columns, so that a score test
+takes a few products for all of them together.
 
 The normal equations are in two parts, columns that stay, and others that join them in turn. With G
 and r split into the columns B that stay and the others C,
@@ -9,13 +9,13 @@ and r split into the columns B that stay and the others C,
     G_BB θ = r_B,    P = G_BB⁻¹ G_BC,    S = G_CC - G_CB P,    e = r_C - G_CB θ
 
 columns K of C that join get δ = S_KK⁻¹ e_K and change the others to θ - P_K δ, so that one inverse
-serves all of them. G is what is left of all rows without those of one part, G = G_all - G_part. Of
+serves all causes. G is what is left of all rows without those of one part, G = G_all - G_part. Of
 S, which has all columns against all, only the columns of one cause are ever asked for.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -78,30 +78,23 @@ class Partition:
         )
 
     def schur(self, columns: np.ndarray) -> np.ndarray:
-        """S_KK of some of the other columns, by their places among them, shape (…, K, K)."""
-        own = self.others[columns]
-        known = self.cross[..., columns, :] @ self.projection[..., columns]
-        return np.asarray(self.normal.of(own[:, None], own) - known)
+        """S_KK of some of the other columns, by their places among them, shape (…, K, K).
 
-    def schur_diagonal(self, columns: np.ndarray) -> np.ndarray:
-        """S_kk of each of them, shape (…, K)."""
+        ``columns``: of one cause, shape (K,), or of several, shape (causes, K), and so the result.
+        """
         own = self.others[columns]
-        rows, projected = self.cross[..., columns, :], self.projection[..., columns]
-        return np.asarray(
-            self.normal.of(own, own) - np.einsum("...ki,...ik->...k", rows, projected)
-        )
+        known = self.cross[..., columns, :] @ self._projection(columns)
+        return np.asarray(self.normal.of(own[..., :, None], own[..., None, :]) - known)
 
     def joined(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """θ and δ with some of the other columns, by their places among them."""
-        delta = np.linalg.solve(self.schur(columns), self.rest[..., columns, None])[..., 0]
-        change = np.einsum("...ij,...j->...i", self.projection[..., columns], delta)
-        return self.theta - change, delta
+        """θ and δ with some of the other columns, by their places among them, likewise."""
+        delta = np.linalg.solve(self.schur(columns), self.rest[..., columns, None])
+        theta = np.expand_dims(self.theta, tuple(range(-columns.ndim, -1)))
+        return theta - (self._projection(columns) @ delta)[..., 0], delta[..., 0]
 
-    def solved(self, own: np.ndarray, right: np.ndarray, columns: np.ndarray) -> np.ndarray:
-        """δ for another right side, of the columns that stay and of some others."""
-        left = np.einsum("...ij,...j->...i", self.inverse, own)
-        rest = right - np.einsum("...ij,...j->...i", self.cross[..., columns, :], left)
-        return np.asarray(np.linalg.solve(self.schur(columns), rest[..., None])[..., 0])
+    def _projection(self, columns: np.ndarray) -> np.ndarray:
+        """P_K, shape (…, B, K)."""
+        return np.moveaxis(self.projection[..., columns], -1 - columns.ndim, -2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,79 +108,101 @@ class Parts:
 
 @dataclass(frozen=True, eq=False)
 class ColumnTests:
-    """Results for each column, shape (columns,)."""
+    """Tests of causes of n columns each; results have the causes as their first axis.
 
-    size: np.ndarray  # δ
-    variance: np.ndarray  # of δ, by the jackknife over windows
-    residual: np.ndarray  # weighted sum of squares with the column
-    unseen: np.ndarray  # the same on blocks that were not fitted
-    theta: np.ndarray  # estimates of the columns that stay, shape (stay, columns)
-
-
-def column_tests(
-    sums: CauseSums, parts: Parts, stay: np.ndarray, own: np.ndarray, others: np.ndarray
-) -> ColumnTests:
-    """Test columns ``own``, each beside ``stay``.
-
-    ``others``: all columns that do not stay, ascending; all three are indices.
+    Attributes:
+        sums: of the rows.
+        parts: normal equations of the columns that stay and of all others.
+        stay: indices of the columns that stay, shape (stay,).
+        own: indices of each cause's columns, shape (causes, n).
+        place: places of these among the others, likewise.
+        theta: estimates of the columns that stay beside each cause, shape (causes, stay).
+        size: δ, shape (causes, n).
     """
-    place = np.searchsorted(others, own)
-    theta, size = _joined(parts.all, place)
-    return ColumnTests(
-        size,
-        _variance(sums.windows, parts.without_window, stay, own, place, theta, size),
-        _squares(sums.blocks, sums.squares, stay, own, theta, size).sum(axis=0),
-        _squares(sums.blocks, sums.squares, stay, own, *_joined(parts.without_block, place)).sum(
-            axis=0
-        ),
-        theta,
-    )
 
+    sums: CauseSums
+    parts: Parts
+    stay: np.ndarray
+    own: np.ndarray
+    place: np.ndarray
+    theta: np.ndarray
+    size: np.ndarray
 
-def _joined(part: Partition, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """θ, shape (…, stay, columns), and δ, shape (…, columns); zero where nothing shows it."""
-    shown = part.schur_diagonal(place)
-    delta = np.divide(part.rest[..., place], shown, out=np.zeros(shown.shape), where=shown != 0.0)
-    return part.theta[..., None] - part.projection[..., place] * delta[..., None, :], delta
+    @classmethod
+    def of(
+        cls, sums: CauseSums, parts: Parts, stay: np.ndarray, own: np.ndarray, others: np.ndarray
+    ) -> ColumnTests:
+        """Solve for each cause.
 
+        ``others``: all columns that do not stay, ascending.
 
-def _variance(
-    windows: Products,
-    without: Partition,
-    stay: np.ndarray,
-    own: np.ndarray,
-    place: np.ndarray,
-    theta: np.ndarray,
-    size: np.ndarray,
-) -> np.ndarray:
-    """Σ_w (δ without window w - δ)² / overlap, in its linear form.
+        Raises:
+            LinAlgError: one of the causes is not shown.
+        """
+        place = np.searchsorted(others, own)
+        return cls(sums, parts, stay, own, place, *parts.all.joined(place))
 
-    Infinite where all that is known of a column lies within one window.
-    """
-    inside, across = windows.of(stay[:, None], stay), windows.of(own[:, None], stay)
-    beside, alone = windows.of(stay[:, None], own), windows.of(own, own)
-    scores = windows.tau[:, stay, None] - inside @ theta - beside * size
-    rest = windows.tau[:, own] - np.einsum("wci,ic->wc", across, theta)
-    rest = rest - alone * size
-    rest = rest - np.einsum("wci,wic->wc", without.cross[:, place], without.inverse @ scores)
-    shown = without.schur_diagonal(place)
-    steps = np.divide(rest, shown, out=np.full(shown.shape, np.inf), where=shown != 0.0)
-    return np.asarray(np.sum(steps**2, axis=0) / OVERLAP)
+    def __getitem__(self, chosen: np.ndarray) -> ColumnTests:
+        """Some of the causes: a mask, or their places."""
+        names = "own", "place", "theta", "size"
+        return replace(self, **{name: getattr(self, name)[chosen] for name in names})
+
+    @property
+    def residual(self) -> np.ndarray:
+        """Weighted sum of squares with each cause, shape (causes,)."""
+        return _squares(
+            self.parts.without_block.normal.whole, self.sums.squares.sum(keepdims=True), self.stay,
+            self.own, self.theta[None], self.size[None],
+        )[0]  # fmt: skip
+
+    @property
+    def unseen(self) -> np.ndarray:
+        """The same on blocks that were not fitted, each predicted from the others.
+
+        Raises:
+            LinAlgError: one of the causes is shown in one block alone.
+        """
+        made = self.parts.without_block.joined(self.place)
+        each = _squares(self.sums.blocks, self.sums.squares, self.stay, self.own, *made)
+        return np.asarray(each.sum(axis=0))
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Of δ, by the jackknife over windows, shape (causes, n, n).
+
+        Raises:
+            LinAlgError: all that is known of a cause lies within one window.
+        """
+        windows, without, stay, own = (
+            self.sums.windows, self.parts.without_window, self.stay, self.own,
+        )  # fmt: skip
+        inside, alone = windows.of(stay[:, None], stay), windows.of(own[:, :, None], own[:, None])
+        across = windows.of(own[:, :, None], stay)
+        beside = np.moveaxis(windows.of(stay[:, None, None], own), 1, 2)
+        theta, size = self.theta[:, :, None], self.size[:, :, None]
+        scores = windows.tau[:, None, stay, None] - inside[:, None] @ theta - beside @ size
+        rest = windows.tau[:, own, None] - across @ theta - alone @ size
+        rest = rest - without.cross[:, self.place] @ (without.inverse[:, None] @ scores)
+        steps = np.linalg.solve(without.schur(self.place), rest)[..., 0]
+        return np.einsum("wki,wkj->kij", steps, steps) / OVERLAP
 
 
 def _squares(
-    blocks: Products,
+    products: Products,
     squares: np.ndarray,
     stay: np.ndarray,
     own: np.ndarray,
     theta: np.ndarray,
     size: np.ndarray,
 ) -> np.ndarray:
-    """‖τ - Xθ - D δ‖² on each block, shape (blocks, columns)."""
-    if theta.ndim == 2:  # one estimate for all blocks
-        theta, size = theta[None], size[None]
-    inside, beside = blocks.of(stay[:, None], stay), blocks.of(stay[:, None], own)
-    fitted = np.sum(theta * (inside @ theta + 2.0 * beside * size[:, None]), axis=1)
-    fitted = fitted + blocks.of(own, own) * size**2
-    crossed = np.sum(theta * blocks.tau[:, stay, None], axis=1) + blocks.tau[:, own] * size
-    return np.maximum(squares[:, None] - 2.0 * crossed + fitted, 0.0)
+    """‖τ - Xθ - D δ‖² of each part of the rows, shape (parts, causes).
+
+    ``theta`` and ``size``: of each part, or one for all parts, whose number is the first axis.
+    """
+    inside = products.of(stay[:, None], stay)
+    beside = np.moveaxis(products.of(stay[:, None, None], own), 1, 2)
+    alone = products.of(own[:, :, None], own[:, None])
+    with_cause, of_cause = ((x @ size[..., None])[..., 0] for x in (beside, alone))
+    of_stay = theta * (theta @ inside + 2.0 * (with_cause - products.tau[:, None, stay]))
+    of_cause = size * (of_cause - 2.0 * products.tau[:, own])
+    return np.maximum(squares[:, None] + of_stay.sum(axis=-1) + of_cause.sum(axis=-1), 0.0)

@@ -89,14 +89,13 @@ def geometry_causes(robot: Robot) -> Iterator[Cause]:
             alone = [_turned_alone(j, k) for k in range(2)]
             what = f"correction of the direction of its axis alone {way}"
             yield _cause(joint.name, what, "°", *alone, phrase=f"{tilted}, and nothing beyond it")
-    size = float(np.linalg.norm(robot.gravity))
-    level = [k for k in range(3) if abs(robot.gravity[k]) < UPRIGHT * size]
-    for k in level:
+    slight = np.abs(robot.gravity) < UPRIGHT * np.linalg.norm(robot.gravity)
+    tilts = {k: _tilted(k) for k in range(3) if slight[k]}
+    for k, tilt in tilts.items():
         what = f"correction of the angle of the base about {AXES[k]}"
-        yield _cause("", what, "°", _tilted(k))
-    if level:
-        tilts = [_tilted(k) for k in level]
-        yield _cause("", "correction of the direction of gravity", "°", *tilts)
+        yield _cause("", what, "°", tilt)
+    if tilts:
+        yield _cause("", "correction of the direction of gravity", "°", *tilts.values())
 
 
 def rotation(axis: int, angle: float) -> np.ndarray:
@@ -112,14 +111,9 @@ def _cause(subject: str, what: str, unit: str, *changes: Change, phrase: str = "
     """A cause of one change of the robot, or of several together."""
     scale, step = (MILLIMETRE if unit == "mm" else DEGREE), STEPS[unit]
 
-    @lru_cache(maxsize=1)
-    def changed(regressor: Regressor) -> list[Regressor]:
-        robots = [change(regressor.robot, step * scale) for change in changes]
-        return [regressor_of(robot, regressor.parameters) for robot in robots]
-
     def columns(motion: RecordMotion) -> np.ndarray:
-        after = [motion.torque_by(other) for other in changed(motion.regressor)]
-        return (np.array(after) - motion.torque) / step
+        others = [_regressor_after(change, step * scale, motion.regressor) for change in changes]
+        return (np.array([motion.torque_by(other) for other in others]) - motion.torque) / step
 
     def correct(problem: Problem, size: np.ndarray) -> Problem:
         robot = problem.robot
@@ -139,6 +133,12 @@ def _cause(subject: str, what: str, unit: str, *changes: Change, phrase: str = "
         is_smooth=True,
         phrase=phrase,
     )
+
+
+@lru_cache(maxsize=256)
+def _regressor_after(change: Change, size: float, regressor: Regressor) -> Regressor:
+    """That of the changed robot; angles about two axes are tried alone and together."""
+    return regressor_of(change(regressor.robot, size), regressor.parameters)
 
 
 def _moved(joint: int, axis: int) -> Change:

@@ -14,22 +14,25 @@ that is significant and helps to predict them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from pivident.estimation.covariance.sandwich import jackknife_of
-from pivident.estimation.covariance.windows import OVERLAP, degrees_of_freedom
+from pivident.estimation.covariance.windows import degrees_of_freedom
 from pivident.judgement.model_errors.cause import Cause
 from pivident.judgement.model_errors.cause_sums import CauseSums
-from pivident.judgement.model_errors.column_tests import Normal, Partition, Parts, column_tests
+from pivident.judgement.model_errors.column_tests import ColumnTests, Normal, Partition, Parts
 
 #: Share of a cause's columns that Φ must leave for it to be told from the parameters.
 DISTINCT = 1e-12
 
 #: Largest significance, all causes together, at which a cause is named.
 LEVEL = 1e-3
+
+#: Columns that are tested together: more would only take more memory.
+TOGETHER = 128
 
 #: Causes that are named one after the other.
 MOST_CAUSES = 12
@@ -112,10 +115,10 @@ class ScoreTests:
         theta, squares = self._estimate(columns), self.sums.squares
         xx, xt = self.xx.of(columns[:, None], columns)[0], self.xx.tau[0, columns]
         blocks = self.sums.blocks.of(columns[:, None], columns), self.sums.blocks.tau[:, columns]
-        unseen = 0.0
-        for x, tau, square in zip(*blocks, squares, strict=True):
-            own = self._solve(xx - x, xt - tau, columns)
-            unseen += _squares(own, x, tau, square)
+        unseen = sum(
+            _squares(self._solve(xx - x, xt - tau, columns), x, tau, square)
+            for x, tau, square in zip(*blocks, squares, strict=True)
+        )
         return Fit(theta, _squares(theta, xx, xt, float(squares.sum())), unseen)
 
     def torques(self, corrected: Sequence[int], number: int) -> np.ndarray:
@@ -166,143 +169,113 @@ class ScoreTests:
             Partition.of(Normal(self.yx, windows), stay, self.scale),
             Partition.of(Normal(self.xx, blocks), stay, self.scale),
         )
-        found = self._single_scores(base, parts, own, others, corrected)
-        for number, cause in enumerate(self.causes):
-            if number not in corrected and cause.count > 1:
-                score = self._score(number, base, parts, own, others)
-                if score is not None:
-                    found[number] = score
-        return base, found
+        found: dict[int, Score] = {}
+        for numbers, columns in self._groups(own, corrected):
+            found |= self._group_scores(numbers, columns, base, parts, own, others)
+        return base, dict(sorted(found.items()))
 
-    def _single_scores(
+    def _groups(
+        self, stay: np.ndarray, corrected: Sequence[int]
+    ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Causes with the columns that others do not hide, as many of each together.
+
+        Numbers of the causes, shape (causes,), and indices of their columns, shape (causes, n).
+        """
+        counts = np.array([cause.count for cause in self.causes])
+        counts[list(corrected)] = 0
+        alike: dict[int, list[tuple[int, np.ndarray]]] = {}
+        for count in np.unique(counts[counts > 0]):
+            numbers = np.flatnonzero(counts == count)
+            columns = self.first[numbers][:, None] + np.arange(count)
+            clear = self._smallest(stay, columns) > DISTINCT  # then that of each part is larger
+            for number, own, is_whole in zip(numbers, columns, clear, strict=True):
+                kept = own if is_whole else self._distinct(stay, own)
+                alike.setdefault(kept.size, []).append((int(number), kept))
+        alike.pop(0, None)
+        for size, pairs in alike.items():
+            most = max(1, TOGETHER // size)
+            for start in range(0, len(pairs), most):
+                some = pairs[start : start + most]
+                yield np.array([k for k, _ in some]), np.array([own for _, own in some])
+
+    def _group_scores(
         self,
+        numbers: np.ndarray,
+        columns: np.ndarray,
         base: Fit,
         parts: Parts,
         stay: np.ndarray,
         others: np.ndarray,
-        corrected: Sequence[int],
     ) -> dict[int, Score]:
-        """The tests of all causes of one column that the columns that stay do not hide."""
-        from scipy.stats import t
+        """The tests of causes by number, of several columns without those that explain too little.
 
-        rest = self._projected(stay)
-        numbers = [
-            k
-            for k, cause in enumerate(self.causes)
-            if cause.count == 1
-            and k not in corrected
-            and rest[self.first[k]] > DISTINCT * self.scale[self.first[k]] ** 2
-        ]
-        if not numbers:
-            return {}
-        made = column_tests(self.sums, parts, stay, self.first[numbers], others)
-        clear = np.abs(made.size) / np.sqrt(np.maximum(made.variance, 1e-300))
-        significance = 2.0 * t.sf(clear, self.freedom)
-        n = self.sums.parameters
+        ``columns``: of each cause, shape (causes, n).
+        """
+        from scipy.stats import f
+
+        single = columns.shape[1] == 1
+        least = np.array([-np.inf if single else self.causes[k].least for k in numbers])
+        try:
+            made = ColumnTests.of(self.sums, parts, stay, columns, others)
+            explained = 1.0 - made.residual / max(base.residual, 1e-300)
+            some = np.flatnonzero(explained >= least)
+            unseen = 1.0 - made[some].unseen / max(base.unseen, 1e-300)
+            helps = unseen > least[some]
+            some, unseen = some[helps], unseen[helps]
+            made = made[some]
+            covariance = made.covariance
+            solved = np.linalg.solve(covariance, made.size[..., None])[..., 0]
+        except np.linalg.LinAlgError:  # all that is known of one lies within one window
+            if len(columns) == 1:
+                return {}
+            k = len(columns) // 2
+            halves = (numbers[:k], columns[:k]), (numbers[k:], columns[k:])
+            first, second = (self._group_scores(*own, base, parts, stay, others) for own in halves)
+            return first | second
+        n, size = self.sums.parameters, columns.shape[1]
+        left = self.freedom - size + 1.0
+        statistic = np.sum(made.size * solved, axis=1) / size
+        significance = f.sf(statistic * left / self.freedom, size, left)
         return {
             number: Score(
                 self.causes[number],
-                made.size[k : k + 1],
-                made.variance[k].reshape(1, 1),
+                *self._on_all_columns(number, made.own[k], made.size[k], covariance[k]),
                 float(significance[k]),
-                1.0 - float(made.residual[k]) / max(base.residual, 1e-300),
-                1.0 - float(made.unseen[k]) / max(base.unseen, 1e-300),
-                made.theta[:n, k] - base.theta[:n],
+                float(explained[some[k]]),
+                float(unseen[k]),
+                made.theta[k, :n] - base.theta[:n],
             )
-            for k, number in enumerate(numbers)
+            for k, number in enumerate(numbers[some].tolist())
         }
 
-    def _score(
-        self, number: int, base: Fit, parts: Parts, stay: np.ndarray, others: np.ndarray
-    ) -> Score | None:
-        """The test of one cause; None: the columns that stay hide it, or it explains too little."""
-        from scipy.stats import f
-
-        whole, least = self.of(number), self.causes[number].least
-        own = self._distinct(stay, whole)
-        if not own.size:
-            return None
-        place, columns = np.searchsorted(others, own), np.r_[stay, own]
-        try:
-            theta, size = parts.all.joined(place)
-            residual = _squares(
-                np.r_[theta, size],
-                self.xx.of(columns[:, None], columns)[0],
-                self.xx.tau[0, columns],
-                float(self.sums.squares.sum()),
-            )
-            explained = 1.0 - residual / max(base.residual, 1e-300)
-            if explained < least:
-                return None
-            unseen = 1.0 - self._unseen(parts, stay, own, place) / max(base.unseen, 1e-300)
-            if unseen <= least:
-                return None
-            covariance = self._covariance_of(parts, stay, own, place, np.r_[theta, size])
-            statistic = float(size @ np.linalg.solve(covariance, size)) / own.size
-        except np.linalg.LinAlgError:  # all that is known of it lies within one window
-            return None
-        left = self.freedom - own.size + 1.0
-        significance = float(f.sf(statistic * left / self.freedom, own.size, left))
-        n = self.sums.parameters
+    def _on_all_columns(
+        self, number: int, own: np.ndarray, size: np.ndarray, covariance: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """δ and its covariance on all columns of a cause, zero for those that others hide."""
+        whole = self.of(number)
         every, square = np.zeros(whole.size), np.zeros((whole.size, whole.size))
         known = own - whole[0]
         every[known], square[np.ix_(known, known)] = size, covariance
-        return Score(
-            self.causes[number],
-            every,
-            square,
-            significance,
-            explained,
-            unseen,
-            theta[:n] - base.theta[:n],
-        )
-
-    def _covariance_of(
-        self,
-        parts: Parts,
-        stay: np.ndarray,
-        own: np.ndarray,
-        place: np.ndarray,
-        theta: np.ndarray,
-    ) -> np.ndarray:
-        """The part of :meth:`covariance` that belongs to a cause, shape (own, own)."""
-        windows, columns = self.sums.windows, np.r_[stay, own]
-        scores = windows.tau[:, columns] - windows.of(columns[:, None], columns) @ theta
-        split = stay.size
-        steps = parts.without_window.solved(scores[:, :split], scores[:, split:], place)
-        return np.asarray(steps.T @ steps / OVERLAP)
-
-    def _unseen(self, parts: Parts, stay: np.ndarray, own: np.ndarray, place: np.ndarray) -> float:
-        """Sum of squares on the blocks, each predicted from the others."""
-        blocks, columns = self.sums.blocks, np.r_[stay, own]
-        theta = np.concatenate(parts.without_block.joined(place), axis=1)
-        gram = blocks.of(columns[:, None], columns)
-        fitted = np.einsum("bi,bij,bj->b", theta, gram, theta, optimize=True)
-        crossed = np.einsum("bi,bi->b", theta, blocks.tau[:, columns])
-        return float(np.sum(np.maximum(self.sums.squares - 2.0 * crossed + fitted, 0.0)))
+        return every, square
 
     def _distinct(self, stay: np.ndarray, own: np.ndarray) -> np.ndarray:
         """The columns of a cause of which enough is left beside the others, one after the other."""
-        scale = self.scale[own]
-        rest = self._projected(stay, own) / np.outer(scale, scale)
-        if np.linalg.eigvalsh(rest)[0] > DISTINCT:  # then that of each part is larger still
-            return own
         kept: list[int] = []
         for k in range(own.size):
-            lowest = np.linalg.eigvalsh(rest[np.ix_([*kept, k], [*kept, k])])[0]
-            if lowest > DISTINCT:
+            if self._smallest(stay, own[[*kept, k]]) > DISTINCT:
                 kept.append(k)
         return own[kept]
 
-    def _projected(self, stay: np.ndarray, own: np.ndarray | None = None) -> np.ndarray:
-        """Xᵀ X without what lies in the space of the columns that stay.
+    def _smallest(self, stay: np.ndarray, own: np.ndarray) -> np.ndarray:
+        """Smallest eigenvalue of what others leave of the columns of each cause, of unit length.
 
-        Of some columns, or the diagonal of all.
+        ``own``: indices, shape (…, n).
         """
-        cross, share = self._shares(stay)
-        if own is None:
-            return np.asarray(self.scale**2 - np.einsum("ij,ij->j", cross, share))
-        return np.asarray(self.xx.of(own[:, None], own)[0] - cross[:, own].T @ share[:, own])
+        scale = self.scale[own]
+        cross, share = (np.moveaxis(x[:, own], 0, -2) for x in self._shares(stay))
+        rest = self.xx.of(own[..., :, None], own[..., None, :])[0] - cross.swapaxes(-1, -2) @ share
+        unit = rest / (scale[..., :, None] * scale[..., None, :])
+        return np.asarray(np.linalg.eigvalsh(unit)[..., 0])
 
     def _shares(self, stay: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Products of the columns that stay, scaled, with all, and what they take of each."""

@@ -44,8 +44,7 @@ class MomentSums:
     def empty(cls, size: int, extra: int, windows: Sequence[Windows]) -> MomentSums:
         """No rows yet."""
         width = 2 * size + extra
-        count = sum(w.count for w in windows)
-        total = sum(w.samples for w in windows)
+        count, total = sum(w.count for w in windows), sum(w.samples for w in windows)
         shares = np.zeros(count)
         for own in windows:
             gaps = np.diff(np.linspace(0, own.samples, own.count)) / total
@@ -86,8 +85,8 @@ class MomentSums:
         for share in shares:
             part, response = moments[:, share.part], rights[:, share.part].T
             rising = (part * share.rising) @ response
-            self.windows[np.ix_(np.array([share.window + 1]), left, right)] += rising
-            self.windows[np.ix_(np.array([share.window]), left, right)] += part @ response - rising
+            self.windows[share.window + 1, left[:, None], right] += rising
+            self.windows[share.window, left[:, None], right] += part @ response - rising
         self.rows += rows
 
     def block(self, left: str, right: str) -> np.ndarray:

@@ -40,6 +40,8 @@ from pivident.judgement.validation.held_out.prediction import (
 )
 from pivident.judgement.validation.held_out.replay import Replay, as_logged
 from pivident.loop.simulation.controllers import Cascade
+from pivident.robot.friction import FrictionLaw, viscous
+from pivident.robot.friction_terms.presliding import dahl
 from pivident.robot.gallery import load_robot
 from pivident.robot.urdf import parse_urdf
 from pivident.signals.bandpass import butterworth
@@ -194,6 +196,26 @@ def test_prediction_error_of_the_true_model_is_the_noise(made):
     assert error.rms[0] == pytest.approx(noise * axis.ALIGNED_NOISE, rel=0.1)
     assert error.relative[0] == pytest.approx(100 * error.rms[0] / error.torque[0])
     assert error.total == pytest.approx(error.relative[0])
+
+
+def test_errors_of_a_stretch_are_those_of_the_whole_residual_there(made):
+    """Only the stretch and what the low-pass reaches beyond it is predicted."""
+    problem = axis.problem(axis.recording(made, 2.0))
+    found, judge = identify(problem, FULL_RATE), Judge(problem.recordings[0])
+    residual, span = judge.residual(found), slice(2000, 3500)
+    whole = judge.error(problem.robot, residual, judge.in_band(residual), span)
+    (alone,) = judge.score(found, [span])
+    for name, value in vars(whole).items():
+        if isinstance(value, np.ndarray):
+            np.testing.assert_allclose(getattr(alone, name), value, rtol=1e-10, err_msg=name)
+
+
+def test_friction_with_memory_is_predicted_from_the_beginning(made):
+    problem = axis.problem(axis.recording(made))
+    robot, judge = problem.robot, Judge(problem.recordings[0])
+    assert judge._around(robot, [slice(2000, 2500)]).start > 0
+    remembering = robot.with_friction(FrictionLaw((viscous(), dahl(1e-3))))
+    assert judge._around(remembering, [slice(2000, 2500)]).start == 0
 
 
 def test_noise_level_and_width_of_the_low_pass():

@@ -14,12 +14,11 @@ from pivident.foundation.text.finding import Finding
 from pivident.judgement.validation.held_out.cross_validation import cross_validate
 from pivident.judgement.validation.held_out.held_out_errors import HeldOutErrors
 from pivident.judgement.validation.held_out.out_of_sample import _judged
-from pivident.judgement.validation.held_out.prediction import Judge
+from pivident.judgement.validation.held_out.prediction import Judge, pooled
 from pivident.judgement.validation.held_out.replay import (
     OpenLoop,
     Replay,
     SimulationError,
-    pooled_simulation,
 )
 from pivident.loop.simulation.closed_loop import simulate
 from pivident.loop.simulation.controllers import PD
@@ -103,7 +102,7 @@ def test_stretches_are_pooled_by_their_samples():
         SimulationError("closed", ("a",), ("rad",), np.array([x]), n)
         for x, n in ((3.0, 10), (1.0, 30))
     )
-    assert pooled_simulation([a, b]).position[0] == pytest.approx(np.sqrt((90.0 + 30.0) / 40.0))
+    assert pooled([a, b]).position[0] == pytest.approx(np.sqrt((90.0 + 30.0) / 40.0))
 
 
 def test_every_method_with_a_loop_has_held_out_positions():

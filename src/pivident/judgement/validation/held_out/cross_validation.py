@@ -42,8 +42,6 @@ from pivident.judgement.validation.held_out.replay import (
     OpenLoop,
     ReplayError,
     SimulationError,
-    pooled_replay,
-    pooled_simulation,
 )
 
 #: What has to be said where nothing was held out.
@@ -71,6 +69,11 @@ class HeldOut:
     failure: str = ""  # what went wrong, empty if nothing did
     #: Errors of the simulated positions; None without a loop that says something about them.
     simulation: SimulationError | None = None
+
+    def span(self, recording: Recording) -> slice:
+        """Its samples in its recording."""
+        seconds = np.array([self.start, self.stop]) - recording.start_time
+        return slice(*np.rint(seconds * recording.rate).astype(int).tolist())
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,13 +123,13 @@ class CrossValidation:
     def replay(self) -> ReplayError | None:
         """Errors of the simulated loop over all held-out stretches, where there are any."""
         found = [h.replay for h in self.held_out if h.replay is not None]
-        return pooled_replay(found) if found else None
+        return pooled(found) if found else None
 
     @property
     def simulation(self) -> SimulationError | None:
         """Errors of the simulated positions over all held-out stretches, where there are any."""
         found = [h.simulation for h in self.held_out if h.simulation is not None]
-        return pooled_simulation(found) if found else None
+        return pooled(found) if found else None
 
     @property
     def training_only(self) -> bool:

@@ -139,13 +139,11 @@ def _is_left_out(part: Piece, fold: Fold) -> bool:
 
 def _together(parts: Sequence[Sequence[JointSums]]) -> list[JointSums]:
     """The sums of several parts added up, of all joints."""
-    totals = []
-    for own in zip(*parts, strict=True):
-        total = JointSums.empty(own[0].name, own[0].columns)
-        for name in ("zf", "zz", "ff", "zt", "ft", "tt", "rows"):
-            setattr(total, name, sum(getattr(part, name) for part in own))
-        totals.append(total)
-    return totals
+    names = "zf", "zz", "ff", "zt", "ft", "tt", "rows"
+    return [
+        replace(own[0], **{name: sum(getattr(part, name) for part in own) for name in names})
+        for own in zip(*parts, strict=True)
+    ]
 
 
 def _solved(found: Identification, sums: Sequence[JointSums], before: np.ndarray) -> Identification:

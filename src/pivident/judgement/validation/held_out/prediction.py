@@ -8,9 +8,9 @@ the motion is and the noise mostly is not.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
@@ -27,6 +27,9 @@ from pivident.signals.bandpass import butterworth
 #: Order of the low-pass, run forwards and backwards.
 ORDER = 4
 
+#: Periods of the band after which the low-pass has forgotten what was there, to twelve digits.
+REACH = 12.0
+
 #: The noise level is read between the motion's band and so many times it.
 BEYOND = 1.5
 
@@ -39,6 +42,10 @@ JOINT_MISSES = 50.0
 
 #: Share of an rms error that is most of its power.
 MOSTLY = 0.71
+
+
+#: Errors over some ``samples``, such as those of predicted torques.
+Errors = TypeVar("Errors", bound=Any)
 
 
 class Predictor(Protocol):
@@ -156,19 +163,15 @@ def at_rest(error: PredictionError, joint: int | None = None) -> str:
     )
 
 
-def pooled(errors: Sequence[PredictionError]) -> PredictionError:
-    """One score of several stretches: squares are averaged over all samples."""
+def pooled(errors: Sequence[Errors]) -> Errors:
+    """One error of several stretches: squares are averaged over all samples."""
     first, weights = errors[0], [e.samples for e in errors]
-
-    def mean(name: str) -> np.ndarray:
-        squares = [getattr(e, name) ** 2 for e in errors]
-        return np.sqrt(np.average(squares, axis=0, weights=weights))
-
-    return PredictionError(
-        first.joint_names, first.units, mean("rms"), mean("torque"), mean("rms_in_band"),
-        mean("torque_in_band"), mean("noise_in_band"), mean("rest_in_band"), first.band,
-        sum(weights),
-    )  # fmt: skip
+    means = {
+        name: np.sqrt(np.average([vars(e)[name] ** 2 for e in errors], axis=0, weights=weights))
+        for name, value in vars(first).items()
+        if isinstance(value, np.ndarray)
+    }
+    return replace(first, samples=sum(weights), **means)
 
 
 def motion_band(recording: Recording) -> float:
@@ -192,17 +195,34 @@ class Judge:
         """Measured torque below ``band``, shape (samples, joints) [N m or N]."""
         return butterworth(self.kinematics.tau.T, self.recording.rate, self.band)
 
-    def residual(self, found: Predictor) -> np.ndarray:
+    def residual(self, found: Predictor, span: slice = slice(None)) -> np.ndarray:
         """τ - Φ(q̂)θ, zero where it is not known, shape (samples, joints) [N m or N]."""
-        k = self.kinematics
-        residual = k.tau.T - found.predict(k.q.T, k.dq.T, k.ddq.T)
-        return np.where(measured_samples(k).T, residual, 0.0)
+        motion = (x.T for x in self.kinematics.stretch(span))
+        residual = self.kinematics.tau[:, span].T - found.predict(*motion)
+        return np.where(self._measured[span], residual, 0.0)
 
     def score(self, found: Predictor, spans: Sequence[slice]) -> list[PredictionError]:
         """Errors of an estimate on stretches of the recording."""
-        residual = self.residual(found)
+        around = self._around(found.robot, spans)
+        residual = self.residual(found, around)
         low = self.in_band(residual)
-        return [self.error(found.robot, residual, low, span) for span in spans]
+        return [self.error(found.robot, residual, low, span, around.start) for span in spans]
+
+    def _around(self, robot: Robot, spans: Sequence[slice]) -> slice:
+        """Samples that errors on stretches depend on: the low-pass reaches beyond their ends.
+
+        Friction with memory depends on all that was before.
+        """
+        reach = int(np.ceil(REACH * self.recording.rate / self.band))
+        own = [self._usable(span) for span in spans]
+        remembers = any(t.has_memory for joint in robot.tree.joints for t in joint.friction.terms)
+        first = 0 if remembers else max(min(s.start for s in own) - reach, 0)
+        return slice(first, min(max(s.stop for s in own) + reach, self.recording.samples))
+
+    @cached_property
+    def _measured(self) -> np.ndarray:
+        """Where motion and torque were measured, shape (samples, joints)."""
+        return np.broadcast_to(measured_samples(self.kinematics), self.kinematics.q.shape).T
 
     def in_band(self, residual: np.ndarray) -> np.ndarray:
         """A residual below ``band``, shape (samples, joints) [N m or N]."""
@@ -213,22 +233,31 @@ class Judge:
         return slice(start, max(min(span.stop, self.kinematics.stop), start + 1))
 
     def error(
-        self, robot: Robot, residual: np.ndarray, low: np.ndarray, span: slice
+        self, robot: Robot, residual: np.ndarray, low: np.ndarray, span: slice, first: int = 0
     ) -> PredictionError:
-        """Errors on one stretch; ``low``: the residual below ``band``."""
+        """Errors on one stretch.
+
+        Args:
+            robot: that of the estimate.
+            residual: τ - Φ(q̂)θ from a sample on, shape (samples, joints).
+            low: the same below ``band``.
+            span: samples of the recording.
+            first: sample with which ``residual`` and ``low`` begin.
+        """
         span = self._usable(span)
-        level = level_beyond(residual[span], self.recording.rate, self.band)
-        valid = np.broadcast_to(measured_samples(self.kinematics).T, residual.shape)[span]
+        own = slice(span.start - first, span.stop - first)
+        residual, low, valid = residual[own], low[own], self._measured[span]
+        level = level_beyond(residual, self.recording.rate, self.band)
         known = np.sqrt(np.maximum(valid.mean(axis=0), 1.0 / len(valid)))
         return PredictionError(
             joint_names=self.recording.joint_names,
             units=tuple("N m" if j.kind == "revolute" else "N" for j in robot.joints),
-            rms=_rms(residual[span]) / known,
+            rms=_rms(residual) / known,
             torque=_rms(self.kinematics.tau.T[span]),
-            rms_in_band=_rms(low[span]) / known,
+            rms_in_band=_rms(low) / known,
             torque_in_band=_rms(self.torque_in_band[span]),
             noise_in_band=np.sqrt(level * _width(self.band)),
-            rest_in_band=_rms(np.where(self.resting(robot, span), low[span], 0.0)),
+            rest_in_band=_rms(np.where(self.resting(robot, span), low, 0.0)),
             band=self.band,
             samples=span.stop - span.start,
         )

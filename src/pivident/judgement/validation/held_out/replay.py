@@ -130,23 +130,6 @@ def as_logged(
     return tau[np.clip(source, 0, len(tau) - 1)]
 
 
-def pooled_replay(errors: Sequence[ReplayError]) -> ReplayError:
-    """One score of several stretches: squares are averaged over all samples."""
-    weights = [e.samples for e in errors]
-
-    def mean(name: str) -> np.ndarray:
-        squares = [getattr(e, name) ** 2 for e in errors]
-        return np.sqrt(np.average(squares, axis=0, weights=weights))
-
-    return replace(
-        errors[0],
-        position=mean("position"),
-        torque=mean("torque"),
-        torque_size=mean("torque_size"),
-        samples=sum(weights),
-    )
-
-
 def has_own_loop(found: Identification) -> bool:
     """Whether unknowns of the closed loop were identified with the model."""
     simulation = found.simulation
@@ -262,10 +245,3 @@ class OpenLoop:
             "open", recording.joint_names, tuple(position_units(problem)),
             np.sqrt(squares / samples), samples,
         )  # fmt: skip
-
-
-def pooled_simulation(errors: Sequence[SimulationError]) -> SimulationError:
-    """One error of several stretches: squares are averaged over all samples."""
-    weights = [e.samples for e in errors]
-    mean = np.sqrt(np.average([e.position**2 for e in errors], axis=0, weights=weights))
-    return replace(errors[0], position=mean, samples=sum(weights))
