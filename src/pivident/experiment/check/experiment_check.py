@@ -30,6 +30,7 @@ from pivident.experiment.schema import RecordingEntry
 from pivident.foundation.errors import PividentError
 from pivident.foundation.text.finding import Finding, FindingKind, Severity, Topic, merged, worst
 from pivident.foundation.text.lists import plural
+from pivident.foundation.text.plain_values import plain
 from pivident.foundation.text.repair import Edit, Place, Repair
 from pivident.foundation.threads import linear_algebra_in_one_thread
 from pivident.judgement.audit.audit import Audit
@@ -74,7 +75,7 @@ class ExperimentCheck:
             "refused": self.refused,
             "remarks": [remark.as_json() for remark in self.remarks],
             "checked": list(self.looked_at),
-            "plan": None if self.plan is None else self.plan.as_json(),
+            "plan": plain(self.plan),
         }
 
 

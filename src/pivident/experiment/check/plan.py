@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 from pivident.data.recording.recording import Recording
 from pivident.estimation.method import Method
@@ -12,7 +11,6 @@ from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Problem
 from pivident.experiment.check.expected_time import expected_time, first_run, time_of_methods
 from pivident.foundation.text.lists import plural
-from pivident.foundation.text.plain_values import plain
 
 
 @dataclass(frozen=True)
@@ -48,10 +46,6 @@ class Plan:
     seconds: float
     seconds_of: Mapping[str, float]
     compiling: float
-
-    def as_json(self) -> dict[str, Any]:
-        """Plain values."""
-        return plain(asdict(self))
 
     @property
     def lines(self) -> list[tuple[str, str]]:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Any, get_args
+from dataclasses import dataclass
+from typing import get_args
 
 import numpy as np
 
@@ -93,10 +93,6 @@ class DesignRequest:
     def criterion_used(self) -> CriterionName:
         """The criterion, where none was named."""
         return self.criterion or ("worst" if self.parameters or self.goal is not None else "a")
-
-    def plain(self) -> dict[str, Any]:
-        """As plain values."""
-        return asdict(self)
 
 
 def chosen_parameters(base: BaseParameters, names: Sequence[str]) -> np.ndarray | None:
