@@ -15,7 +15,8 @@ SOURCE = REPOSITORY / "src"
 #: for the files of the room itself.
 ROOMS = {
     "foundation": (
-        "version", "text", "errors", "extras", "registry", "options", "files", "scratch",
+        "version", "text", "errors", "extras", "registry", "options", "files", "codec",
+        "scratch",
         "threads", "document", "compiled", "common_work",
     ),
     "robot": (".",),

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import random
 import tempfile
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +18,16 @@ from fuzzing.toml_inputs import STUDY
 JSON_CHUNKS = (
     "[" * 100000, '{"a":' * 20000, "1" * 5000, "NaN", "Infinity", "-", "null", "true", '"\\ud800"',
     "\0", '"layout": 1', '"hash": 3', '"programs": 3', '"runs": "x"', '"programs": null', "1e999",
+)  # fmt: skip
+
+
+#: Files that pivident wrote, and those of layouts that it no longer writes.
+STORED = Path(__file__).resolve().parents[2] / "tests" / "stored"
+
+#: Values that a place of a file may get.
+VALUES = (
+    None, True, 0, 1, -1, 10**30, 10**400, 1e308, -5e-324, "", "x", "inf", "nan", [], {}, [None],
+    [[1.0]], [[[]]], {"a": 1}, [1.0] * 13, *TEXTS,
 )  # fmt: skip
 
 
@@ -60,3 +72,36 @@ def grown_json(rng: random.Random, base: bytes) -> bytes:
     for key in rng.sample(list(content), rng.randrange(1, 5)):
         content[key] = rng.choice((None, 1, "x", [], {}, [1], {"a": 1}, 1e300, True, list(TEXTS)))
     return json.dumps(content).encode()
+
+
+def stored_seeds(pattern: str) -> tuple[bytes, ...]:
+    """Files of one kind that pivident wrote."""
+    return tuple(file.read_bytes() for file in sorted(STORED.glob(pattern)))
+
+
+def inside_json(data: bytes, rng: random.Random) -> bytes:
+    """The same with other values at any depth, or without them."""
+    content = json.loads(data)
+    for _ in range(rng.choice((1, 1, 1, 2, 4))):
+        place, key = _place_in(content, rng)
+        if rng.random() < 0.15:
+            del place[key]
+        else:
+            place[key] = rng.choice((rng.choice(VALUES), rng.choice(VALUES), _other(content, rng)))
+    return json.dumps(content).encode()
+
+
+def _place_in(content: Any, rng: random.Random) -> tuple[Any, Any]:
+    """An object or a list somewhere in content, and a key or index of it."""
+    while True:
+        key = rng.choice(list(content) if isinstance(content, dict) else range(len(content)))
+        inner = content[key]
+        if not isinstance(inner, (dict, list)) or not inner or rng.random() < 0.2:
+            return content, key
+        content = inner
+
+
+def _other(content: Any, rng: random.Random) -> Any:
+    """A copy of what stands at another place."""
+    place, key = _place_in(content, rng)
+    return copy.deepcopy(place[key])

@@ -156,6 +156,27 @@ def _model(path: Path) -> object:
     return read_model(path).values
 
 
+def _consistent(path: Path) -> object:
+    from pivident.models.stored_model import stored_model
+
+    return stored_model(path)[0].values
+
+
+def _design(path: Path) -> object:
+    """A design, and what its page shows of it."""
+    from pivident.studies.excitation.design_file import load_design
+
+    found = load_design(path)
+    return found.binding, found.reasons, found.motion.one_round.at(np.zeros(1))
+
+
+def _json(data: bytes, rng: random.Random) -> bytes:
+    """Values at any depth changed, or tokens of the text."""
+    if rng.random() < 0.7:
+        return json_inputs.inside_json(data, rng)
+    return spoilt_text(data, rng, json_inputs.JSON_CHUNKS)
+
+
 def _bounds(path: Path) -> object:
     from pivident.experiment.consistency_table import read_consistency
     from pivident.robot.gallery import load_robot
@@ -228,17 +249,26 @@ READERS: dict[str, Reader] = {
     "csv-habits": Reader("log.txt", table_inputs.habit_seeds, _CSV, _table, None, False),
     "identification": Reader(
         "identification.json",
-        lambda: json_inputs.result_seeds()[:1],
-        _text(json_inputs.JSON_CHUNKS),
+        lambda: (
+            *json_inputs.result_seeds()[:1],
+            *json_inputs.stored_seeds("identification-*.json"),
+        ),
+        _json,
         _identification,
         lambda rng: json_inputs.grown_json(rng, json_inputs.result_seeds()[0]),
     ),
     "model": Reader(
         "model.json",
-        lambda: json_inputs.result_seeds()[1:],
-        _text(json_inputs.JSON_CHUNKS),
+        lambda: (*json_inputs.result_seeds()[1:], *json_inputs.stored_seeds("model*.json")),
+        _json,
         _model,
         lambda rng: json_inputs.grown_json(rng, json_inputs.result_seeds()[1]),
+    ),
+    "consistent": Reader(
+        "consistent.json", lambda: json_inputs.stored_seeds("consistent.json"), _json, _consistent
+    ),
+    "design": Reader(
+        "design.json", lambda: json_inputs.stored_seeds("design.json"), _json, _design
     ),
     "bounds": Reader(
         "bounds.toml",

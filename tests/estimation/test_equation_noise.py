@@ -2,13 +2,15 @@ import numpy as np
 import pytest
 
 from pivident.estimation.solved_equations import EquationNoise
+from pivident.foundation.codec import decode
+from pivident.foundation.text.plain_values import plain
 from tests.planar_results import planar_results
 
 
 def test_noise_is_read_back_bit_for_bit():
     (result,) = planar_results("piv")
     noise = result.equation_noise
-    again = EquationNoise.from_values(noise.to_values(), 2)
+    again = decode(EquationNoise, plain(noise), joints=2)
     assert again.rate == noise.rate
     np.testing.assert_array_equal(again.standstill, noise.standstill)
     for own, other in zip(again.filters, noise.filters, strict=True):
@@ -21,13 +23,13 @@ def test_noise_is_read_back_bit_for_bit():
 @pytest.mark.parametrize(
     ("key", "value", "message"),
     [
-        ("rate", -1.0, "rate and standstill must be finite"),
-        ("filters", [], "one filter for each of 2 joints"),
-        ("standstill", None, "not a number|one filter"),
+        ("rate", -1.0, "rate = -1.0: must be greater than 0"),
+        ("filters", [], "filters = .*2 joints need"),
+        ("standstill", None, "standstill = None: must be a valid list"),
     ],
 )
 def test_damaged_noise_is_refused(key, value, message):
     (result,) = planar_results("piv")
-    values = result.equation_noise.to_values() | {key: value}
+    values = plain(result.equation_noise) | {key: value}
     with pytest.raises(ValueError, match=message):
-        EquationNoise.from_values(values, 2)
+        decode(EquationNoise, values, joints=2)

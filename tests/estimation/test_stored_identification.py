@@ -11,10 +11,16 @@ from hypothesis import strategies as st
 
 import pivident as pv
 from pivident.estimation import stored_identification as reload
-from pivident.estimation.identification_file import save_identification, to_dict, to_json
+from pivident.estimation.identification_file import (
+    IDENTIFICATION,
+    save_identification,
+    to_dict,
+    to_json,
+)
 from pivident.estimation.stored_identification import load_identification
 from pivident.foundation.errors import IdentificationError, IdentificationFileError
 from pivident.foundation.text.finding import Finding, Quantity
+from pivident.foundation.text.plain_values import plain
 from pivident.judgement.validation.moment_sums import kept_equations
 from pivident.judgement.validation.residuals.residual_tests import residual_tests
 from pivident.robot.friction import FrictionLaw, coulomb, load_dependent, lugre, viscous
@@ -174,7 +180,7 @@ def test_file_of_the_first_layout_needs_its_robot(tmp_path):
     loaded = load_identification(path, robot=identification.robot)
     np.testing.assert_array_equal(loaded.theta, identification.theta)
     assert loaded.torque_sums is None
-    with pytest.raises(IdentificationFileError, match="joints are shoulder, elbow, but those"):
+    with pytest.raises(IdentificationFileError, match=r"joints: has shape \(2,\); 1 joints need"):
         load_identification(path, robot=load_robot("emps"))
 
 
@@ -203,7 +209,7 @@ def written(tmp_path, path, value):
         (["theta"], [], "theta = .*: extra inputs"),
         (["readings"], [{"columns": {}}], r"readings.0.units: field required"),
         (["readings"], [{"file": "/etc"}], r"readings.0.columns: field required"),
-        (["motion"], {"low": [0.0, 0.0]}, "'high' needs one finite number for each joint"),
+        (["motion"], {"low": [0.0, 0.0]}, "motion.high: field required"),
         (["method"], KeyError, "method: field required"),
         (["parameters"], [], "at least 1"),
         (["parameters", 0, "value"], None, r"parameters\.0\.value = None: must be a valid number"),
@@ -212,18 +218,18 @@ def written(tmp_path, path, value):
         (["parameters", 0, "name"], "mx2", "not in the robot's order"),
         (["covariance", 0, 0], -1.0, "variance -1 in row 1"),
         (["covariance", 0, 1], 1.0, "covariance is not symmetric"),
-        (["covariance", 0], [1.0], "need shape"),
+        (["covariance", 0], [1.0], "13 rows of 1 or 13 numbers"),
         (["covariance"], [], "need shape"),
-        (["history", 0, "theta"], [1.0], "1 parameters instead of"),
-        (["joints"], [], "joints are , but those of the robot are"),
+        (["history", 0, "theta"], [1.0], r"theta = \[1.0\]: has shape \(1,\); 13 parameters need"),
+        (["joints"], [], r"joints = \[\]: has shape \(0,\); 2 joints need"),
         (["joints", 0, "name"], "other", "joints are other, "),
         (["joints", 0, "rows"], -1, r"joints\.0\.rows = -1"),
         (["robot_description", "gravity"], [0.0], r"robot_description\.gravity"),
         (["robot_description", "joints", 1, "parent"], 5, "parent 5 does not precede it"),
-        (["torque_sums", "gram"], [1.0], "torque_sums: 'gram' has shape"),
-        (["torque_sums", "square"], KeyError, "torque_sums: 'square' is missing"),
+        (["torque_sums", "gram"], [1.0], "torque_sums.moment: has shape"),
+        (["torque_sums", "square"], KeyError, "torque_sums.square: field required"),
         (["options", "signals"], 3, r"options\.signals must be a dictionary"),
-        (["torque_sums", "square"], 10**400, "too large"),
+        (["torque_sums", "square"], 10**400, "torque_sums.square: must be a valid number"),
         (["options"], [], r"options = \[\]: must be a valid dictionary"),
     ],
 )
@@ -309,7 +315,7 @@ def test_missing_file_names_the_methods_there_are(tmp_path):
 
 
 def test_file_that_is_too_large_is_not_read(tmp_path, monkeypatch):
-    monkeypatch.setattr(reload, "MAX_FILE", 10)
+    monkeypatch.setattr(reload, "IDENTIFICATION", replace(IDENTIFICATION, max_bytes=10))
     save_identification(synthetic_identification(), tmp_path)
     with pytest.raises(IdentificationFileError, match="more than any file of its kind"):
         load_identification(tmp_path)
@@ -377,4 +383,4 @@ def test_how_its_logs_were_read_and_the_fitted_range_come_back(tmp_path):
     assert loaded.fitted_range.low == pytest.approx(record.q[used].min(axis=0))
     assert loaded.fitted_range.speed == pytest.approx(np.abs(record.dq[used]).max(axis=0))
     again = saved(tmp_path, loaded)
-    assert again.fitted_range.to_values() == loaded.fitted_range.to_values()
+    assert plain(again.fitted_range) == plain(loaded.fitted_range)

@@ -9,6 +9,8 @@ from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.identification import estimated_in_base, torque_sums
 from pivident.estimation.solved_equations import TorqueSums
+from pivident.foundation.codec import decode
+from pivident.foundation.text.plain_values import plain
 from tests.synthetic_identification import synthetic_identification
 
 
@@ -41,11 +43,14 @@ def test_sums_give_the_error_that_signals_give(robot):
     assert sums.rows == np.count_nonzero(r.used)
 
 
+def read(values, found):
+    return decode(TorqueSums, values, **{"base parameters": len(base_parameters(found.robot))})
+
+
 def test_there_and_back():
     free = synthetic_identification()
     base, sums = base_parameters(free.robot), torque_sums(free)
-    text = json.dumps(sums.to_values(), allow_nan=False)
-    again = TorqueSums.from_values(json.loads(text), base)
+    again = read(json.loads(json.dumps(plain(sums), allow_nan=False)), free)
     assert np.array_equal(again.gram, sums.gram)
     assert again.relative_error(np.ones(len(base))) == sums.relative_error(np.ones(len(base)))
 
@@ -62,17 +67,17 @@ def test_there_and_back():
 )
 def test_values_that_are_not_sums_are_refused(key, value):
     free = synthetic_identification()
-    values = torque_sums(free).to_values() | {key: value}
+    values = plain(torque_sums(free)) | {key: value}
     with pytest.raises(ValueError, match=key):
-        TorqueSums.from_values(values, base_parameters(free.robot))
+        read(values, free)
 
 
 def test_an_indefinite_gram_matrix_is_refused():
     free = synthetic_identification()
-    values = torque_sums(free).to_values()
+    values = plain(torque_sums(free))
     values["gram"][0] *= -1.0
     with pytest.raises(ValueError, match="semidefinite"):
-        TorqueSums.from_values(values, base_parameters(free.robot))
+        read(values, free)
 
 
 def test_without_signals_the_next_step_is_said():

@@ -16,6 +16,7 @@ from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS
 from pivident.estimation.simulation_result import LoopParameter
 from pivident.estimation.stored_identification import load_identification
+from pivident.foundation.codec import decode
 from pivident.foundation.errors import IdentificationFileError
 from pivident.foundation.text.plain_values import plain
 from pivident.models.consistency.consistent_model import make_consistent
@@ -197,5 +198,5 @@ def test_what_every_method_writes_is_read(tmp_path, name):
 
 def test_an_unknown_of_the_loop_whose_error_is_not_known_comes_back():
     made = LoopParameter("kp1", "N m/rad", 6000.0, np.nan)
-    back = LoopParameter.from_values(plain(made))
+    back = decode(LoopParameter, plain(made))
     assert back.value == made.value and np.isnan(back.std)

@@ -98,8 +98,8 @@ def test_a_model_that_calls_itself_consistent_must_be(tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"format": "other"}, "is no model of layout 1"),
-        ({"schema": 9}, "is no model of layout 1"),
+        ({"format": "other"}, "is no model: its format is 'other'"),
+        ({"schema": 9}, "layout 9, this version reads 1; install a newer"),
         ({"robot": {}}, "field required"),
         ({"origin": {"who": 1}}, r"origin\.method: field required"),
         ({"origin": ORIGIN | {"sources": [1]}}, r"origin\.sources = \[1\]"),

@@ -6,9 +6,9 @@ holds them. Both answer the same questions, so that no estimator or test has to 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Annotated, Any, Protocol
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from pivident.data.recording.recording import TorqueSource
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.covariance.windows import Windows, windows_of
 from pivident.estimation.normal_equations import JointSums
+from pivident.foundation.text.plain_values import Sized
 from pivident.loop.motion.motion import Kinematics, SimulatedMotion
 from pivident.signals.prefilter import Prefilter
 
@@ -85,14 +86,17 @@ class FittedRecording:
         return "measured" if self.torque_source == "measured" else "of the control law"
 
 
+OfJoints = Annotated[np.ndarray, Sized("joints")]
+
+
 @dataclass(frozen=True, eq=False)
 class MotionRange:
     """Range of the fitted motion: where an estimate knows the robot; arrays (joints,)."""
 
-    low: np.ndarray  # least positions [rad or m]
-    high: np.ndarray  # largest positions
-    speed: np.ndarray  # largest speeds [rad/s or m/s]
-    acceleration: np.ndarray  # largest accelerations [rad/s² or m/s²]
+    low: OfJoints  # least positions [rad or m]
+    high: OfJoints  # largest positions
+    speed: OfJoints  # largest speeds [rad/s or m/s]
+    acceleration: OfJoints  # largest accelerations [rad/s² or m/s²]
 
     @classmethod
     def of(cls, recordings: Sequence[FittedRecording]) -> MotionRange:
@@ -103,19 +107,6 @@ class MotionRange:
             for name in ("q", "dq", "ddq")
         )
         return cls(q.min(axis=0), q.max(axis=0), np.abs(dq).max(axis=0), np.abs(ddq).max(axis=0))
-
-    def to_values(self) -> dict[str, list[float]]:
-        """Plain values for a file."""
-        return {name: getattr(self, name).tolist() for name in self.__dataclass_fields__}
-
-    @classmethod
-    def from_values(cls, values: Mapping[str, Any], joints: int) -> MotionRange:
-        """The range of :meth:`to_values`."""
-        found = {name: np.array(values.get(name), dtype=float) for name in cls.__dataclass_fields__}
-        for name, array in found.items():
-            if array.shape != (joints,) or not np.isfinite(array).all():
-                raise ValueError(f"motion: {name!r} needs one finite number for each joint")
-        return cls(**found)
 
 
 #: Φ, Z, (filtered further instruments) and τ of one joint, time last.

@@ -6,7 +6,8 @@ Sums of the fitted record of an identification, and its estimate among all base 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from math import inf, nan
+from typing import Annotated, Any
 
 import numpy as np
 from scipy.special import ndtri
@@ -25,6 +26,7 @@ from pivident.foundation.errors import UnusableValue
 from pivident.foundation.text import display
 from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.finding import Finding
+from pivident.foundation.text.plain_values import Known, Limits, Name, Null, Sized
 from pivident.loop.instruments.given_motion import InstrumentsUsed
 from pivident.loop.simulation.control_loop import Loop
 from pivident.robot.description import Robot
@@ -37,11 +39,12 @@ BLOCK = 4096
 class Iteration:
     """One pass of an iterative estimator."""
 
-    theta: np.ndarray  # parameters after it, shape (parameters,)
-    change: float  # largest |Δθ| / max(|θ|, 2σ)
+    #: Parameters after it, shape (parameters,).
+    theta: Annotated[np.ndarray, Sized("parameters"), Null(nan)]
+    change: Annotated[float, Null(inf)]  # largest |Δθ| / max(|θ|, 2σ)
     #: Relative error of the reconstructed torque, weighted as in the estimate; where a simulation
     #: is fitted, rms of its weighted errors before the step, 1 where they are as large as noise.
-    residual: float
+    residual: Known
     #: How often the step had to be halved before the loop could be simulated, or was taken back.
     halvings: int = 0
     #: Orders of the noise models used, one per joint, empty without noise models.
@@ -52,21 +55,21 @@ class Iteration:
 class JointFit:
     """How one joint was fitted."""
 
-    name: str  # joint
+    name: Name  # joint
     torque_unit: str  # N m or N
     #: ‖τ - Φθ‖/‖τ‖ over the rows that the estimate used, unfiltered by the noise model.
-    relative_error: float
-    rms_error: float  # rms of τ - Φθ over the same rows [torque_unit]
+    relative_error: Known
+    rms_error: Known  # rms of τ - Φθ over the same rows [torque_unit]
     #: Standard deviation of the innovations, in the unit of the filtered equation
     #: (the joint's torque, or the encoder where the controller was inverted).
-    noise_std: float
+    noise_std: Known
     noise_unit: str  # that unit
     ar_order: int  # order of the noise model; 0 without one
     ar_at_bound: bool  # whether the order criterion had its minimum at the largest order allowed
-    rows: int  # number of rows (samples) used
-    masked: float  # share of the samples left out at low speed, 0 to 1
-    f50: float  # half-power frequency of the position smoother [Hz], NaN with a fixed band-pass
-    encoder_std: float  # measurement noise found by the smoother [rad or m], NaN likewise
+    rows: Annotated[int, Limits(ge=0)]  # number of rows (samples) used
+    masked: Known  # share of the samples left out at low speed, 0 to 1
+    f50: Known  # half-power frequency of the position smoother [Hz], NaN with a fixed band-pass
+    encoder_std: Known  # measurement noise found by the smoother [rad or m], NaN likewise
 
 
 @dataclass(frozen=True, eq=False)

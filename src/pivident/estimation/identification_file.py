@@ -7,30 +7,129 @@ the sums of the fitted record, so that `load_identification` gets back everythin
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import dataclass, fields
+from math import inf, nan
 from os import PathLike
-from typing import Any
+from typing import Annotated, Any, TypedDict
 
-from pivident.estimation.identification import Identification, torque_sums
+import numpy as np
+
+from pivident.estimation.equation_record import MotionRange
+from pivident.estimation.identification import Identification, Iteration, JointFit, torque_sums
 from pivident.estimation.method import Arma, AutoRegressive, Method, Repetition
 from pivident.estimation.methods import METHODS, name_of
 from pivident.estimation.parameter_rows import parameter_rows
 from pivident.estimation.signal_recipes import RECIPES
+from pivident.estimation.simulation_result import SimulationResult
+from pivident.estimation.solved_equations import EquationNoise, TorqueSums
+from pivident.foundation.codec import Layout
 from pivident.foundation.errors import PividentError
 from pivident.foundation.files import atomic_folder
 from pivident.foundation.options import Options
-from pivident.foundation.text.plain_values import csv_table, json_of_entries, plain
+from pivident.foundation.text.finding import Finding
+from pivident.foundation.text.plain_values import (
+    LATER,
+    Known,
+    Limits,
+    Name,
+    Null,
+    Sized,
+    csv_table,
+    json_of_entries,
+    plain,
+)
+from pivident.loop.instruments.given_motion import InstrumentsUsed
 from pivident.loop.simulation.control_loop import Loop
-from pivident.robot.robot_values import robot_values
+from pivident.robot.description import TorqueSide
+from pivident.robot.robot_values import StoredRobot
 
-#: Version of the layout of ``identification.json``.
-SCHEMA = 4
+IDENTIFICATION = Layout(
+    "identification",
+    4,
+    give="give the file identification.json of a result",
+    again="identify again",
+    older={1: dict, 2: dict, 3: lambda content: _with_robust_std(content)},
+)
 
-#: Columns of ``parameters.csv``; σ and the interval of ±2σ in the unit of the row, the relative σ
-#: in percent.
-CSV_COLUMNS = (
-    "name", "value", "std", "low", "high", "relative_std", "method_std", "unit", "expression",
-)  # fmt: skip
+
+@dataclass(frozen=True, kw_only=True)
+class ParameterEntry:
+    """One estimate; the standard errors that count are those of the covariances.
+
+    Standard errors and the interval of ±2σ in the unit of the row, the relative one in percent.
+    """
+
+    name: Name
+    value: float
+    std: Known
+    low: Annotated[Known, LATER] = nan
+    high: Annotated[Known, LATER] = nan
+    relative_std: Known
+    method_std: Annotated[Known, LATER] = nan
+    unit: str
+    expression: str
+
+
+#: Columns of ``parameters.csv``.
+CSV_COLUMNS = tuple(ParameterEntry.__dataclass_fields__)
+
+
+class AnyReading(TypedDict):
+    """How a log was read: arguments of `load_recording` that always are there."""
+
+    columns: dict[str, Any]
+    units: dict[str, Any]
+    side: str | dict[str, str]
+    rate: float | None
+    resample: bool
+    samples_axis: int | None
+    position_offset: list[float] | None
+
+
+class Reading(AnyReading, total=False):
+    """How a log was read: all arguments."""
+
+    control_rate: float | None
+    torque_timing: str | None
+    delay: float | None
+    drive_delay: float | None
+    torque_side: TorqueSide | None
+
+
+Covariance = Annotated[np.ndarray, Sized("parameters", "parameters"), Null(nan)]
+Found = list[dict[str, Any]] | None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class IdentificationTable:
+    """The whole of ``identification.json``."""
+
+    method: Name
+    kind: Annotated[str | None, LATER] = None
+    robot: Name
+    converged: bool
+    iterations: int
+    parameters: Annotated[tuple[ParameterEntry, ...], Sized("parameters"), Limits(min_length=1)]
+    covariance: Covariance
+    robust_covariance: Covariance
+    formula_covariance: Covariance
+    relative_error: Known
+    joints: Annotated[tuple[JointFit, ...], Sized("joints")]
+    history: tuple[Iteration, ...]
+    condition: Annotated[float, Null(inf)]
+    controller: Found
+    reference: Found
+    instruments: Annotated[InstrumentsUsed | None, LATER] = None
+    options: dict[str, Any]
+    warnings: tuple[Finding, ...]
+    sources: dict[str, str]
+    version: str
+    readings: Annotated[tuple[Reading, ...], LATER] = ()
+    motion: Annotated[MotionRange | None, LATER] = None
+    robot_description: Annotated[StoredRobot | None, LATER] = None
+    torque_sums: Annotated[TorqueSums | None, LATER] = None
+    equation_noise: Annotated[EquationNoise | None, LATER] = None
+    simulation: Annotated[SimulationResult | None, LATER] = None
 
 
 def save_identification(identification: Identification, folder: str | PathLike[str]) -> None:
@@ -46,43 +145,19 @@ def save_identification(identification: Identification, folder: str | PathLike[s
 
 def to_dict(identification: Identification) -> dict[str, Any]:
     """The result as plain values, ready for JSON; signals are left out."""
-    parameters = [
-        {key: getattr(row, key) for key in CSV_COLUMNS} for row in parameter_rows(identification)
-    ]
-    loop = identification.loop_values or _loop_values(identification.loop)
-    instruments = identification.instruments
-    fitted, noise = identification.fitted_range, identification.equation_noise
-    simulation = identification.simulation
-    content = {
-        "schema": SCHEMA,
-        "method": identification.method,
-        "kind": None if identification.method_used is None else name_of(identification.method_used),
-        "robot": identification.robot.name,
-        "converged": bool(identification.converged),
-        "iterations": identification.iterations,
-        "parameters": parameters,
-        "covariance": identification.covariance,
-        "robust_covariance": identification.robust_covariance,
-        "formula_covariance": identification.formula_covariance,
-        "relative_error": identification.relative_error,
-        "joints": identification.joints,
-        "history": identification.history,
-        "condition": identification.condition,
-        "controller": loop["controller"],
-        "reference": loop["reference"],
-        "instruments": None if instruments is None else instruments.to_values(),
-        "options": identification.options,
-        "warnings": [warning.as_json() for warning in identification.warnings],
-        "sources": identification.sources,
-        "version": identification.version,
-        "readings": list(identification.readings),
-        "motion": None if fitted is None else fitted.to_values(),
-        "robot_description": robot_values(identification.robot),
-        "torque_sums": torque_sums_values(identification),
-        "equation_noise": noise and noise.to_values(),
-        "simulation": simulation and simulation.to_values(),
-    }
-    return {key: plain(value) for key, value in content.items()}
+    own, used = identification, identification.method_used
+    rows = ({key: getattr(row, key) for key in CSV_COLUMNS} for row in parameter_rows(own))
+    computed = {
+        "kind": None if used is None else name_of(used),
+        "robot": own.robot.name,
+        "parameters": tuple(ParameterEntry(**row) for row in rows),
+        "motion": own.fitted_range,
+        "robot_description": own.robot,
+        "torque_sums": _sums(own),
+    } | (own.loop_values or _loop_values(own.loop))
+    same = IdentificationTable.__dataclass_fields__.keys() - computed
+    table = IdentificationTable(**{key: getattr(own, key) for key in same}, **computed)
+    return IDENTIFICATION.header | plain(table)
 
 
 def _loop_values(loop: Loop | None) -> dict[str, Any]:
@@ -92,12 +167,26 @@ def _loop_values(loop: Loop | None) -> dict[str, Any]:
     return {"controller": loop.law_values(), "reference": loop.reference_values()}
 
 
-def torque_sums_values(identification: Identification) -> dict[str, Any] | None:
-    """Sums of the fitted record as plain values; None where neither they nor signals are there."""
-    sums = identification.torque_sums
-    if sums is None and identification.recordings:
-        sums = torque_sums(identification)
-    return None if sums is None else sums.to_values()
+def _sums(identification: Identification) -> TorqueSums | None:
+    """Sums of the fitted record; None where neither they nor signals are there."""
+    if identification.torque_sums is None and identification.recordings:
+        return torque_sums(identification)
+    return identification.torque_sums
+
+
+def _with_robust_std(content: dict[str, Any]) -> dict[str, Any]:
+    """Layout 4 of layout 3, whose ``std`` was by the method's covariance, warnings maybe text."""
+    rows = [
+        {**row, "std": row.get("robust_std"), "method_std": row["std"]}
+        for row in content["parameters"]
+    ]
+    for row in rows:
+        row.pop("robust_std", None)
+    warnings = [
+        plain(Finding("warning", "estimator", "stored", own)) if isinstance(own, str) else own
+        for own in content["warnings"]
+    ]
+    return content | {"parameters": rows, "warnings": warnings}
 
 
 def to_json(identification: Identification) -> str:

@@ -31,18 +31,18 @@ The design of the next motion expects the same noise: what it will know of the p
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
-from pivident.dynamics.base_parameters import BaseParameters
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.equation_record import EquationRecord, JointColumns
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
-from pivident.foundation.errors import UnusableValue
+from pivident.foundation.text.plain_values import As, Limits, Sized
 from pivident.loop.motion.motion import Motion
 from pivident.signals.prefilter import Prefilter
 
@@ -127,6 +127,29 @@ class Equations:
         )
 
 
+def _lower(matrix: np.ndarray) -> np.ndarray:
+    """Lower triangle of a matrix, by rows."""
+    return matrix[np.tril_indices(len(matrix))]
+
+
+def _positive_semidefinite(lower: np.ndarray) -> np.ndarray:
+    """The symmetric matrix of a lower triangle; refuses one that is no sum of squares."""
+    size = (math.isqrt(8 * lower.size + 1) - 1) // 2
+    if size * (size + 1) // 2 != lower.size:
+        raise ValueError(f"{lower.size} numbers are no triangle")
+    gram = np.zeros((size, size))
+    gram[np.tril_indices(size)] = lower
+    gram += np.tril(gram, -1).T
+    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    if size and np.linalg.eigvalsh(gram / np.outer(scale, scale))[0] < -1e-6:
+        raise ValueError("it is not positive semidefinite")
+    return gram
+
+
+#: A symmetric matrix without negative eigenvalues, stored as its lower triangle by rows.
+LowerTriangle = As(Annotated[np.ndarray, Sized(None)], _lower, _positive_semidefinite)
+
+
 @dataclass(frozen=True, eq=False)
 class TorqueSums:
     """Torque error of any parameters from sums over the fitted record, without its signals.
@@ -139,10 +162,10 @@ class TorqueSums:
     parameters, a consistent one for instance, costs in torque on that record.
     """
 
-    gram: np.ndarray  # G, shape (base, base)
-    moment: np.ndarray  # g, shape (base,)
-    square: float  # t
-    rows: int  # number of rows, all joints together
+    gram: Annotated[np.ndarray, LowerTriangle, Sized("base parameters", "base parameters")]  # G
+    moment: Annotated[np.ndarray, Sized("base parameters")]  # g
+    square: Annotated[float, Limits(ge=0.0)]  # t
+    rows: Annotated[int, Limits(ge=0)]  # number of rows, all joints together
 
     def squared_error(self, base: np.ndarray) -> float:
         """‖τ - Φβ‖²_W.
@@ -158,46 +181,6 @@ class TorqueSums:
         ``base``: all base parameters, shape (base,).
         """
         return float(np.sqrt(self.squared_error(base) / max(self.square, 1e-300)))
-
-    def to_values(self) -> dict[str, Any]:
-        """Plain values for a file; of G the lower triangle by rows."""
-        lower = np.tril_indices(self.moment.size)
-        return {
-            "gram": self.gram[lower].tolist(),
-            "moment": self.moment.tolist(),
-            "square": self.square,
-            "rows": self.rows,
-        }
-
-    @classmethod
-    def from_values(cls, values: Mapping[str, Any], base: BaseParameters) -> TorqueSums:
-        """The sums of :meth:`to_values`."""
-        size = len(base)
-        numbers = {}
-        for key, wanted in (
-            ("gram", (size * (size + 1) // 2,)),
-            ("moment", (size,)),
-            ("square", ()),
-            ("rows", ()),
-        ):
-            try:
-                numbers[key] = np.asarray(values[key], dtype=float)
-            except (KeyError, TypeError, ValueError) as error:
-                raise ValueError(f"torque_sums: {key!r} is missing or not a number") from error
-            if numbers[key].shape != wanted or not np.isfinite(numbers[key]).all():
-                raise UnusableValue(
-                    f"torque_sums: {key!r} has shape {numbers[key].shape} or is not finite",
-                    advice=f"{size} base parameters need {wanted}",
-                )
-        if min(numbers["square"], numbers["rows"]) < 0.0:
-            raise ValueError("torque_sums: square and rows cannot be negative")
-        gram = np.zeros((size, size))
-        gram[np.tril_indices(size)] = numbers["gram"]
-        gram += np.tril(gram, -1).T
-        scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-        if np.linalg.eigvalsh(gram / np.outer(scale, scale))[0] < -1e-6:
-            raise ValueError("torque_sums: 'gram' is not positive semidefinite")
-        return cls(gram, numbers["moment"], float(numbers["square"]), int(numbers["rows"]))
 
 
 @dataclass(frozen=True)
@@ -264,16 +247,16 @@ class EquationNoise:
     """Noise of the equations that an estimate solved.
 
     Attributes:
-        filters: prefilter of each joint with its variance: what it leaves of the residual is white
-            and has the variance one.
         rate: rows per second [Hz].
         standstill: speed below which rows were left out, zero where none were, shape (joints,)
             [rad/s or m/s].
+        filters: prefilter of each joint with its variance: what it leaves of the residual is white
+            and has the variance one.
     """
 
-    filters: tuple[Prefilter, ...]
-    rate: float
-    standstill: np.ndarray
+    rate: Annotated[float, Limits(gt=0.0)]
+    standstill: Annotated[np.ndarray, Sized("joints")]
+    filters: Annotated[tuple[Prefilter, ...], Sized("joints")]
 
     @classmethod
     def of(cls, problem: Problem, equations: Equations, rate: float) -> EquationNoise:
@@ -290,59 +273,10 @@ class EquationNoise:
         variance = equations.variance
         filters = equations.filters if equations.full_rate else [Prefilter()] * problem.robot.size
         return cls(
+            rate,
+            np.where(left_out > 0.5 * slow, standstill, 0.0),
             tuple(
                 replace(f, variance=float(f.variance * v))
                 for f, v in zip(filters, variance, strict=True)
             ),
-            rate,
-            np.where(left_out > 0.5 * slow, standstill, 0.0),
         )
-
-    def to_values(self) -> dict[str, Any]:
-        """Plain values for a file."""
-        filters = [
-            {
-                "numerator": np.asarray(f.numerator, dtype=float).tolist(),
-                "denominator": np.asarray(f.denominator, dtype=float).tolist(),
-                "fir": np.asarray(f.fir, dtype=float).tolist(),
-                "variance": f.variance,
-            }
-            for f in self.filters
-        ]
-        return {"rate": self.rate, "standstill": self.standstill.tolist(), "filters": filters}
-
-    @classmethod
-    def from_values(cls, values: Mapping[str, Any], joints: int) -> EquationNoise:
-        """The noise of :meth:`to_values`.
-
-        Raises:
-            ValueError: it is none of that many joints.
-        """
-        try:
-            filters = tuple(_filter_of(entry) for entry in values["filters"])
-            rate, standstill = float(values["rate"]), np.array(values["standstill"], dtype=float)
-        except (KeyError, TypeError, ValueError) as error:
-            raise ValueError(
-                f"equation_noise: a key is missing or not a number ({error})"
-            ) from error
-        if len(filters) != joints or standstill.shape != (joints,):
-            raise ValueError(f"equation_noise: one filter for each of {joints} joints is needed")
-        if not (np.isfinite(rate) and rate > 0 and np.isfinite(standstill).all()):
-            raise ValueError(
-                "equation_noise: rate and standstill must be finite, the rate positive"
-            )
-        return cls(filters, rate, standstill)
-
-
-def _filter_of(values: Mapping[str, Any]) -> Prefilter:
-    """A filter from its plain values."""
-    parts: dict[str, Sequence[float]] = {}
-    for key in ("numerator", "denominator", "fir"):
-        coefficients = np.array(values[key], dtype=float)
-        if coefficients.ndim != 1 or not coefficients.size or not np.isfinite(coefficients).all():
-            raise ValueError(f"{key!r} is not a list of finite numbers")
-        parts[key] = tuple(coefficients.tolist())
-    variance = float(values["variance"])
-    if not (np.isfinite(variance) and variance > 0.0):
-        raise ValueError("'variance' is not positive")
-    return Prefilter(**parts, variance=variance)

@@ -9,33 +9,27 @@ need them say so.
 
 from __future__ import annotations
 
-import math
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, ClassVar
 
 import numpy as np
-from pydantic import Field, ValidationError
 
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters, regrouped_name
 from pivident.dynamics.grouping.closed_form import quick_base_parameters
-from pivident.estimation.equation_record import MotionRange
-from pivident.estimation.identification import Identification, Iteration, JointFit
-from pivident.estimation.identification_file import SCHEMA, method_of_options
-from pivident.estimation.simulation_result import SimulationResult
-from pivident.estimation.solved_equations import EquationNoise, TorqueSums
-from pivident.foundation.errors import IdentificationFileError, PividentError, UnusableValue
-from pivident.foundation.files import json_object
-from pivident.foundation.text.finding import Finding, Quantity, Severity
-from pivident.loop.instruments.given_motion import InstrumentsUsed
+from pivident.estimation.identification import Identification
+from pivident.estimation.identification_file import (
+    IDENTIFICATION,
+    IdentificationTable,
+    method_of_options,
+)
+from pivident.foundation.codec import decode
+from pivident.foundation.errors import IdentificationFileError, UnusableValue
 from pivident.loop.instruments.kinds import KINDS
-from pivident.robot.description import Robot, TorqueSide
+from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
-from pivident.robot.robot_schema import Finite, Name, RobotValues, Values, first_problem
-from pivident.robot.robot_values import made_robot
-
-#: Larger files are not identifications [bytes].
-MAX_FILE = 2**27
+from pivident.robot.robot_values import StoredRobot
 
 #: Largest asymmetry of a covariance, relative to its standard errors, and most negative eigenvalue
 #: of its correlations that the rounding of versions explains which wrote what they had computed:
@@ -45,138 +39,13 @@ ASYMMETRY = INDEFINITE = 1e-3
 #: The first layout, which did not hold the robot.
 WITHOUT_ROBOT = 1
 
-#: A number that is written as null where it is not finite.
-Known = Finite | None
-Matrix = list[list[Known]]
 
+@dataclass(frozen=True, eq=False)
+class _RobotOfFile:
+    """The robot in a file, which says how many joints the rest is about."""
 
-class ParameterValues(Values):
-    """One estimate; its standard errors are those of the covariances.
-
-    Up to schema 3 ``std`` was by the method's covariance, and ``robust_std`` stood beside it.
-    """
-
-    name: Name
-    value: Finite
-    std: Known
-    low: Known = None
-    high: Known = None
-    robust_std: Known = None
-    relative_std: Known
-    method_std: Known = None
-    unit: str
-    expression: str
-
-
-class JointFitValues(Values):
-    """How one joint was fitted."""
-
-    name: Name
-    torque_unit: str
-    relative_error: Known
-    rms_error: Known
-    noise_std: Known
-    noise_unit: str
-    ar_order: int
-    ar_at_bound: bool
-    rows: Annotated[int, Field(ge=0)]
-    masked: Known
-    f50: Known
-    encoder_std: Known
-
-
-class IterationValues(Values):
-    """One pass of the estimator."""
-
-    theta: list[Known]
-    change: Known
-    residual: Known
-    halvings: int
-    ar_orders: list[int]
-
-
-class QuantityValues(Values):
-    """A number behind a warning."""
-
-    value: Known
-    unit: str = ""
-    bound: Known = None
-    interval: Annotated[list[Known], Field(min_length=2, max_length=2)] | None = None
-
-
-class WarningValues(Values):
-    """What the estimator noticed; repairs are of the experiment file of that run, and left out."""
-
-    severity: Severity
-    topic: str
-    kind: str
-    message: str
-    subject: str = ""
-    next_step: str = ""
-    evidence: Annotated[dict[str, QuantityValues], Field(default_factory=dict)]
-    basis: str = ""
-    place: list[str | int] = Field(default_factory=list)
-    repairs: list[Any] = Field(default_factory=list)
-
-
-class InstrumentsValues(Values):
-    """Where the instruments came from."""
-
-    kind: Literal[tuple(KINDS)]  # type: ignore[valid-type]
-    found: list[str]
-    agreement: list[Known]
-    shares_noise: str
-    others: list[Annotated[list[str], Field(min_length=2, max_length=2)]]
-    instead_of: str
-
-
-class ReadingValues(Values):
-    """How a log was read: arguments of `load_recording`."""
-
-    columns: dict[str, Any]
-    units: dict[str, Any]
-    side: str | dict[str, str]
-    rate: Finite | None
-    resample: bool
-    samples_axis: int | None
-    position_offset: list[Finite] | None
-    control_rate: Finite | None = None
-    torque_timing: str | None = None
-    delay: Finite | None = None
-    drive_delay: Finite | None = None
-    torque_side: TorqueSide | None = None
-
-
-class FileContent(Values):
-    """The whole file."""
-
-    schema_: Annotated[int, Field(alias="schema")]
-    method: Name
-    kind: str | None = None
-    robot: Name
-    converged: bool
-    iterations: int
-    parameters: Annotated[list[ParameterValues], Field(min_length=1)]
-    covariance: Matrix
-    robust_covariance: Matrix
-    formula_covariance: Matrix
-    relative_error: Known
-    joints: list[JointFitValues]
-    history: list[IterationValues]
-    condition: Known
-    controller: list[dict[str, Any]] | None
-    reference: list[dict[str, Any]] | None
-    instruments: InstrumentsValues | None = None
-    options: dict[str, Any]
-    warnings: list[WarningValues | str]
-    sources: dict[str, str]
-    version: str
-    readings: list[ReadingValues] = Field(default_factory=list)
-    motion: dict[str, list[Finite]] | None = None
-    robot_description: RobotValues | None = None
-    torque_sums: dict[str, Any] | None = None
-    equation_noise: dict[str, Any] | None = None
-    simulation: dict[str, Any] | None = None
+    passes_over_others: ClassVar[bool] = True
+    robot_description: StoredRobot
 
 
 def load_identification(path: str | PathLike[str], robot: Robot | None = None) -> Identification:
@@ -196,56 +65,31 @@ def load_identification(path: str | PathLike[str], robot: Robot | None = None) -
     file = Path(path)
     if file.is_dir():
         file = file / "identification.json"
-    try:
-        return _identification(_content(file, robot), robot)
-    except IdentificationFileError:
-        raise
-    except (ValidationError, PividentError) as error:
-        raise IdentificationFileError.of_content(
-            str(file),
-            first_problem(error),
-            "the file is damaged or was changed by hand, identify again",
-        ) from (None if isinstance(error, ValidationError) else error)
-    except (ValueError, OverflowError) as error:
-        raise IdentificationFileError.of_content(str(file), error, "") from error
+    content = _content(file, robot)
+    with IDENTIFICATION.damage(str(file)):
+        own = robot or decode(_RobotOfFile, content).robot_description
+        rest = {key: x for key, x in content.items() if key != "robot_description"}
+        return _identification(decode(IdentificationTable, rest, joints=own.size), own)
 
 
 def json_of_file(file: Path) -> dict[str, Any]:
     """A JSON object as plain values."""
-    try:
-        return json_object(file, MAX_FILE)
-    except OSError as error:
-        several = sorted(p.parent.name for p in file.parent.glob("*/identification.json"))
-        advice = "check the path and its permissions"
-        if several:
-            advice = f"there is one for each method: {', '.join(map(repr, several))}; name one"
-        raise IdentificationFileError(
-            str(file), f"cannot be read ({error.strerror})", advice=advice
-        ) from error
-    except ValueError as error:
-        raise IdentificationFileError(
-            str(file),
-            str(error),
-            advice="give the file identification.json of a result, or write it again with "
-            "`pivident identify`",
-        ) from None
+    found = [] if file.is_file() else sorted(file.parent.glob("*/identification.json"))
+    if not found:
+        return IDENTIFICATION.json(file)
+    names = ", ".join(repr(each.parent.name) for each in found)
+    return IDENTIFICATION.json(file, f"there is one for each method: {names}; name one")
 
 
-def _content(file: Path, robot: Robot | None) -> FileContent:
-    """The checked content of a file whose layout this version knows."""
+def _content(file: Path, robot: Robot | None) -> dict[str, Any]:
+    """The content of a file whose layout this version knows, with a robot if none is given."""
     content = json_of_file(file)
     schema = content.get("schema")
     if type(schema) is not int or "covariance" not in content:
         raise IdentificationFileError(
             str(file),
             "is not an identification: it has no schema number or covariance",
-            advice="give the file identification.json of a result",
-        )
-    if schema > SCHEMA:
-        raise IdentificationFileError(
-            str(file),
-            f"has layout {schema}, this version reads up to {SCHEMA}",
-            advice="install a newer pivident",
+            advice=IDENTIFICATION.give,
         )
     if schema <= WITHOUT_ROBOT and robot is None:
         raise IdentificationFileError(
@@ -253,66 +97,56 @@ def _content(file: Path, robot: Robot | None) -> FileContent:
             f"has layout {schema}, written by an older version, which did not keep the robot",
             advice="identify again, or give the robot: load_identification(path, robot=…)",
         )
-    if schema > WITHOUT_ROBOT and robot is not None:
-        raise IdentificationFileError(
-            str(file), "holds its robot already", advice="leave the argument robot out"
-        )
-    if schema > WITHOUT_ROBOT and not isinstance(content.get("robot_description"), dict):
-        raise IdentificationFileError(
-            str(file), "the key 'robot_description' is missing", advice="identify again"
-        )
-    return FileContent.model_validate(content)
+    if WITHOUT_ROBOT < schema <= IDENTIFICATION.version:
+        if robot is not None:
+            raise IdentificationFileError(
+                str(file), "holds its robot already", advice="leave the argument robot out"
+            )
+        if not isinstance(content.get("robot_description"), dict):
+            raise IdentificationFileError(
+                str(file), "the key 'robot_description' is missing", advice="identify again"
+            )
+    return IDENTIFICATION.raised(content, str(file))
 
 
-def _identification(content: FileContent, robot: Robot | None) -> Identification:
-    if content.robot_description is not None:
-        robot = made_robot(content.robot_description)
-    assert robot is not None
-    if [fit.name for fit in content.joints] != list(robot.joint_names):
+def _identification(table: IdentificationTable, robot: Robot) -> Identification:
+    """The identification of its table; refuses what does not belong together."""
+    if [fit.name for fit in table.joints] != list(robot.joint_names):
         raise UnusableValue(
-            f"joints are {', '.join(fit.name for fit in content.joints)}, but those of the robot "
+            f"joints are {', '.join(fit.name for fit in table.joints)}, but those of the robot "
             f"are {', '.join(robot.joint_names)}",
             advice="identify again",
         )
-    if not isinstance(content.options.get("signals", {}), dict):
+    if not isinstance(table.options.get("signals", {}), dict):
         raise UnusableValue(
             "options.signals must be a dictionary of options", advice="identify again"
         )
-    n = len(content.parameters)
-    covariance = _covariance("covariance", content.covariance, n)
-    robust = _covariance("robust_covariance", content.robust_covariance, n)
-    formula = _covariance("formula_covariance", content.formula_covariance, n)
-    history = tuple(_iteration(entry, n) for entry in content.history)
-    base, chosen = _selection(robot, [p.name for p in content.parameters])
-    return Identification(
-        method=content.method,
-        robot=robot,
-        parameters=tuple(base.parameters[k] for k in chosen),
-        names=tuple(base.names[k] for k in chosen),
-        expressions=tuple(base.expressions[k] for k in chosen),
-        theta=np.array([p.value for p in content.parameters]),
-        covariance=covariance,
-        robust_covariance=robust,
-        formula_covariance=formula,
-        converged=content.converged,
-        history=history,
-        joints=tuple(_joint_fit(fit) for fit in content.joints),
-        relative_error=_number(content.relative_error),
-        condition=_number(content.condition, math.inf),
-        recordings=(),
-        options=content.options,
-        method_used=method_of_options(content.options, content.kind, content.method),
-        warnings=tuple(map(_warning, content.warnings)),
-        sources=content.sources,
-        version=content.version,
-        readings=tuple(r.model_dump(exclude_unset=True) for r in content.readings),
-        motion=_motion(content.motion, robot.size),
-        torque_sums=_torque_sums(content.torque_sums, base),
-        equation_noise=_equation_noise(content.equation_noise, robot.size),
-        simulation=_simulation(content.simulation, robot.size),
-        instruments=_instruments(content.instruments),
-        loop_values={"controller": content.controller, "reference": content.reference},
-    )
+    if table.instruments is not None and table.instruments.kind not in KINDS:
+        raise UnusableValue(
+            f"instruments.kind = {table.instruments.kind!r}",
+            advice=nearest(table.instruments.kind, KINDS),
+        )
+    kinds = ("covariance", "robust_covariance", "formula_covariance")
+    covariances = {key: _covariance(key, getattr(table, key)) for key in kinds}
+    base, chosen = _selection(robot, [p.name for p in table.parameters])
+    sums = table.torque_sums
+    if sums is not None and len(sums.moment) != len(base):
+        raise UnusableValue(
+            f"torque_sums: 'gram' has shape {sums.gram.shape}",
+            advice=f"{len(base)} base parameters need shape {(len(base), len(base))}",
+        )
+    own = Identification.__dataclass_fields__.keys() & IdentificationTable.__dataclass_fields__
+    made = {
+        "robot": robot,
+        "parameters": tuple(base.parameters[k] for k in chosen),
+        "names": tuple(base.names[k] for k in chosen),
+        "expressions": tuple(base.expressions[k] for k in chosen),
+        "theta": np.array([p.value for p in table.parameters]),
+        "recordings": (),
+        "method_used": method_of_options(table.options, table.kind, table.method),
+        "loop_values": {"controller": table.controller, "reference": table.reference},
+    }
+    return Identification(**{key: getattr(table, key) for key in own} | covariances | made)
 
 
 def _selection(robot: Robot, names: list[str]) -> tuple[BaseParameters, list[int]]:
@@ -342,16 +176,10 @@ def _selection(robot: Robot, names: list[str]) -> tuple[BaseParameters, list[int
     return base, chosen
 
 
-def _covariance(key: str, rows: Matrix, size: int) -> np.ndarray:
+def _covariance(key: str, matrix: np.ndarray) -> np.ndarray:
     """A covariance matrix; one that was not finite when it was written is NaN throughout."""
-    if len(rows) != size or any(len(row) != size for row in rows):
-        raise UnusableValue(
-            f"{key} has {len(rows)} rows of {sorted({len(row) for row in rows})} numbers",
-            advice=f"the {size} parameters need shape {(size, size)}; identify again",
-        )
-    matrix = np.array([[_number(x) for x in row] for row in rows])
     if not np.isfinite(matrix).all():
-        return np.full((size, size), np.nan)
+        return np.full(matrix.shape, np.nan)
     variance = np.diag(matrix)
     if (variance < 0.0).any():
         worst = int(np.argmin(variance))
@@ -370,71 +198,3 @@ def _covariance(key: str, rows: Matrix, size: int) -> np.ndarray:
             advice="identify again",
         )
     return matrix
-
-
-def _iteration(values: IterationValues, size: int) -> Iteration:
-    if len(values.theta) != size:
-        raise UnusableValue(
-            f"an iteration of the history has {len(values.theta)} parameters instead of {size}",
-            advice="identify again",
-        )
-    return Iteration(
-        theta=np.array([_number(x) for x in values.theta]),
-        change=_number(values.change, math.inf),
-        residual=_number(values.residual),
-        halvings=values.halvings,
-        ar_orders=tuple(values.ar_orders),
-    )
-
-
-def _joint_fit(values: JointFitValues) -> JointFit:
-    unknown = {key: math.nan for key, value in vars(values).items() if value is None}
-    return JointFit(**vars(values) | unknown)
-
-
-def _torque_sums(values: dict[str, Any] | None, base: BaseParameters) -> Any:
-    if values is None:
-        return None
-    return TorqueSums.from_values(values, base)
-
-
-def _equation_noise(values: dict[str, Any] | None, joints: int) -> EquationNoise | None:
-    return None if values is None else EquationNoise.from_values(values, joints)
-
-
-def _simulation(values: dict[str, Any] | None, joints: int) -> SimulationResult | None:
-    return None if values is None else SimulationResult.from_values(values, joints)
-
-
-def _instruments(values: InstrumentsValues | None) -> InstrumentsUsed | None:
-    if values is None:
-        return None
-    known = tuple(_number(a) for a in values.agreement)
-    return InstrumentsUsed.from_values(dict(values) | {"agreement": known})
-
-
-def _motion(values: dict[str, list[float]] | None, joints: int) -> MotionRange | None:
-    return None if values is None else MotionRange.from_values(values, joints)
-
-
-def _number(value: float | None, unknown: float = math.nan) -> float:
-    return unknown if value is None else float(value)
-
-
-def _warning(stored: WarningValues | str) -> Finding:
-    """A warning of a file; older files hold sentences."""
-    if isinstance(stored, str):
-        return Finding("warning", "estimator", "stored", stored)
-    evidence = {name: _quantity(own) for name, own in stored.evidence.items()}
-    place = tuple(stored.place)
-    return Finding(**dict(stored) | {"evidence": evidence, "place": place, "repairs": ()})
-
-
-def _quantity(stored: QuantityValues) -> Quantity:
-    interval = stored.interval
-    return Quantity(
-        _number(stored.value),
-        stored.unit,
-        stored.bound,
-        None if interval is None else (_number(interval[0]), _number(interval[1])),
-    )

@@ -16,24 +16,21 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict, replace
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, ValidationError
 
-from pivident.foundation.errors import IdentificationFileError, PividentError
-from pivident.foundation.text.plain_values import json_of_entries
+from pivident.foundation.codec import Layout, decode
+from pivident.foundation.errors import UnusableValue
+from pivident.foundation.text.plain_values import LATER, Name, Null, json_of_entries, plain
 from pivident.models.exported import ExportedText, Format, Verification, compared
 from pivident.models.runnable_model import Origin, RunnableModel, impossible_value, runnable_model
 from pivident.robot.description import INERTIAL, Robot
 from pivident.robot.inertia import from_center_of_mass, tensor
-from pivident.robot.robot_schema import Finite, Name, RobotValues, Values, first_problem
-from pivident.robot.robot_values import made_robot, robot_values
-
-FORMAT, SCHEMA = "pivident-model", 1
+from pivident.robot.robot_values import StoredRobot, robot_values
 
 #: Units of the numbers.
 UNITS = {
@@ -64,40 +61,36 @@ CONVENTIONS = (
     "computed.",
 )
 
-#: What to do about a file whose content contradicts itself.
-DAMAGED = "the file is damaged or was changed by hand, export again"
+MODEL = Layout(
+    "model",
+    1,
+    give="make one with `pivident export … --to json`",
+    again="export again",
+    name="pivident-model",
+)
 
 
-class KnownKeys(BaseModel):
-    """A table of which only these keys are read; others are ignored."""
+@dataclass(frozen=True)
+class StandardValue:
+    """A standard parameter, with an interval in the file of a consistent model."""
 
-    model_config = ConfigDict(extra="ignore", strict=True, frozen=True)
-
-
-class _OriginValues(Values):
-    """Where a model comes from."""
-
-    method: Name
-    version: Name
-    sources: dict[str, str]
-    identification: Name
-
-
-class _ParameterValues(KnownKeys):
-    """A standard parameter."""
-
+    passes_over_others: ClassVar[bool] = True
     name: Name
-    value: Finite
+    value: float
+    low: Annotated[float, LATER, Null(-math.inf)] = -math.inf
+    high: Annotated[float, LATER, Null(math.inf)] = math.inf
 
 
-class _ModelFile(KnownKeys):
+@dataclass(frozen=True)
+class ModelTable:
     """The part of the file that is read; links and base parameters follow from it."""
 
+    passes_over_others: ClassVar[bool] = True
     consistent: bool
-    origin: _OriginValues
-    notes: list[str]
-    parameters: list[_ParameterValues]
-    robot: RobotValues
+    origin: Origin
+    notes: tuple[str, ...]
+    parameters: tuple[StandardValue, ...]
+    robot: StoredRobot
 
 
 def to_json(model: RunnableModel) -> ExportedText:
@@ -116,20 +109,19 @@ def to_json(model: RunnableModel) -> ExportedText:
 def model_values(model: RunnableModel) -> dict[str, Any]:
     """The model as plain values."""
     intervals, tree = model.intervals, model.robot.tree
-    return {
-        "format": FORMAT,
-        "schema": SCHEMA,
+    content = {
+        **MODEL.header,
         "consistent": model.consistent,
-        "origin": asdict(model.origin),
-        "notes": list(model.notes),
+        "origin": model.origin,
+        "notes": model.notes,
         "units": UNITS,
-        "conventions": list(CONVENTIONS),
+        "conventions": CONVENTIONS,
         "links": [_link_values(model, i) for i in range(tree.size)],
         "parameters": [
             {
                 "name": p.name,
                 "value": float(value),
-                "interval": None if intervals is None else _ends(intervals[k]),
+                "interval": None if intervals is None else intervals[k],
                 "unit": p.unit,
                 "joint": tree.joints[p.joint].name,
             }
@@ -138,6 +130,7 @@ def model_values(model: RunnableModel) -> dict[str, Any]:
         "base_parameters": _base_values(model),
         "robot": robot_values(robot_with_values(model)),
     }
+    return plain(content)
 
 
 def robot_with_values(model: RunnableModel) -> Robot:
@@ -199,37 +192,21 @@ def verify_json(exported: ExportedText, model: RunnableModel) -> Verification:
 
 
 def _model_of(content: dict[str, Any], file: str) -> RunnableModel:
-    if content.get("format") != FORMAT or content.get("schema") != SCHEMA:
-        raise IdentificationFileError(
-            file,
-            f"is no model of layout {SCHEMA}",
-            advice="make one with `pivident export … --to json`",
-        )
-    try:
-        known = _ModelFile.model_validate(content)
-        nominal = runnable_model(made_robot(known.robot))
-    except (ValidationError, PividentError) as error:
-        raise IdentificationFileError.of_content(file, first_problem(error), DAMAGED) from None
-    values = {entry.name: entry.value for entry in known.parameters}
-    own = {p.name: v for p, v in zip(nominal.parameters, nominal.values.tolist(), strict=True)}
-    for name in (*own, *values):
-        if values.get(name) != own.get(name):
-            raise IdentificationFileError(
-                file,
-                f"the parameter {name} is {values.get(name)!r} in 'parameters' and "
-                f"{own.get(name)!r} in 'robot'",
-                advice=DAMAGED,
-            )
-    model = replace(
-        nominal,
-        consistent=known.consistent,
-        origin=Origin(**vars(known.origin)),
-        notes=tuple(known.notes),
-    )
-    if known.consistent and (wrong := impossible_value(model)):
-        raise IdentificationFileError(
-            file, f"it is marked as physically consistent, but {wrong}", advice=DAMAGED
-        )
+    with MODEL.damage(file):
+        known = decode(ModelTable, MODEL.raised(content, file))
+        nominal = runnable_model(known.robot)
+        values = {entry.name: entry.value for entry in known.parameters}
+        own = {p.name: v for p, v in zip(nominal.parameters, nominal.values.tolist(), strict=True)}
+        for name in (*own, *values):
+            if values.get(name) != own.get(name):
+                raise UnusableValue(
+                    f"the parameter {name} is {values.get(name)!r} in 'parameters' and "
+                    f"{own.get(name)!r} in 'robot'"
+                )
+        same = {key: getattr(known, key) for key in ("consistent", "origin", "notes")}
+        model = replace(nominal, **same)
+        if known.consistent and (wrong := impossible_value(model)):
+            raise UnusableValue(f"it is marked as physically consistent, but {wrong}")
     return model
 
 
@@ -239,10 +216,10 @@ def _link_values(model: RunnableModel, joint: int) -> dict[str, Any]:
         "name": model.robot.tree.links[joint].name,
         "joint": model.robot.tree.joints[joint].name,
         "mass": body.mass,
-        "center_of_mass": body.center_of_mass.tolist() if body.mass else None,
-        "first_moments": model.inertial(joint)[6:9].tolist(),
-        "inertia": body.inertia.tolist(),
-        "inertia_at_origin": tensor(model.inertial(joint)[:6]).tolist(),
+        "center_of_mass": body.center_of_mass if body.mass else None,
+        "first_moments": model.inertial(joint)[6:9],
+        "inertia": body.inertia,
+        "inertia_at_origin": tensor(model.inertial(joint)[:6]),
     }
 
 
@@ -265,22 +242,14 @@ def _base_values(model: RunnableModel) -> list[dict[str, Any]]:
                 "name": name,
                 "group": group,
                 "value": float(value),
-                "estimate": _finite(estimate),
-                "interval": _ends((estimate - spread, estimate + spread))
+                "estimate": estimate,
+                "interval": (estimate - spread, estimate + spread)
                 if math.isfinite(spread)
                 else None,
                 "unit": p.unit,
             }
         )
     return values
-
-
-def _ends(interval: Any) -> list[float | None]:
-    return [_finite(float(end)) for end in interval]
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 #: The format from which pivident reads a model back.

@@ -23,6 +23,7 @@ from pivident.dynamics.regressor import Regressor
 from pivident.dynamics.robot_regressor import regressor_of
 from pivident.estimation.identification import Identification
 from pivident.foundation.errors import ExportError
+from pivident.foundation.text.plain_values import Name
 from pivident.models.consistency.constraints import coupled_joints
 from pivident.models.consistency.pseudo_inertia import pseudo_inertia
 from pivident.robot.description import INERTIAL, Robot
@@ -39,10 +40,10 @@ CONFIDENCE = 0.95
 class Origin:
     """Where a model comes from."""
 
-    method: str  # ``PC-IDIM-PIV`` if consistent, ``nominal`` for the description's values
-    version: str = ""  # of pivident that identified it
+    method: Name  # ``PC-IDIM-PIV`` if consistent, ``nominal`` for the description's values
+    version: Name = ""  # of pivident that identified it
     sources: Mapping[str, str] = field(default_factory=dict)  # SHA-256 of input files by name
-    identification: str = ""  # SHA-256 of its file, or empty
+    identification: Name = ""  # SHA-256 of its file, or empty
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,47 +7,58 @@ beside it, if its hash shows that it was made from this file, or else the stage 
 from __future__ import annotations
 
 import hashlib
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any, ClassVar
 
 import numpy as np
-from pydantic import Field, ValidationError
 
 from pivident.dynamics.parameters import standard_parameters
 from pivident.estimation.identification import Identification
 from pivident.estimation.stored_identification import json_of_file, load_identification
-from pivident.foundation.errors import IdentificationError, IdentificationFileError, PividentError
-from pivident.models.model_json import KnownKeys
+from pivident.foundation.codec import Layout, decode
+from pivident.foundation.errors import (
+    IdentificationError,
+    IdentificationFileError,
+    PividentError,
+    UnusableValue,
+)
+from pivident.foundation.text.plain_values import Name
+from pivident.models.model_json import StandardValue
 from pivident.models.runnable_model import Origin, RunnableModel, impossible_value, runnable_model
-from pivident.robot.robot_schema import Finite, Name, RobotValues, first_problem
-from pivident.robot.robot_values import made_robot
+from pivident.robot.robot_values import StoredRobot
 
-#: Name of the file of a consistent estimate, and the version of its layout.
-CONSISTENT_FILE, CONSISTENT_SCHEMA = "consistent.json", 1
-
-
-class _StandardValues(KnownKeys):
-    name: Name
-    value: Finite
-    low: Finite | None = None
-    high: Finite | None = None
+#: Name of the file of a consistent estimate, and its layout.
+CONSISTENT_FILE = "consistent.json"
+CONSISTENT = Layout(
+    "consistent model",
+    1,
+    give="give the file consistent.json of a result",
+    again="make it again with `pivident consistent`",
+)
 
 
-class _IdentificationFile(KnownKeys):
+@dataclass(frozen=True)
+class IdentificationUsed:
+    """The identification that consistent parameters were made from."""
+
+    passes_over_others: ClassVar[bool] = True
     file: str
     sha256: str
 
 
-class _ConsistentFile(KnownKeys):
-    schema_: Annotated[int, Field(alias="schema")]
+@dataclass(frozen=True)
+class ConsistentTable:
+    """The part of ``consistent.json`` that is read."""
+
+    passes_over_others: ClassVar[bool] = True
     method: Name
-    standard: list[_StandardValues]
-    notes: list[str]
+    standard: tuple[StandardValue, ...]
+    notes: tuple[str, ...]
     version: str
     sources: dict[str, str]
-    identification: _IdentificationFile
-    robot_description: RobotValues
+    identification: IdentificationUsed
+    robot_description: StoredRobot
 
 
 def stored_model(
@@ -129,50 +140,21 @@ def _consistent_of(
     path: Path, content: dict[str, Any], estimate: Identification | None = None
 ) -> RunnableModel:
     """The model of ``consistent.json``."""
-    if content.get("schema") != CONSISTENT_SCHEMA:
-        raise IdentificationFileError(
-            str(path),
-            f"has layout {content.get('schema')!r}, this version reads {CONSISTENT_SCHEMA}",
-            advice="make it again with `pivident consistent`",
+    with CONSISTENT.damage(str(path)):
+        known = decode(ConsistentTable, CONSISTENT.raised(content, str(path)))
+        parameters = standard_parameters(known.robot_description)
+        if [p.name for p in parameters] != [entry.name for entry in known.standard]:
+            raise UnusableValue("its standard parameters are not those of its robot")
+        model = RunnableModel(
+            robot=known.robot_description,
+            parameters=parameters,
+            values=np.array([entry.value for entry in known.standard]),
+            consistent=True,
+            origin=Origin(known.method, known.version, known.sources, known.identification.sha256),
+            notes=known.notes,
+            intervals=np.array([(entry.low, entry.high) for entry in known.standard]),
+            estimate=estimate,
         )
-    try:
-        known = _ConsistentFile.model_validate(content)
-        robot = made_robot(known.robot_description)
-    except (ValidationError, PividentError) as error:
-        raise IdentificationFileError.of_content(
-            str(path),
-            first_problem(error),
-            "the file is damaged, make it again with `pivident consistent`",
-        ) from None
-    parameters = standard_parameters(robot)
-    if [p.name for p in parameters] != [entry.name for entry in known.standard]:
-        raise IdentificationFileError(
-            str(path),
-            "its standard parameters are not those of its robot",
-            advice="make it again with `pivident consistent`",
-        )
-    ends = [
-        (
-            -np.inf if entry.low is None else entry.low,
-            np.inf if entry.high is None else entry.high,
-        )
-        for entry in known.standard
-    ]
-    model = RunnableModel(
-        robot=robot,
-        parameters=parameters,
-        values=np.array([entry.value for entry in known.standard]),
-        consistent=True,
-        origin=Origin(known.method, known.version, known.sources, known.identification.sha256),
-        notes=tuple(known.notes),
-        intervals=np.array(ends),
-        estimate=estimate,
-    )
-    if wrong := impossible_value(model):
-        raise IdentificationFileError(
-            str(path),
-            f"its parameters are not physically consistent: {wrong}",
-            advice="the file is damaged or was changed by hand, make it again with `pivident "
-            "consistent`",
-        )
+        if wrong := impossible_value(model):
+            raise UnusableValue(f"its parameters are not physically consistent: {wrong}")
     return model

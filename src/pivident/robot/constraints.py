@@ -13,10 +13,11 @@ what the torques of the independent joints have to be.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
+from pivident.foundation.text.plain_values import Name, Sized
 from pivident.robot.frames import Pose
 
 #: What a closure makes equal: the origins of two frames; and their z axes; and all of them.
@@ -42,7 +43,7 @@ class Closure:
             ``full``: the frames are the same.
     """
 
-    name: str
+    name: Name
     links: tuple[int, int]
     frames: tuple[Pose, Pose]
     kind: ClosureKind = "point"
@@ -63,8 +64,8 @@ class LinearConstraint:
         offset: their sum [rad or m].
     """
 
-    name: str
-    ratios: np.ndarray
+    name: Name
+    ratios: Annotated[np.ndarray, Sized(None)]
     offset: float = 0.0
 
 

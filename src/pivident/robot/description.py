@@ -18,12 +18,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
 from pivident.foundation.errors import RobotDescriptionError
 from pivident.foundation.text.display import Displayed
+from pivident.foundation.text.plain_values import Limits, Name
 from pivident.foundation.text.printable import is_printable
 from pivident.robot.constraints import Constraints
 from pivident.robot.friction import DEFAULT_FRICTION, FrictionLaw
@@ -71,9 +72,10 @@ class UrdfFile:
     """The URDF that a robot was read from, so that parameters can be written back into it."""
 
     path: str  # empty where the text did not come from a file
-    sha256: str  # of the text, unpacked if it was compressed
+    #: Of the text, unpacked if it was compressed.
+    sha256: Annotated[str, Limits(pattern="^[0-9a-f]{64}$")]
     #: Positions of frozen joints [rad or m], by name.
-    frozen: Mapping[str, float] = field(default_factory=dict)
+    frozen: Mapping[Name, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

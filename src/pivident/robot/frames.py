@@ -11,8 +11,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from decimal import Decimal
 from math import pi
+from typing import Annotated
 
 import numpy as np
+
+from pivident.foundation.text.plain_values import Sized
+
+Vector3 = Annotated[np.ndarray, Sized(3)]
+Matrix3 = Annotated[np.ndarray, Sized(3, 3)]
 
 #: Distance from ±z below which an axis counts as exactly ±z.
 AXIS_TOLERANCE = 1e-12
@@ -29,8 +35,8 @@ COARSEST = Decimal("0.01")
 class Pose:
     """Pose of a frame in another: ^a x = rotation (3, 3) · ^b x + translation (3,) [m]."""
 
-    rotation: np.ndarray
-    translation: np.ndarray
+    rotation: Matrix3
+    translation: Vector3
 
     @classmethod
     def identity(cls) -> Pose:

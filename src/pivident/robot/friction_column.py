@@ -14,7 +14,9 @@ from enum import IntEnum
 from functools import cache, cached_property
 from importlib import import_module
 from types import CodeType
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
+
+from pivident.foundation.text.plain_values import INFINITE_IN_WORDS, Name
 
 Smoothing = Literal["sign", "atan", "tanh"]
 
@@ -48,11 +50,12 @@ SIGNS |= {SignFunction.ATAN: "2/pi*atan(gamma*dq)", SignFunction.TANH: "tanh(gam
 class Shape:
     """A constant that enters a friction law nonlinearly; terms that name the same one share it."""
 
-    name: str
+    name: Name
     value: float
     unit: ShapeUnit
-    low: float  # smallest value that makes sense
-    high: float
+    #: Smallest value that makes sense, and largest.
+    low: Annotated[float, INFINITE_IN_WORDS]
+    high: Annotated[float, INFINITE_IN_WORDS]
     free: bool = True  # whether it is identified where shapes are; others stay as given
 
     def __post_init__(self) -> None:

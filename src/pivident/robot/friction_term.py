@@ -25,8 +25,10 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Annotated, Any
 
+from pivident.foundation.errors import UnusableValue
+from pivident.foundation.text.plain_values import Called, Limits, Name
 from pivident.robot.friction_column import (
     Constant,
     FrictionColumn,
@@ -56,8 +58,8 @@ class FrictionTerm:
         shapes: constants of the function, in the order that its kernel expects.
     """
 
-    stem: str
-    column: FrictionColumn
+    stem: Annotated[Name, Limits(min_length=1)]
+    column: Annotated[FrictionColumn, Called("function")]
     smoothing: Smoothing = "atan"
     gamma: float | None = None
     shapes: tuple[Shape, ...] = ()
@@ -65,6 +67,13 @@ class FrictionTerm:
     def __post_init__(self) -> None:
         if self.gamma is not None and not (math.isfinite(self.gamma) and self.gamma > 0):
             raise ValueError(f"gamma of {self.stem!r} must be positive, not {self.gamma}")
+        allowed = self.column.shape_counts
+        if len(self.shapes) not in allowed:
+            raise UnusableValue(
+                f"the term {self.stem!r} ({self.column.name}) has {len(self.shapes)} constants of "
+                "shape",
+                advice=f"it needs {' or '.join(map(str, allowed))}",
+            )
 
     @property
     def values(self) -> tuple[float, ...]:

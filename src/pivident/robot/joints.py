@@ -6,19 +6,25 @@ The z axis of a link's frame is its joint's axis, see `pivident.robot.descriptio
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from operator import attrgetter
+from typing import Annotated, Literal
 
 import numpy as np
 
 from pivident.foundation.errors import RobotDescriptionError
+from pivident.foundation.text.plain_values import INFINITE_IN_WORDS, LATER, As, Limits, Name, Sized
+from pivident.robot.frames import Matrix3, Vector3
 from pivident.robot.friction import DEFAULT_FRICTION, FrictionLaw
-from pivident.robot.friction_term import SLOPE_AT_RATED_SPEED
+from pivident.robot.friction_term import SLOPE_AT_RATED_SPEED, FrictionTerm
 
 JointKind = Literal["revolute", "prismatic"]
 
 #: How a joint comes to move: by a motor; not at all, and its torque is that of a force sensor; or
 #: by what the outside does to it, and its motion is measured.
 JointMotion = Literal["driven", "held", "measured"]
+
+#: A friction law, which is stored as its terms.
+StoredLaw = Annotated[FrictionLaw, As(tuple[FrictionTerm, ...], attrgetter("terms"), FrictionLaw)]
 
 #: Order of a link's ten inertial parameters.
 INERTIAL = ("xx", "xy", "xz", "yy", "yz", "zz", "mx", "my", "mz", "m")
@@ -43,16 +49,16 @@ class Joint:
             `pivident.robot.with_held_base` and `pivident.robot.with_floating_base`.
     """
 
-    name: str
+    name: Annotated[Name, Limits(min_length=1)]
     kind: JointKind
     parent: int
-    rotation: np.ndarray
-    translation: np.ndarray
-    position_limits: tuple[float, float] | None = None
-    rated_speed: float | None = None
-    torque_limit: float | None = None
-    friction: FrictionLaw = DEFAULT_FRICTION
-    motion: JointMotion = "driven"
+    rotation: Matrix3
+    translation: Vector3
+    position_limits: Annotated[tuple[float, float] | None, INFINITE_IN_WORDS] = None
+    rated_speed: Annotated[float | None, INFINITE_IN_WORDS] = None
+    torque_limit: Annotated[float | None, INFINITE_IN_WORDS] = None
+    friction: StoredLaw = DEFAULT_FRICTION
+    motion: Annotated[JointMotion, LATER] = "driven"
 
     @property
     def position_unit(self) -> str:
@@ -92,9 +98,9 @@ class Link:
             and no parameters.
     """
 
-    name: str
-    inertia: np.ndarray = field(default_factory=lambda: np.zeros(10))
-    is_body: bool = True
+    name: Name
+    inertia: Annotated[np.ndarray, Sized(10)] = field(default_factory=lambda: np.zeros(10))
+    is_body: Annotated[bool, LATER] = True
 
 
 @dataclass(frozen=True)
@@ -133,8 +139,8 @@ class Contact:
         point: the point in the frame of the link, shape (3,) [m].
     """
 
-    link: str
-    point: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    link: Name
+    point: Vector3 = field(default_factory=lambda: np.zeros(3))
 
     def __post_init__(self) -> None:
         if np.shape(self.point) != (3,) or not np.isfinite(self.point).all():

@@ -10,11 +10,13 @@ so that the power is the same on both sides, tauᵀ dq = tau_motorᵀ dq_motor.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from pivident.foundation.errors import RobotDescriptionError
 from pivident.foundation.scratch import working_array
+from pivident.foundation.text.plain_values import Sized
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,10 +32,10 @@ class Transmission:
             and turns no ampere into a torque. None: all of them.
     """
 
-    reduction: np.ndarray
-    drive_gain: np.ndarray
-    position_offset: np.ndarray
-    gain_given: np.ndarray = None  # type: ignore[assignment]
+    reduction: Annotated[np.ndarray, Sized("joints", "joints")]
+    drive_gain: Annotated[np.ndarray, Sized("joints")]
+    position_offset: Annotated[np.ndarray, Sized("joints")]
+    gain_given: Annotated[np.ndarray, Sized("joints", of=bool)] = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         n = len(self.drive_gain)

@@ -8,6 +8,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from pivident.foundation.errors import RobotDescriptionError
+from pivident.foundation.text.plain_values import Name
 from pivident.robot.frames import Pose
 
 #: Whether a sensor measures what its surroundings do to the robot, or the robot to them.
@@ -34,8 +35,8 @@ class WrenchSensor:
             force that the link applies to its surroundings.
     """
 
-    name: str
-    link: str
+    name: Name
+    link: Name
     frame: Pose = field(default_factory=Pose.identity)
     acts: Acts = "on_robot"
 

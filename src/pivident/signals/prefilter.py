@@ -23,12 +23,14 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Annotated
 
 import numpy as np
 from numba import njit
 
 from pivident.foundation.compiled import section
 from pivident.foundation.errors import IdentificationError
+from pivident.foundation.text.plain_values import As, Limits
 
 #: Taps that the compiled filter adds up in one pass over a tile; filters are padded to it.
 _TAPS = 8
@@ -51,14 +53,25 @@ _STRETCH = 1024
 _WORTH_A_THREAD = 2_000_000
 
 
+#: Coefficients of z⁻¹, at least one.
+Coefficients = Annotated[
+    Sequence[float] | np.ndarray,
+    As(
+        Annotated[tuple[float, ...], Limits(min_length=1)],
+        lambda given: np.asarray(given, dtype=float),
+        tuple,
+    ),
+]
+
+
 @dataclass(frozen=True, eq=False)
 class Prefilter:
     """One joint's prefilter; coefficients of z⁻¹, earliest first."""
 
-    numerator: Sequence[float] | np.ndarray = (1.0,)  # N
-    denominator: Sequence[float] | np.ndarray = (1.0,)  # D, all poles inside the unit circle
-    fir: Sequence[float] | np.ndarray = (1.0,)  # A, monic whitening polynomial; (1,) for none
-    variance: float = 1.0  # λ, variance of the whitened noise
+    numerator: Coefficients = (1.0,)  # N
+    denominator: Coefficients = (1.0,)  # D, all poles inside the unit circle
+    fir: Coefficients = (1.0,)  # A, monic whitening polynomial; (1,) for none
+    variance: Annotated[float, Limits(gt=0.0)] = 1.0  # λ, variance of the whitened noise
 
     def stream(self, rows: int, threads: int = 2) -> StreamingFilter:
         """A filter at rest for that many rows."""

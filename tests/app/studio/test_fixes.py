@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from pivident.app.studio.fixes import Fix, as_json, fixes, of_json
+from pivident.app.studio.fixes import Fix, fixes
 from pivident.data.logs.log import factors_of
 from pivident.experiment.check.experiment_check import check_experiment
 from pivident.experiment.check.geometry_check import FEED_FORWARD, candidates
@@ -13,7 +13,9 @@ from pivident.experiment.check.remark import of_finding
 from pivident.experiment.edited_file import edited
 from pivident.experiment.experiment import load_experiment
 from pivident.experiment.recording_tables import log_of
-from pivident.foundation.errors import ExperimentError
+from pivident.foundation.codec import decode
+from pivident.foundation.errors import ExperimentError, UnusableValue
+from pivident.foundation.text.plain_values import plain
 from pivident.foundation.text.repair import Edit, Repair, Reversed
 from pivident.foundation.text.toml import parse_toml
 from tests.app.studio.faulty_logs import FAULTS, TAU
@@ -44,7 +46,7 @@ def test_a_fault_is_gone_after_its_fix(name, tmp_path):
     for _ in range(3):  # a remark about several joints may need a fix for each
         ways = fixes(found[0], text)
         assert ways, found[0]
-        assert of_json(json.loads(json.dumps(as_json(ways[0])))) == ways[0]
+        assert decode(Fix, json.loads(json.dumps(plain(ways[0])))) == ways[0]
         text = edited(text, ways[0].edits)
         experiment.write_text(text, encoding="utf-8")
         left = checked(experiment)
@@ -193,5 +195,5 @@ def test_a_fix_of_another_text_is_refused():
     with pytest.raises(ExperimentError, match="reload the page"):
         edited(EXPERIMENT, gone.edits)
     for bad in ({}, {"words": "x", "edits": 3}, {"words": "x", "edits": [["a", "b"]]}):
-        with pytest.raises(ExperimentError, match="no fix of the check"):
-            of_json(bad)
+        with pytest.raises(UnusableValue, match=r"words|edits"):
+            decode(Fix, bad)

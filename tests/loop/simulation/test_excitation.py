@@ -7,6 +7,8 @@ import pytest
 
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.regressor import Regressor
+from pivident.foundation.codec import decode
+from pivident.foundation.text.plain_values import plain
 from pivident.loop.simulation.excitation import (
     FourierSeries,
     motion_limits,
@@ -70,7 +72,7 @@ def test_a_seed_is_a_motion(series):
 
 
 def test_a_motion_is_read_back_bit_for_bit(series):
-    back = FourierSeries.of(json.loads(json.dumps(series.plain())))
+    back = decode(FourierSeries, json.loads(json.dumps(plain(series))))
     for name in ("offset", "a", "b"):
         assert np.array_equal(getattr(back, name), getattr(series, name))
     assert back.cost == series.cost

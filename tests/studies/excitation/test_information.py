@@ -36,12 +36,12 @@ BASE = base_parameters(ROBOT)
 VALUES = BASE.values(nominal_values(ROBOT, BASE.standard))
 REGRESSOR = Regressor.build(ROBOT, BASE.parameters)
 COLOURED = EquationNoise(
+    100.0,
+    np.zeros(2),
     (
         Prefilter(fir=(1.0, -0.7, 0.2), variance=0.3),
         Prefilter((1.0, 0.4), (1.0, -0.5), (1.0, 0.3), 0.02),
     ),
-    100.0,
-    np.zeros(2),
 )
 LOAD = np.array([0.01, 0.0, 0.0, 0.02, 0.0, 0.02, 0.1, 0.05, 0.0, 1.5])
 
@@ -190,7 +190,7 @@ def test_a_sample_counts_for_the_rows_that_the_record_will_have():
 
 
 def test_samples_at_standstill_do_not_count_where_the_estimator_leaves_them_out():
-    still = EquationNoise((Prefilter(), Prefilter()), 40.0, np.array([0.0, 0.2]))
+    still = EquationNoise(40.0, np.array([0.0, 0.2]), (Prefilter(), Prefilter()))
     made = Information(
         REGRESSOR, still, 40.0, np.zeros((len(BASE),) * 2), robot_question(BASE, VALUES)
     )

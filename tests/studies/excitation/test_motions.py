@@ -5,8 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pivident.foundation.codec import decode
+from pivident.foundation.text.plain_values import plain
 from pivident.loop.simulation.reference import trapezoidal_moves
-from pivident.studies.excitation.motions import DWELL, ExcitingMotion, MotionFamily
+from pivident.studies.excitation.motions import DWELL, ExcitingMotion, MotionFamily, MotionTable
 
 KINDS = {"fourier": 9, "splines": 12, "postures": 7}
 
@@ -85,7 +87,7 @@ def test_a_fourier_motion_is_a_series_and_a_quintic():
 @given(kind=st.sampled_from(sorted(KINDS)), seed=st.integers(0, 1000))
 def test_plain_values_give_the_motion_back_bit_for_bit(kind, seed):
     made = motion(kind, seed)
-    again = ExcitingMotion.of(made.plain())
+    again = decode(MotionTable, plain(MotionTable.of(made))).motion()
     np.testing.assert_array_equal(again.coefficients, made.coefficients)
     assert again.family == made.family
 
@@ -93,7 +95,7 @@ def test_plain_values_give_the_motion_back_bit_for_bit(kind, seed):
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"kind": "walk", "duration": 5.0, "coefficients": [[1.0]] * 5}, "kind is 'walk'"),
+        ({"kind": "walk", "duration": 5.0, "coefficients": [[1.0]] * 5}, "kind = 'walk': must be"),
         ({"kind": "fourier", "duration": -1.0, "coefficients": [[1.0]] * 5}, "duration"),
         ({"kind": "fourier", "duration": 5.0, "coefficients": [[1.0]] * 4}, "harmonics"),
         ({"kind": "splines", "duration": 5.0, "coefficients": [[np.nan]] * 5}, "finite"),
@@ -101,7 +103,7 @@ def test_plain_values_give_the_motion_back_bit_for_bit(kind, seed):
 )
 def test_plain_values_of_no_motion_are_refused(values, message):
     with pytest.raises(ValueError, match=message):
-        ExcitingMotion.of(values)
+        decode(MotionTable, values).motion()
 
 
 @pytest.mark.parametrize("kind", ["fourier", "splines", "postures"])
@@ -117,7 +119,7 @@ def test_rounds_repeat_the_motion(kind):
     ends = motion.at(np.array([0.0, 6.0, 12.0, 18.0, 99.0]))
     np.testing.assert_allclose(ends[0], np.tile(motion.start, (5, 1)), atol=1e-9)
     assert np.abs(ends[1:3]).max() < 1e-9
-    assert ExcitingMotion.of(motion.plain()).family == family
+    assert MotionTable.of(motion).motion().family == family
     if kind == "postures":
         assert motion.postures.shape == (1 + 3 * 9, 2)
         np.testing.assert_array_equal(motion.postures[:10], motion.one_round.postures)

@@ -16,8 +16,8 @@ from typing import Any
 from pivident.app.studio.projects import EXPERIMENT, Changed, Project
 from pivident.experiment.edited_file import Edits, edited, edits_for, with_repair
 from pivident.experiment.experiment import load_experiment
-from pivident.foundation.errors import ExperimentError, PividentError
-from pivident.foundation.text.repair import Place, Repair
+from pivident.foundation.errors import PividentError
+from pivident.foundation.text.repair import Repair
 from pivident.foundation.text.toml import parse_toml
 from pivident.judgement.diagnostics.verdict_file import repairs_of
 
@@ -55,36 +55,6 @@ def fixes(remark: Mapping[str, Any], text: str) -> tuple[Fix, ...]:
         if works and all(fix.edits != other.edits for other in ways):
             ways.append(fix)
     return tuple(ways)
-
-
-def as_json(fix: Fix) -> dict[str, Any]:
-    """A fix as plain values."""
-    return {"words": fix.words, "edits": [[list(place), value] for place, value in fix.edits]}
-
-
-def of_json(content: Mapping[str, Any]) -> Fix:
-    """A fix from `as_json`, as a page sends it back.
-
-    Raises:
-        ExperimentError: it has another form.
-    """
-    try:
-        edits = tuple((_place(place), _value(value)) for place, value in content["edits"])
-        return Fix(str(content["words"]), edits)
-    except (KeyError, TypeError, ValueError):
-        raise ExperimentError("this is no fix of the check", advice="reload the page") from None
-
-
-def _place(place: Any) -> Place:
-    if not isinstance(place, list) or not all(isinstance(part, (str, int)) for part in place):
-        raise TypeError
-    return tuple(place)
-
-
-def _value(value: Any) -> str | None:
-    if value is not None and not isinstance(value, str):
-        raise TypeError
-    return value
 
 
 def says_the_same(content: Mapping[str, Any], results: Path) -> bool:

@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from pivident.app.studio.arm_picture import robot_picture as robot_picture
-from pivident.app.studio.fixes import as_json, fixes
+from pivident.app.studio.fixes import fixes
 from pivident.app.studio.logged_signals import write_signals
 from pivident.app.studio.projects import EXPERIMENT, HIDDEN
 from pivident.app.studio.tasks import Tasks
@@ -105,7 +105,7 @@ def _with_fixes(found: ExperimentCheck, text: str) -> dict[str, Any]:
     joints = next((list(audit.log.joint_names) for audit in found.audits), [])
     for remark in content["remarks"]:
         remark["joints"] = joints
-        remark["fixes"] = [as_json(fix) for fix in fixes(remark, text)]
+        remark["fixes"] = plain(fixes(remark, text))
     return content
 
 

@@ -15,7 +15,7 @@ from urllib.parse import quote
 from pivident.app.studio.chosen_laws import with_laws
 from pivident.app.studio.drafting import DRAFT, draft
 from pivident.app.studio.example import ROBOT, draft_example
-from pivident.app.studio.fixes import of_json, repaired_text
+from pivident.app.studio.fixes import Fix, repaired_text
 from pivident.app.studio.gate import Gate, before_run, before_use
 from pivident.app.studio.looks import Looks
 from pivident.app.studio.projects import (
@@ -33,6 +33,8 @@ from pivident.app.studio.steps import STEPS
 from pivident.app.studio.tasks import Tasks
 from pivident.data.logs.tables.tables import is_log
 from pivident.experiment.edited_file import confirmed, edited
+from pivident.foundation.codec import decode
+from pivident.foundation.errors import ExperimentError, UnusableValue
 from pivident.foundation.text.toml import string_text
 from pivident.robot.gallery import gallery_names
 from pivident.robot.naming import nearest
@@ -233,7 +235,9 @@ class Studio:
         text = project.text_of(version)
         found = read_object(self.looks.folder(project.folder) / "findings" / "check.json")
         try:
-            fix = of_json(found["remarks"][remark]["fixes"][number])
+            fix = decode(Fix, found["remarks"][remark]["fixes"][number])
+        except UnusableValue:
+            raise ExperimentError("this is no fix of the check", advice="reload the page") from None
         except (KeyError, IndexError):
             raise Changed(
                 "the check has another result by now", advice="it is shown as it is"

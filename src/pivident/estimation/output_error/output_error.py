@@ -376,8 +376,8 @@ def _result(method: OutputError, fit: SimulationFit, count: int) -> SimulationRe
         torque_rms=fit.rms[TORQUES],
         loop_parameters=tuple(
             LoopParameter(
-                own.name, own.unit, float(fit.values[k]), float(fit.std[k]), _side(fit, k),
-                bool(fit.held[k]),
+                own.name, own.unit, float(fit.values[k]), float(fit.std[k]),
+                _side(fit, k) if fit.bound[k] else "", bool(fit.held[k]),
             )
             for k, own in enumerate(fit.unknowns)
             if k >= count
@@ -390,10 +390,8 @@ def _result(method: OutputError, fit: SimulationFit, count: int) -> SimulationRe
     )  # fmt: skip
 
 
-def _side(fit: SimulationFit, k: int) -> str:
-    """Which bound holds an unknown, empty for none."""
-    if not fit.bound[k]:
-        return ""
+def _side(fit: SimulationFit, k: int) -> Literal["low", "high"]:
+    """Which bound holds an unknown that one holds."""
     own = fit.unknowns[k]
     return "low" if abs(fit.values[k] - own.low) <= abs(fit.values[k] - own.high) else "high"
 

@@ -32,6 +32,7 @@ from pivident.experiment.file_lines import file_lines, numbered
 from pivident.experiment.schema import RecordingEntry
 from pivident.foundation.errors import PividentError
 from pivident.foundation.text.finding import Finding, FindingKind, Severity, Topic, merged, worst
+from pivident.foundation.text.plain_values import plain
 from pivident.foundation.text.repair import Edit, Place, Repair
 from pivident.foundation.text.sentences import plural
 from pivident.foundation.text.toml import behind_dots, keys_in, tables, toml_document
@@ -78,7 +79,7 @@ class ExperimentCheck:
             "refused": self.refused,
             "remarks": [remark.as_json() for remark in self.remarks],
             "checked": list(self.looked_at),
-            "plan": None if self.plan is None else self.plan.as_json(),
+            "plan": plain(self.plan),
         }
 
 

@@ -24,15 +24,13 @@ caches filled:
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 from pivident.data.recording.recording import Recording
 from pivident.estimation.method import Method
 from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Problem
 from pivident.foundation.compiled import is_compiled
-from pivident.foundation.text.plain_values import plain
 from pivident.foundation.text.sentences import plural
 
 
@@ -69,10 +67,6 @@ class Plan:
     seconds: float
     seconds_of: Mapping[str, float]
     compiling: float
-
-    def as_json(self) -> dict[str, Any]:
-        """Plain values."""
-        return plain(asdict(self))
 
     @property
     def lines(self) -> list[tuple[str, str]]:

@@ -43,7 +43,9 @@ class Remark(Finding):
 
     def as_json(self) -> dict[str, Any]:
         """As of every finding; the place is always there."""
-        return super().as_json() | {"place": list(self.place)}
+        content = super().as_json() | {"place": list(self.place)}
+        repairs = {"repairs": content.pop("repairs")} if self.repairs else {}
+        return content | repairs  # behind the others
 
     @property
     def group(self) -> tuple[object, ...]:

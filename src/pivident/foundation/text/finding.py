@@ -7,15 +7,21 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
-from typing import Any, Literal, TypeVar
+from dataclasses import dataclass, field, replace
+from math import nan
+from typing import Annotated, Any, Literal, TypeVar
 
 from pivident.foundation.text.numbers import plus_minus
-from pivident.foundation.text.plain_values import plain
+from pivident.foundation.text.plain_values import LATER, NOT_STORED, SPARSE, As, Known, Null, plain
 from pivident.foundation.text.repair import RECORDING, Place, Repair, joined_repairs
 from pivident.foundation.text.sentences import plural
 
 Severity = Literal["ok", "note", "warning", "error"]
+
+#: Repairs in a file are of the experiment file of that run, and are not read with a finding.
+NOT_READ_BACK = As(
+    list[Any], lambda repairs: [repair.as_json() for repair in repairs], lambda stored: ()
+)
 
 #: From harmless to harmful.
 SEVERITIES: tuple[Severity, ...] = ("ok", "note", "warning", "error")
@@ -39,21 +45,17 @@ class Quantity:
         digits: significant digits in sentences.
     """
 
-    value: float
-    unit: str = ""
-    bound: float | None = None
-    interval: tuple[float, float] | None = None
-    digits: int = 4
+    value: Known
+    unit: Annotated[str, LATER] = ""
+    bound: Annotated[float | None, LATER] = None
+    interval: Annotated[tuple[float, float] | None, LATER, Null(nan)] = None
+    digits: Annotated[int, NOT_STORED] = 4
 
     def __str__(self) -> str:
         text = f"{self.value:.{self.digits}g}"
         if self.interval is not None:
             text = plus_minus(self.value, (self.interval[1] - self.interval[0]) / 2)
         return text if self.unit.startswith("unit") else f"{text} {self.unit}".rstrip()
-
-    def as_json(self) -> dict[str, Any]:
-        """Plain values; numbers that are not finite become None."""
-        return plain({key: x for key, x in asdict(self).items() if key != "digits"})
 
 
 @dataclass(frozen=True)
@@ -143,12 +145,12 @@ class Finding:
     topic: str
     kind: str
     message: str
-    subject: str = ""
-    next_step: str = ""
-    evidence: Mapping[str, Quantity] = field(default_factory=dict)
-    basis: str = ""
-    place: Place = ()
-    repairs: tuple[Repair, ...] = ()
+    subject: Annotated[str, LATER] = ""
+    next_step: Annotated[str, LATER] = ""
+    evidence: Annotated[Mapping[str, Quantity], LATER] = field(default_factory=dict)
+    basis: Annotated[str, LATER] = ""
+    place: Annotated[Place, SPARSE] = ()
+    repairs: Annotated[tuple[Repair, ...], SPARSE, NOT_READ_BACK] = ()
     declared: FindingKind | None = field(default=None, compare=False, repr=False)
 
     def __str__(self) -> str:
@@ -212,13 +214,7 @@ class Finding:
 
     def as_json(self) -> dict[str, Any]:
         """Plain values; numbers that are not finite become None, repairs are there if any are."""
-        fields = {key: getattr(self, key) for key in self.__dataclass_fields__}
-        del fields["declared"], fields["repairs"]
-        if not self.place:
-            del fields["place"]
-        if self.repairs:
-            fields["repairs"] = [repair.as_json() for repair in self.repairs]
-        return plain(fields | {"evidence": {n: x.as_json() for n, x in self.evidence.items()}})
+        return plain(self)
 
 
 AnyFinding = TypeVar("AnyFinding", bound=Finding)

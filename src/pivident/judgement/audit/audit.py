@@ -11,6 +11,7 @@ import numpy as np
 from pivident.data.logs.log import Log
 from pivident.foundation.errors import PividentError, RecordingError
 from pivident.foundation.text.finding import Finding, FindingKind, Severity, Topic, worst
+from pivident.foundation.text.plain_values import plain
 from pivident.foundation.text.sentences import listed
 from pivident.foundation.threads import linear_algebra_in_one_thread
 from pivident.foundation.version import __version__
@@ -125,40 +126,41 @@ class Audit:
     def as_json(self) -> dict[str, Any]:
         """Everything as plain values."""
         log, delay, excitation = self.log, self.delay, self.excitation
-        return {
+        content = {
             "name": log.name,
             "samples": log.samples,
             "rate_hz": self.timing.rate,
-            "joints": list(log.joint_names),
+            "joints": log.joint_names,
             "robot": log.robot.name if log.robot else None,
             "sources": [{"name": s.name, "sha256": s.sha256} for s in log.sources],
             "severity": self.severity,
-            "findings": [finding.as_json() for finding in self.findings],
+            "findings": self.findings,
             "grids": [
-                {"signal": g.name, "step": _number(g.step), "digits": g.digits}
+                {"signal": g.name, "step": g.step, "digits": g.digits}
                 for g in self.quantisation.grids
             ],
             "delay": None
             if delay is None
             else {
-                "common_s": _number(delay.common[0]),
-                "common_std_s": _number(delay.common[1]),
-                "joints_s": _numbers(delay.estimates),
-                "joints_std_s": _numbers(delay.standard_errors),
+                "common_s": delay.common[0],
+                "common_std_s": delay.common[1],
+                "joints_s": delay.estimates,
+                "joints_std_s": delay.standard_errors,
             },
-            "gain": None if self.scale is None else _numbers(self.scale.factors),
-            "relative_errors": None if self.model is None else _numbers(self.model.relative_errors),
-            "friction_power_w": None if self.power is None else _numbers(self.power.friction),
+            "gain": None if self.scale is None else self.scale.factors,
+            "relative_errors": None if self.model is None else self.model.relative_errors,
+            "friction_power_w": None if self.power is None else self.power.friction,
             "excitation": None
             if excitation is None
             else {
-                "parameters": list(excitation.names),
+                "parameters": excitation.names,
                 "rank": excitation.rank,
-                "condition": _number(excitation.condition),
-                "open_torque": _numbers(excitation.open_torque),
-                "used": _numbers(excitation.used),
+                "condition": excitation.condition,
+                "open_torque": excitation.open_torque,
+                "used": excitation.used,
             },
         }
+        return plain(content)
 
 
 def audits_json(audits: Sequence[Audit]) -> dict[str, Any]:
@@ -276,12 +278,3 @@ def _not_judged(reason: str) -> Finding:
     step = "Give the robot (--robot) and the columns (--experiment)."
     step = "" if reason.endswith("still") else step
     return NOT_JUDGED.finding("ok", text, "", step)
-
-
-def _number(value: float) -> float | None:
-    """A number for JSON, which knows no NaN."""
-    return float(value) if np.isfinite(value) else None
-
-
-def _numbers(values: np.ndarray) -> list[float | None]:
-    return [_number(float(value)) for value in values]

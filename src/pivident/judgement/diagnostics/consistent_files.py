@@ -10,14 +10,14 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from pathlib import Path
 from typing import Any
 
 from pivident.foundation.document.table import Table, Values
+from pivident.foundation.text.plain_values import plain
 from pivident.judgement.diagnostics.consistent_estimate import CONFIDENCE, ConsistentEstimate
-from pivident.models.consistency.link_quantities import LinkRow, Quantity
-from pivident.models.stored_model import CONSISTENT_FILE, CONSISTENT_SCHEMA
+from pivident.models.consistency.link_quantities import LinkRow
+from pivident.models.stored_model import CONSISTENT, CONSISTENT_FILE
 from pivident.robot.robot_values import robot_values
 
 #: Name of the table beside `CONSISTENT_FILE`.
@@ -35,13 +35,13 @@ def write_consistent(estimate: ConsistentEstimate, folder: Path, identification:
 def consistent_json(estimate: ConsistentEstimate, identification: Path) -> str:
     """Strict JSON of the complete result."""
     model = estimate.model
-    content = {"schema": CONSISTENT_SCHEMA} | model.to_values()
+    content = CONSISTENT.header | model.to_values()
     for entries, intervals in (
         (content["standard"], estimate.standard),
         (content["base"], estimate.base),
     ):
         for entry, low, high in zip(entries, intervals.low, intervals.high, strict=True):
-            entry |= {"low": _number(low), "high": _number(high)}
+            entry |= {"low": low, "high": high}
     for entry, row in zip(content["links"], estimate.links, strict=True):
         entry |= _link_values(row)
     prediction = estimate.prediction
@@ -68,7 +68,7 @@ def consistent_json(estimate: ConsistentEstimate, identification: Path) -> str:
         "version": model.free.version,
         "robot_description": robot_values(model.robot),
     }
-    return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    return json.dumps(plain(content), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def consistent_csv(estimate: ConsistentEstimate) -> str:
@@ -90,17 +90,9 @@ def consistent_csv(estimate: ConsistentEstimate) -> str:
 def _link_values(row: LinkRow) -> dict[str, Any]:
     """Intervals of a link, and its principal moments with their axes."""
     return {
-        "mass_interval": _ends(row.mass),
-        "center_of_mass_interval": [_ends(c) for c in row.center_of_mass],
+        "mass_interval": (row.mass.low, row.mass.high),
+        "center_of_mass_interval": [(c.low, c.high) for c in row.center_of_mass],
         "principal_moments": [m.value for m in row.moments],
-        "principal_moments_interval": [_ends(m) for m in row.moments],
-        "principal_axes": row.axes.T.tolist(),
+        "principal_moments_interval": [(m.low, m.high) for m in row.moments],
+        "principal_axes": row.axes.T,
     }
-
-
-def _ends(quantity: Quantity) -> list[float | None]:
-    return [_number(quantity.low), _number(quantity.high)]
-
-
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None

@@ -9,9 +9,8 @@ from __future__ import annotations
 import shlex
 import textwrap
 from collections.abc import Collection, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -118,10 +117,6 @@ class Summary:
     take_away: str = ""
     next_step: str = ""
     details: str = ""
-
-    def as_json(self) -> dict[str, Any]:
-        """Plain values."""
-        return asdict(self)
 
     def in_folder(
         self,

@@ -17,12 +17,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Annotated, Literal
 
 from pivident.dynamics.signs import negative_parameters
 from pivident.estimation.parameter_rows import parameter_rows
 from pivident.foundation.text.finding import Finding, Quantity
 from pivident.foundation.text.numbers import format_significant, percent
+from pivident.foundation.text.plain_values import NOT_STORED
 from pivident.foundation.text.sentences import half_sentence, listed, plural
 from pivident.judgement.diagnostics.consistent_estimate import ConsistentEstimate
 from pivident.judgement.diagnostics.diagnostics import Diagnostics
@@ -61,15 +62,10 @@ class Use:
         evidence: numbers by name, the decisive one first.
     """
 
-    name: str
+    name: Annotated[str, NOT_STORED]
     answer: Answer
     why: str = ""
     evidence: Mapping[str, Quantity] = field(default_factory=dict)
-
-    def as_json(self) -> dict[str, Any]:
-        """Plain values."""
-        numbers = {name: x.as_json() for name, x in self.evidence.items()}
-        return {"answer": self.answer, "why": self.why, "evidence": numbers}
 
 
 def uses(diagnostics: Diagnostics, name: str) -> tuple[Use, ...]:

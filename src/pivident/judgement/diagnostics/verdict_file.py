@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from pivident.estimation.stored_identification import json_of_file
-from pivident.foundation.errors import IdentificationFileError, PividentError
+from pivident.foundation.codec import decode
+from pivident.foundation.errors import IdentificationFileError, PividentError, UnusableValue
 from pivident.foundation.text.plain_values import plain
 from pivident.foundation.text.repair import Repair
 from pivident.judgement.diagnostics.summary import Summary
@@ -47,19 +47,19 @@ def save_verdict(
         "name": found.name,
         "severity": found.severity,
         "headline": found.headline,
-        "uses": {use.name: use.as_json() for use in found.uses},
-        "summary": None if shown is None else shown.as_json(),
+        "uses": {use.name: plain(use) for use in found.uses},
+        "summary": plain(shown),
         "repairs": [
             _trial(trial) | {"number": number, "repair": trial.repair.as_json()}
             for number, trial in enumerate(found.repairs, start=1)
             if trial.repair is not None
         ],
         "tried": [_trial(trial) for trial in found.trials],
-        "statements": [s.as_json() for s in found.statements],
+        "statements": plain(found.statements),
         "terms": list(terms),
         "open": list(found.open),
-        "ranges": [plain(asdict(own)) for own in found.ranges],
-        "held_out": {name: plain(errors.to_values()) for name, errors in found.held_out.items()},
+        "ranges": plain(found.ranges),
+        "held_out": plain(found.held_out),
     }
     path.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
 
@@ -159,8 +159,8 @@ def held_out_errors(folder: Path, method: str) -> HeldOutErrors | None:
         for name, values in stored.items() if isinstance(stored, dict) else ():
             if place == folder or name == folder.name:
                 try:
-                    found = HeldOutErrors.from_values(values)
-                except PividentError:
+                    found = decode(HeldOutErrors, values)
+                except UnusableValue:
                     continue
                 if found.method == method:
                     return found

@@ -14,12 +14,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import numpy as np
 
 from pivident.foundation.errors import IdentificationError
 from pivident.foundation.text.numbers import percent
+from pivident.foundation.text.plain_values import Known
 from pivident.loop.motion.motion import Kinematics, SimulatedMotion
 
 #: Share of a joint's acceleration that instruments must follow to be of use, and to be good.
@@ -131,36 +132,13 @@ class InstrumentsUsed:
 
     kind: str
     found: tuple[str, ...] = ()
-    agreement: tuple[float, ...] = ()
+    agreement: tuple[Known, ...] = ()
     shares_noise: str = ""
     others: tuple[tuple[str, str], ...] = ()
     instead_of: str = ""
     #: Motions of the next best kind, for the test whether it contradicts these; not stored.
     further: tuple[SimulatedMotion, ...] = field(default=(), repr=False, compare=False)
     further_kind: str = field(default="", repr=False, compare=False)
-
-    def to_values(self) -> dict[str, Any]:
-        """They as plain values for a file."""
-        return {
-            "kind": self.kind,
-            "found": list(self.found),
-            "agreement": list(self.agreement),
-            "shares_noise": self.shares_noise,
-            "others": [list(pair) for pair in self.others],
-            "instead_of": self.instead_of,
-        }
-
-    @classmethod
-    def from_values(cls, values: dict[str, Any]) -> InstrumentsUsed:
-        """Those of :meth:`to_values`."""
-        return cls(
-            values["kind"],
-            tuple(values["found"]),
-            tuple(values["agreement"]),
-            values["shares_noise"],
-            tuple((a, b) for a, b in values["others"]),
-            values["instead_of"],
-        )
 
 
 def agreement(kinematics: Sequence[Kinematics], motions: Sequence[SimulatedMotion]) -> np.ndarray:

@@ -14,11 +14,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.robot_regressor import regressor_of
+from pivident.foundation.text.plain_values import Known, Sized
 from pivident.robot.description import Robot
 
 #: Samples per period of the highest harmonic on which limits and W are evaluated.
@@ -39,11 +41,11 @@ class FourierSeries:
     """A periodic motion."""
 
     frequency: float  # of the first harmonic [Hz]
-    offset: np.ndarray  # q0 [rad or m], shape (joints,)
+    offset: Annotated[np.ndarray, Sized("joints")]  # q0 [rad or m], shape (joints,)
     #: Amplitudes of cos in the speed [rad/s or m/s], shape (joints, harmonics); ``b`` of sin.
-    a: np.ndarray
-    b: np.ndarray  # see above
-    cost: float = float("nan")  # cond(WᵀW) + 100/σ_min(W), NaN where nothing was optimised
+    a: Annotated[np.ndarray, Sized("joints", "harmonics")]
+    b: Annotated[np.ndarray, Sized("joints", "harmonics")]  # see above
+    cost: Known = float("nan")  # cond(WᵀW) + 100/σ_min(W), NaN where nothing was optimised
 
     def sampled(self, rate: float, samples: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The motion: q, dq, ddq, each (samples, joints)."""
@@ -54,20 +56,6 @@ class FourierSeries:
         dq = cosine @ self.a.T + sine @ self.b.T
         ddq = -(sine * omega) @ self.a.T + (cosine * omega) @ self.b.T
         return q, dq, ddq
-
-    def plain(self) -> dict:
-        """As plain values; ``FourierSeries.of`` reads them back bit for bit."""
-        arrays = {"offset": self.offset, "a": self.a, "b": self.b}
-        values: dict = {key: value.tolist() for key, value in arrays.items()}
-        cost = self.cost if np.isfinite(self.cost) else None
-        return {"frequency": self.frequency, "cost": cost} | values
-
-    @classmethod
-    def of(cls, plain: dict) -> FourierSeries:
-        """From plain values."""
-        offset, a, b = (np.array(plain[key]) for key in ("offset", "a", "b"))
-        cost = float("nan") if plain["cost"] is None else plain["cost"]
-        return cls(plain["frequency"], offset, a, b, cost)
 
 
 @dataclass(frozen=True, eq=False)

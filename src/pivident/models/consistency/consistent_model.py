@@ -21,6 +21,7 @@ from pivident.estimation.solved_equations import TorqueSums
 from pivident.foundation.document.table import Column, Table
 from pivident.foundation.errors import ExperimentError, NoConsistentModelNear
 from pivident.foundation.text.numbers import format_significant
+from pivident.foundation.text.plain_values import plain
 from pivident.models.consistency.constraints import (
     Bounds,
     Constraint,
@@ -257,7 +258,7 @@ class ConsistentModel:
 
     def to_values(self) -> dict[str, Any]:
         """The result as plain values, ready for JSON."""
-        return {
+        content = {
             "method": self.method,
             "robot": self.robot.name,
             "prior": self.prior,
@@ -265,8 +266,8 @@ class ConsistentModel:
             "least_distance": self.least_distance,
             "p_value": self.p_value,
             "distance": self.distance,
-            "torque_error_free": _number(self.torque_error_free),
-            "torque_error": _number(self.torque_error),
+            "torque_error_free": self.torque_error_free,
+            "torque_error": self.torque_error,
             "seconds": self.seconds,
             "standard": [
                 {"name": p.name, "value": float(v), "unit": p.unit}
@@ -283,26 +284,15 @@ class ConsistentModel:
                 {
                     "name": b.name,
                     "mass": b.mass,
-                    "center_of_mass": b.center_of_mass.tolist(),
-                    "inertia": b.inertia.tolist(),
+                    "center_of_mass": b.center_of_mass,
+                    "inertia": b.inertia,
                 }
                 for b in self.links
             ],
-            "active": [
-                {
-                    "subject": a.subject,
-                    "constraint": a.constraint,
-                    "multiplier": a.multiplier,
-                    "share": a.share,
-                }
-                for a in self.active
-            ],
-            "notes": list(self.notes),
+            "active": self.active,
+            "notes": self.notes,
         }  # fmt: skip
-
-
-def _number(value: float) -> float | None:
-    return value if np.isfinite(value) else None
+        return plain(content)
 
 
 def make_consistent(

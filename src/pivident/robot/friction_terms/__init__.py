@@ -13,9 +13,12 @@ from __future__ import annotations
 import copyreg
 from functools import cache
 
+from pivident.foundation.errors import UnusableValue
 from pivident.foundation.registry import Registry
+from pivident.foundation.text.plain_values import BY_NAME
 from pivident.robot.friction_column import FrictionColumn
 from pivident.robot.friction_term import TermKind
+from pivident.robot.naming import nearest
 
 #: Terms by the name that robot files give them.
 TERM_KINDS: Registry[TermKind] = Registry(
@@ -48,9 +51,17 @@ def friction_columns() -> dict[str, FrictionColumn]:
 
 
 def column_named(name: str) -> FrictionColumn:
-    """The column of friction of that name."""
-    return friction_columns()[name]
+    """The column of friction of that name.
+
+    Raises:
+        UnusableValue: there is none; names the nearest ones.
+    """
+    known = friction_columns()
+    if name not in known:
+        raise UnusableValue("there is no such friction", advice=nearest(name, known))
+    return known[name]
 
 
-# A column is the same object wherever it comes from.
+# A column is the same object wherever it comes from, another process or a file.
 copyreg.pickle(FrictionColumn, lambda column: (column_named, (column.name,)))
+BY_NAME[FrictionColumn] = column_named

@@ -6,12 +6,14 @@ Poses of all links in the base frame, for many postures at once.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
 from pivident.foundation.errors import RobotDescriptionError
-from pivident.robot.description import Robot
+from pivident.foundation.text.plain_values import Limits, Name
+from pivident.robot.description import MAX_JOINTS, Robot
+from pivident.robot.frames import Vector3
 
 #: Name of the fixed link where the description gives it none.
 BASE = "base"
@@ -31,11 +33,11 @@ class Body:
         radius: radius [m].
     """
 
-    name: str
-    link: int
-    start: np.ndarray
-    end: np.ndarray
-    radius: float
+    name: Name
+    link: Annotated[int, Limits(ge=-1, lt=MAX_JOINTS)]
+    start: Vector3
+    end: Vector3
+    radius: Annotated[float, Limits(ge=0.0)]
 
     def __post_init__(self) -> None:
         for key, value in (("start", self.start), ("end", self.end)):

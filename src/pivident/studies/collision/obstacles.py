@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from pivident.experiment.excite_keys import SHAPES, ObstacleShape
 from pivident.foundation.errors import ExperimentError
+from pivident.foundation.text.plain_values import Limits, Name
 from pivident.robot.description import Robot
-from pivident.robot.frames import rotation_from_z_to
+from pivident.robot.frames import Matrix3, Vector3, rotation_from_z_to
 from pivident.robot.naming import nearest
 from pivident.studies.collision.distances import BOX, CYLINDER, SEGMENT
+
+Length = Annotated[float, Limits(ge=0.0)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,13 +32,13 @@ class Obstacle:
         length: of a cylinder or capsule along its z axis, without the capsule's caps [m].
     """
 
-    name: str
+    name: Name
     shape: ObstacleShape
-    rotation: np.ndarray
-    translation: np.ndarray
-    size: np.ndarray | None = None
-    radius: float = 0.0
-    length: float = 0.0
+    rotation: Matrix3
+    translation: Vector3
+    size: Vector3 | None = None
+    radius: Length = 0.0
+    length: Length = 0.0
 
     def __post_init__(self) -> None:
         where = f"obstacle {self.name!r}"

@@ -23,7 +23,7 @@ from pivident.estimation.stored_identification import json_of_file, load_identif
 from pivident.foundation.errors import IdentificationFileError, PividentError
 from pivident.judgement.diagnostics.verdict_file import RESULT
 from pivident.models.consistency.metric import HALF_INTERVAL
-from pivident.models.model_json import FORMAT, read_model
+from pivident.models.model_json import MODEL, read_model
 from pivident.models.runnable_model import RunnableModel
 from pivident.models.stored_model import stored_model
 from pivident.robot.description import Robot
@@ -230,7 +230,7 @@ def _entry(file: Path) -> Entry:
     content = json_of_file(file)
     source = _source(file)
     label = str(file)
-    if content.get("format") == FORMAT:
+    if content.get("format") == MODEL.name:
         return _model(read_model(file), label, source)
     if "standard" in content and "covariance" not in content:
         model, _ = stored_model(file)

@@ -23,7 +23,7 @@ import numpy as np
 from pivident.robot.description import Robot
 from pivident.studies.collision.clearances import Clearances
 from pivident.studies.excitation.constraints import Constraints
-from pivident.studies.excitation.design import ClearanceUse, LimitUse
+from pivident.studies.excitation.design import ClearanceUse, Limited, LimitUse
 
 #: Parts into which an interval in doubt is cut, and how often.
 PARTS, LEVELS = 8, 5
@@ -174,7 +174,7 @@ class FineCheck:
         c, t = self.constraints, self.times
         moved = c.motion(coefficients)
         limits = c.limits
-        quantities = [
+        quantities: list[tuple[Limited, np.ndarray, np.ndarray, np.ndarray, str]] = [
             ("position", moved[0], limits.low, limits.high, "{}"),
             ("speed", moved[1], -limits.speed, limits.speed, "{}/s"),
             ("acceleration", moved[2], -limits.acceleration, limits.acceleration, "{}/s²"),

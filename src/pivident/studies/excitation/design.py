@@ -7,22 +7,30 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from math import inf, nan
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
 from pivident.foundation.document.table import Column, Table
 from pivident.foundation.text import display
-from pivident.foundation.text.plain_values import csv_table
-from pivident.robot.description import Joint, Robot
+from pivident.foundation.text.plain_values import Known, Limits, Name, Null, Sized, csv_table
+from pivident.robot.description import Joint
+from pivident.robot.robot_values import StoredRobot
 from pivident.studies.collision.bodies import Body
 from pivident.studies.collision.obstacles import Obstacle
-from pivident.studies.excitation.motions import RISE_SHARE, ExcitingMotion
+from pivident.studies.excitation.motions import RISE_SHARE, StoredMotion
+
+#: A number that is infinite where a file says null.
+Unlimited = Annotated[float, Null(inf)]
 
 #: Rate of the torques that a design keeps for its page [Hz].
 PAGE_RATE = 50.0
 #: Digits of a sample, and of a position in a list that is typed in by hand.
 DIGITS, TYPED_DECIMALS = 12, 4
+
+
+Limited = Literal["position", "speed", "acceleration", "jerk", "torque", "rms torque"]
 
 
 @dataclass(frozen=True)
@@ -42,15 +50,15 @@ class LimitUse:
         source: where the limit comes from: ``description``, ``file`` or ``assumed``.
     """
 
-    joint: str
-    quantity: str
-    unit: str
-    low: float
-    high: float
+    joint: Name
+    quantity: Limited
+    unit: Name
+    low: Annotated[float, Null(-inf)]
+    high: Unlimited
     least: float
     largest: float
-    t: float
-    source: str
+    t: Known
+    source: Name
 
     @property
     def share(self) -> float:
@@ -75,7 +83,7 @@ class ClearanceUse:
         t: instant of the least clearance [s].
     """
 
-    name: str
+    name: Name
     least: float
     needed: float
     t: float
@@ -100,15 +108,15 @@ class PredictedError:
         remark: why it remains undetermined, empty otherwise.
     """
 
-    name: str
-    unit: str
-    value: float
-    std: float
-    before: float
+    name: Name
+    unit: Name
+    value: Known
+    std: Unlimited
+    before: Unlimited
     wanted: bool = False
     remark: str = ""
-    alone: float = float("inf")
-    size: float = float("nan")
+    alone: Unlimited = inf
+    size: Known = nan
 
     @property
     def relative(self) -> float:
@@ -152,14 +160,14 @@ class Design:
         torque_margin: two standard errors of these torques, same shape and unit, or None.
     """
 
-    robot: Robot
-    motion: ExcitingMotion
+    robot: StoredRobot
+    motion: StoredMotion
     criterion: str
-    cost: tuple[float, float]
+    cost: tuple[Unlimited, Unlimited]
     cost_words: str
-    condition: tuple[float, float]
-    predicted: tuple[PredictedError, ...]
-    correlation: np.ndarray
+    condition: tuple[Unlimited, Unlimited]
+    predicted: Annotated[tuple[PredictedError, ...], Sized("parameters")]
+    correlation: Annotated[np.ndarray, Sized("parameters", "parameters"), Null(nan)]
     limits: tuple[LimitUse, ...]
     clearances: tuple[ClearanceUse, ...]
     noise: str
@@ -167,9 +175,9 @@ class Design:
     settings: Mapping[str, Any] = field(default_factory=dict)
     bodies: tuple[Body, ...] = ()
     obstacles: tuple[Obstacle, ...] = ()
-    seconds: float = 0.0
-    torque: np.ndarray | None = None
-    torque_margin: np.ndarray | None = None
+    seconds: Annotated[float, Limits(ge=0.0)] = 0.0
+    torque: Annotated[np.ndarray | None, Sized(None, "joints")] = None
+    torque_margin: Annotated[np.ndarray | None, Sized(None, "joints")] = None
 
     def __str__(self) -> str:
         return str(display.presentation.design_text(self))

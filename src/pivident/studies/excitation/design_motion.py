@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -245,7 +245,7 @@ def account(task: DesignTask, fine: FineCheck, motion: ExcitingMotion, best: Bes
 
 def _settings(task: DesignTask) -> dict[str, Any]:
     """What was asked for, without what was left open."""
-    asked = task.request.plain()
+    asked = asdict(task.request)
     given = {
         k: x for k, x in asked.items() if x is not None and not (isinstance(x, tuple) and not x)
     }

@@ -126,4 +126,4 @@ def assumed_noise(deviation: np.ndarray, rate: float) -> EquationNoise:
     from pivident.signals.prefilter import Prefilter
 
     filters = tuple(Prefilter(variance=float(d) ** 2) for d in deviation)
-    return EquationNoise(filters, rate, np.zeros(len(filters)))
+    return EquationNoise(rate, np.zeros(len(filters)), filters)

@@ -15,15 +15,19 @@ b_k vanish at both ends with their speeds and accelerations. Three families of b
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any, Literal, get_args
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Literal, get_args
 
 import numpy as np
 
 from pivident.foundation.errors import UnusableValue
+from pivident.foundation.text.plain_values import LATER, As, Limits, Sized
 from pivident.loop.simulation.reference import trapezoidal_move
 
 MotionKind = Literal["fourier", "splines", "postures"]
+
+#: Longest round of a stored motion [s], most rounds, and the largest number of functions.
+MAX_DURATION, MAX_ROUNDS, MAX_FUNCTIONS = 86_400.0, 10_000, 10_000
 
 #: Rest at each posture [s], and the share of a move in which the joints accelerate.
 DWELL, RISE_SHARE = 0.05, 0.3
@@ -170,42 +174,38 @@ class ExcitingMotion:
         """
         return self.family.functions(t) @ self.coefficients
 
-    def plain(self) -> dict[str, Any]:
-        """As plain values; `ExcitingMotion.of` reads them back bit for bit."""
-        family = self.family
-        return {
-            "kind": family.kind,
-            "duration": family.duration,
-            "rounds": family.rounds,
-            "coefficients": self.coefficients.tolist(),
-        }
+
+@dataclass(frozen=True, eq=False)
+class MotionTable:
+    """A motion as a file holds it, from which it comes back bit for bit."""
+
+    kind: MotionKind
+    duration: Annotated[float, Limits(gt=0.0, le=MAX_DURATION)]
+    rounds: Annotated[int, LATER, Limits(ge=1, le=MAX_ROUNDS)] = 1
+    coefficients: Annotated[
+        np.ndarray, Sized("functions", "joints"), Limits(min_length=1, max_length=MAX_FUNCTIONS)
+    ] = field(kw_only=True)
 
     @classmethod
-    def of(cls, plain: dict[str, Any]) -> ExcitingMotion:
-        """From plain values.
+    def of(cls, motion: ExcitingMotion) -> MotionTable:
+        """The table of a motion."""
+        own = motion.family
+        return cls(own.kind, own.duration, own.rounds, coefficients=motion.coefficients)
 
-        Args:
-            plain: ``kind``, ``duration``, ``rounds`` and ``coefficients``, as `plain` has them.
-
-        Returns:
-            The motion.
+    def motion(self) -> ExcitingMotion:
+        """The motion of the table.
 
         Raises:
-            ValueError: they are those of no motion.
+            ValueError: its family has no so many functions, or its moves take no time.
         """
-        coefficients = np.array(plain["coefficients"], dtype=float)
-        if coefficients.ndim != 2 or not np.isfinite(coefficients).all():
-            raise ValueError("coefficients are not one row of finite numbers for each function")
-        duration = float(plain["duration"])
-        if not (np.isfinite(duration) and duration > 0.0):
-            raise ValueError(f"duration is {duration}, not a positive number of seconds")
-        rounds = int(plain.get("rounds", 1))
-        if rounds < 1:
-            raise UnusableValue(
-                f"rounds is {rounds}", advice="a motion is run once or several times"
-            )
-        family = MotionFamily(plain["kind"], duration, len(coefficients), rounds)
-        return cls(family, coefficients)
+        family = MotionFamily(self.kind, self.duration, len(self.coefficients), self.rounds)
+        if self.kind == "postures" and not family.move_duration > 0.0:
+            raise ValueError(f"{self.duration:g} s leave no time for {family.size} moves")
+        return ExcitingMotion(family, self.coefficients)
+
+
+#: A motion in a file.
+StoredMotion = Annotated[ExcitingMotion, As(MotionTable, MotionTable.of, MotionTable.motion)]
 
 
 def _fourier(t: np.ndarray, duration: float, harmonics: int) -> np.ndarray:

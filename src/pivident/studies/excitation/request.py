@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
 
@@ -104,10 +104,6 @@ class DesignRequest:
     def criterion_used(self) -> CriterionName:
         """The criterion, where none was named."""
         return self.criterion or ("worst" if self.parameters or self.goal is not None else "a")
-
-    def plain(self) -> dict[str, Any]:
-        """As plain values."""
-        return asdict(self)
 
 
 def chosen_parameters(base: BaseParameters, names: Sequence[str]) -> np.ndarray | None:

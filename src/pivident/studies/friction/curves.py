@@ -5,7 +5,6 @@ The friction of a record as files: page, JSON, and curves as tables.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +14,7 @@ from markupsafe import Markup
 
 from pivident.foundation.extras import require
 from pivident.foundation.files import atomic_folder
+from pivident.foundation.text.plain_values import plain
 from pivident.foundation.version import __version__
 from pivident.judgement.report.builder import page_environment, page_of, write_page
 from pivident.studies.friction.friction_figures import gain_figure, joint_figures, ripple_figures
@@ -54,16 +54,17 @@ def curves_table(study: FrictionStudy) -> pl.DataFrame:
 
 def as_json(study: FrictionStudy) -> dict[str, Any]:
     """The study as plain values; numbers that are not finite become null."""
-    return {
+    content = {
         "schema": SCHEMA,
         "pivident": __version__,
         "robot": study.robot,
         "method": study.method,
-        "recordings": list(study.recordings),
-        "left_out": dict(study.left_out),
+        "recordings": study.recordings,
+        "left_out": study.left_out,
         "joints": [_joint_json(joint) for joint in study.joints],
         "ripple": None if study.ripple is None else _ripple_json(study.ripple),
     }
+    return plain(content)
 
 
 def _ripple_json(ripple: Ripple) -> list[dict[str, Any]]:
@@ -79,7 +80,7 @@ def _ripple_json(ripple: Ripple) -> list[dict[str, Any]]:
                     "over": line.angle.name,
                     "amplitude": line.amplitude,
                     "interval": list(line.interval),
-                    "phase_rad": _finite(line.phase),
+                    "phase_rad": line.phase,
                     "sentence": str(line),
                 }
                 for line in joint.lines
@@ -97,27 +98,27 @@ def _joint_json(joint: JointFriction) -> dict[str, Any]:
         "torque_unit": joint.torque.torque_unit,
         "position_unit": joint.torque.position_unit,
         "samples_in_motion": int(joint.torque.moving.sum()),
-        "correlation_s": _finite(fit.correlation / joint.torque.rate),
-        "independent_samples": _finite(fit.effective),
+        "correlation_s": fit.correlation / joint.torque.rate,
+        "independent_samples": fit.effective,
         "converged": fit.converged,
-        "residual_std": _finite(fit.noise_std),
-        "rigid_std": _finite(joint.torque.load_std),
+        "residual_std": fit.noise_std,
+        "rigid_std": joint.torque.load_std,
         "held_out": {
             "band_hz": held_out.band,
-            "constant_rms": _finite(held_out.constant.rms),
-            "speed_rms": _finite(held_out.speed.rms),
-            "full_rms": _finite(held_out.full.rms),
-            "without_rms": {name: _finite(e.rms) for name, e in held_out.by_term.items()},
+            "constant_rms": held_out.constant.rms,
+            "speed_rms": held_out.speed.rms,
+            "full_rms": held_out.full.rms,
+            "without_rms": {name: e.rms for name, e in held_out.by_term.items()},
         },
         "functions": [
             {
                 "name": p.name,
                 "over": STATES[p.name][0],
-                "nvr": _finite(p.nvr),
+                "nvr": p.nvr,
                 "straight": p.is_straight,
-                "state": _finite_list(p.state),
-                "value": _finite_list(p.value),
-                "std": _finite_list(p.std),
+                "state": p.state,
+                "value": p.value,
+                "std": p.std,
             }
             for p in fit.parameters
         ],
@@ -126,8 +127,8 @@ def _joint_json(joint: JointFriction) -> dict[str, Any]:
                 "kind": f.kind,
                 "severity": f.severity,
                 "message": f.message,
-                "value": _finite(f.evidence["value"].value),
-                "two_sigma": _finite(f.evidence["two_sigma"].value),
+                "value": f.evidence["value"].value,
+                "two_sigma": f.evidence["two_sigma"].value,
                 "unit": f.evidence["value"].unit,
                 "clear": bool(f.clear),
                 "terms": f.terms,
@@ -184,15 +185,6 @@ def _joint_frames(joint: JointFriction) -> list[pl.DataFrame]:
         ).with_columns(pl.col(pl.Float64).fill_nan(None))
         for frame in frames
     ]
-
-
-def _finite(x: float) -> float | None:
-    x = float(x)
-    return x if math.isfinite(x) else None
-
-
-def _finite_list(x: np.ndarray) -> list[float | None]:
-    return [_finite(value) for value in x]
 
 
 def write_friction(study: FrictionStudy, folder: str | Path, title: str | None = None) -> Path:

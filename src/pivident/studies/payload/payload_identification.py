@@ -177,7 +177,7 @@ class PayloadIdentification(Accounted):
             "relative_errors": dict(zip(self.joints, self.relative_errors, strict=True)),
             "rms_errors": dict(zip(self.joints, self.rms_errors, strict=True)),
             "recordings": self.recordings,
-            "warnings": [warning.as_json() for warning in self.warnings],
+            "warnings": self.warnings,
             "sources": {"without_load": self.arm.sources, "with_load": self.sources},
             "version": self.version,
         }

@@ -27,7 +27,7 @@ from pivident.experiment.recording_tables import Part, between_gaps, reading_of
 from pivident.foundation.errors import ExperimentError, RecordingError, UnknownColumn
 from pivident.judgement.diagnostics.verdict_file import RESULT, held_out_errors, result_of
 from pivident.judgement.validation.held_out.held_out_errors import HeldOutErrors
-from pivident.models.model_json import FORMAT, read_model
+from pivident.models.model_json import MODEL, read_model
 from pivident.models.runnable_model import RunnableModel, runnable_model
 from pivident.models.stored_model import stored_model
 from pivident.robot.description import Robot
@@ -104,7 +104,7 @@ def stored_result(path: str | Path) -> StoredResult:
         return StoredResult(runnable_model(load_robot(path)), file)
     file = result_of(file)
     content = json_of_file(file)
-    if content.get("format") == FORMAT:
+    if content.get("format") == MODEL.name:
         return StoredResult(read_model(file), file)
     if "standard" in content and "covariance" not in content:
         return _of_consistent(file, content)

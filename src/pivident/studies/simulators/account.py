@@ -16,7 +16,7 @@ from pivident.studies.simulators.robot_files import ENDINGS
 from pivident.studies.simulators.simulator_fit import SimulatorFit
 
 #: Version of the layout of ``simulator.json``.
-SCHEMA = 1
+SCHEMA = 2
 
 
 def account(fit: SimulatorFit, robot: RobotFile | None, held_out: HeldOut | None) -> Document:

@@ -10,7 +10,9 @@ from pivident.dynamics.forward import make_model
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.methods import METHODS
 from pivident.estimation.simulation_result import LoopParameter
+from pivident.foundation.codec import decode
 from pivident.foundation.text.finding import Finding
+from pivident.foundation.text.plain_values import plain
 from pivident.judgement.validation.held_out.cross_validation import cross_validate
 from pivident.judgement.validation.held_out.held_out_errors import HeldOutErrors
 from pivident.judgement.validation.held_out.out_of_sample import _judged
@@ -116,13 +118,13 @@ def test_every_method_with_a_loop_has_held_out_positions():
     # 2e-6 rad is the noise of the encoders: the loop of the record is known
     assert (closed.simulation.position < 3e-6).all()
     stored = HeldOutErrors.of(compared.results["oloe"])
-    assert HeldOutErrors.from_values(stored.to_values()) == stored
+    assert decode(HeldOutErrors, plain(stored)) == stored
     assert stored.loop == "open" and stored.position_units == {"shoulder": "rad", "elbow": "rad"}
     old = {
-        k: v for k, v in stored.to_values().items()
+        k: v for k, v in plain(stored).items()
         if k not in ("loop", "positions", "position_units")
     }  # fmt: skip
-    assert HeldOutErrors.from_values(old).positions == {}
+    assert decode(HeldOutErrors, old).positions == {}
 
 
 def test_without_a_loop_and_without_a_reference_nothing_is_simulated():

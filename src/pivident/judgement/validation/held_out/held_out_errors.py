@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
-from pivident.foundation.errors import IdentificationError
+from pivident.foundation.text.plain_values import LATER, Known
 from pivident.judgement.validation.held_out.cross_validation import CrossValidation
 from pivident.judgement.validation.held_out.prediction import PredictionError, pooled
 
@@ -34,7 +34,7 @@ class LogError:
     """
 
     value: float
-    spread: float = math.nan
+    spread: Known = math.nan
     blocks: int = 0
 
 
@@ -74,6 +74,7 @@ def moving_errors(parts: list[PredictionError]) -> dict[str, LogError]:
 class HeldOutErrors:
     """Torque errors below ``band`` on motion that was not fitted."""
 
+    passes_over_others: ClassVar[bool] = True
     method: str  # name of the method
     where: str  # what was held out, in words
     band: float  # highest frequency of the motion [Hz]
@@ -82,10 +83,11 @@ class HeldOutErrors:
     joints: Mapping[str, float]  # of each joint [%]
     rms: Mapping[str, float]  # rms error of each joint [N m or N]
     units: Mapping[str, str]  # its unit
-    loop: str = ""  # closed or open: what was simulated; empty where nothing was
-    positions: Mapping[str, float] = field(default_factory=dict)  # rms error [position unit]
-    position_units: Mapping[str, str] = field(default_factory=dict)  # rad or m
-    moving: Mapping[str, LogError] = field(default_factory=dict)  # without standstill, and of all
+    loop: Annotated[str, LATER] = ""  # closed or open: what was simulated; empty where nothing was
+    #: Rms errors of positions, their units, and errors without standstill, of all joints too.
+    positions: Annotated[Mapping[str, float], LATER] = field(default_factory=dict)
+    position_units: Annotated[Mapping[str, str], LATER] = field(default_factory=dict)
+    moving: Annotated[Mapping[str, LogError], LATER] = field(default_factory=dict)
 
     @classmethod
     def of(cls, judged: CrossValidation) -> HeldOutErrors:
@@ -114,38 +116,3 @@ class HeldOutErrors:
     def worst(self) -> str:
         """The joint with the largest error."""
         return max(self.joints, key=self.joints.__getitem__)
-
-    def to_values(self) -> dict[str, Any]:
-        """Plain values for a file."""
-        return asdict(self)
-
-    @classmethod
-    def from_values(cls, values: Any) -> HeldOutErrors:
-        """The errors of :meth:`to_values`.
-
-        Raises:
-            IdentificationError: they are not errors.
-        """
-        try:
-            joints, rms = (
-                {str(n): float(x) for n, x in values[k].items()} for k in ("joints", "rms")
-            )
-            band, total, fitted = (float(values[k]) for k in ("band", "total", "fitted"))
-            units = {str(n): str(unit) for n, unit in values["units"].items()}
-            method, where = str(values["method"]), str(values["where"])
-            loop = str(values.get("loop", ""))
-            positions = {str(n): float(x) for n, x in values.get("positions", {}).items()}
-            own = {str(n): str(unit) for n, unit in values.get("position_units", {}).items()}
-            moving = {
-                str(n): LogError(
-                    float(x["value"]),
-                    math.nan if x["spread"] is None else float(x["spread"]),
-                    int(x["blocks"]),
-                )
-                for n, x in values.get("moving", {}).items()
-            }
-            return cls(
-                method, where, band, total, fitted, joints, rms, units, loop, positions, own, moving
-            )  # fmt: skip
-        except (AttributeError, KeyError, TypeError, ValueError) as error:
-            raise IdentificationError(f"held-out errors cannot be read ({error!r})") from None

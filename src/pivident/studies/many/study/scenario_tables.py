@@ -21,8 +21,10 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from pivident.dynamics.base_parameters import base_parameters
+from pivident.foundation.codec import decode
 from pivident.foundation.errors import ExperimentError
 from pivident.foundation.files import regular_file
+from pivident.foundation.text.plain_values import plain
 from pivident.loop.simulation import excitation
 from pivident.loop.simulation.excitation import FourierSeries, motion_limits, random_series
 from pivident.loop.simulation.reference import point_to_point, trapezoidal_moves
@@ -267,8 +269,8 @@ def _kept_series(file: Path, key: str) -> FourierSeries | None:
     """The motion of a file, None where it belongs to another robot, limits or seed."""
     try:
         kept = json.loads(regular_file(file).read_text("utf-8"))
-        return FourierSeries.of(kept) if kept["belongs_to"] == key else None
-    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        return decode(FourierSeries, kept) if kept.pop("belongs_to") == key else None
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise StudyFolderError(
             file, f"it cannot be read ({type(error).__name__})", "delete it to recompute it"
         ) from error
@@ -276,7 +278,8 @@ def _kept_series(file: Path, key: str) -> FourierSeries | None:
 
 def as_json(scenario: ScenarioTables, series: FourierSeries) -> str:
     """The motion as the text of its file."""
-    return json.dumps({"belongs_to": _key(scenario)} | series.plain(), indent=1)
+    first = {"belongs_to": _key(scenario), "frequency": None, "cost": None}
+    return json.dumps(first | plain(series), indent=1)
 
 
 def _key(scenario: ScenarioTables) -> str:
