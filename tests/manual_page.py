@@ -5,35 +5,35 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from pivident.experiment import consistency_keys, excite_keys, identify_table, schema
+from pivident.experiment import consistency_keys, excite_keys, file_keys, identify_table
 from pivident.experiment.manual import rows_of
-from pivident.robot.mdh_schema import Entry, FrictionEntry
+from pivident.robot.mdh_keys import Entry, FrictionEntry
 
 PAGE = Path(__file__).parents[1] / "docs" / "experiment_file.md"
 
 #: Schema of the table below each heading.
 TABLES: dict[str, type[Entry]] = {
-    "Tables": schema.ExperimentFile,
-    "`[robot]`": schema.RobotEntry,
+    "Tables": file_keys.ExperimentFile,
+    "`[robot]`": file_keys.RobotEntry,
     "friction terms": FrictionEntry,
-    "couplings": schema.CouplingEntry,
-    "`[[wrench]]`": schema.WrenchEntry,
-    "`[[contact]]`": schema.ContactEntry,
-    "`[recording]`": schema.RecordingEntry,
-    "columns": schema.ColumnsEntry,
-    "units": schema.UnitsEntry,
-    "`[controller]`": schema.ControllerEntry,
+    "couplings": file_keys.CouplingEntry,
+    "`[[wrench]]`": file_keys.WrenchEntry,
+    "`[[contact]]`": file_keys.ContactEntry,
+    "`[recording]`": file_keys.RecordingEntry,
+    "columns": file_keys.ColumnsEntry,
+    "units": file_keys.UnitsEntry,
+    "`[controller]`": file_keys.ControllerEntry,
     "`[identify]`": identify_table.IdentifyEntry,
     **identify_table.METHOD_ENTRIES,
     **identify_table.PARTS,
-    "`[validation]`": schema.ValidationEntry,
-    "`[output]`": schema.OutputEntry,
-    "`[gains]`": schema.GainsEntry,
-    "payload": schema.PayloadEntry,
+    "`[validation]`": file_keys.ValidationEntry,
+    "`[output]`": file_keys.OutputEntry,
+    "`[gains]`": file_keys.GainsEntry,
+    "payload": file_keys.PayloadEntry,
     "`[consistency]`": consistency_keys.ConsistencyEntry,
     "bounds": consistency_keys.LinkBoundsEntry,
-    "`[payload]`": schema.LoadEntry,
-    "frame": schema.ToolFrameEntry,
+    "`[payload]`": file_keys.LoadEntry,
+    "frame": file_keys.ToolFrameEntry,
     "`[excite]`": excite_keys.ExciteEntry,
     "joint limits": excite_keys.JointLimitEntry,
     "load": excite_keys.LoadBodyEntry,

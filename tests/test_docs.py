@@ -6,11 +6,11 @@ import pytest
 
 from pivident.data.recording.recording import Recording
 from pivident.estimation.methods import METHODS
-from pivident.experiment import consistency_keys, excite_keys, identify_table, schema
+from pivident.experiment import consistency_keys, excite_keys, file_keys, identify_table
 from pivident.experiment.manual import fields_of, words_of
 from pivident.foundation.options import declarations, default_of
 from pivident.foundation.text.toml import value_text
-from pivident.robot.mdh_schema import Entry, declared_of
+from pivident.robot.mdh_keys import Entry, declared_of
 from tests.manual_page import PAGE, TABLES, heading_of, page, sections
 
 TEXT = PAGE.read_text("utf-8")
@@ -35,7 +35,7 @@ def test_the_page_is_that_of_the_schema():
 
 
 def test_every_table_is_documented():
-    modules = (schema, identify_table, consistency_keys, excite_keys)
+    modules = (file_keys, identify_table, consistency_keys, excite_keys)
     values = [value for module in modules for value in vars(module).values()]
     models = {m for m in values if isinstance(m, type) and issubclass(m, Entry)}
     assert models - set(TABLES.values()) <= PARTS_OF_OTHERS
@@ -60,7 +60,7 @@ def test_defaults_in_numbers_are_those_of_the_code():
                 default = default_of(type(method), key)
                 expected = "none" if default is None else f"`{value_text(default)}`"
                 assert words_of(field).default == expected, key
-    for key, field in fields_of(schema.RecordingEntry).items():
+    for key, field in fields_of(file_keys.RecordingEntry).items():
         default = getattr(Recording, key, None)
         found_out = key in ("control_rate", "name", "rate")
         if isinstance(default, (str, float, bool)) and not found_out:
@@ -68,7 +68,7 @@ def test_defaults_in_numbers_are_those_of_the_code():
 
 
 def test_controllers_and_methods_are_named():
-    for name in schema.LAW_KEYS:
+    for name in file_keys.LAW_KEYS:
         assert f'"{name}"' in TEXT, name
     for name in METHODS:
         assert f"`{name}`" in TEXT, name

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from pivident.foundation.text.toml import value_text
-from pivident.robot import mdh_schema as schema
-from pivident.robot.mdh_schema import Entry
+from pivident.robot import mdh_keys as schema
+from pivident.robot.mdh_keys import Entry
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 TEXT = (DOCS / "robot_file.md").read_text("utf-8")

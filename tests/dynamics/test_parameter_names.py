@@ -5,7 +5,7 @@ import pytest
 import pivident as pv
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import standard_parameters
-from pivident.estimation.summary_tables import names_in_words
+from pivident.estimation.summary import names_in_words
 
 
 def words_of(name):

@@ -107,7 +107,7 @@ LAWS = [
 
 @pytest.mark.parametrize("law", LAWS, ids=str)
 def test_slopes_of_every_friction_term(law):
-    from pivident.robot.mdh_schema import FrictionEntry
+    from pivident.robot.mdh_keys import FrictionEntry
     from pivident.robot.modified_dh import friction_law
 
     entries = [FrictionEntry.model_validate({"term": t} if isinstance(t, str) else t) for t in law]

@@ -7,7 +7,7 @@ import pytest
 
 from pivident.estimation.parameter_rows import parameter_rows
 from pivident.estimation.simulation_result import LoopParameter, SimulationResult
-from pivident.estimation.summary_tables import (
+from pivident.estimation.summary import (
     comparison_table,
     identification_table,
     parameter_texts,

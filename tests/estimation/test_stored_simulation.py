@@ -7,7 +7,7 @@ import pytest
 
 from pivident.estimation.identification_file import save_identification, to_dict
 from pivident.estimation.stored_identification import load_identification
-from pivident.estimation.summary_tables import identification_table
+from pivident.estimation.summary import identification_table
 from pivident.foundation.errors import IdentificationFileError
 from pivident.judgement.report.builder import render_report
 from tests.planar_simulations import simulated_results

@@ -1,7 +1,7 @@
 from dataclasses import replace
 
 from pivident.estimation.least_squares import LeastSquares
-from pivident.estimation.summary_tables import (
+from pivident.estimation.summary import (
     WIDTH,
     comparison_table,
     identification_table,

@@ -11,7 +11,7 @@ from pivident.foundation.errors import (
     NoConsistentModelNear,
 )
 from pivident.judgement.diagnostics.consistent_estimate import consistent_estimate
-from pivident.judgement.diagnostics.consistent_files import write_consistent
+from pivident.judgement.diagnostics.stored_consistent import write_consistent
 from pivident.models.consistency.consistent_model import ConsistentModel, make_consistent
 from pivident.models.consistency.options import ConsistencyOptions
 from pivident.models.exported import random_states

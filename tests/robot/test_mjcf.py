@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from pivident.dynamics.forward import mass_matrix
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
+from pivident.experiment.file_keys import RobotEntry
 from pivident.experiment.init.kept_joints import robot_file
 from pivident.experiment.robot_table import robot_of
-from pivident.experiment.schema import RobotEntry
 from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot.gallery import load_robot
 from pivident.robot.mjcf import read_mjcf

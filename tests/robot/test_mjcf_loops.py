@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from pivident.dynamics.closed_chains.closed_motion import ClosedChains
 from pivident.dynamics.robot_regressor import regressor_of
+from pivident.experiment.file_keys import RobotEntry
 from pivident.experiment.init.kept_joints import robot_file
 from pivident.experiment.robot_table import robot_of
-from pivident.experiment.schema import RobotEntry
 from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot.mjcf import read_mjcf
 from tests.robot.test_mjcf import arm, unit, without_dry_friction, written

@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 
 from pivident.experiment.table_values import Ellipsoid, Masses, Range
 from pivident.foundation.errors import UnusableValue
-from pivident.robot.mdh_schema import Entry, key
+from pivident.robot.mdh_keys import Entry, key
 
 
 class LinkBoundsEntry(Entry):

@@ -9,7 +9,7 @@ import numpy as np
 
 from pivident.experiment.consistency_keys import ConsistencyEntry, ConsistencyFile
 from pivident.experiment.explained import checked, errors_name, plain_form, toml_content
-from pivident.experiment.schema import ExperimentFile
+from pivident.experiment.file_keys import ExperimentFile
 from pivident.foundation.errors import ExperimentError, RobotDescriptionError, concerning
 from pivident.models.consistency.constraints import Bounds, Interval
 from pivident.models.consistency.options import ConsistencyOptions

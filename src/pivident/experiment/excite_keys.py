@@ -14,7 +14,7 @@ from pydantic import BeforeValidator, Field, NonNegativeFloat, PositiveFloat, mo
 from pydantic import PositiveFloat as Positive
 
 from pivident.foundation.errors import UnusableValue
-from pivident.robot.mdh_schema import Entry, JointReference, Vector3, Vector6, key
+from pivident.robot.mdh_keys import Entry, JointReference, Vector3, Vector6, key
 from pivident.robot.naming import nearest
 
 #: Clearance that is kept where none is asked for [m].

@@ -17,7 +17,7 @@
     bandpass = {cutoff = 50}               # of every method that has it …
     piv = {noise = {criterion = "bic"}}    # … and of one method
 
-Paths are relative to the file. The tables and their keys are in `pivident.experiment.schema`.
+Paths are relative to the file. The tables and their keys are in `pivident.experiment.file_keys`.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ from pivident.estimation.methods import METHODS, WITHOUT_TORQUE
 from pivident.estimation.problem import Problem
 from pivident.experiment.consistency_table import consistency_of
 from pivident.experiment.explained import errors_name, toml_content, validated
+from pivident.experiment.file_keys import ExperimentFile
 from pivident.experiment.identify_table import (
     METHOD_ENTRIES,
     IdentifyEntry,
@@ -42,7 +43,6 @@ from pivident.experiment.identify_table import (
 from pivident.experiment.missing_torque import check_torque, is_without_torque
 from pivident.experiment.recording_tables import loop_of, one_by_one, run_of
 from pivident.experiment.robot_table import FRICTION_KEYS, robot_of
-from pivident.experiment.schema import ExperimentFile
 from pivident.foundation.errors import ExperimentError, IdentificationError
 from pivident.loop.motion.law_torque import with_law_torque
 from pivident.loop.motion.planted_feet import on_planted_feet

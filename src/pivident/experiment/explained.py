@@ -13,13 +13,13 @@ from typing import Any, NamedTuple, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
+from pivident.experiment.file_keys import ExperimentFile
 from pivident.experiment.identify_table import METHOD_ENTRIES
-from pivident.experiment.schema import ExperimentFile
 from pivident.foundation.errors import ExperimentError, PividentError, UnusableValue
 from pivident.foundation.files import regular_file
 from pivident.foundation.text.sentences import NearestNames
 from pivident.foundation.text.toml import MAX_FILE, parse_toml
-from pivident.robot.mdh_schema import addition, keys_at, reason, short
+from pivident.robot.mdh_keys import addition, keys_at, reason, short
 from pivident.robot.naming import nearest
 
 #: What is called otherwise here, where such a key exists.

@@ -18,8 +18,8 @@ from pivident.estimation.drives.motor_temperature import (
 )
 from pivident.experiment.experiment import Experiment
 from pivident.experiment.explained import errors_name
+from pivident.experiment.file_keys import ExperimentFile, GainsEntry, RecordingEntry
 from pivident.experiment.missing_torque import TEMPERATURE, with_temperature, without_temperature
-from pivident.experiment.schema import ExperimentFile, GainsEntry, RecordingEntry
 from pivident.foundation.errors import ExperimentError
 from pivident.loop.simulation.controllers import UNKNOWN_GAIN
 from pivident.robot.description import Robot

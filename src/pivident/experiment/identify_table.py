@@ -29,7 +29,7 @@ from pivident.foundation.errors import ExperimentError, UnusableValue
 from pivident.foundation.options import declarations
 from pivident.foundation.text.finding import Finding, FindingKind, Topic
 from pivident.models.consistency.options import CONSISTENT_METHODS  # consistency
-from pivident.robot.mdh_schema import Entry, key
+from pivident.robot.mdh_keys import Entry, key
 from pivident.robot.naming import nearest
 
 #: A median filter that not all methods have.

@@ -15,7 +15,7 @@ from pydantic.fields import FieldInfo
 
 from pivident.foundation.options import Option, literals
 from pivident.foundation.text.toml import value_text
-from pivident.robot.mdh_schema import declared_of
+from pivident.robot.mdh_keys import declared_of
 
 #: What a value is called, by its type.
 KINDS: dict[Any, str] = {bool: "bool", int: "number", float: "number", str: "text", dict: "table"}

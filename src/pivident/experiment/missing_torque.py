@@ -11,7 +11,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from pivident.data.recording.recording import Recording
-from pivident.experiment.schema import ColumnsEntry, ControllerEntry, ExperimentFile, RecordingEntry
+from pivident.experiment.file_keys import (
+    ColumnsEntry,
+    ControllerEntry,
+    ExperimentFile,
+    RecordingEntry,
+)
 from pivident.foundation.errors import ExperimentError
 from pivident.loop.simulation.controllers import UNKNOWN_GAIN
 

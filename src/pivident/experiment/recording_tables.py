@@ -17,7 +17,7 @@ from pivident.data.recording.load import OF_LOGGER, load_recording
 from pivident.data.recording.public_records import RUNS, load_public, public_facts
 from pivident.data.recording.recording import Recording
 from pivident.estimation.control_law.unknown_loop import reconstruct_loop
-from pivident.experiment.schema import ControllerEntry, RecordingEntry
+from pivident.experiment.file_keys import ControllerEntry, RecordingEntry
 from pivident.foundation.errors import (
     BrokenMotion,
     ExperimentError,

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pivident.experiment.schema import ContactEntry, CouplingEntry, RobotEntry, WrenchEntry
+from pivident.experiment.file_keys import ContactEntry, CouplingEntry, RobotEntry, WrenchEntry
 from pivident.foundation.errors import ExperimentError, RobotDescriptionError, concerning
 from pivident.robot.description import Coupling, Robot, TorqueSide
 from pivident.robot.drives import implied_coupling, with_drives

@@ -31,7 +31,7 @@ from pivident.foundation.options import (
 from pivident.foundation.text.printable import is_printable
 from pivident.foundation.text.toml import value_text
 from pivident.loop.simulation.controllers import UNKNOWN_GAIN
-from pivident.robot.mdh_schema import Entry, key
+from pivident.robot.mdh_keys import Entry, key
 
 AnyEntry = TypeVar("AnyEntry", bound=Entry)
 

@@ -15,7 +15,7 @@ from pivident.robot.frames import Pose, exact_angle, rotation_from_rpy
 from pivident.robot.naming import find_joint, nearest
 
 if TYPE_CHECKING:
-    from pivident.robot.mdh_schema import EndEntry, GearEntry, JointEntry, LoopEntry
+    from pivident.robot.mdh_keys import EndEntry, GearEntry, JointEntry, LoopEntry
 
 #: Name of the fixed base as the end of a loop.
 BASE = "base"

@@ -71,7 +71,7 @@ from pivident.robot.naming import errors_name, find_joint, nearest, repeated
 from pivident.robot.transmission import Transmission
 
 if TYPE_CHECKING:
-    from pivident.robot.mdh_schema import (
+    from pivident.robot.mdh_keys import (
         CouplingEntry,
         JointEntry,
         LinkEntry,
@@ -126,7 +126,7 @@ def parse_modified_dh(text: str, source: str = "modified DH table") -> Robot:
     Raises:
         RobotDescriptionError: names a joint, key and value that cannot be used.
     """
-    from pivident.robot.mdh_schema import validated
+    from pivident.robot.mdh_keys import validated
 
     with errors_name(source):
         try:

@@ -15,7 +15,7 @@ import pytest
 import pivident as pv
 from pivident.app.cli import main
 from pivident.studies import load_design, write_design
-from pivident.studies.excitation.design_page import next_commands
+from pivident.studies.excitation.design_view import next_commands
 from tests.interrupts import heed_ctrl_c
 from tests.planar_arm import LAW
 from tests.planar_log import planar_log

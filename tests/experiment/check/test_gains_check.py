@@ -5,7 +5,7 @@ import pytest
 
 from pivident.data.logs.log import Log
 from pivident.experiment.check.gains_check import check_gains
-from pivident.experiment.schema import ControllerEntry
+from pivident.experiment.file_keys import ControllerEntry
 from pivident.judgement.audit.timing import Timing
 
 RATE, KP, KD = 1000.0, 1000.0, 2.0

@@ -8,7 +8,7 @@ from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import nominal_values
 from pivident.experiment.check.geometry_check import check_gravity
-from pivident.experiment.schema import ControllerEntry
+from pivident.experiment.file_keys import ControllerEntry
 from pivident.judgement.audit.timing import Timing
 from pivident.loop.simulation.closed_loop import LoopSignals, simulate
 from pivident.loop.simulation.controllers import PID

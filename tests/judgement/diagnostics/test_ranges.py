@@ -8,7 +8,7 @@ import pytest
 
 from pivident.estimation.identify import identify
 from pivident.estimation.parameter_rows import ParameterRange, range_texts
-from pivident.estimation.summary_tables import comparison_table, identification_table
+from pivident.estimation.summary import comparison_table, identification_table
 from pivident.experiment.experiment import load_experiment
 from pivident.judgement.diagnostics.diagnostics import diagnose_one
 from pivident.judgement.diagnostics.model_error_statements import intervals

@@ -10,7 +10,7 @@ import pytest
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS
 from pivident.estimation.parameter_rows import parameter_rows
-from pivident.estimation.summary_tables import identification_table
+from pivident.estimation.summary import identification_table
 from pivident.experiment.simulated_tx40 import tx40_fine
 from pivident.foundation.text.finding import Finding
 from pivident.foundation.text.numbers import with_spread

@@ -3,7 +3,7 @@
 import pytest
 
 from pivident.estimation.identify import identify
-from pivident.estimation.summary_tables import rows_line
+from pivident.estimation.summary import rows_line
 from pivident.experiment.experiment import load_experiment
 from pivident.judgement.diagnostics.diagnostics import diagnose
 from pivident.judgement.diagnostics.verdict import verdict

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 import pivident as pv
-from pivident.studies.comparison.comparison_files import render_page as comparison_page
-from pivident.studies.flexibility.flexibility_page import render_page as flexibility_page
+from pivident.studies.comparison.account import render_page as comparison_page
+from pivident.studies.flexibility.account import render_page as flexibility_page
 from pivident.studies.flexibility.joint_study import study_flexibility
 from pivident.studies.friction.curves import render_page as friction_page
 from pivident.studies.friction.friction_study import FrictionStudy, joint_friction

@@ -307,7 +307,7 @@ def test_plotly_and_jinja_are_imported_by_reports_only():
 
     code = (
         "import sys, pivident, pivident.estimation.identification_file, "
-        "pivident.estimation.summary_tables, "
+        "pivident.estimation.summary, "
         "pivident.judgement.report; print([m for m in ('plotly', 'jinja2') if m in sys.modules])"
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

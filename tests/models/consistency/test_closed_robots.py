@@ -11,7 +11,7 @@ from pivident.app.cli import main
 from pivident.dynamics.robot_regressor import regressor_of
 from pivident.foundation.errors import RobotDescriptionError
 from pivident.judgement.diagnostics.consistent_estimate import consistent_estimate
-from pivident.judgement.diagnostics.consistent_files import consistent_csv
+from pivident.judgement.diagnostics.stored_consistent import consistent_csv
 from pivident.loop import virtual_pd
 from pivident.models.consistency.consistent_model import make_consistent
 from pivident.models.consistency.constraints import Bounds

@@ -17,13 +17,13 @@ from pivident.dynamics.regressor import Regressor
 from pivident.foundation.errors import IdentificationFileError
 from pivident.foundation.text.plain_values import json_of_entries
 from pivident.robot.friction import FrictionLaw, coulomb, offset, viscous
-from pivident.studies.comparison.compare import compare
-from pivident.studies.comparison.comparison_files import (
+from pivident.studies.comparison.account import (
     comparison_table,
     render_page,
     to_latex,
     to_values,
 )
+from pivident.studies.comparison.compare import compare
 from pivident.studies.comparison.entry import ComparisonError
 from pivident.studies.comparison.side_by_side import comparison_text
 from tests.browser import needs_browser, seen_on_a_phone

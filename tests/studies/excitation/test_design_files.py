@@ -6,7 +6,7 @@ import pytest
 
 from pivident.foundation.errors import PividentError
 from pivident.studies import load_design, write_design
-from pivident.studies.excitation import design_page
+from pivident.studies.excitation import design_view
 from tests.studies.excitation.designs import made_design
 
 
@@ -36,7 +36,7 @@ def test_a_write_that_fails_leaves_nothing(tmp_path, monkeypatch):
     def fail(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(design_page, "render_page", fail)
+    monkeypatch.setattr(design_view, "render_page", fail)
     with pytest.raises(KeyboardInterrupt):
         write_design(made_design(), tmp_path / "motion")
     assert os.listdir(tmp_path) == []

@@ -13,8 +13,8 @@ from pivident.studies.excitation.design_figures import (
     motion_figure,
     predicted_correlation,
 )
-from pivident.studies.excitation.design_files import write_design
-from pivident.studies.excitation.design_page import (
+from pivident.studies.excitation.design_folder import write_design
+from pivident.studies.excitation.design_view import (
     DesignFile,
     next_commands,
     picture_values,

@@ -3,8 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pivident.studies.excitation.account import broken, hardest
 from pivident.studies.excitation.design import PredictedError
-from pivident.studies.excitation.design_text import broken, hardest
 from tests.studies.excitation.designs import made_design
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pivident.foundation.errors import IdentificationError
-from pivident.studies.friction.friction_findings import headline
+from pivident.studies.friction.effects import headline
 from pivident.studies.friction.friction_study import joint_friction
 from tests.studies.friction.made_up import friction_torque
 

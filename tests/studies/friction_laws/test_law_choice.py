@@ -254,7 +254,7 @@ def test_sums_with_further_columns_are_those_of_all_columns():
 def test_lines_for_the_experiment_file_give_the_same_law(law):
     from pydantic import TypeAdapter
 
-    from pivident.robot.mdh_schema import FrictionTerms
+    from pivident.robot.mdh_keys import FrictionTerms
     from pivident.robot.modified_dh import friction_law
 
     entries = tomllib.loads(f"law = {law_toml(law)}")["law"]

@@ -8,9 +8,9 @@ import pytest
 from pivident.data.logs.torque_scale import TorqueScale
 from pivident.data.recording.recording import Recording
 from pivident.estimation.identify import identify
+from pivident.studies.payload.doubts import disagreement, scale_sentence
 from pivident.studies.payload.identify_payload import identify_payload
 from pivident.studies.payload.joint_masses import JointMasses
-from pivident.studies.payload.payload_findings import disagreement, scale_sentence
 from tests.load_scenario import LOAD, tx40_with_load
 from tests.studies.payload.test_identify_payload import loaded
 

@@ -10,8 +10,8 @@ from pivident.robot.frames import Pose, rotation_from_rpy
 from pivident.robot.inertia import from_center_of_mass, tensor
 from pivident.studies.payload import possible_load as module
 from pivident.studies.payload.arm_and_load import KnownParts
+from pivident.studies.payload.doubts import contradicted
 from pivident.studies.payload.load_estimate import NATURAL, LoadEstimate
-from pivident.studies.payload.payload_findings import contradicted
 from pivident.studies.payload.payload_identification import load_sentences
 from pivident.studies.payload.possible_load import possible_load
 

@@ -55,7 +55,7 @@ def consistent(
     from pivident.estimation.stored_identification import load_identification
     from pivident.foundation.files import atomic_folder
     from pivident.judgement.diagnostics.consistent_estimate import consistent_estimate
-    from pivident.judgement.diagnostics.consistent_files import write_consistent
+    from pivident.judgement.diagnostics.stored_consistent import write_consistent
     from pivident.judgement.diagnostics.verdict_file import result_of, said_against
 
     identification = result_of(identification)

@@ -27,7 +27,7 @@ def flexibility(
     """
     from pivident.app.cli.workflow import check_output
     from pivident.experiment.experiment import load_experiment
-    from pivident.studies.flexibility.flexibility_page import (
+    from pivident.studies.flexibility.account import (
         agreement_lines,
         flexibility_lines,
         write_study,

@@ -96,7 +96,7 @@ def run_friction(
 def print_friction(study: FrictionStudy) -> None:
     """What stands out for each joint, then the sentences behind it."""
     from pivident.foundation.text.finding import MARKS
-    from pivident.studies.friction.friction_findings import headline
+    from pivident.studies.friction.effects import headline
 
     for joint in study.joints:
         print(f"{joint.name}: {headline(joint.findings)}")

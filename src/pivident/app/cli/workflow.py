@@ -24,7 +24,7 @@ from pivident.estimation.method import Method
 from pivident.estimation.methods import METHODS
 from pivident.estimation.parameter_rows import parameter_rows
 from pivident.estimation.problem import Problem
-from pivident.estimation.summary_tables import (
+from pivident.estimation.summary import (
     comparison_table,
     identification_table,
     label_lines,
@@ -49,9 +49,9 @@ from pivident.judgement.diagnostics.consistent_estimate import (
     NoConsistentEstimate,
     consistent_estimates,
 )
-from pivident.judgement.diagnostics.consistent_files import write_consistent
 from pivident.judgement.diagnostics.diagnostics import Diagnostics, diagnose
 from pivident.judgement.diagnostics.failed_simulation import identify
+from pivident.judgement.diagnostics.stored_consistent import write_consistent
 from pivident.judgement.diagnostics.summary import Summary
 from pivident.judgement.diagnostics.verdict import Verdict, beside_verdict, verdict
 from pivident.judgement.diagnostics.verdict_file import VERDICT_FILE, save_verdict

@@ -15,7 +15,7 @@ from pivident.data.recording.recording import Recording
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import parameter_rows
 from pivident.estimation.problem import Problem
-from pivident.estimation.summary_tables import (
+from pivident.estimation.summary import (
     ending,
     friction_line,
     rows_line,

@@ -22,14 +22,14 @@ def html_of(result: Any) -> str:
 
 def identification_text(result: Identification) -> str:
     """An identification as a table."""
-    from pivident.estimation.summary_tables import identification_table
+    from pivident.estimation.summary import identification_table
 
     return identification_table(result)
 
 
 def headline_of(result: Identification) -> str:
     """An identification on one line."""
-    from pivident.estimation.summary_tables import headline
+    from pivident.estimation.summary import headline
 
     return headline(result)
 
@@ -43,6 +43,6 @@ def save(result: Identification, folder: Any) -> None:
 
 def design_text(design: Design) -> str:
     """A designed motion in words."""
-    from pivident.studies.excitation.design_text import design_text
+    from pivident.studies.excitation.account import design_text
 
     return design_text(design)

@@ -21,8 +21,8 @@ from pivident.data.logs.timestamps import mean_rate
 from pivident.experiment.check.file_check import file_problems
 from pivident.experiment.experiment import Experiment
 from pivident.experiment.explained import plain_form, toml_content
+from pivident.experiment.file_keys import RecordingEntry
 from pivident.experiment.recording_tables import log_of
-from pivident.experiment.schema import RecordingEntry
 from pivident.foundation.errors import PividentError
 from pivident.foundation.text.plain_values import plain, write_json
 from pivident.foundation.text.repair import Place

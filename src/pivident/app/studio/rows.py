@@ -16,9 +16,9 @@ from tomlkit.items import InlineTable, Item
 from pivident.data.logs.units import UNITS_OF
 from pivident.estimation.methods import METHODS
 from pivident.experiment.edited_lines import document_of, table_name
+from pivident.experiment.file_keys import ExperimentFile
 from pivident.experiment.file_lines import SHORT_FORMS, file_lines, numbered, sureness
 from pivident.experiment.manual import KeyWords, fields_of, table_in, words_of
-from pivident.experiment.schema import ExperimentFile
 from pivident.foundation.text.repair import Place
 from pivident.foundation.text.toml import keys_in, value_text
 

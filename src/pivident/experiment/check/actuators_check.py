@@ -14,7 +14,7 @@ import numpy as np
 
 from pivident.data.recording.recording import Recording
 from pivident.experiment.check.gains_check import CONTROLLER, of_joint
-from pivident.experiment.schema import ControllerEntry
+from pivident.experiment.file_keys import ControllerEntry
 from pivident.foundation.errors import PividentError
 from pivident.foundation.text.finding import Finding, FindingKind, Severity
 from pivident.foundation.text.repair import Edit, Repair

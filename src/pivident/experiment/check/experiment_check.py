@@ -28,8 +28,8 @@ from pivident.experiment.check.problem_check import ProblemCheck
 from pivident.experiment.check.remark import Remark, gravest_first, of_error, of_finding
 from pivident.experiment.check.robot_check import check_robot
 from pivident.experiment.experiment import Experiment
+from pivident.experiment.file_keys import RecordingEntry
 from pivident.experiment.file_lines import file_lines, numbered
-from pivident.experiment.schema import RecordingEntry
 from pivident.foundation.errors import PividentError
 from pivident.foundation.text.finding import Finding, FindingKind, Severity, Topic, merged, worst
 from pivident.foundation.text.plain_values import plain

@@ -10,8 +10,8 @@ from typing import Any
 from pivident.experiment.check.remark import Remark, advised, of_error, of_finding
 from pivident.experiment.experiment import Experiment, with_every_run
 from pivident.experiment.explained import every_problem, plain_form, refuse_robot_file, toml_content
+from pivident.experiment.file_keys import ExperimentFile
 from pivident.experiment.identify_table import METHOD_ENTRIES, method_of
-from pivident.experiment.schema import ExperimentFile
 from pivident.foundation.errors import ExperimentError, PividentError
 from pivident.foundation.text.finding import FindingKind, Topic
 from pivident.foundation.text.repair import Change, Edit, Place, Renamed, Repair, Respelt

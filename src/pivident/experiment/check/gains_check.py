@@ -14,7 +14,7 @@ import numpy as np
 
 from pivident.data.logs.log import Log
 from pivident.experiment.check.remark import usable_rows
-from pivident.experiment.schema import ControllerEntry
+from pivident.experiment.file_keys import ControllerEntry
 from pivident.foundation.text.finding import Finding, FindingKind, Quantity, Topic
 from pivident.foundation.text.repair import Edit, Repair, Scaled
 from pivident.foundation.text.sentences import capital

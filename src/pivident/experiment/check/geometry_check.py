@@ -23,7 +23,7 @@ from pivident.data.logs.log import Log
 from pivident.estimation.control_law.law_gravity import GravityColumns, gravity_columns
 from pivident.experiment.check.gains_check import CONTROLLER
 from pivident.experiment.check.remark import usable_rows
-from pivident.experiment.schema import ControllerEntry
+from pivident.experiment.file_keys import ControllerEntry
 from pivident.foundation.errors import PividentError
 from pivident.foundation.text.finding import Finding, FindingKind, Topic
 from pivident.foundation.text.repair import Edit, Repair, Reversed, Shifted

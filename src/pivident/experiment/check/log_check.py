@@ -24,8 +24,8 @@ from pivident.experiment.check.motion_check import check_motion
 from pivident.experiment.check.reference_check import check_reference
 from pivident.experiment.check.remark import Remark, of_error, of_finding
 from pivident.experiment.check.torque_side import TorqueSideCheck
+from pivident.experiment.file_keys import ControllerEntry, RecordingEntry
 from pivident.experiment.recording_tables import columns_in_file, log_of, run_of
-from pivident.experiment.schema import ControllerEntry, RecordingEntry
 from pivident.foundation.errors import (
     BadCell,
     BrokenMotion,

@@ -26,10 +26,10 @@ from pivident.experiment.check.gains_check import CONTROLLER, of_joint
 from pivident.experiment.check.plan import Plan, plan_of
 from pivident.experiment.check.remark import Remark, of_error, of_finding
 from pivident.experiment.experiment import Experiment, problem_of
+from pivident.experiment.file_keys import ControllerEntry
 from pivident.experiment.identify_table import median_finding
 from pivident.experiment.missing_torque import check_torque
 from pivident.experiment.recording_tables import loop_of
-from pivident.experiment.schema import ControllerEntry
 from pivident.foundation.errors import PividentError
 from pivident.foundation.files import check_output
 from pivident.foundation.text.finding import Finding, FindingKind, Quantity, Topic

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pivident.estimation.signal_recipes import Algebraic, Bandpass, Decimated
-from pivident.estimation.summary_tables import frequencies_text
+from pivident.estimation.summary import frequencies_text
 from pivident.foundation.document.figure import (
     ERROR,
     MEASURED,

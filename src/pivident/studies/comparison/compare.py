@@ -76,7 +76,7 @@ class Comparison(ComparedResults):
         Raises:
             PividentError: it cannot be written.
         """
-        from pivident.studies.comparison.comparison_files import save_comparison
+        from pivident.studies.comparison.account import save_comparison
 
         save_comparison(self, folder)
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
-from pivident.estimation.summary_tables import error_rows
+from pivident.estimation.summary import error_rows
 from pivident.foundation.text import sentences
 from pivident.foundation.text.numbers import format_significant, with_spread
 

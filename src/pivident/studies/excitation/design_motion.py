@@ -19,6 +19,7 @@ from pivident.loop.motion.wanted_motion import RISE
 from pivident.robot.description import Robot
 from pivident.robot.refusals import without_loops
 from pivident.studies.collision.clearances import Clearances
+from pivident.studies.excitation.account import share_words
 from pivident.studies.excitation.checked_motion import FineCheck, with_more_room
 from pivident.studies.excitation.criteria import Objective, condition_number, standard_errors
 from pivident.studies.excitation.design import PAGE_RATE, ClearanceUse, Design, PredictedError
@@ -30,7 +31,6 @@ from pivident.studies.excitation.design_task import (
     check_travel,
     why_none,
 )
-from pivident.studies.excitation.design_text import share_words
 from pivident.studies.excitation.knowledge import Knowledge, knowledge
 from pivident.studies.excitation.limits import (
     PLANNED_SHARE,

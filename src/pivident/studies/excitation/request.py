@@ -19,7 +19,7 @@ from pivident.experiment.explained import checked, errors_name, toml_content
 from pivident.foundation.errors import ExperimentError
 from pivident.robot.description import Robot
 from pivident.robot.inertia import from_center_of_mass, tensor
-from pivident.robot.mdh_schema import Entry
+from pivident.robot.mdh_keys import Entry
 from pivident.robot.naming import find_joint, nearest
 from pivident.studies.excitation.criteria import CriterionName
 from pivident.studies.excitation.knowledge import Knowledge

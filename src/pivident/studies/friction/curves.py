@@ -17,8 +17,8 @@ from pivident.foundation.files import atomic_folder
 from pivident.foundation.text.plain_values import plain
 from pivident.foundation.version import __version__
 from pivident.judgement.report.builder import page_environment, page_of, write_page
+from pivident.studies.friction.effects import FrictionFinding, headline
 from pivident.studies.friction.friction_figures import gain_figure, joint_figures, ripple_figures
-from pivident.studies.friction.friction_findings import FrictionFinding, headline
 from pivident.studies.friction.friction_study import FrictionStudy, JointFriction
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import numpy as np
 from pivident.foundation.document.figure import ERROR, MEASURED, METHOD_COLOURS, Figure, empty_plot
 from pivident.foundation.document.plot import LEGEND, Plot, band, colour_scale, kept_samples, packed
 from pivident.foundation.text.numbers import format_significant
-from pivident.studies.friction.friction_findings import FrictionFinding, pm
+from pivident.studies.friction.effects import FrictionFinding, pm
 from pivident.studies.friction.friction_map import FrictionMap
 from pivident.studies.friction.friction_study import JointFriction
 from pivident.studies.friction.ripple_lines import JointRipple

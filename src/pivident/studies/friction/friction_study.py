@@ -10,7 +10,7 @@ import numpy as np
 from pivident.estimation.identification import Identification
 from pivident.estimation.problem import Problem
 from pivident.foundation.errors import IdentificationError
-from pivident.studies.friction.friction_findings import FrictionFinding, findings
+from pivident.studies.friction.effects import FrictionFinding, findings
 from pivident.studies.friction.friction_map import (
     FrictionMap,
     FrictionPlane,

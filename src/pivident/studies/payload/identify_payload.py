@@ -32,6 +32,14 @@ from pivident.robot.description import Robot
 from pivident.robot.frames import Pose
 from pivident.robot.refusals import without_loops, without_wrenches
 from pivident.studies.payload.arm_and_load import ArmAndLoad, KnownParts, arm_and_load, widened
+from pivident.studies.payload.doubts import (
+    contradicted,
+    disagreement,
+    refuse_negative,
+    scale_sentence,
+    warnings_about,
+    worse_explained,
+)
 from pivident.studies.payload.joint_masses import joint_masses
 from pivident.studies.payload.load_estimate import NATURAL, LoadEstimate
 from pivident.studies.payload.loaded_record import (
@@ -45,14 +53,6 @@ from pivident.studies.payload.loaded_record import (
     solve_restricted,
     tool_frame,
     with_known,
-)
-from pivident.studies.payload.payload_findings import (
-    contradicted,
-    disagreement,
-    refuse_negative,
-    scale_sentence,
-    warnings_about,
-    worse_explained,
 )
 from pivident.studies.payload.payload_identification import PayloadIdentification
 

@@ -17,7 +17,7 @@ from pivident.estimation.method import Method
 from pivident.estimation.problem import Problem
 from pivident.experiment.experiment import Experiment
 from pivident.experiment.explained import errors_name
-from pivident.experiment.schema import LoadEntry
+from pivident.experiment.file_keys import LoadEntry
 from pivident.foundation.errors import ExperimentError
 from pivident.robot.frames import Pose, rotation_from_rpy
 from pivident.studies.payload.arm_and_load import KnownParts

@@ -11,7 +11,7 @@ from pivident.foundation.document.table import Table as Table
 from pivident.foundation.document.table import TableError as TableError
 from pivident.robot.naming import nearest
 
-_HERE, _MANY = "pivident.studies.tables.", "pivident.studies.many.result_tables"
+_HERE, _MANY = "pivident.studies.tables.", "pivident.studies.many.accounts"
 
 #: By class: the module that has its tables, and their names, the first of
 #: which is taken where none is named. A table ``x`` of a class ``Y`` is made by ``y_x``.

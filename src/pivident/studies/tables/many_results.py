@@ -6,8 +6,8 @@ import math
 from typing import TYPE_CHECKING
 
 from pivident.foundation.document.table import Table
+from pivident.studies.comparison.account import comparison_table
 from pivident.studies.comparison.compare import Comparison
-from pivident.studies.comparison.comparison_files import comparison_table
 
 if TYPE_CHECKING:
     import polars as pl

@@ -6,7 +6,7 @@ from pathlib import Path
 from pivident.experiment.explained import checked, plain_form
 from pivident.foundation.text.toml import parse_toml
 from pivident.studies.many.fleet.control_chart import FORGETTING
-from pivident.studies.many.fleet.fleet_schema import FleetEntry, FleetFile, as_template
+from pivident.studies.many.fleet.fleet_keys import FleetEntry, FleetFile, as_template
 
 TEXT = (Path(__file__).resolve().parents[4] / "docs" / "fleet.md").read_text("utf-8")
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from pydantic_core import PydanticUndefined
 
-from pivident.robot.mdh_schema import Entry
-from pivident.studies.many.study import study_schema as schema
+from pivident.robot.mdh_keys import Entry
+from pivident.studies.many.study import scenario_keys as schema
 from pivident.studies.many.study.scenario import shipped_scenarios
 
 TEXT = (Path(__file__).resolve().parents[4] / "docs" / "studies.md").read_text("utf-8")

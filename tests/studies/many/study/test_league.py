@@ -7,10 +7,10 @@ import pytest
 
 from pivident.estimation.methods import METHODS
 from pivident.foundation.errors import ExperimentError
+from pivident.studies.many.study.account import STANDINGS, render_league
 from pivident.studies.many.study.bench import Bench
 from pivident.studies.many.study.run import Task, execute
 from pivident.studies.many.study.scenario import league_methods, load_scenario, read_scenario
-from pivident.studies.many.study.study_page import STANDINGS, render_league
 from pivident.studies.many.study.summary import summarise
 from tests.studies.many.study.small import TEXT, small
 

@@ -8,10 +8,10 @@ import polars as pl
 import pytest
 from statsmodels.stats.proportion import proportion_confint
 
+from pivident.studies.many.study.account import render_page
 from pivident.studies.many.study.bench import Bench
 from pivident.studies.many.study.bound import efficiency_bounds
 from pivident.studies.many.study.run import row_schema
-from pivident.studies.many.study.study_page import render_page
 from pivident.studies.many.study.summary import (
     NOMINAL_COVERAGE,
     clustered_interval,

@@ -16,7 +16,7 @@ from pivident.estimation.parameter_rows import (
     parameter_rows,
     range_texts,
 )
-from pivident.estimation.summary_tables import name_lines, range_line
+from pivident.estimation.summary import name_lines, range_line
 from pivident.foundation.document.figure import Figure, empty_plot
 from pivident.judgement.report.intervals import interval_drawing
 from pivident.judgement.report.sections.base import Section

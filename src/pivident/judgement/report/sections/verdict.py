@@ -15,7 +15,7 @@ from pivident.estimation.parameter_rows import (
     largest_difference,
     parameter_rows,
 )
-from pivident.estimation.summary_tables import ending, error_rows, label_lines
+from pivident.estimation.summary import ending, error_rows, label_lines
 from pivident.foundation.text.finding import Finding, Quantity
 from pivident.foundation.text.numbers import percent
 from pivident.foundation.text.sentences import listed

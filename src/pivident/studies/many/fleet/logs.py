@@ -26,7 +26,7 @@ from pathlib import Path
 from pivident.data.logs.source_files import existing_file, sha256
 from pivident.data.logs.tables.tables import is_log
 from pivident.foundation.errors import ExperimentError, PividentError
-from pivident.studies.many.fleet.fleet_schema import EVERY_LOG
+from pivident.studies.many.fleet.fleet_keys import EVERY_LOG
 
 #: Captures with the time of a record, unless the file names another one.
 TIMES = ("time", "day", "date")

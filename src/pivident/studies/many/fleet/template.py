@@ -16,7 +16,7 @@ from pivident.experiment.experiment import Experiment
 from pivident.experiment.explained import checked, errors_name, plain_form, toml_content
 from pivident.experiment.missing_torque import is_without_torque, with_temperature
 from pivident.robot.naming import ROBOT_FILES
-from pivident.studies.many.fleet.fleet_schema import FleetEntry, FleetFile, as_template
+from pivident.studies.many.fleet.fleet_keys import FleetEntry, FleetFile, as_template
 from pivident.studies.many.fleet.logs import FleetLog
 
 #: Default name of the template in the folder of logs.

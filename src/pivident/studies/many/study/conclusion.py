@@ -7,11 +7,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 from pivident.studies.many.batch.batch_errors import StudyFolderError
+from pivident.studies.many.study.account import render_league, render_page
 from pivident.studies.many.study.bench import Bench
 from pivident.studies.many.study.run import Store
 from pivident.studies.many.study.scenario import Scenario
 from pivident.studies.many.study.scenario_tables import optimised_series
-from pivident.studies.many.study.study_page import render_league, render_page
 from pivident.studies.many.study.summary import Summary, summarise
 
 SUMMARY, PAGE = "summary.json", "report.html"

@@ -244,7 +244,7 @@ def read_scenario(text: str, name: str, source: str | None = None) -> Scenario:
         ExperimentError: as of ``load_scenario``.
     """
     from pivident.experiment.explained import checked
-    from pivident.studies.many.study.study_schema import ScenarioFile
+    from pivident.studies.many.study.scenario_keys import ScenarioFile
 
     source = source or f"{name}.toml"
     with file_named(source):

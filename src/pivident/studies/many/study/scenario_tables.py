@@ -34,7 +34,7 @@ from pivident.studies.many.batch.batch_errors import StudyFolderError
 if TYPE_CHECKING:
     from pivident.estimation.method import Method
     from pivident.robot.description import Robot
-    from pivident.studies.many.study.study_schema import ScenarioFile, TrajectoryEntry
+    from pivident.studies.many.study.scenario_keys import ScenarioFile, TrajectoryEntry
 
 #: Keys for the amount of work, not its content: they may change from one call to the next.
 AMOUNTS = ("runs", "description")
@@ -68,7 +68,7 @@ class ScenarioTables:
     def content(self) -> ScenarioFile:
         """The tables as checked objects."""
         from pivident.experiment.explained import checked
-        from pivident.studies.many.study.study_schema import ScenarioFile
+        from pivident.studies.many.study.scenario_keys import ScenarioFile
 
         with file_named(self.source):
             return checked(self.plain, ScenarioFile)

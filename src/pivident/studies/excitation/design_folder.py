@@ -16,7 +16,7 @@ from pivident.studies.excitation.design_file import design_json
 from pivident.studies.excitation.robot_programs import PROGRAM_FILES, robot_programs
 
 if TYPE_CHECKING:
-    from pivident.studies.excitation.design_page import DesignFile
+    from pivident.studies.excitation.design_view import DesignFile
 
 #: Samples of the motion per second [Hz], where nothing else is asked for.
 RATE = 1000.0
@@ -115,7 +115,7 @@ def _texts(design: Design, rate: float) -> list[tuple[str, str, str]]:
 
 
 def _page(design: Design, texts: list[tuple[str, str, str]], rate: float) -> str:
-    from pivident.studies.excitation.design_page import DesignFile, render_page
+    from pivident.studies.excitation.design_view import DesignFile, render_page
 
     files: list[DesignFile] = [DesignFile(*own) for own in texts]
     files.insert(2, DesignFile("motion.npz", f"arrays of NumPy at {rate:g} Hz", None))

@@ -28,7 +28,7 @@ from pivident.experiment.table_values import (
 from pivident.foundation.errors import ExperimentError
 from pivident.loop.simulation.controllers import FeedForward
 from pivident.robot.description import TorqueSide
-from pivident.robot.mdh_schema import Entry, FrictionTerms, Gravity, JointReference, key
+from pivident.robot.mdh_keys import Entry, FrictionTerms, Gravity, JointReference, key
 from pivident.robot.naming import MJCF_FILES, URDF_FILES
 from pivident.robot.wrench_sensor import Acts
 

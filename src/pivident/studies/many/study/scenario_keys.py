@@ -12,11 +12,11 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, model_validator
 
 from pivident.data.recording.recording import TorqueTiming
+from pivident.experiment.file_keys import ControllerEntry, RobotEntry
 from pivident.experiment.identify_table import IdentifyEntry
-from pivident.experiment.schema import ControllerEntry, RobotEntry
 from pivident.experiment.table_values import Numbers
 from pivident.foundation.errors import UnusableValue
-from pivident.robot.mdh_schema import Entry
+from pivident.robot.mdh_keys import Entry
 
 #: Keys that only one kind of trajectory has.
 OF_KIND = {

@@ -19,6 +19,16 @@ from pivident.judgement.report.motion import RATE, motion_values
 from pivident.judgement.report.sections.parameters import correlation_figure
 from pivident.judgement.validation.parameter_correlation import STRONG_CORRELATION
 from pivident.studies.collision.obstacles import Obstacle
+from pivident.studies.excitation.account import (
+    BINDING,
+    NO_LIMIT,
+    broken,
+    headline,
+    kind_words,
+    limit_words,
+    relative_words,
+    share_words,
+)
 from pivident.studies.excitation.design import (
     Design,
     PredictedError,
@@ -31,16 +41,6 @@ from pivident.studies.excitation.design_figures import (
     errors_figure,
     motion_figure,
     predicted_correlation,
-)
-from pivident.studies.excitation.design_text import (
-    BINDING,
-    NO_LIMIT,
-    broken,
-    headline,
-    kind_words,
-    limit_words,
-    relative_words,
-    share_words,
 )
 from pivident.studies.excitation.robot_programs import unwritten_programs
 

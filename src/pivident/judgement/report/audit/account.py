@@ -18,7 +18,6 @@ from pivident.foundation.files import atomic_folder
 from pivident.foundation.text.finding import Finding, counted, gravest_first, serious
 from pivident.foundation.text.numbers import with_spread
 from pivident.judgement.audit.audit import Audit, audits_json
-from pivident.judgement.report.audit import audit_figures as figures
 from pivident.judgement.report.builder import page_environment, page_of, write_page
 
 #: Points of one trace.
@@ -305,12 +304,12 @@ def position(finding: Finding) -> str:
 def _figures(audit: Audit, check: str) -> list[Figure]:
     """The drawings that belong to a check."""
     drawers: dict[str, Callable[[], Sequence[Figure | None]]] = {
-        "timing": lambda: [figures.interval_figure(audit), figures.clock_figure(audit)],
-        "quantisation": lambda: [figures.grid_figure(audit), *figures.steps_figures(audit)],
-        "order": lambda: [figures.order_figure(audit)],
-        "delay": lambda: [figures.shift_figure(audit)],
-        "power": lambda: figures.torque_speed_figures(audit),
-        "excitation": lambda: figures.excitation_figures(audit),
+        "timing": lambda: [interval_figure(audit), clock_figure(audit)],
+        "quantisation": lambda: [grid_figure(audit), *steps_figures(audit)],
+        "order": lambda: [order_figure(audit)],
+        "delay": lambda: [shift_figure(audit)],
+        "power": lambda: torque_speed_figures(audit),
+        "excitation": lambda: excitation_figures(audit),
     }
     drawn = drawers[check]() if check in drawers else []
     return [figure for figure in drawn if figure is not None]

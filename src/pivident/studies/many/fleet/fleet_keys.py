@@ -10,10 +10,10 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, PositiveInt, model_validator
 
 from pivident.estimation.methods import METHODS
-from pivident.experiment.schema import ExperimentFile
+from pivident.experiment.file_keys import ExperimentFile
 from pivident.experiment.table_values import Names, Paths
 from pivident.foundation.errors import UnusableValue
-from pivident.robot.mdh_schema import Entry
+from pivident.robot.mdh_keys import Entry
 from pivident.robot.naming import nearest
 
 
