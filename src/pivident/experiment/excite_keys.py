@@ -17,6 +17,11 @@ from pivident.foundation.errors import UnusableValue
 from pivident.robot.mdh_keys import Entry, JointReference, Vector3, Vector6, key
 from pivident.robot.naming import nearest
 
+#: Shapes of the solids around a robot.
+ObstacleShape = Literal["box", "sphere", "cylinder", "capsule"]
+
+SHAPES: tuple[ObstacleShape, ...] = ("box", "sphere", "cylinder", "capsule")
+
 #: Clearance that is kept where none is asked for [m].
 CLEARANCE = 0.02
 
@@ -290,8 +295,3 @@ class ExciteEntry(RoomEntry):
                 "of the last link)"
             )
         return self
-
-
-ObstacleShape = Literal["box", "sphere", "cylinder", "capsule"]
-
-SHAPES: tuple[ObstacleShape, ...] = ("box", "sphere", "cylinder", "capsule")
