@@ -43,6 +43,8 @@ class LinearEstimate(LinearModel):
         iterations: iterations until convergence.
         converged: whether it converged.
         warnings: complete sentences.
+        offset: what the output keeps while all inputs are zero, in its unit, and the standard
+            error; None: not estimated.
     """
 
     def simulate(self, u: np.ndarray) -> np.ndarray:
@@ -111,6 +113,8 @@ def printed(model: LinearModel) -> str:
         label = "gain" if len(model.numerators) == 1 else f"gain of u{which + 1}"
         shown = "infinite (integrator)" if math.isinf(value) else with_standard_error(value, std)
         lines.append(f"{label:<13} {shown}")
+    if model.offset is not None:
+        lines.append(f"{'offset':<13} {with_standard_error(*model.offset)}")
     if model.noise is not None:
         lines += _noise(model.noise)
     if model.fit.samples:

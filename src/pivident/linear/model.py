@@ -71,6 +71,7 @@ class LinearModel:
     iterations: int = 1
     converged: bool = True
     warnings: tuple[str, ...] = ()
+    offset: tuple[float, float] | None = None
 
     @property
     def numerator(self) -> np.ndarray:
@@ -192,6 +193,20 @@ def gain(model: LinearModel, which: int) -> tuple[float, float]:
     value, gradient = response_and_gradient(model, at, which)
     slope = gradient[:, 0].real
     return float(value[0].real), float(np.sqrt(max(slope @ model.covariance @ slope, 0.0)))
+
+
+def poles_with_std(model: LinearModel, which: int) -> list[tuple[complex, float]]:
+    """Poles of an input and the standard errors of their moduli, by ∂p/∂a_k = -p^(n-k)/A'(p)."""
+    a = model.denominators[which]
+    found = []
+    for pole in np.roots(a):
+        slopes = np.zeros(model.theta.size)
+        for k, role in enumerate(roles(model, which)):
+            if role is not None and role[0] == "a":
+                slope = -(pole ** (a.size - 1 - role[1])) / np.polyval(np.polyder(a), pole)
+                slopes[k] = (np.conj(pole) * slope).real / max(abs(pole), 1e-300)
+        found.append((pole, float(np.sqrt(max(slopes @ model.covariance @ slopes, 0.0)))))
+    return found
 
 
 def polynomials(model: LinearModel, theta: np.ndarray, which: int) -> tuple[np.ndarray, np.ndarray]:

@@ -6,8 +6,9 @@ a pole and a zero cancel. It does not detect a model that is too small, whose fe
 very well determined; so it only chooses among the models whose R_T² is within half a percent of
 the best one.
 
-A candidate is rejected where it could not be estimated, did not converge, or has poles outside
-the sampled band; its row states the reason.
+A candidate is rejected where it could not be estimated, did not converge, or has a pole beyond the
+Nyquist frequency that the record does not determine; its row states the reason. By the hold of the
+input a pole can be determined that has died away before the next sample.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ import numpy as np
 
 from pivident.foundation.errors import DelayTooLong, IdentificationError, UnusableSignal
 from pivident.linear.estimate import LinearEstimate
+from pivident.linear.model import poles_with_std
 from pivident.linear.sriv import riv, sriv
 from pivident.linear.srivc import rivc, srivc
 
@@ -35,6 +37,12 @@ _ESTIMATORS: dict[str, Callable[..., LinearEstimate]] = {
     "sriv": sriv,
     "riv": riv,
 }
+
+#: Standard error of a pole over its size, from which on the record does not determine it.
+UNDETERMINED = 0.25
+
+#: Share of the unexplained variance below which a rejected model is named as the better one.
+FAR_LESS = 0.1
 
 #: Models within this distance of the best R_T² explain the output equally well.
 R2_BAND = 0.005
@@ -94,7 +102,19 @@ class OrderTable:
             orders = (row.numerator_order, row.denominator_order, row.delay)
             named = " ".join(f"{_short(order):>6s}" for order in orders)
             lines.append(f"{named} {scores}  {row.rejected}".rstrip())
-        return "\n".join(lines)
+        return "\n".join([*lines, *self._better()])
+
+    def _better(self) -> list[str]:
+        """What is said where a rejected candidate explains far more than the chosen one."""
+        chosen, best = self.rows[0], max(self.rows, key=lambda row: row.score("r2"))
+        left = 1.0 - chosen.score("r2")
+        if chosen.rejected or not best.rejected or 1.0 - best.score("r2") > FAR_LESS * left:
+            return []
+        orders = f"{_short(best.numerator_order)} and {_short(best.denominator_order)}"
+        return [
+            f"A rejected model of orders {orders} leaves {1.0 - best.score('r2'):.2g} of the "
+            f"output's variance, the first one {left:.2g}: {best.rejected}."
+        ]
 
 
 def select_orders(
@@ -180,10 +200,11 @@ def _objection(estimate: LinearEstimate) -> str:
         return "did not converge"
     if not np.isfinite(estimate.fit.yic):
         return "covariance without full rank"
-    fastest = max(float(np.abs(poles).max(initial=0.0)) for poles in estimate.poles)
-    nyquist = np.pi / estimate.dt
-    if estimate.continuous and fastest > nyquist:
-        return f"pole at {fastest:.4g} rad/s, beyond the Nyquist frequency of {nyquist:.4g}"
+    nyquist = np.pi / estimate.dt if estimate.continuous else np.inf
+    for which in range(len(estimate.numerators)):
+        for pole, std in poles_with_std(estimate, which):
+            if abs(pole) > nyquist and std > UNDETERMINED * abs(pole):
+                return f"pole at {abs(pole):.4g} rad/s, beyond the Nyquist frequency {nyquist:.4g}"
     return ""
 
 

@@ -33,13 +33,21 @@ of the others (back-fitting).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from pivident.foundation.errors import OrdersNotSupported, UnstableFit
+from pivident.foundation.errors import IdentificationError, OrdersNotSupported, UnstableFit
+from pivident.foundation.text.sentences import capital, listed
 from pivident.linear.estimate import LinearEstimate
 from pivident.linear.model import Hold, Structure, fit_of, structure_of
+from pivident.linear.operating_point import (
+    NAMED_SHARE,
+    offset_of,
+    share_of_operating_point,
+    with_operating_point,
+)
 from pivident.linear.refined_iv import (
     Linearised,
     NoiseFit,
@@ -55,8 +63,11 @@ from pivident.signals.noise_models import fit_ar
 
 #: Starts refined, best first, until one converges.
 _STARTS = 3
-#: Mean of the residual, in its standard deviations, above which an offset is suspected.
-_OFFSET = 0.5
+#: Models that explain less of the output are tried with an operating point.
+_POOR = 0.9
+#: What is said where the operating point lacks.
+_OPERATING_POINT = "the signals have an offset, or the record does not begin at rest"
+_ESTIMATE_IT = "subtract the operating point from u and y, or estimate it with offset=True"
 #: Largest AR order searched (CAPTAIN's default).
 _ORDER_MAX = 32
 #: Residuals smaller than this fraction of the output are rounding, not noise.
@@ -81,8 +92,9 @@ def srivc(
     max_iterations: int = 50,
     svf_pole: float | None = None,
     common: bool = True,
+    offset: bool = False,
 ) -> LinearEstimate:
-    """Continuous-time model of sampled data, taken from rest and without offsets.
+    """Continuous-time model of sampled data.
 
     Args:
         u: inputs, shape (samples,) or (samples, inputs).
@@ -100,6 +112,8 @@ def srivc(
         svf_pole: pole of the first state-variable filter [rad/s], about the bandwidth; None:
             several are tried.
         common: whether one denominator serves all inputs.
+        offset: whether an offset of the signals and the state at the first sample are estimated,
+            too; else the record begins at rest, and the output is zero where the inputs are.
 
     Returns:
         The model with its covariance.
@@ -113,9 +127,58 @@ def srivc(
     inputs = columns_of("u", u).shape[1]
     structure = structure_of(inputs, numerator_order, denominator_order, delay, hold, common)
     data = sampled_data(u, y, dt, structure, external)
-    refined = refined_from_data(data, structure, tolerance, max_iterations, svf_pole)
+
+    def refined(data: SampledData, structure: Structure) -> Refined:
+        return refined_from_data(data, structure, tolerance, max_iterations, svf_pole)
+
     method = "SRIVC" if external is None else "CLSRIVC"
-    return continuous_estimate(method, data, structure, refined)
+    return _estimate(method, data, structure, refined, offset)
+
+
+def _estimate(
+    method: str,
+    data: SampledData,
+    structure: Structure,
+    refined: Callable[[SampledData, Structure], Refined],
+    offset: bool,
+) -> LinearEstimate:
+    """The estimate; where only the operating point lacks, it is said."""
+    if offset:
+        found = refined(*with_operating_point(data, structure))
+        return continuous_estimate(method, data, structure, found)
+    try:
+        found = refined(data, structure)
+        estimate = continuous_estimate(method, data, structure, found)
+    except UnstableFit as error:
+        if _explains(data, structure, refined, float(np.mean(data.y**2))):
+            raise UnstableFit(error.poles, advice=f"{_OPERATING_POINT}: {_ESTIMATE_IT}") from None
+        raise
+    share = share_of_operating_point(data, structure, found)
+    poor = not estimate.converged or estimate.fit.r2 < _POOR
+    if share < NAMED_SHARE and not (
+        poor and _explains(data, structure, refined, float(np.mean(found.residual**2)))
+    ):
+        return estimate
+    return replace(
+        estimate, warnings=(*estimate.warnings, f"{capital(_OPERATING_POINT)}; {_ESTIMATE_IT}.")
+    )
+
+
+def _explains(
+    data: SampledData,
+    structure: Structure,
+    refined: Callable[[SampledData, Structure], Refined],
+    before: float,
+) -> bool:
+    """Whether a stable model with an operating point leaves far less of the output."""
+    if not structure.common:
+        return False
+    try:
+        found = refined(*with_operating_point(data, structure))
+    except IdentificationError:
+        return False
+    stable = found.converged and not unstable_poles(data, found).size
+    return stable and float(np.mean(found.residual**2)) < (1.0 - NAMED_SHARE) * before
 
 
 def initial_models(
@@ -212,7 +275,9 @@ def continuous_estimate(
     unstable = unstable_poles(data, refined)
     if unstable.size:
         raise UnstableFit(tuple(unstable))
-    groups, numerators = structure.split(refined.theta)
+    own = structure.parameters  # those of an operating point come behind
+    theta, covariance = refined.theta[:own], refined.covariance[:own, :own]
+    groups, numerators = structure.split(theta)
     return LinearEstimate(
         method=method,
         numerators=numerators,
@@ -223,23 +288,25 @@ def continuous_estimate(
         hold=structure.hold,
         common=structure.common,
         names=structure.names,
-        theta=refined.theta,
-        covariance=refined.covariance,
+        theta=theta,
+        covariance=covariance,
         noise=refined.noise,
         residual_variance=refined.variance,
         fit=fit_of(
             data.y,
             data.y - refined.residual,
             refined.variance,
-            refined.theta,
-            refined.covariance,
+            theta,
+            covariance,
         ),
         iterations=refined.iterations,
         converged=refined.converged,
         warnings=(
             *_warnings(data, groups, refined),
+            *_undetermined(structure, theta, covariance),
             *(refined.noise.warnings if refined.noise else ()),
         ),
+        offset=offset_of(data, structure, refined) if refined.theta.size > own else None,
     )
 
 
@@ -264,15 +331,17 @@ def _warnings(data: SampledData, denominators: Sequence[np.ndarray], refined: Re
     if fastest > np.pi / data.dt:
         found.append(
             f"A pole at {fastest:.4g} rad/s lies beyond the Nyquist frequency of "
-            f"{np.pi / data.dt:.4g} rad/s; lower denominator_order."
-        )
-    mean, spread = float(refined.residual.mean()), float(refined.residual.std())
-    if abs(mean) > _OFFSET * spread and spread > 1e-9 * float(np.std(data.y)):
-        found.append(
-            f"The residual has a mean of {mean:.3g} and a standard deviation of {spread:.3g}; "
-            "subtract the operating point from u and y."
+            f"{np.pi / data.dt:.4g} rad/s: a sampling period is {fastest * data.dt:.3g} of its "
+            "time constants. Sample faster, or lower denominator_order."
         )
     return found
+
+
+def _undetermined(structure: Structure, theta: np.ndarray, covariance: np.ndarray) -> list[str]:
+    """Coefficients that the record cannot tell from zero, in a sentence."""
+    std = np.sqrt(np.diag(covariance))
+    none = [n for n, x, s in zip(structure.names, theta, std, strict=True) if abs(x) < 2.0 * s]
+    return [f"The record cannot tell {listed(none)} from zero (2σ)."] if none else []
 
 
 def rivc(
@@ -290,6 +359,7 @@ def rivc(
     max_iterations: int = 50,
     svf_pole: float | None = None,
     common: bool = True,
+    offset: bool = False,
 ) -> LinearEstimate:
     """Continuous-time model of sampled data with coloured noise.
 
@@ -310,6 +380,7 @@ def rivc(
         svf_pole: pole of the first state-variable filter [rad/s], about the bandwidth; None:
             several are tried.
         common: whether one denominator serves all inputs.
+        offset: as for `srivc`.
 
     Returns:
         The model with its covariance and its noise model.
@@ -324,10 +395,12 @@ def rivc(
     inputs = columns_of("u", u).shape[1]
     structure = structure_of(inputs, numerator_order, denominator_order, delay, hold, common)
     data = sampled_data(u, y, dt, structure, external)
-    white = refined_from_data(data, structure, tolerance, max_iterations, svf_pole)
-    refined = white
-    if np.std(white.residual) > _ROUNDING * np.std(data.y):
-        refined = refine(
+
+    def refined(data: SampledData, structure: Structure) -> Refined:
+        white = refined_from_data(data, structure, tolerance, max_iterations, svf_pole)
+        if np.std(white.residual) <= _ROUNDING * np.std(data.y):
+            return white
+        return refine(
             data,
             structure,
             white.theta,
@@ -335,8 +408,9 @@ def rivc(
             max_iterations=max_iterations,
             fit_noise=_noise_fit(white.residual, noise_order),
         )
+
     method = "RIVC" if external is None else "CLRIVC"
-    return continuous_estimate(method, data, structure, refined)
+    return _estimate(method, data, structure, refined, offset)
 
 
 def _noise_fit(residual: np.ndarray, noise_order: tuple[int, int] | None) -> NoiseFit:

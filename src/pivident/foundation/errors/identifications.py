@@ -234,13 +234,14 @@ class UnstableFit(IdentificationError):
         poles: the unstable ones [rad/s].
     """
 
-    def __init__(self, poles: Sequence[complex]) -> None:
+    def __init__(self, poles: Sequence[complex], advice: str = "") -> None:
         self.poles = tuple(poles)
         listed = ", ".join(f"{pole:.4g}" for pole in self.poles)
         super().__init__(
             f"the estimate has unstable poles at {listed} rad/s",
-            advice="check the sign of u, the orders and the delay. Of an unstable plant in a "
-            "loop, identify the closed loop",
+            advice=advice
+            or "check the sign of u, the orders and the delay. Of an unstable plant in a loop, "
+            "identify the closed loop",
         )
 
 
