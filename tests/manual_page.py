@@ -17,6 +17,7 @@ TABLES: dict[str, type[Entry]] = {
     "`[robot]`": schema.RobotEntry,
     "friction terms": FrictionEntry,
     "couplings": schema.CouplingEntry,
+    "bodies": schema.BodyEntry,
     "`[[wrench]]`": schema.WrenchEntry,
     "`[[contact]]`": schema.ContactEntry,
     "`[recording]`": schema.RecordingEntry,

@@ -15,8 +15,9 @@ from pivident.data.logs.bags.bag_table import OwnClock
 from pivident.data.logs.bags.read_bag import STAMP
 from pivident.data.logs.nominal_rate import QUARTZ, ClockRate, clock_rate
 from pivident.data.logs.recognition.log_clock import LogClock
-from pivident.data.logs.timestamps import EVEN, stamp_error
+from pivident.data.logs.timestamps import EVEN, check_rate, stamp_error
 from pivident.experiment.init.assumption import Assumption, Question
+from pivident.foundation.errors import concerning
 from pivident.judgement.audit.steps import unsteady_steps
 
 #: Periods of a sampled law in a time step of MuJoCo, whose actuators know the speed and damp by it
@@ -24,11 +25,18 @@ from pivident.judgement.audit.steps import unsteady_steps
 PER_STEP, MAX_MULTIPLE = 4, 64
 
 
-def clock_lines(clock: LogClock, others: Mapping[str, OwnClock]) -> list[Assumption]:
-    """Rate and resampling."""
+def clock_lines(
+    clock: LogClock, others: Mapping[str, OwnClock], given: float | None = None
+) -> list[Assumption]:
+    """Rate and resampling; ``given``: a rate that somebody said [Hz]."""
     lines = []
     correct = "In Hz; every speed and acceleration depends on it."
-    if clock.by_rate:
+    if given is not None:
+        if not (clock.by_rate or clock.resample or others):
+            with concerning("rate"):
+                check_rate(given, clock.seconds)
+        lines.append(Assumption("recording", "rate", given, "certain", "as given", correct))
+    elif clock.by_rate:
         question = None
         if clock.sure == "assumed":
             question = Question("rate", "At what rate was the log taken, in Hz?")

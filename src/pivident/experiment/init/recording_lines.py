@@ -103,14 +103,14 @@ def recording_lines(
     run: Run, machine: RobotFile, wanted: tuple[str, ...], answers: Answers
 ) -> RecordingLines:
     """Everything that is assumed about one log."""
-    joints = _of_its_joints(joint_map(run, machine.joint_names))
+    joints = _of_its_joints(_joint_map(run, machine, wanted))
     if "q" not in joints.channels:
         raise _not_found("position", run)
     run = _without_bad_samples(run, joints)
     kept = kept_joints(run, joints, machine, wanted)
     clock, clock_file = _clock(run, joints, kept, answers)
     q = joints.channels["q"]
-    logged = machine.robot(kept.logged if machine.is_tree else None)
+    logged = machine.robot(kept.logged if machine.is_open else None)
     raw = q.values(run, logged.joint_names)
     own = [logged.joint_names.index(name) for name in kept.names]
     torques = joints.channels.get("tau")
@@ -182,7 +182,7 @@ def recording_lines(
     if torque is None and machine.name.endswith(MJCF_FILES):
         law = actuator_law(machine.name, kept.names)
     lines = [
-        *clock_lines(clock, others),
+        *clock_lines(clock, others, float(answers["rate"]) if "rate" in answers else None),
         *(control_rate_line(clock, law.step) if law is not None and not law.reasons else ()),
         *window_line(clock, window, still, (first, last)),
         *side_lines(torque, found),
@@ -193,7 +193,7 @@ def recording_lines(
     ]
     return RecordingLines(
         robot,
-        (*_joint_lines(machine, joints, kept, frozen), *_gravity_lines(found)),
+        (*_joint_lines(machine, joints, kept, frozen), *_mounting_lines(machine, found)),
         tuple(lines),
         keys,
         "q_ref" in references,
@@ -205,12 +205,24 @@ def recording_lines(
     )
 
 
-def _gravity_lines(found: Comparison) -> list[Assumption]:
-    """No gravity, where the torques hold none."""
-    if not found.no_gravity:
-        return []
+def _mounting_lines(machine: RobotFile, found: Comparison) -> list[Assumption]:
+    """Bodies and gravity as somebody gave them, else none where the torques hold none."""
+    given = machine.given.lines(found.no_gravity)
+    if not found.no_gravity or machine.given.gravity is not None:
+        return given
     correct = "Leave it out if the torques hold gravity, or log those that do."
-    return [Assumption("robot", "gravity", [0.0, 0.0, 0.0], "likely", found.no_gravity, correct)]
+    none = Assumption("robot", "gravity", [0.0, 0.0, 0.0], "likely", found.no_gravity, correct)
+    return [*given, none]
+
+
+def _joint_map(run: Run, machine: RobotFile, wanted: tuple[str, ...]) -> JointMap:
+    """Columns of all joints; as many as are requested are theirs, where no name says more."""
+    joints = joint_map(run, machine.joint_names)
+    q = joints.channels.get("q")
+    if not wanted or joints.sure == "certain" or q is None or len(q.columns) != len(wanted):
+        return joints
+    seen = "as many columns as joints were requested, taken for them in order"
+    return replace(joint_map(run, wanted), sure="likely", seen=seen)
 
 
 def _of_its_joints(joints: JointMap) -> JointMap:
@@ -333,7 +345,7 @@ def _frozen(
     motion: tuple[float, float],
 ) -> dict[str, tuple[float, float]]:
     """Median position of logged joints that are not identified, and their range [rad or m]."""
-    if not machine.is_tree:
+    if not machine.is_open:
         return {}
     inside = (clock.seconds >= motion[0]) & (clock.seconds <= motion[1])
     found = {}
@@ -351,7 +363,7 @@ def _joint_lines(
     frozen: Mapping[str, tuple[float, float]],
 ) -> list[Assumption]:
     """Which joints are identified."""
-    if not machine.is_tree:
+    if not machine.is_tree and kept.names == machine.joint_names:
         return []
     seen = f"{joints.seen}; {len(kept.names)} of {len(machine.joint_names)} joints move"
     seen += " and have a torque signal" if "tau" in joints.channels else ""

@@ -160,10 +160,13 @@ def joint_map(run: Run, joint_names: Sequence[str] = ()) -> JointMap:
         return JointMap({}, "assumed", "no column seems to hold positions of joints")
     first = positions[0][1]
     worded: list[str] = []
-    misfit = len(first.columns) != len(joint_names) if joint_names else not torques
+    misfit = len(first.columns) != len(joint_names)
+    if not joint_names:  # words of one's own for joints that somebody else has named
+        misfit = not torques or len(first.columns) == 1
     if misfit and not first.named and not is_bag(run.files[0].path):
         found, labels = _worded(listed, joint_names)
-        if len(labels) > len(first.columns):
+        driven = {s.channel for _, s in found} & {"tau", "current"}
+        if len(labels) > len(first.columns) and (joint_names or driven or not torques):
             listed, worded = found, labels
             positions = _ranked(listed, run, ("q",), torques)
             first = positions[0][1]
@@ -172,7 +175,8 @@ def joint_map(run: Run, joint_names: Sequence[str] = ()) -> JointMap:
         joint_names = keys if first.named else [f"joint_{k or 1}" for k in _in_order(keys)]
     joints, sure, seen = _joints_of(first, joint_names)
     if worded:
-        sure, seen = "assumed", f"columns of {', '.join(worded)}, taken for the joints in order"
+        called = ", ".join(label or "no number" for label in worded)
+        sure, seen = "assumed", f"columns of {called}, taken for the joints in order"
     doubtful = sure == "assumed" and not first.named  # more columns than joints
     if first.channel is None and (first.reading.strange or not torques):
         doubtful = True  # numbered columns of any name may hold anything
@@ -265,7 +269,9 @@ def _joints_of(series: Series, joint_names: Sequence[str]) -> tuple[dict[str, st
     if series.named:
         return {k: k for k in keys}, "certain", "the columns carry names of the robot's joints"
     if keys == [""]:
-        return {"": joint_names[0]}, "likely", "one position and no number: the first joint"
+        only = len(joint_names) == 1
+        seen = "one position and no number: the " + ("only" if only else "first") + " joint"
+        return {"": joint_names[0]}, "likely" if only else "assumed", seen
     numbers = _in_order(keys)
     by_number = _by_number(joint_names)
     if len(numbers) == len(joint_names):
