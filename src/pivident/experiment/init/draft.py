@@ -335,6 +335,9 @@ def _recording(
     seen += "".join(
         f"; {file.shown} holds more{beside_text(file.beside)}" for file in run.files if file.beside
     )
+    preset = next((file.preset for file in run.files if file.preset), None)
+    if preset is not None:
+        seen += f". Preset {preset.name}: {preset}"
     seen = ". ".join([seen, *(note.rstrip(".") for note in findings.notes)])
     lines = [Assumption("recording", "files", value, "certain", seen)]
     if column_names and single:

@@ -29,9 +29,12 @@ from pivident.data.logs.recognition.log_file import (
 )
 from pivident.data.logs.recognition.position_units import (
     AssumedUnits,
+    counts_in,
     following_unit,
+    position_factor,
     position_unit,
 )
+from pivident.data.logs.recognition.presets import Preset
 from pivident.data.logs.tables.tables import without_header
 from pivident.data.logs.timestamps import stretches
 from pivident.data.logs.units import POSITION, SPEED, TORQUE
@@ -122,7 +125,9 @@ def recording_lines(
             f"of every joint ({', '.join(kept.names)})",
             advice="export the joints on one clock without empty cells, or a longer log",
         )
-    unit = position_unit(logged, raw[rows], q.units, answers.get("unit of q"))
+    kind = run.files[q.file].preset
+    said = kind.name if kind is not None and kind.says("q") else ""
+    unit = position_unit(logged, raw[rows], q.units, answers.get("unit of q"), said)
     si = raw * unit.factors(POSITION)
     if all(c.own_clock(run) is None for c in joints.channels.values()):
         clock = as_the_joints_move(clock, si[:, own])
@@ -132,6 +137,7 @@ def recording_lines(
     window = _window(clock, first, last)
     rows &= (clock.seconds >= window[0]) & (clock.seconds <= window[1])
     torque: TorqueUnit | None = None
+    preset: Preset | None = None
     found = without_torque(robot)
     unnamed: dict[str, str] = {}
     if "tau" not in joints.channels and not _references(
@@ -162,8 +168,9 @@ def recording_lines(
             si = raw * unit.factors(POSITION)
             found = compare(robot, si[rows][:, own], tau[rows], clock.seconds[rows])
         gain = named_gain(run, torques, len(kept.names)) if unnamed else None
+        preset = run.files[torques.file].preset
         torque = torque_unit(
-            robot, found, named, torques.is_current, answers.get("unit of tau"), gain
+            robot, found, named, torques.is_current, answers.get("unit of tau"), gain, preset
         )
     joints = _as_references_follow(run, joints, kept, si[:, own])
     references = _references(run, joints, kept, si[:, own], clock, unit, own)
@@ -185,7 +192,7 @@ def recording_lines(
         *clock_lines(clock, others, float(answers["rate"]) if "rate" in answers else None),
         *(control_rate_line(clock, law.step) if law is not None and not law.reasons else ()),
         *window_line(clock, window, still, (first, last)),
-        *side_lines(torque, found),
+        *side_lines(torque, found, preset),
         *column_lines(
             joints, kept, clock, clock_file, others, besides, keys, unnamed, _like_torques(run)
         ),
@@ -199,7 +206,7 @@ def recording_lines(
         "q_ref" in references,
         clock.rate,
         found,
-        torque is not None and measures_link_torques(torque, found),
+        torque is not None and measures_link_torques(torque, found, preset),
         torque is not None,
         law,
     )
@@ -445,13 +452,17 @@ def _references(
         values = position.values(run, kept.names)  # may begin later, end earlier, have own gaps
         rows = np.isfinite(values).all(axis=1) & np.isfinite(si).all(axis=1)
         names = ("rad", "deg", "rev") if turning else ("m", "mm")
-        match = following_unit(values[rows][:, judged], si[rows][:, judged], names, POSITION)
+        counts = {u: position_factor(u, {}) for u in set(unit.units) if counts_in(u)}
+        table = POSITION | counts
+        match = following_unit(
+            values[rows][:, judged], si[rows][:, judged], (*names, *counts), table
+        )
         if match is not None and match[1] >= COPY:
             units = [match[0] if k in judged else unit.units[j] for k, j in enumerate(own)]
-            value = units[0] if len(set(units)) == 1 else units
+            value = AssumedUnits(tuple(units), "likely", "").value
             seen = f"the position follows it to {100 * match[1]:.2g} % of the motion"
             found["q_ref"] = (value, seen)
-            followed = np.where(rows[:, None], values * POSITION[match[0]], np.nan)
+            followed = np.where(rows[:, None], values * table[match[0]], np.nan)
     speed = _reference_channel("dq_ref", run, joints, kept)
     if speed is None or len(judged) < len(own):
         return found

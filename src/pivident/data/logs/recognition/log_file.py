@@ -17,6 +17,7 @@ from pivident.data.logs.bags.read_bag import is_bag
 from pivident.data.logs.file_columns import file_columns
 from pivident.data.logs.recognition.channel_words import Reading, Sureness, read_words, words_of
 from pivident.data.logs.recognition.log_clock import JOINT, Series, column_series, is_clock
+from pivident.data.logs.recognition.presets import Preset, recognised, with_meanings
 from pivident.data.logs.source_files import printable_name
 from pivident.data.logs.tables.tables import endings, named_columns
 
@@ -42,6 +43,7 @@ class LogFile:
     titles: Mapping[str, str] = field(default_factory=dict)  # given to columns without a header
     constants: Mapping[str, np.ndarray] = field(default_factory=dict)  # gains, ratios, by name
     beside: Mapping[str, str] = field(default_factory=dict)  # why all else is no column, by name
+    preset: Preset | None = None  # the kind of log that its names are those of
 
     @property
     def samples(self) -> int:
@@ -79,10 +81,13 @@ def read_log_file(
     """
     if is_bag(path):
         arm = bag_table(path, tuple(joint_names))
+        preset = recognised(arm.columns, arm.joint_names)
         series = column_series(list(arm.columns), arm.joint_names)
+        if preset is not None:
+            series = with_meanings(preset, series)
         return LogFile(
             path, arm.columns, tuple(series), arm.own_clocks, arm.joint_names, arm.aside,
-            beside=arm.beside,
+            beside=arm.beside, preset=preset,
         )  # fmt: skip
     held = file_columns(path)
     columns, titles = held.columns, {}
@@ -94,9 +99,9 @@ def read_log_file(
             columns = {name: columns[own] for name, own in named.items() if own in columns}
     names = {titles.get(n, n): n for n, values in columns.items()}
     names = {title: n for title, n in names.items() if not is_clock(title, columns[n])}
-    own = file_reading(path)
-    series = []
-    for found in column_series(list(names), joint_names):
+    own, preset = file_reading(path), recognised(names, joint_names)
+    read, series = column_series(list(names), joint_names), []
+    for found in read if preset is None else with_meanings(preset, read):
         bare = found.channel is None and not found.reading.foreign and JOINT in found.words
         if bare and own.channel is not None:
             # Only the file's name says what columns called after joints hold.
@@ -104,7 +109,7 @@ def read_log_file(
         series.append(replace(found, columns={k: names[n] for k, n in found.columns.items()}))
     return LogFile(
         path, columns, tuple(series), joint_names=tuple(joint_names), titles=titles,
-        constants=held.constants, beside=held.beside,
+        constants=held.constants, beside=held.beside, preset=preset,
     )  # fmt: skip
 
 
