@@ -28,14 +28,15 @@ from pivident.data.logs.recognition.log_file import ChannelColumns, JointMap, Ru
 from pivident.data.logs.recognition.position_units import AssumedUnits, following_unit
 from pivident.data.logs.recognition.presets import Preset
 from pivident.data.logs.timestamps import resample_smooth
-from pivident.data.logs.units import POSITION, SPEED
+from pivident.data.logs.units import COMMAND, POSITION, SPEED
 from pivident.experiment.init.assumption import Assumption, Question
 from pivident.experiment.init.clock_lines import clock_place
 from pivident.experiment.init.kept_joints import KeptJoints
 from pivident.experiment.init.torque_unit import Comparison, TorqueUnit
 from pivident.foundation.text.numbers import percent
 from pivident.foundation.text.sentences import listed
-from pivident.foundation.text.toml import string_text
+from pivident.foundation.text.toml import string_text, value_text
+from pivident.judgement.audit.friction_drift import drift_text
 from pivident.loop.instruments.second_sensor import SAME_SENSOR, explained_noise
 
 #: Time before and after the motion that is kept [s].
@@ -104,6 +105,42 @@ def _side_text(found: Comparison) -> str:
     if found.torque_side is None:
         return "the log does not show whether it holds rotors and drives"
     return str(found.torque_side)
+
+
+def temperature_lines(
+    torque: TorqueUnit | None,
+    found: Comparison,
+    warm: ChannelColumns | None,
+    names: Sequence[str],
+    warmth: np.ndarray | None,
+) -> tuple[Assumption, ...]:
+    """What temperatures of the motors explain, or what their lack leaves open.
+
+    ``warmth``: on the rows that are used, shape (samples, joints).
+    """
+    constant = "`identify` takes friction as constant: warm the robot up before the record, or "
+    constant += "keep a part of one temperature (part under [recording])"
+    if warm is None or warmth is None:
+        if not found.drifted:
+            return ()
+        seen = f"with time {drift_text(found.drifted)}, and no column of motor temperatures is "
+        seen += f"recognised that could tell why; log them. {constant}"
+        example = f"[{', '.join(string_text(f'temperature_{j}') for j in names)}]"
+        return (Assumption("gains", "temperature", None, "likely", seen, example=example),)
+    columns = [warm.columns[name] for name in names]
+    value: Any = columns[0] if len(set(columns)) == 1 else columns
+    span = f"from {warmth.min():.4g} to {warmth.max():.4g}"
+    if not found.warmed:
+        seen = f"motor temperatures are logged ({span}), but do not explain unseen motion better"
+        example = value_text(value)
+        return (Assumption("gains", "temperature", None, "likely", seen, example=example),)
+    seen = f"motor temperatures go {span}, and with them {drift_text(found.warmed)}. `pivident "
+    seen += f"gains` separates magnets from friction by them; {constant}"
+    listed_units = torque.value if torque is not None else "N m"
+    units = listed_units if isinstance(listed_units, list) else [listed_units]
+    if any(isinstance(unit, Mapping) and unit.get("unit") in COMMAND for unit in units):
+        return (Assumption("gains", "temperature", value, "likely", seen),)
+    return (Assumption("gains", "temperature", None, "likely", seen, example=value_text(value)),)
 
 
 def measures_link_torques(

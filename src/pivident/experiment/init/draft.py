@@ -241,6 +241,7 @@ def draft_experiment(
         say("trying the file")
         lines = [
             *_robot_lines(machine, found, findings, out),
+            *found.warmth,
             *control_lines(found, findings, answers),
         ]
         recordings = [_recording(run, found, findings, out, column_names) for run in runs]

@@ -26,6 +26,7 @@ from pivident.data.logs.recognition.log_file import (
     LogFile,
     Run,
     joint_map,
+    temperature_columns,
 )
 from pivident.data.logs.recognition.position_units import (
     AssumedUnits,
@@ -53,6 +54,7 @@ from pivident.experiment.init.column_lines import (
     measures_link_torques,
     named_gain,
     side_lines,
+    temperature_lines,
     unit_lines,
     window_line,
 )
@@ -100,6 +102,7 @@ class RecordingLines:
     link_torques: bool  # whether the torques are those of sensors behind the gears
     has_torque: bool = True  # whether a torque was found
     law: ActuatorLaw | None = None  # of the actuators of an MJCF, where no torque was found
+    warmth: tuple[Assumption, ...] = ()  # lines of ``[gains]`` that follow from temperatures
 
 
 def recording_lines(
@@ -138,6 +141,8 @@ def recording_lines(
     rows &= (clock.seconds >= window[0]) & (clock.seconds <= window[1])
     torque: TorqueUnit | None = None
     preset: Preset | None = None
+    warm: ChannelColumns | None = None
+    warmth: np.ndarray | None = None
     found = without_torque(robot)
     unnamed: dict[str, str] = {}
     if "tau" not in joints.channels and not _references(
@@ -162,11 +167,13 @@ def recording_lines(
         named = next(iter(torques.units.values()), None)
         tau = tau * TORQUE.get(answers.get("unit of tau", named or ""), 1.0)
         rows &= np.isfinite(tau).all(axis=1)
-        found = compare(robot, si[rows][:, own], tau[rows], clock.seconds[rows])
+        warm = temperature_columns(run, q)
+        warmth = None if warm is None else warm.values(run, kept.names)[rows]
+        found = compare(robot, si[rows][:, own], tau[rows], clock.seconds[rows], warmth)
         if found.angle_unit and unit.sure != "certain":
             unit = _other_angle(unit)
             si = raw * unit.factors(POSITION)
-            found = compare(robot, si[rows][:, own], tau[rows], clock.seconds[rows])
+            found = compare(robot, si[rows][:, own], tau[rows], clock.seconds[rows], warmth)
         gain = named_gain(run, torques, len(kept.names)) if unnamed else None
         preset = run.files[torques.file].preset
         torque = torque_unit(
@@ -209,6 +216,7 @@ def recording_lines(
         torque is not None and measures_link_torques(torque, found, preset),
         torque is not None,
         law,
+        temperature_lines(torque, found, warm, kept.names, warmth),
     )
 
 

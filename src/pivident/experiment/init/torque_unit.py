@@ -25,6 +25,7 @@ from pivident.foundation.text.sentences import listed
 from pivident.judgement.audit.description_factors import BLUNT, description_factors
 from pivident.judgement.audit.examination import Examination, in_turn
 from pivident.judgement.audit.flange_load import FlangeLoad, flange_load
+from pivident.judgement.audit.friction_drift import FrictionDrift, friction_drifts
 from pivident.judgement.audit.gravity import NO_GRAVITY
 from pivident.judgement.audit.inverse_model import build_inverse_model
 from pivident.judgement.audit.log_checks import CHECKS
@@ -62,6 +63,8 @@ class Comparison:
     load: FlangeLoad | None = None  # on the flange, not in the description
     torque_side: TorqueSideEvidence | None = None  # what the log shows of rotors and drives
     no_gravity: str = ""  # how the log shows that its torques hold no gravity, or empty
+    warmed: tuple[FrictionDrift, ...] = ()  # joints whose friction follows the logged temperature
+    drifted: tuple[FrictionDrift, ...] = ()  # joints whose friction follows time
 
 
 @dataclass(frozen=True)
@@ -112,8 +115,22 @@ def without_torque(robot: Robot) -> Comparison:
     return Comparison(nothing, nothing, trouble="the log has no torque")
 
 
-def compare(robot: Robot, q: np.ndarray, tau: np.ndarray, seconds: np.ndarray) -> Comparison:
-    """Hold torque and motion against the robot's description."""
+def compare(
+    robot: Robot,
+    q: np.ndarray,
+    tau: np.ndarray,
+    seconds: np.ndarray,
+    temperature: np.ndarray | None = None,
+) -> Comparison:
+    """Hold torque and motion against the robot's description.
+
+    Args:
+        robot: the description.
+        q: positions, shape (samples, joints) [rad or m].
+        tau: torques as logged, of the same shape.
+        seconds: stamps, shape (samples,) [s].
+        temperature: of the motors, shape (samples, joints), where it is logged.
+    """
     log = Log(
         "log",
         robot.joint_names,
@@ -155,6 +172,8 @@ def compare(robot: Robot, q: np.ndarray, tau: np.ndarray, seconds: np.ndarray) -
         load=load,
         torque_side=side,
         no_gravity=next((f.message for f in examined.findings if f.declared is NO_GRAVITY), ""),
+        warmed=() if temperature is None else friction_drifts(model, temperature),
+        drifted=friction_drifts(model, seconds) if temperature is None else (),
     )
 
 

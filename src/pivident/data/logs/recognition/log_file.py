@@ -15,7 +15,14 @@ import numpy as np
 from pivident.data.logs.bags.bag_table import OwnClock, bag_table
 from pivident.data.logs.bags.read_bag import is_bag
 from pivident.data.logs.file_columns import file_columns
-from pivident.data.logs.recognition.channel_words import Reading, Sureness, read_words, words_of
+from pivident.data.logs.recognition.channel_words import (
+    OTHER_TEMPERATURE,
+    TEMPERATURE,
+    Reading,
+    Sureness,
+    read_words,
+    words_of,
+)
 from pivident.data.logs.recognition.log_clock import JOINT, Series, column_series, is_clock
 from pivident.data.logs.recognition.presets import Preset, recognised, with_meanings
 from pivident.data.logs.source_files import printable_name
@@ -142,6 +149,35 @@ class ChannelColumns:
         """The clock of a channel that was logged beside the positions, by a clock of its own."""
         clocks = run.files[self.file].own_clocks
         return next((clocks[c] for c in self.columns.values() if c in clocks), None)
+
+
+def temperature_columns(run: Run, q: ChannelColumns) -> ChannelColumns | None:
+    """Temperatures of the motors by joint: a column for each position, or one for all joints.
+
+    They must vary, and are looked for in the file of the positions.
+    """
+    file = run.files[q.file]
+    for series in file.series:
+        words = set(series.words)
+        own = series.channel == "temperature" or words & TEMPERATURE
+        if not own or words & OTHER_TEMPERATURE or series.reading.channel not in (
+            None, "temperature"
+        ):  # fmt: skip
+            continue
+        values = np.column_stack([file.columns[name] for name in series.columns.values()])
+        if not np.isfinite(values).all() or not np.ptp(values, axis=0).any():
+            continue
+        columns: dict[str, str] = {}
+        if set(q.columns) <= set(series.columns):
+            columns = {joint: series.columns[joint] for joint in q.columns}
+        elif len(series.columns) == len(q.columns) and all(map(str.isdecimal, series.columns)):
+            ordered = [series.columns[key] for key in _in_order(series.columns)]
+            columns = dict(zip(q.columns, ordered, strict=True))
+        elif len(series.columns) == 1:
+            columns = dict.fromkeys(q.columns, next(iter(series.columns.values())))
+        if columns:
+            return ChannelColumns("temperature", q.file, columns, {}, False)
+    return None
 
 
 @dataclass(frozen=True, eq=False)
