@@ -1,5 +1,7 @@
 """A preset is recognised by names; every entry has a source and means something."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from pivident.data.logs.recognition.log_file import CHANNELS, read_log_file
 from pivident.data.logs.recognition.position_units import AssumedUnits, counts_in
 from pivident.data.logs.recognition.presets import presets, recognised, with_meanings
 from pivident.data.logs.units import COMMAND, POSITION, SPEED, TORQUE
+from tests.conftest import REPOSITORY
 
 
 def numbered(*names, count=2):
@@ -28,6 +31,11 @@ def test_every_preset_has_sources_units_and_channels_that_are_known(preset):
         assert unit is None or unit in POSITION | SPEED | TORQUE | COMMAND or counts_in(unit)
     for gains in preset.gains:
         assert gains["source"] and min(gains["values"]) > 0.0
+
+
+def test_the_page_of_recipes_has_every_preset():
+    page = (REPOSITORY / "docs" / "how_to" / "loggers.md").read_text(encoding="utf-8")
+    assert re.findall(r"^## (.+)$", page, flags=re.MULTILINE) == [p.name for p in presets()]
 
 
 @pytest.mark.parametrize(
