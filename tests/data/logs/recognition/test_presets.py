@@ -83,6 +83,18 @@ def test_counts_per_revolution_are_a_unit_of_the_file():
     np.testing.assert_allclose(units.factors(POSITION), 2.0 * np.pi / 4096)
 
 
+def test_an_audit_reads_counts_as_counts(tmp_path):
+    from pivident.data.logs.described_log import bare_log
+
+    t = np.arange(200) / 50.0
+    counts = np.round(2048 * np.sin(t))
+    rows = np.column_stack([t, counts, counts, np.cos(t), np.cos(t)])
+    head = ",".join(["t", *numbered("present_position_#", "present_current_#")])
+    np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header=head, comments="")
+    log = bare_log(tmp_path / "log.csv")
+    np.testing.assert_allclose(log.channels["q"][:, 0], counts * 2.0 * np.pi / 4096)
+
+
 def test_an_audit_knows_the_names_of_a_preset_too(tmp_path):
     from pivident.data.logs.described_log import bare_log
 
