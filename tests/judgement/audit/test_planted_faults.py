@@ -8,7 +8,7 @@ import pytest
 
 from pivident.experiment.init.torque_unit import compare, torque_unit
 from pivident.judgement.audit.audit import audit_log
-from pivident.judgement.audit.delay import faster_loop, possible_loops, undeclared_timing
+from pivident.judgement.audit.delay import possible_loops, undeclared_timing
 from tests.judgement.audit.logs import (
     clean_log,
     delayed,
@@ -252,6 +252,11 @@ def every(log, count):
     channels = {kind: values[::count] for kind, values in log.channels.items()}
     clocks = {name: t[::count] for name, t in log.clocks.items()}
     return replace(log, channels=channels, logged=dict(channels), clocks=clocks)
+
+
+def faster_loop(log, rate, common):
+    """The likeliest rate of a faster loop [Hz], or None."""
+    return next(iter(possible_loops(log, rate, common)), None)
 
 
 def test_a_loop_that_is_faster_than_the_log_is_told_from_the_time_that_it_holds_a_torque():

@@ -380,7 +380,7 @@ def undeclared_timing(
         rate: its sampling rate [Hz].
         common: delay of all joints and its standard error [s].
     """
-    if log.torque_timing or faster_loop(log, rate, common) is not None:
+    if log.torque_timing or possible_loops(log, rate, common):
         return None
     control = log.control_rate or rate
     held, *others = (
@@ -396,25 +396,18 @@ def undeclared_timing(
     return "sampled" if sampled <= averaged + 2.0 * standard_error else "averaged"
 
 
-def faster_loop(log: Log, rate: float, common: tuple[float, float]) -> float | None:
-    """Rate of a control loop that holds a torque for a part of the sampling period only [Hz].
+def possible_loops(log: Log, rate: float, common: tuple[float, float]) -> list[float]:
+    """Rates of loops that hold a torque for a part of the sampling period, likeliest first [Hz].
 
     Held for T_c < h a torque seems (h - T_c)/2 later than one that is held for h. T_c is told where
     it is clearly not all of h, and the loop's rate is two to five times the log's: a torque that is
-    held for a shorter time is that of its instant.
+    held for a shorter time is that of its instant. Where several are possible, one to which drives
+    are set is likelier than one to which none is.
 
     Args:
         log: the log, of which nobody has said how the torque is held.
         rate: its sampling rate [Hz].
         common: delay of all joints and its standard error [s].
-    """
-    return next(iter(possible_loops(log, rate, common)), None)
-
-
-def possible_loops(log: Log, rate: float, common: tuple[float, float]) -> list[float]:
-    """Rates of faster loops that the delay allows, see `faster_loop`: the likeliest first [Hz].
-
-    Where several are possible, one to which drives are set is likelier than one to which none is.
     """
     if log.torque_timing or log.control_rate:
         return []
