@@ -17,6 +17,7 @@ TABLES: dict[str, type[Entry]] = {
     "`[robot]`": file_keys.RobotEntry,
     "friction terms": FrictionEntry,
     "couplings": file_keys.CouplingEntry,
+    "bodies": file_keys.BodyEntry,
     "`[[wrench]]`": file_keys.WrenchEntry,
     "`[[contact]]`": file_keys.ContactEntry,
     "`[recording]`": file_keys.RecordingEntry,

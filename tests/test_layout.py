@@ -26,7 +26,8 @@ MAX_ROOMS = 13
 #: filters, algebraic signals and lines, loops on a measured base, derivatives kept in blocks.
 MAX_LINES_OF_PACKAGE = 7800
 #: Statements of all modules without docstrings, but for generated ones; it only falls, but for what
-#: a judge needs that tries its own advice, a studio that carries it out, and shapes of model error.
+#: a judge needs that tries its own advice, a studio that carries it out, shapes of model error, and
+#: what somebody says of a log and a machine, or a preset of its logger.
 MAX_STATEMENTS = 72_595
 #: Modules, packages included; it only falls.
 MAX_MODULES = 750

@@ -404,10 +404,6 @@ BAD = {
         ("no run 'pulse'", "'pulses'"),
     ),
     "empty part": (changed("files =", "part = [3, 1]\nfiles ="), ("part = [3", "empty")),
-    "freeze in a table robot": (
-        changed('robot = "planar_2r"', '[robot]\nmodel = "planar_2r"\nfrozen = {elbow = 0}'),
-        ("frozen is for URDF and MJCF robots",),
-    ),
 }
 
 

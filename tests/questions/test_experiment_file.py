@@ -122,7 +122,7 @@ CASES = [
     swap("gravity is in units of g", '"planar_2r"', '{model = "planar_2r", gravity = [0, -1, 0]}', "line 1", "1 m/s²", "units of g", code=4),
     swap("gravity is one number", '"planar_2r"', '{model = "planar_2r", gravity = -9.81}', "line 1", "gravity", "three numbers"),
     swap("gravity is a direction without a sign", '"planar_2r"', '{model = "planar_2r", gravity = "down"}', "line 1", "gravity", "-z"),
-    swap("joints of the gallery's robot are frozen", '"planar_2r"', '{model = "planar_2r", frozen = {elbow = 0}}', "frozen is for URDF and MJCF robots"),
+    swap("a frozen joint still has columns", '"planar_2r"', '{model = "planar_2r", frozen = {elbow = 0}}', "q lists 2 column(s) for 1 joint(s) (shoulder)"),
     swap("a friction term does not exist", '"planar_2r"', '{model = "planar_2r", friction = ["viscos", "coulomb"]}', "line 1", "viscos", "'viscous'"),
     swap("friction is one word", '"planar_2r"', '{model = "planar_2r", friction = "coulomb"}', "line 1", "friction", "list of terms"),
     swap("a friction term appears twice", '"planar_2r"', '{model = "planar_2r", friction = ["viscous", "viscous"]}', "line 1", "twice", "fv"),

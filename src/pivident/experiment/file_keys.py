@@ -28,8 +28,16 @@ from pivident.experiment.table_values import (
 from pivident.foundation.errors import ExperimentError
 from pivident.loop.simulation.controllers import FeedForward
 from pivident.robot.description import TorqueSide
-from pivident.robot.mdh_keys import Entry, FrictionTerms, Gravity, JointReference, key
-from pivident.robot.naming import MJCF_FILES, URDF_FILES
+from pivident.robot.mdh_keys import (
+    Entry,
+    FrictionTerms,
+    Gravity,
+    JointReference,
+    Vector3,
+    Vector6,
+    key,
+)
+from pivident.robot.naming import MJCF_FILES
 from pivident.robot.wrench_sensor import Acts
 
 #: Keys that every real loop may have.
@@ -66,6 +74,29 @@ class CouplingEntry(Entry):
     )
 
 
+class BodyEntry(Entry):
+    """A body on a link, such as a tool."""
+
+    link: JointReference = key(
+        meaning="link that carries it, by its name or that or the number of its joint; a fixed "
+        "link of a URDF; `flange`: the last link",
+        kind="link",
+    )
+    mass: float = key(
+        meaning="mass; negative for a body of the description that was not mounted", unit="kg"
+    )
+    center_of_mass: Vector3 = key(
+        [0.0, 0.0, 0.0], "centre of mass in the frame of the link", unit="m", kind="3 numbers"
+    )
+    inertia: Vector6 = key(
+        [0.0] * 6,
+        "about the centre of mass: xx xy xz yy yz zz",
+        unit="kg m²",
+        kind="6 numbers",
+        shown="zeros",
+    )
+
+
 class RobotEntry(Entry):
     """The robot, and what its description does not say about the machine that was logged."""
 
@@ -76,14 +107,12 @@ class RobotEntry(Entry):
     )
     joints: Names | None = key(
         None,
-        "joints of a URDF or MJCF to keep, in the order of the log's columns; the others are "
+        "joints to keep, in the order of the log's columns; the others are "
         "frozen, but those that loops of an MJCF or `mimic` move along with a kept one",
         shown="all",
     )
     frozen: dict[str, float] = key(
-        meaning="joints of a URDF or MJCF that do not move, with their position: `frozen = "
-        "{elbow = "
-        "0.0}`",
+        meaning="joints that do not move, with their position: `frozen = {elbow = 0.0}`",
         factory=dict,
         unit="rad or m",
     )
@@ -91,6 +120,11 @@ class RobotEntry(Entry):
         None,
         "joints of an MJCF with closed loops that have no motor",
         shown="those without an actuator",
+    )
+    bodies: list[BodyEntry] = key(
+        meaning="bodies that were mounted and that the description lacks, see *bodies*: `[{link = "
+        '"flange", mass = 2.75}]`',
+        factory=list,
     )
     gravity: Gravity | None = key(
         None,
@@ -165,13 +199,6 @@ class RobotEntry(Entry):
             raise ExperimentError(
                 "reduction and reduction_matrix are both given", advice="keep one of them"
             ).about("reduction")
-        if not self.model.endswith((*URDF_FILES, *MJCF_FILES)):
-            for key in ("joints", "frozen"):
-                if key in self.model_fields_set:
-                    raise ExperimentError(
-                        f"{key} is for URDF and MJCF robots, not for {self.model!r}",
-                        advice="remove it",
-                    ).about(key)
         if self.passive is not None and not self.model.endswith(MJCF_FILES):
             raise ExperimentError(
                 f"passive is for MJCF robots, not for {self.model!r}",

@@ -20,7 +20,8 @@ from pivident.robot.joints import Contact
 from pivident.robot.measured_base import with_floating_base, with_wrench_sensors
 from pivident.robot.mjcf import read_mjcf
 from pivident.robot.modified_dh import friction_law
-from pivident.robot.naming import MJCF_FILES, ROBOT_FILES
+from pivident.robot.mounted import with_body, with_frozen_joints
+from pivident.robot.naming import MJCF_FILES, URDF_FILES
 from pivident.robot.urdf import read_urdf
 from pivident.robot.wrench_sensor import WrenchSensor
 
@@ -69,6 +70,9 @@ def _with_additions(robot: Robot, entry: RobotEntry, torque_side: TorqueSide) ->
     """A robot with the drives, friction and gravity of the experiment file."""
     if torque_side == "link":
         robot = robot.with_link_torques()
+    for body in entry.bodies:
+        with concerning("bodies"):
+            robot = with_body(robot, body.link, body.mass, body.center_of_mass, body.inertia)
     if entry.gravity is not None:
         with concerning("gravity"):
             robot = robot.with_gravity(np.array(entry.gravity))
@@ -93,11 +97,10 @@ def _with_additions(robot: Robot, entry: RobotEntry, torque_side: TorqueSide) ->
 
 def _described(entry: RobotEntry, folder: Path) -> Robot:
     """The robot of the gallery or of a file."""
-    if not entry.model.endswith(ROBOT_FILES):
-        return load_robot(entry.model)
     path = folder / entry.model
-    if path.suffix == ".toml":
-        return load_robot(path)
+    if not entry.model.endswith((*URDF_FILES, *MJCF_FILES)):
+        table = load_robot(path if path.suffix == ".toml" else entry.model)
+        return with_frozen_joints(table, entry.joints, entry.frozen)
     if entry.model.endswith(MJCF_FILES):
         return read_mjcf(path, joints=entry.joints, frozen=entry.frozen, passive=entry.passive)
     return read_urdf(path, joints=entry.joints, frozen=entry.frozen)

@@ -14,10 +14,28 @@ from pivident.foundation.text.sentences import NearestNames
 #: Endings of robot files: a name with one of them is a path.
 URDF_FILES = (".urdf", ".urdf.gz")
 MJCF_FILES = (".xml", ".mjcf")
+XACRO_FILES = (".xacro", ".xacro.gz")
 ROBOT_FILES = (".toml", *URDF_FILES, *MJCF_FILES)
 
 #: Maximum digits of a joint number; Python refuses to read numbers of thousands of digits.
 MAX_DIGITS = 9
+
+
+def refuse_xacro(name: str) -> None:
+    """Refuse the template of a URDF, with how to expand it."""
+    if name.endswith(XACRO_FILES):
+        raise RobotDescriptionError(
+            f"{name!r} is a xacro, the template of a URDF", advice=expand_xacro(name)
+        )
+
+
+def expand_xacro(name: str = "arm.urdf.xacro") -> str:
+    """How a xacro becomes a URDF."""
+    stem = re.sub(r"(\.urdf)?\.xacro(\.gz)?$", "", name.rpartition("/")[2])
+    return (
+        f"expand it first: xacro {name} > {stem}.urdf, or without ROS: pip install xacrodoc, "
+        f"xacrodoc {name} -o {stem}.urdf; then give {stem}.urdf"
+    )
 
 
 def nearest(name: str, known: Iterable[str]) -> NearestNames:

@@ -20,7 +20,7 @@ from pivident.foundation.errors import RobotDescriptionError
 from pivident.foundation.files import regular_file
 from pivident.robot.frames import Pose, exact_angle, residues, rotation_from_rpy
 from pivident.robot.inertia import from_center_of_mass, moved, tensor
-from pivident.robot.naming import nearest, repeated
+from pivident.robot.naming import expand_xacro, nearest, repeated
 
 #: Largest URDF that is read, after decompression [bytes]; real ones have some 100 kB.
 MAXIMUM_SIZE = 8 * 2**20
@@ -125,7 +125,7 @@ def _refuse_xacro(root: ElementTree.Element) -> None:
         name = macros[0].rpartition("}")[2]
         raise RobotDescriptionError(
             f"still has xacro commands (<xacro:{name.removeprefix('xacro:')}>)",
-            advice="expand it first: xacro arm.urdf.xacro > arm.urdf",
+            advice=expand_xacro(),
         )
 
 
@@ -362,7 +362,7 @@ def _number(text: str, where: str) -> float:
         value = float(text)
     except ValueError:
         if "$" in text:
-            advice = "this looks like xacro, expand it to a URDF first"
+            advice = f"this looks like xacro: {expand_xacro()}"
         else:
             advice = "write a decimal number"
         raise RobotDescriptionError(f"{where} = {text!r} is not a number", advice=advice) from None

@@ -8,7 +8,7 @@ import pytest
 
 from pivident.experiment.init.torque_unit import compare, torque_unit
 from pivident.judgement.audit.audit import audit_log
-from pivident.judgement.audit.delay import faster_loop, undeclared_timing
+from pivident.judgement.audit.delay import possible_loops, undeclared_timing
 from tests.judgement.audit.logs import (
     clean_log,
     delayed,
@@ -254,6 +254,11 @@ def every(log, count):
     return replace(log, channels=channels, logged=dict(channels), clocks=clocks)
 
 
+def faster_loop(log, rate, common):
+    """The likeliest rate of a faster loop [Hz], or None."""
+    return next(iter(possible_loops(log, rate, common)), None)
+
+
 def test_a_loop_that_is_faster_than_the_log_is_told_from_the_time_that_it_holds_a_torque():
     whole = clean_log("planar_2r", 4, 10.0)  # a loop of 1 kHz
     slow = audit_log(every(whole, 2))
@@ -279,3 +284,12 @@ def test_a_torque_that_is_held_for_a_quarter_is_told_before_one_of_an_instant():
     assert undeclared_timing(log, 250.0, (1.5e-3, 2e-4)) is None
     assert faster_loop(log, 250.0, (1.9e-3, 2e-4)) is None
     assert undeclared_timing(log, 250.0, (1.9e-3, 2e-4)) == "sampled"
+
+
+def test_of_loops_that_are_as_possible_the_usual_one_is_taken():
+    """Half a sample at most: 1,000 to 2,500 Hz for a log of 500 Hz."""
+    log = every(clean_log("planar_2r", 1, 10.0), 2)
+    assert possible_loops(log, 500.0, (0.78e-3, 1e-5)) == [2000.0, 2500.0]
+    assert possible_loops(log, 500.0, (0.72e-3, 3e-5)) == [2000.0, 1500.0, 2500.0]
+    assert faster_loop(log, 500.0, (0.667e-3, 1e-5)) == pytest.approx(1500.0)
+    assert faster_loop(log, 499.99, (0.75e-3, 1e-5)) == 2000.0

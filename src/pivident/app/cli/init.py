@@ -35,6 +35,9 @@ def init(
     out: Path = Path("experiment.toml"),
     joints: Annotated[str | None, Parameter(show_default=False)] = None,
     columns: Annotated[str | None, Parameter(show_default=False)] = None,
+    rate: Annotated[float | None, Parameter(show_default=False)] = None,
+    gravity: Annotated[str | None, Parameter(show_default=False)] = None,
+    body: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)] = (),
     yes: Annotated[bool, Parameter(name=["--yes", "-y"], negative=())] = False,
     force: Annotated[bool, Parameter(negative=())] = False,
 ) -> int:
@@ -49,10 +52,20 @@ def init(
     out
         The experiment file.
     joints
-        Joints of a URDF to identify, separated by commas. Default: all that move and have a torque.
+        Joints to identify, separated by commas; the others stand still. Default: all that move and
+        have a torque.
     columns
         Names of the columns of a log without header, in their order: t,q1..q6,-,tau1..tau6, with -
         for those that are not needed.
+    rate
+        Rate of the log in Hz, or of the samples that are made of irregular ones. Default: that of
+        its clock.
+    gravity
+        Where gravity points in the base frame: --gravity=-y, none, or three numbers in m/s²,
+        --gravity=0,0,-9.81. Default: that of the robot.
+    body
+        A body that was mounted and that the robot's description lacks, once for each:
+        --body "flange 2.75 kg", with its centre of mass in m "flange 2.75 kg at 0,0,0.05".
     yes
         Ask nothing; write the best assumption and mark it.
     force
@@ -68,6 +81,9 @@ def init(
         out,
         joints=separated([joints or ""]),
         column_names=separated([columns or ""]),
+        rate=rate,
+        gravity=gravity,
+        bodies=body,
         ask=sys.stdin.isatty() and not yes,
         force=force,
     )
@@ -81,6 +97,9 @@ def run_init(
     *,
     joints: Sequence[str] = (),
     column_names: Sequence[str] = (),
+    rate: float | None = None,
+    gravity: str | None = None,
+    bodies: Sequence[str] = (),
     ask: bool = False,
     force: bool = False,
 ) -> bool:
@@ -101,6 +120,9 @@ def run_init(
                 out=out,
                 joints=joints,
                 column_names=column_names,
+                rate=rate,
+                gravity=gravity,
+                bodies=bodies,
                 answers=answers,
                 progress=progress.say,
             )

@@ -37,7 +37,7 @@ def draft(
         logs: names of its logs, relative to it.
         robot: gallery name, or name of a robot file in the project; None: the only URDF there.
         answers: to the questions of a draft before, by what they are about.
-        joints: joints of a URDF that are to be identified; all that are in the log otherwise.
+        joints: joints that are to be identified; all that are in the log otherwise.
         column_names: of logs without a header, in the order of their columns.
         say: called with one line at each stage.
     """

@@ -41,6 +41,7 @@ from pivident.data.logs.recognition.log_file import (
     joint_map,
     read_log_file,
 )
+from pivident.data.logs.recognition.position_units import counts_in, unit_spec
 from pivident.data.logs.source_files import SourceFile
 from pivident.data.logs.tables.tables import names_in, without_header
 from pivident.data.logs.torque_scale import torque_scales
@@ -247,12 +248,12 @@ def bare_log(path: str | Path, robot: Robot | None = None, column_names: Sequenc
     return replace(log, channels=channels, commands=commands)
 
 
-def _units(channel: ChannelColumns, joints: Sequence[str]) -> list[str | None]:
+def _units(channel: ChannelColumns, joints: Sequence[str]) -> list[Any]:
     """Unit of each joint's column, None where its name says none; a current is in amperes."""
     known = UNITS_OF[channel.name]
     other = "A" if channel.is_current else None
     units = [channel.units.get(joint, other) for joint in joints]
-    return [unit if unit in known else other for unit in units]
+    return [unit_spec(u) if u and counts_in(u) else u if u in known else other for u in units]
 
 
 def _joints(found: JointMap, robot: Robot | None) -> list[str]:

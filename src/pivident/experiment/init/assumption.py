@@ -32,6 +32,7 @@ ORDER = (
     "recording",
     "recording.columns",
     "recording.units",
+    "gains",
     "controller",
     "identify",
     "validation",

@@ -13,10 +13,11 @@ import numpy as np
 
 from pivident.data.logs.bags.bag_table import OwnClock
 from pivident.data.logs.bags.read_bag import STAMP
-from pivident.data.logs.clock_alignment import ClockedChannel
+from pivident.data.logs.nominal_rate import QUARTZ, ClockRate, clock_rate
 from pivident.data.logs.recognition.log_clock import LogClock
-from pivident.data.logs.timestamps import EVEN, mean_rate, stamp_error
+from pivident.data.logs.timestamps import EVEN, check_rate, stamp_error
 from pivident.experiment.init.assumption import Assumption, Question
+from pivident.foundation.errors import concerning
 from pivident.judgement.audit.steps import unsteady_steps
 
 #: Periods of a sampled law in a time step of MuJoCo, whose actuators know the speed and damp by it
@@ -24,11 +25,18 @@ from pivident.judgement.audit.steps import unsteady_steps
 PER_STEP, MAX_MULTIPLE = 4, 64
 
 
-def clock_lines(clock: LogClock, others: Mapping[str, OwnClock]) -> list[Assumption]:
-    """Rate and resampling."""
+def clock_lines(
+    clock: LogClock, others: Mapping[str, OwnClock], given: float | None = None
+) -> list[Assumption]:
+    """Rate and resampling; ``given``: a rate that somebody said [Hz]."""
     lines = []
     correct = "In Hz; every speed and acceleration depends on it."
-    if clock.by_rate:
+    if given is not None:
+        if not (clock.by_rate or clock.resample or others):
+            with concerning("rate"):
+                check_rate(given, clock.seconds)
+        lines.append(Assumption("recording", "rate", given, "certain", "as given", correct))
+    elif clock.by_rate:
         question = None
         if clock.sure == "assumed":
             question = Question("rate", "At what rate was the log taken, in Hz?")
@@ -37,15 +45,19 @@ def clock_lines(clock: LogClock, others: Mapping[str, OwnClock]) -> list[Assumpt
             Assumption("recording", "rate", rate, clock.sure, clock.seen, correct, question)
         )
     elif others:
+        positions = clock_rate(clock.seconds)
         lines.append(
             Assumption(
-                "recording", "rate", _common_rate(clock, others.get("tau")), "likely",
+                "recording", "rate", _common_rate(positions, others.get("tau")), "likely",
                 "new samples are made at the rate of the positions, or of the torques where these "
                 "are slower; without this line they are made at that of the slowest channel "
                 f"({_listed(others)})",
                 "In Hz.",
             )
         )  # fmt: skip
+    elif clock.resample and (found := clock_rate(clock.seconds)).nominal is not None:
+        seen = f"{found}; new samples are made at that rate"
+        lines.append(Assumption("recording", "rate", found.nominal, "likely", seen, "In Hz."))
     if clock.resample or others:
         seen = f"{_listed(others)} by clocks of their own, so that all channels are interpolated"
         if clock.resample:
@@ -69,22 +81,27 @@ def control_rate_line(clock: LogClock, step: float) -> list[Assumption]:
 def as_the_joints_move(clock: LogClock, q: np.ndarray) -> LogClock:
     """The clock with its rate instead of new samples, where only its stamps are irregular.
 
+    Where new samples are made, its rate is the one that it was set to, if the stamps show it.
+
     Args:
         clock: the clock as its stamps are.
         q: positions, shape (samples, joints) [rad or m].
     """
+    if not clock.resample or clock.by_rate:
+        return clock
     rows = np.isfinite(q).all(axis=1)
-    if not clock.resample or clock.by_rate or unsteady_steps(q).size:
-        return clock
-    error = stamp_error(q[rows], clock.seconds[rows])
+    steady = not unsteady_steps(q).size
+    error = stamp_error(q[rows], clock.seconds[rows]) if steady else float("nan")
     if not error > EVEN:
-        return clock
+        return replace(clock, rate=clock_rate(clock.seconds).nominal or clock.rate)
     seen = (
         f"the stamps are irregular ({clock.seen}), but the joints move as if the samples were "
         f"equally spaced: equal steps fit the motion {error:.3g} times better than the stamps"
     )
-    rate = mean_rate(clock.seconds)
-    return replace(clock, rate=rate, sure="likely", seen=seen, resample=False, by_rate=True)
+    found = clock_rate(clock.seconds, even=True)
+    if found.nominal is not None:
+        seen += f"; {found}"
+    return replace(clock, rate=found.rate, sure="likely", seen=seen, resample=False, by_rate=True)
 
 
 def clock_place(column: str, others: Mapping[str, OwnClock], channels: Iterable[str]) -> Any:
@@ -95,10 +112,14 @@ def clock_place(column: str, others: Mapping[str, OwnClock], channels: Iterable[
     return {name: others[name].column if name in others else column for name in channels}
 
 
-def _common_rate(clock: LogClock, torque: OwnClock | None) -> float:
-    """The rate of the positions to three digits; smooth references can be resampled to it."""
-    rate = ClockedChannel("q", str(clock.column), clock.seconds, clock.seconds[:, None]).rate
-    return float(f"{min(rate, rate if torque is None else torque.rate):.3g}")
+def _common_rate(positions: ClockRate, torque: OwnClock | None) -> float:
+    """The rate of the positions; smooth references can be resampled to it [Hz].
+
+    To three digits where it is no usual one, or that of the torques where these are slower.
+    """
+    if torque is None or torque.rate > (1.0 - QUARTZ) * positions.mean:
+        return positions.nominal or float(f"{positions.mean:.3g}")
+    return float(f"{torque.rate:.3g}")
 
 
 def _listed(others: Mapping[str, OwnClock]) -> str:

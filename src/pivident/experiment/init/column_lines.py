@@ -26,15 +26,17 @@ from pivident.data.logs.recognition.channel_words import words_of
 from pivident.data.logs.recognition.log_clock import LogClock
 from pivident.data.logs.recognition.log_file import ChannelColumns, JointMap, Run
 from pivident.data.logs.recognition.position_units import AssumedUnits, following_unit
+from pivident.data.logs.recognition.presets import Preset
 from pivident.data.logs.timestamps import resample_smooth
-from pivident.data.logs.units import POSITION, SPEED
+from pivident.data.logs.units import COMMAND, POSITION, SPEED
 from pivident.experiment.init.assumption import Assumption, Question
 from pivident.experiment.init.clock_lines import clock_place
 from pivident.experiment.init.kept_joints import KeptJoints
 from pivident.experiment.init.torque_unit import Comparison, TorqueUnit
 from pivident.foundation.text.numbers import percent
 from pivident.foundation.text.sentences import listed
-from pivident.foundation.text.toml import string_text
+from pivident.foundation.text.toml import string_text, value_text
+from pivident.judgement.audit.friction_drift import drift_text
 from pivident.loop.instruments.second_sensor import SAME_SENSOR, explained_noise
 
 #: Time before and after the motion that is kept [s].
@@ -70,7 +72,9 @@ def window_line(
     return []
 
 
-def side_lines(torque: TorqueUnit | None, found: Comparison) -> list[Assumption]:
+def side_lines(
+    torque: TorqueUnit | None, found: Comparison, preset: Preset | None = None
+) -> list[Assumption]:
     """The side of the gear, and whether torques are those of motors or of sensors behind it."""
     if torque is None:
         seen = "positions are taken for those of the joints, a motor's over its gear ratio"
@@ -82,19 +86,76 @@ def side_lines(torque: TorqueUnit | None, found: Comparison) -> list[Assumption]
     lines = [
         Assumption("recording", "side", "joint", "likely", seen, 'Or {q = "joint", tau = "motor"}.')
     ]
-    if measures_link_torques(torque, found):
+    said = preset is not None and preset.side == "link"
+    by = f"the preset {preset.name} says" if preset is not None else ""
+    if measures_link_torques(torque, found, preset):
         seen = f"the torques seem to be those of sensors behind the gears: {found.torque_side}"
+        if said:
+            seen = f"torques of sensors behind the gears, as {by}; {_side_text(found)}"
         correct = 'Set "motor" if they are of the motors: then rotors and drives are in the model.'
         lines.append(Assumption("recording", "torque_side", "link", "likely", seen, correct))
+    elif said:
+        seen = f"{by} sensors behind the gears, which the log contradicts: {_side_text(found)}"
+        lines.append(Assumption("recording", "torque_side", None, "likely", seen, example='"link"'))
     return lines
 
 
-def measures_link_torques(torque: TorqueUnit, found: Comparison) -> bool:
-    """Whether torques in N m contain neither rotors nor friction of drives."""
+def _side_text(found: Comparison) -> str:
+    """What the log itself shows of rotors and drives."""
+    if found.torque_side is None:
+        return "the log does not show whether it holds rotors and drives"
+    return str(found.torque_side)
+
+
+def temperature_lines(
+    torque: TorqueUnit | None,
+    found: Comparison,
+    warm: ChannelColumns | None,
+    names: Sequence[str],
+    warmth: np.ndarray | None,
+) -> tuple[Assumption, ...]:
+    """What temperatures of the motors explain, or what their lack leaves open.
+
+    ``warmth``: on the rows that are used, shape (samples, joints).
+    """
+    constant = "`identify` takes friction as constant: warm the robot up before the record, or "
+    constant += "keep a part of one temperature (part under [recording])"
+    if warm is None or warmth is None:
+        if not found.drifted:
+            return ()
+        seen = f"with time {drift_text(found.drifted)}, and no column of motor temperatures is "
+        seen += f"recognised that could tell why; log them. {constant}"
+        example = f"[{', '.join(string_text(f'temperature_{j}') for j in names)}]"
+        return (Assumption("gains", "temperature", None, "likely", seen, example=example),)
+    columns = [warm.columns[name] for name in names]
+    value: Any = columns[0] if len(set(columns)) == 1 else columns
+    span = f"from {warmth.min():.4g} to {warmth.max():.4g}"
+    if not found.warmed:
+        seen = f"motor temperatures are logged ({span}), but do not explain unseen motion better"
+        example = value_text(value)
+        return (Assumption("gains", "temperature", None, "likely", seen, example=example),)
+    seen = f"motor temperatures go {span}, and with them {drift_text(found.warmed)}. `pivident "
+    seen += f"gains` separates magnets from friction by them; {constant}"
+    listed_units = torque.value if torque is not None else "N m"
+    units = listed_units if isinstance(listed_units, list) else [listed_units]
+    if any(isinstance(unit, Mapping) and unit.get("unit") in COMMAND for unit in units):
+        return (Assumption("gains", "temperature", value, "likely", seen),)
+    return (Assumption("gains", "temperature", None, "likely", seen, example=value_text(value)),)
+
+
+def measures_link_torques(
+    torque: TorqueUnit, found: Comparison, preset: Preset | None = None
+) -> bool:
+    """Whether torques in N m contain neither rotors nor friction of drives.
+
+    The log decides; where it leaves that open, the preset of its logger does.
+    """
     listed = torque.value if isinstance(torque.value, list) else [torque.value]
     units = [unit.get("unit") if isinstance(unit, Mapping) else unit for unit in listed]
     in_si = all(unit in ("N m", "Nm", "N") for unit in units) and not torque.motor_side
-    return in_si and found.torque_side is not None and found.torque_side.side == "link"
+    shown = "unknown" if found.torque_side is None else found.torque_side.side
+    said = preset is not None and preset.side == "link"
+    return in_si and (shown == "link" or (said and shown == "unknown"))
 
 
 def column_lines(

@@ -17,6 +17,7 @@ import numpy as np
 from pivident.data.logs.file_columns import beside_text
 from pivident.data.logs.recognition.channel_words import Sureness
 from pivident.data.logs.recognition.log_file import Run
+from pivident.data.logs.timestamps import check_declared
 from pivident.estimation.methods import WITHOUT_TORQUE
 from pivident.experiment.check.actuators_check import controller_keys
 from pivident.experiment.init.assumption import (
@@ -28,6 +29,7 @@ from pivident.experiment.init.assumption import (
     Question,
     experiment_text,
 )
+from pivident.experiment.init.given_robot import GivenRobot
 from pivident.experiment.init.kept_joints import RobotFile, robot_file
 from pivident.experiment.init.log_files import read_runs
 from pivident.experiment.init.recording_lines import RecordingLines, recording_lines
@@ -183,6 +185,9 @@ def draft_experiment(
     out: str | Path = "experiment.toml",
     joints: Sequence[str] = (),
     column_names: Sequence[str] = (),
+    rate: float | None = None,
+    gravity: str | None = None,
+    bodies: Sequence[str] = (),
     answers: Answers | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Draft:
@@ -196,8 +201,12 @@ def draft_experiment(
         logs: files of one run side by side, or several runs of the same columns.
         robot: gallery name, .toml, URDF or MJCF; None: the only URDF beside the logs.
         out: where the file is going to be; its paths are relative to that folder.
-        joints: joints of a URDF that are to be identified; all that are in the log otherwise.
+        joints: joints that are to be identified, the others stand still; all that are in the log
+            otherwise.
         column_names: of logs without a header, in the order of their columns.
+        rate: at which the log was taken, or new samples are made [Hz]; None: that of its clock.
+        gravity: where it points in the base frame (``"-y"``), or three numbers with commas [m/s²].
+        bodies: that were mounted and that the description lacks, such as ``"flange 2.75 kg"``.
         answers: what a person answered to `Draft.questions`, by what they are about.
         progress: called with one line at each stage.
 
@@ -213,22 +222,27 @@ def draft_experiment(
     paths = [Path(log) for log in logs]
     if not paths:
         raise DraftError("no log is given", advice="name at least one file")
-    machine = robot_file(robot, paths)
+    machine = robot_file(robot, paths, GivenRobot.of(gravity, bodies))
     for name in joints:
         if name not in machine.joint_names:
             raise DraftError(
                 f"there is no joint {name!r}", advice=nearest(name, machine.joint_names)
             )
+    answers = dict(answers or {})
+    if rate is not None:
+        check_declared(rate)
+        answers["rate"] = str(rate)
     say("reading the log")
     runs = read_runs(paths, machine.joint_names, column_names)
     say("comparing log and robot")
-    found = recording_lines(runs[0], machine, tuple(joints), answers or {})
+    found = recording_lines(runs[0], machine, tuple(joints), answers)
     findings = Findings()
     while True:
         say("trying the file")
         lines = [
             *_robot_lines(machine, found, findings, out),
-            *control_lines(found, findings, answers or {}),
+            *found.warmth,
+            *control_lines(found, findings, answers),
         ]
         recordings = [_recording(run, found, findings, out, column_names) for run in runs]
         heading = HEADING.format(
@@ -322,6 +336,9 @@ def _recording(
     seen += "".join(
         f"; {file.shown} holds more{beside_text(file.beside)}" for file in run.files if file.beside
     )
+    preset = next((file.preset for file in run.files if file.preset), None)
+    if preset is not None:
+        seen += f". Preset {preset.name}: {preset}"
     seen = ". ".join([seen, *(note.rstrip(".") for note in findings.notes)])
     lines = [Assumption("recording", "files", value, "certain", seen)]
     if column_names and single:

@@ -8,17 +8,20 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from pivident.data.logs.recognition.log_file import JointMap, Run
+from pivident.experiment.file_keys import RobotEntry
 from pivident.experiment.init.assumption import DraftError
+from pivident.experiment.init.given_robot import NOTHING_GIVEN, GivenRobot
+from pivident.experiment.robot_table import robot_of
 from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot.description import Robot
 from pivident.robot.gallery import gallery_names, load_robot
-from pivident.robot.mjcf import movable_joints, read_mjcf
+from pivident.robot.mjcf import movable_joints
 from pivident.robot.naming import MJCF_FILES, URDF_FILES, errors_name
-from pivident.robot.urdf import read_urdf
 from pivident.robot.urdf_xml import MOVING, UrdfJoint, file_content, parse_model
 
 #: Share of samples with one and the same value from which on a torque is no signal.
@@ -42,35 +45,36 @@ class RobotFile:
     """A robot's file, or a robot of the gallery."""
 
     name: str  # path or name in the gallery
-    is_tree: bool  # a URDF or MJCF: joints can be chosen and frozen
+    is_tree: bool  # a URDF or MJCF: joints that do not move are left out
     joint_names: tuple[str, ...]  # joints that can be identified, parents first
     fixed: tuple[str, ...] = ()  # joints that move but have no column (they mimic, float, follow …)
     found: bool = False  # whether nobody named it
+    is_open: bool = True  # whether joints can be chosen and frozen, as without closed loops
+    given: GivenRobot = NOTHING_GIVEN  # how it was mounted, as somebody said
 
     def robot(
         self, joints: Sequence[str] | None = None, frozen: Mapping[str, float] | None = None
     ) -> Robot:
         """The robot with some of its joints; frozen [rad or m]."""
-        if not self.is_tree:
-            return load_robot(self.name)
-        read = read_mjcf if self.name.endswith(MJCF_FILES) else read_urdf
-        return read(self.name, joints=joints or self.joint_names, frozen=frozen)
+        keys: dict[str, Any] = {"model": self.name, **self.given.keys}
+        if self.is_open:
+            keys |= {"joints": list(joints or self.joint_names), "frozen": dict(frozen or {})}
+        return robot_of(RobotEntry.model_validate(keys), Path())
 
 
-def robot_file(name: str | None, logs: Sequence[Path]) -> RobotFile:
+def robot_file(
+    name: str | None, logs: Sequence[Path], given: GivenRobot = NOTHING_GIVEN
+) -> RobotFile:
     """The robot by its name, or the only robot file beside the logs."""
     found = name is None
     name = name or _beside(logs)
-    if name.endswith((".xacro", ".xacro.gz")):
-        raise DraftError(
-            f"{name} is a xacro, which has to be expanded first: xacro {name} > robot.urdf"
-        )
     if name.endswith(MJCF_FILES):
         movable_names, others = movable_joints(name)
-        return RobotFile(name, True, movable_names, others, found)
+        return RobotFile(name, True, movable_names, others, found, given=given)
     if not name.endswith(URDF_FILES):
         robot = load_robot(name)
-        return RobotFile(name, False, robot.joint_names, found=found)
+        is_open = robot.constraints is None and not robot.base_joints
+        return RobotFile(name, False, robot.joint_names, found=found, is_open=is_open, given=given)
     with errors_name(name):
         model = parse_model(file_content(Path(name)))
         movable = [joint for joint in model.joints if joint.type != "fixed"]
@@ -81,8 +85,9 @@ def robot_file(name: str | None, logs: Sequence[Path]) -> RobotFile:
     order = sorted(usable, key=lambda joint: _depth(joint, carrier))
     names = tuple(joint.name for joint in order)
     return RobotFile(
-        name, True, names, tuple(j.name for j in movable if j.name not in names), found
-    )
+        name, True, names, tuple(j.name for j in movable if j.name not in names), found,
+        given=given,
+    )  # fmt: skip
 
 
 def _can_be_kept(joint: UrdfJoint) -> bool:
@@ -140,16 +145,18 @@ def kept_joints(
     if missing:
         why = left_out.get(missing[0], "the log has no position of it")
         raise DraftError(f"joint {missing[0]!r} cannot be identified: {why}", advice="leave it out")
-    if not machine.is_tree:
-        names = [n for n in machine.joint_names if n in q.columns]
-        names = [n for n in names if tau is None or n in tau.columns]
-        if len(names) < len(machine.joint_names):
-            lacking = next(n for n in machine.joint_names if n not in names)
-            raise DraftError(
-                f"the log has no position or no torque of joint {lacking!r}",
-                advice=f"only a URDF can be cut down to some joints, {machine.name} cannot",
-            )
-        left_out = {}
+    if not machine.is_tree and not wanted:
+        whole = [n for n in machine.joint_names if n in q.columns]
+        whole = [n for n in whole if tau is None or n in tau.columns]
+        if len(whole) == len(machine.joint_names):
+            return KeptJoints(machine.joint_names, {}, machine.joint_names)
+    if not machine.is_open and len(names) < len(machine.joint_names):
+        lacking = next(n for n in machine.joint_names if n not in names)
+        raise DraftError(
+            f"the log has no position or no torque of joint {lacking!r}",
+            advice=f"{machine.name} has closed loops or a base that moves, and cannot be cut down "
+            "to some joints",
+        )
     if not names:
         reasons = "; ".join(f"{name}: {reason}" for name, reason in left_out.items())
         if tau is None:
@@ -162,7 +169,8 @@ def kept_joints(
             advice="log a motion of the joints, check the files, or name the columns in an "
             "experiment file by hand",
         )
-    return KeptJoints(tuple(names), left_out, tuple(q.columns))
+    logged = [*q.columns] if machine.is_tree else [n for n in machine.joint_names if n in q.columns]
+    return KeptJoints(tuple(names), left_out, tuple(logged))
 
 
 def _reason(run: Run, joints: JointMap, name: str, position: np.ndarray, still: float) -> str:

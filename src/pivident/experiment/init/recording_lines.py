@@ -26,12 +26,16 @@ from pivident.data.logs.recognition.log_file import (
     LogFile,
     Run,
     joint_map,
+    temperature_columns,
 )
 from pivident.data.logs.recognition.position_units import (
     AssumedUnits,
+    counts_in,
     following_unit,
+    position_factor,
     position_unit,
 )
+from pivident.data.logs.recognition.presets import Preset
 from pivident.data.logs.tables.tables import without_header
 from pivident.data.logs.timestamps import stretches
 from pivident.data.logs.units import POSITION, SPEED, TORQUE
@@ -50,6 +54,7 @@ from pivident.experiment.init.column_lines import (
     measures_link_torques,
     named_gain,
     side_lines,
+    temperature_lines,
     unit_lines,
     window_line,
 )
@@ -97,20 +102,21 @@ class RecordingLines:
     link_torques: bool  # whether the torques are those of sensors behind the gears
     has_torque: bool = True  # whether a torque was found
     law: ActuatorLaw | None = None  # of the actuators of an MJCF, where no torque was found
+    warmth: tuple[Assumption, ...] = ()  # lines of ``[gains]`` that follow from temperatures
 
 
 def recording_lines(
     run: Run, machine: RobotFile, wanted: tuple[str, ...], answers: Answers
 ) -> RecordingLines:
     """Everything that is assumed about one log."""
-    joints = _of_its_joints(joint_map(run, machine.joint_names))
+    joints = _of_its_joints(_joint_map(run, machine, wanted))
     if "q" not in joints.channels:
         raise _not_found("position", run)
     run = _without_bad_samples(run, joints)
     kept = kept_joints(run, joints, machine, wanted)
     clock, clock_file = _clock(run, joints, kept, answers)
     q = joints.channels["q"]
-    logged = machine.robot(kept.logged if machine.is_tree else None)
+    logged = machine.robot(kept.logged if machine.is_open else None)
     raw = q.values(run, logged.joint_names)
     own = [logged.joint_names.index(name) for name in kept.names]
     torques = joints.channels.get("tau")
@@ -122,7 +128,9 @@ def recording_lines(
             f"of every joint ({', '.join(kept.names)})",
             advice="export the joints on one clock without empty cells, or a longer log",
         )
-    unit = position_unit(logged, raw[rows], q.units, answers.get("unit of q"))
+    kind = run.files[q.file].preset
+    said = kind.name if kind is not None and kind.says("q") else ""
+    unit = position_unit(logged, raw[rows], q.units, answers.get("unit of q"), said)
     si = raw * unit.factors(POSITION)
     if all(c.own_clock(run) is None for c in joints.channels.values()):
         clock = as_the_joints_move(clock, si[:, own])
@@ -132,6 +140,9 @@ def recording_lines(
     window = _window(clock, first, last)
     rows &= (clock.seconds >= window[0]) & (clock.seconds <= window[1])
     torque: TorqueUnit | None = None
+    preset: Preset | None = None
+    warm: ChannelColumns | None = None
+    warmth: np.ndarray | None = None
     found = without_torque(robot)
     unnamed: dict[str, str] = {}
     if "tau" not in joints.channels and not _references(
@@ -156,14 +167,17 @@ def recording_lines(
         named = next(iter(torques.units.values()), None)
         tau = tau * TORQUE.get(answers.get("unit of tau", named or ""), 1.0)
         rows &= np.isfinite(tau).all(axis=1)
-        found = compare(robot, si[rows][:, own], tau[rows], clock.seconds[rows])
+        warm = temperature_columns(run, q)
+        warmth = None if warm is None else warm.values(run, kept.names)[rows]
+        found = compare(robot, si[rows][:, own], tau[rows], clock.seconds[rows], warmth)
         if found.angle_unit and unit.sure != "certain":
             unit = _other_angle(unit)
             si = raw * unit.factors(POSITION)
-            found = compare(robot, si[rows][:, own], tau[rows], clock.seconds[rows])
+            found = compare(robot, si[rows][:, own], tau[rows], clock.seconds[rows], warmth)
         gain = named_gain(run, torques, len(kept.names)) if unnamed else None
+        preset = run.files[torques.file].preset
         torque = torque_unit(
-            robot, found, named, torques.is_current, answers.get("unit of tau"), gain
+            robot, found, named, torques.is_current, answers.get("unit of tau"), gain, preset
         )
     joints = _as_references_follow(run, joints, kept, si[:, own])
     references = _references(run, joints, kept, si[:, own], clock, unit, own)
@@ -182,10 +196,10 @@ def recording_lines(
     if torque is None and machine.name.endswith(MJCF_FILES):
         law = actuator_law(machine.name, kept.names)
     lines = [
-        *clock_lines(clock, others),
+        *clock_lines(clock, others, float(answers["rate"]) if "rate" in answers else None),
         *(control_rate_line(clock, law.step) if law is not None and not law.reasons else ()),
         *window_line(clock, window, still, (first, last)),
-        *side_lines(torque, found),
+        *side_lines(torque, found, preset),
         *column_lines(
             joints, kept, clock, clock_file, others, besides, keys, unnamed, _like_torques(run)
         ),
@@ -193,24 +207,37 @@ def recording_lines(
     ]
     return RecordingLines(
         robot,
-        (*_joint_lines(machine, joints, kept, frozen), *_gravity_lines(found)),
+        (*_joint_lines(machine, joints, kept, frozen), *_mounting_lines(machine, found)),
         tuple(lines),
         keys,
         "q_ref" in references,
         clock.rate,
         found,
-        torque is not None and measures_link_torques(torque, found),
+        torque is not None and measures_link_torques(torque, found, preset),
         torque is not None,
         law,
+        temperature_lines(torque, found, warm, kept.names, warmth),
     )
 
 
-def _gravity_lines(found: Comparison) -> list[Assumption]:
-    """No gravity, where the torques hold none."""
-    if not found.no_gravity:
-        return []
+def _mounting_lines(machine: RobotFile, found: Comparison) -> list[Assumption]:
+    """Bodies and gravity as somebody gave them, else none where the torques hold none."""
+    given = machine.given.lines(found.no_gravity)
+    if not found.no_gravity or machine.given.gravity is not None:
+        return given
     correct = "Leave it out if the torques hold gravity, or log those that do."
-    return [Assumption("robot", "gravity", [0.0, 0.0, 0.0], "likely", found.no_gravity, correct)]
+    none = Assumption("robot", "gravity", [0.0, 0.0, 0.0], "likely", found.no_gravity, correct)
+    return [*given, none]
+
+
+def _joint_map(run: Run, machine: RobotFile, wanted: tuple[str, ...]) -> JointMap:
+    """Columns of all joints; as many as are requested are theirs, where no name says more."""
+    joints = joint_map(run, machine.joint_names)
+    q = joints.channels.get("q")
+    if not wanted or joints.sure == "certain" or q is None or len(q.columns) != len(wanted):
+        return joints
+    seen = "as many columns as joints were requested, taken for them in order"
+    return replace(joint_map(run, wanted), sure="likely", seen=seen)
 
 
 def _of_its_joints(joints: JointMap) -> JointMap:
@@ -333,7 +360,7 @@ def _frozen(
     motion: tuple[float, float],
 ) -> dict[str, tuple[float, float]]:
     """Median position of logged joints that are not identified, and their range [rad or m]."""
-    if not machine.is_tree:
+    if not machine.is_open:
         return {}
     inside = (clock.seconds >= motion[0]) & (clock.seconds <= motion[1])
     found = {}
@@ -351,7 +378,7 @@ def _joint_lines(
     frozen: Mapping[str, tuple[float, float]],
 ) -> list[Assumption]:
     """Which joints are identified."""
-    if not machine.is_tree:
+    if not machine.is_tree and kept.names == machine.joint_names:
         return []
     seen = f"{joints.seen}; {len(kept.names)} of {len(machine.joint_names)} joints move"
     seen += " and have a torque signal" if "tau" in joints.channels else ""
@@ -433,13 +460,17 @@ def _references(
         values = position.values(run, kept.names)  # may begin later, end earlier, have own gaps
         rows = np.isfinite(values).all(axis=1) & np.isfinite(si).all(axis=1)
         names = ("rad", "deg", "rev") if turning else ("m", "mm")
-        match = following_unit(values[rows][:, judged], si[rows][:, judged], names, POSITION)
+        counts = {u: position_factor(u, {}) for u in set(unit.units) if counts_in(u)}
+        table = POSITION | counts
+        match = following_unit(
+            values[rows][:, judged], si[rows][:, judged], (*names, *counts), table
+        )
         if match is not None and match[1] >= COPY:
             units = [match[0] if k in judged else unit.units[j] for k, j in enumerate(own)]
-            value = units[0] if len(set(units)) == 1 else units
+            value = AssumedUnits(tuple(units), "likely", "").value
             seen = f"the position follows it to {100 * match[1]:.2g} % of the motion"
             found["q_ref"] = (value, seen)
-            followed = np.where(rows[:, None], values * POSITION[match[0]], np.nan)
+            followed = np.where(rows[:, None], values * table[match[0]], np.nan)
     speed = _reference_channel("dq_ref", run, joints, kept)
     if speed is None or len(judged) < len(own):
         return found

@@ -7,12 +7,14 @@ robot's description has masses, one factor for each joint follows from them, see
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from pivident.data.logs.log import Log
+from pivident.data.logs.recognition.presets import Preset
 from pivident.data.logs.torque_scale import ASSUMED, MASSES
 from pivident.data.logs.units import COMMAND, TORQUE
 from pivident.experiment.check.torque_side import TorqueSideEvidence, torque_side_evidence
@@ -23,6 +25,7 @@ from pivident.foundation.text.sentences import listed
 from pivident.judgement.audit.description_factors import BLUNT, description_factors
 from pivident.judgement.audit.examination import Examination, in_turn
 from pivident.judgement.audit.flange_load import FlangeLoad, flange_load
+from pivident.judgement.audit.friction_drift import FrictionDrift, friction_drifts
 from pivident.judgement.audit.gravity import NO_GRAVITY
 from pivident.judgement.audit.inverse_model import build_inverse_model
 from pivident.judgement.audit.log_checks import CHECKS
@@ -60,6 +63,8 @@ class Comparison:
     load: FlangeLoad | None = None  # on the flange, not in the description
     torque_side: TorqueSideEvidence | None = None  # what the log shows of rotors and drives
     no_gravity: str = ""  # how the log shows that its torques hold no gravity, or empty
+    warmed: tuple[FrictionDrift, ...] = ()  # joints whose friction follows the logged temperature
+    drifted: tuple[FrictionDrift, ...] = ()  # joints whose friction follows time
 
 
 @dataclass(frozen=True)
@@ -110,8 +115,22 @@ def without_torque(robot: Robot) -> Comparison:
     return Comparison(nothing, nothing, trouble="the log has no torque")
 
 
-def compare(robot: Robot, q: np.ndarray, tau: np.ndarray, seconds: np.ndarray) -> Comparison:
-    """Hold torque and motion against the robot's description."""
+def compare(
+    robot: Robot,
+    q: np.ndarray,
+    tau: np.ndarray,
+    seconds: np.ndarray,
+    temperature: np.ndarray | None = None,
+) -> Comparison:
+    """Hold torque and motion against the robot's description.
+
+    Args:
+        robot: the description.
+        q: positions, shape (samples, joints) [rad or m].
+        tau: torques as logged, of the same shape.
+        seconds: stamps, shape (samples,) [s].
+        temperature: of the motors, shape (samples, joints), where it is logged.
+    """
     log = Log(
         "log",
         robot.joint_names,
@@ -153,6 +172,8 @@ def compare(robot: Robot, q: np.ndarray, tau: np.ndarray, seconds: np.ndarray) -
         load=load,
         torque_side=side,
         no_gravity=next((f.message for f in examined.findings if f.declared is NO_GRAVITY), ""),
+        warmed=() if temperature is None else friction_drifts(model, temperature),
+        drifted=friction_drifts(model, seconds) if temperature is None else (),
     )
 
 
@@ -163,13 +184,17 @@ def torque_unit(
     is_current: bool,
     answer: str | None,
     gain: tuple[str, np.ndarray] | None = None,
+    preset: Preset | None = None,
 ) -> TorqueUnit:
-    """The unit of the logged torques; ``gain``: of a constant of the log, with its name."""
+    """The unit of the logged torques; ``gain``: of a constant of the log, with its name.
+
+    ``preset``: of the logger; where the data contradict what it says, they decide.
+    """
     named = answer if answer in ("N m", "A") else named
     kind = "current" if is_current else "effort"
     if named in COMMAND or (is_current and named not in TORQUE) or answer == ANSWERS[2]:
         unit = named if named in COMMAND else ("A" if is_current else "command")
-        return _command(robot, found, str(unit), f"the columns hold a {kind}", gain)
+        return _command(robot, found, str(unit), f"the columns hold a {kind}", gain, preset)
     if gain is not None and answer is None:
         return _command(robot, found, "command", "no name says a unit", gain)
     factors = found.factors
@@ -186,9 +211,26 @@ def torque_unit(
         )
         return TorqueUnit("N m", "likely", seen, 'Set side = "joint" if they are not.', True)
     if named in TORQUE:
+        if preset is not None and preset.unit in TORQUE:
+            by = f"the preset {preset.name} says"
+            near = not known.any() or _most_may_be_one(factors[known], found.standard_errors[known])
+            if not near:
+                text = "the scale of the torque is not that of the robot's masses, although the "
+                text += f"preset {preset.name} says N m: the data decide"
+                return _command(robot, found, "command", text, gain)
+            return _newton_metres(robot, found, "N m", "likely", f"as {by}")
         return _newton_metres(robot, found, str(named), "certain", f"the names say {named}")
+    by = "" if preset is None else f"the preset {preset.name} says"
+    said = f", although {by} {preset.unit}: the data decide" if preset else ""
     if known.any() and _most_may_be_one(factors[known], found.standard_errors[known]):
-        return _newton_metres(robot, found, "N m", "likely", "no unit in the names")
+        if preset is not None and preset.unit in TORQUE:
+            return _newton_metres(robot, found, "N m", "likely", f"as {by}")
+        contradicted = said if preset is not None and preset.unit in COMMAND else ""
+        return _newton_metres(robot, found, "N m", "likely", f"no unit in the names{contradicted}")
+    if preset is not None and preset.unit in COMMAND:
+        return _command(robot, found, preset.unit, f"{preset.unit}, as {by}", gain, preset)
+    if preset is not None and preset.unit in TORQUE and not known.any():
+        return _newton_metres(robot, found, "N m", "likely", f"as {by}")
     if not known.any():
         seen = "no unit in the names, and nothing in the robot's description gives the scale"
         if found.trouble:
@@ -197,9 +239,9 @@ def torque_unit(
         question = Question("unit of tau", "In what unit are the torques?", ANSWERS)
         value = {"unit": "N m", "scale": ASSUMED}
         return TorqueUnit(value, "assumed", seen, correct, question=question)
-    return _command(
-        robot, found, "command", "the scale of the torque is not that of the robot's masses", gain
-    )
+    contradicted = said if preset is not None and preset.unit in TORQUE else ""
+    seen = f"the scale of the torque is not that of the robot's masses{contradicted}"
+    return _command(robot, found, "command", seen, gain)
 
 
 def _most_may_be_one(factors: np.ndarray, standard_errors: np.ndarray) -> bool:
@@ -243,8 +285,12 @@ def _command(
     unit: str,
     reason: str,
     in_log: tuple[str, np.ndarray] | None = None,
+    preset: Preset | None = None,
 ) -> TorqueUnit:
-    """A drive command with the gain of the description, of the log, or of the robot's masses."""
+    """A drive command with the gain of the description, of the log, or of the robot's masses.
+
+    Before the masses come published gains of the robot, where these do not contradict them.
+    """
     given = robot.transmission.gain_given
     if given is not None and np.all(given):
         seen = f"{reason}; the robot's description has drive gains"
@@ -261,6 +307,12 @@ def _command(
         correct = "Compare it with the drive's data: torque constant times gear ratio."
         return TorqueUnit(value, "assumed", seen, correct)
     gains, assumed = gains_of(robot, found, COMMAND[unit])
+    published = None if preset is None else preset.gains_of(robot.name, robot.size)
+    if published is not None:
+        ratios = np.delete(np.abs(gains) / np.array(published[0]), assumed)
+        if not ratios.size or np.median(np.abs(np.log(ratios))) < np.log(NEAR_RATIO):
+            return _published(robot, found, unit, reason, published, ratios)
+        reason += f", and the masses contradict the gains of {published[1]}: the data decide"
     value = [
         {"unit": unit, "gain": float(f"{gain:.4g}"), "scale": ASSUMED if j in assumed else MASSES}
         for j, gain in enumerate(gains)
@@ -291,6 +343,29 @@ def _command(
     if unit == "command":
         question = Question("unit of tau", "In what unit are the torques?", ANSWERS)
     return TorqueUnit(value, "assumed", seen, correct, question=question)
+
+
+def _published(
+    robot: Robot,
+    found: Comparison,
+    unit: str,
+    reason: str,
+    published: tuple[Sequence[float], str],
+    ratios: np.ndarray,
+) -> TorqueUnit:
+    """A drive command with the published gains of a robot, their signs as the log shows them."""
+    wrong = reversed_signs(found)
+    value = [
+        {"unit": unit, "gain": -gain if j in wrong else gain} for j, gain in enumerate(published[0])
+    ]
+    seen = f"{reason}; N m per {unit} of {published[1]}"
+    if ratios.size:
+        listed_ratios = listed([f"{ratio:.3g}" for ratio in ratios])
+        seen += f"; gravity and inertia of the description ask for {listed_ratios} times as much"
+    if wrong:
+        seen += f"; {_signs_text(robot, found, wrong)}"
+    correct = "Your own drives' gains, torque constant times gear ratio, are better."
+    return TorqueUnit(value, "likely", seen, correct)
 
 
 def gains_of(robot: Robot, found: Comparison, unit: float) -> tuple[np.ndarray, list[int]]:

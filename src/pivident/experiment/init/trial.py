@@ -32,7 +32,7 @@ from pivident.foundation.text.repair import Edit, Repair
 from pivident.foundation.text.sentences import half_sentence
 from pivident.foundation.text.toml import parse_toml
 from pivident.judgement.audit.audit import audit_log
-from pivident.judgement.audit.delay import LOOP_RATE, TIMING, faster_loop, undeclared_timing
+from pivident.judgement.audit.delay import LOOP_RATE, TIMING, possible_loops, undeclared_timing
 from pivident.judgement.audit.saturation import ACCEPT_CONSTANT, ACCEPT_CUT_OFF
 from pivident.judgement.audit.timing import INTERPOLATED, only
 from pivident.judgement.validation.held_out.folds import division_of
@@ -167,8 +167,9 @@ def _timing(experiment: Experiment, known: Findings) -> Assumption | None:
     said, common, rate = audit.delay.findings[0], audit.delay.common, audit.model.rate
     seen = half_sentence(said.message)
     if said.declared is LOOP_RATE:
-        faster = faster_loop(log, rate, common)
-        return Assumption("recording", "control_rate", faster, "likely", seen)
+        loops = possible_loops(log, rate, common)
+        sure: Sureness = "likely" if len(loops) == 1 else "assumed"
+        return Assumption("recording", "control_rate", loops[0], sure, seen, "In Hz.")
     timing = undeclared_timing(log, rate, common)
     if timing is None or common[1] * rate > KNOWN:
         return None

@@ -12,16 +12,19 @@ column, and its coefficient the step. Intervals come from a jackknife over stret
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from pivident.data.logs.log import Log
+from pivident.data.logs.nominal_rate import usual_near
 from pivident.data.recording.checks import TIMING_WORDS
 from pivident.foundation.text.finding import Finding, FindingKind, Quantity, Severity, Topic
 from pivident.foundation.text.numbers import with_spread
 from pivident.foundation.text.repair import Repair, setting
+from pivident.foundation.text.sentences import listed
 from pivident.judgement.audit.blocked_fit import BLOCKS, CLEAR, blocked_fit, jackknife
 from pivident.judgement.audit.examination import Examination, LogCheck
 from pivident.judgement.audit.inverse_model import InverseModel
@@ -319,14 +322,14 @@ def _findings(log: Log, model: InverseModel, found: Delay) -> list[Finding]:
             "instant on."
         )
         step = f'Set torque_timing = "{timing}" under [recording].'
-    faster = faster_loop(log, model.rate, found.common) if clear else None
-    if faster is not None:
-        severity, kind = "note", LOOP_RATE
+    possible = possible_loops(log, model.rate, found.common) if clear else []
+    if possible:
+        severity, kind, faster = "note", LOOP_RATE, possible[0]
         repairs = [_declared("Declare the rate of the control loop", "control_rate", faster, "g")]
         held = _with_interval(period - 2 * mean, 4 * standard_error)
         text = (
             f"The torque is held for {held} of the {_milliseconds(period)} between two samples: by "
-            f"a control loop of {faster:g} Hz."
+            f"a control loop of {faster:g} Hz.{_other_loops(possible)}"
         )
         step = f"Set control_rate = {faster:g} under [recording]."
     findings = [kind.finding(severity, text, "", step, evidence, repairs=repairs)]
@@ -377,7 +380,7 @@ def undeclared_timing(
         rate: its sampling rate [Hz].
         common: delay of all joints and its standard error [s].
     """
-    if log.torque_timing or faster_loop(log, rate, common) is not None:
+    if log.torque_timing or possible_loops(log, rate, common):
         return None
     control = log.control_rate or rate
     held, *others = (
@@ -393,12 +396,13 @@ def undeclared_timing(
     return "sampled" if sampled <= averaged + 2.0 * standard_error else "averaged"
 
 
-def faster_loop(log: Log, rate: float, common: tuple[float, float]) -> float | None:
-    """Rate of a control loop that holds a torque for a part of the sampling period only [Hz].
+def possible_loops(log: Log, rate: float, common: tuple[float, float]) -> list[float]:
+    """Rates of loops that hold a torque for a part of the sampling period, likeliest first [Hz].
 
     Held for T_c < h a torque seems (h - T_c)/2 later than one that is held for h. T_c is told where
     it is clearly not all of h, and the loop's rate is two to five times the log's: a torque that is
-    held for a shorter time is that of its instant.
+    held for a shorter time is that of its instant. Where several are possible, one to which drives
+    are set is likelier than one to which none is.
 
     Args:
         log: the log, of which nobody has said how the torque is held.
@@ -406,13 +410,24 @@ def faster_loop(log: Log, rate: float, common: tuple[float, float]) -> float | N
         common: delay of all joints and its standard error [s].
     """
     if log.torque_timing or log.control_rate:
-        return None
+        return []
     held, standard_error = 1.0 - 2.0 * rate * common[0], 2.0 * rate * common[1]
     clear = CLEAR * standard_error
     if not SHORTEST_HOLD < held < 1.0 - clear:
-        return None
-    multiple = round(1.0 / held)
-    return multiple * rate if multiple > 1 and abs(1.0 / multiple - held) <= clear else None
+        return []
+    multiples = range(2, round(1.0 / SHORTEST_HOLD) + 1)
+    possible = [m for m in multiples if abs(1.0 / m - held) <= clear]
+    possible.sort(key=lambda m: (usual_near(m * rate) is None, abs(1.0 / m - held)))
+    return [usual_near(m * rate) or m * rate for m in possible]
+
+
+def _other_loops(possible: Sequence[float]) -> str:
+    """Which rates are possible besides the one that is taken, as a sentence."""
+    if len(possible) < 2:
+        return ""
+    others = listed([f"{rate:g}" for rate in sorted(possible[1:])])
+    usual = " is a usual rate of drives" if usual_near(possible[0]) else " fits best"
+    return f" {others} Hz would be possible too; {possible[0]:g} Hz{usual}."
 
 
 def _evidence(delay: float, standard_error: float, period: float) -> dict[str, Quantity]:

@@ -10,7 +10,7 @@ from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot.description import Robot
 from pivident.robot.mjcf import read_mjcf
 from pivident.robot.modified_dh import parse_modified_dh, read_modified_dh
-from pivident.robot.naming import MJCF_FILES, URDF_FILES, nearest
+from pivident.robot.naming import MJCF_FILES, URDF_FILES, nearest, refuse_xacro
 from pivident.robot.urdf import read_urdf
 
 
@@ -41,6 +41,7 @@ def load_robot(name_or_path: str | Path) -> Robot:
         return read_urdf(text)
     if text.endswith(MJCF_FILES):
         return read_mjcf(text)
+    refuse_xacro(text)
     if not re.fullmatch(r"\w+", text):
         raise RobotDescriptionError(
             f"{text!r} is neither a gallery name nor a robot file",

@@ -88,9 +88,28 @@ def test_seconds_and_nanoseconds_in_two_columns_tell_the_rate():
 
 def test_logged_speeds_tell_a_rate_that_nobody_logged():
     rate = speed_rate(Q[:, None], np.cos(T)[:, None])
-    assert rate is not None and abs(rate - 250.0) < 1.0
+    assert rate is not None and rate == pytest.approx((250.0, 250.0), abs=0.1)
     assert read_clock({"q": Q}, rate, None).sure == "likely"
     assert read_clock({"q": Q}, None, None).sure == "assumed"
     assert read_clock({"q": Q}, None, 400.0).rate == 400.0
     # Unknown units of stamps, too: steps of 4 are ms.
     assert read_clock({"time": 1e3 * T, "q": Q}, rate, None).unit == "ms"
+
+
+@pytest.mark.parametrize("true", [250.0, 262.0])
+def test_noise_of_positions_does_not_lower_the_rate_that_speeds_tell(true):
+    """Single differences of counted positions said 230 Hz for 250."""
+    rng = np.random.default_rng(3)
+    t = np.arange(4000) / true
+    q = np.round(np.sin(t) / 2e-3) * 2e-3 + 1e-3 * rng.standard_normal(t.size)
+    rate = speed_rate(q[:, None], np.cos(t)[:, None])
+    assert rate is not None and rate[0] < true * 1.001 and rate[1] > true * 0.999
+    clock = read_clock({"q": q}, rate, None)
+    assert clock.rate == pytest.approx(true, rel=0.005) and clock.by_rate
+    assert (clock.rate == 250.0) == ("allows the usual 250 Hz" in clock.seen) == (true == 250.0)
+
+
+def test_rows_that_were_lost_do_not_lower_the_rate():
+    kept = np.delete(np.arange(2000), np.arange(40, 2000, 40))
+    clock = read_clock({"time": T[kept], "q": Q[kept]}, None, None)
+    assert clock.rate == 250.0 and clock.resample

@@ -45,6 +45,9 @@ FOREIGN = set(
     " accelerometer diff deviation variance covariance wrench friction gravity coriolis momentum"
     " payload power io quat orientation euler imu odom odometry safety scaling".split()
 )
+#: Words of a temperature, and of things that are warm besides a motor.
+TEMPERATURE = set("temperature temperatures temp temps".split())
+OTHER_TEMPERATURE = set("core board cpu ambient room air tool gripper imu".split())
 #: Words that say nothing about quantity or joint. The first line wherever they stand.
 PLAIN_FILLING = set("joint j axis motor link".split())
 FILLING = PLAIN_FILLING | set("joints axes jnt a robot data value values column actuator".split())

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from pivident.data.logs.nominal_rate import QUARTZ, usual_near, usual_rate
 from pivident.data.logs.recognition.channel_words import (
     TIME_UNITS,
     TIME_WORDS,
@@ -26,10 +27,12 @@ from pivident.data.logs.recognition.channel_words import (
     words_of,
 )
 from pivident.data.logs.timestamps import (
+    GAP,
     JITTER_TOLERANCE,
     LOWEST_RATE,
     bridged_interval,
     likely_time_units,
+    mean_rate,
     round_rate,
     runs_of,
     usual_interval,
@@ -45,6 +48,13 @@ TOGETHER = 0.02
 FORWARD = 0.9
 #: Share of stamps that may repeat the one before in a clock that is only coarse.
 COARSE = 0.9
+#: Steps over which logged speeds are summed: the noise of positions and speeds averages out.
+SUMMED = (1, 2, 4, 8, 16, 32, 64)
+#: Correlation of steps and speeds from which on these are the speeds of the positions.
+SPEEDS = 0.8
+
+#: Lowest and highest rate [Hz].
+RateInterval = tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,8 +124,10 @@ def assumed_unit(stamps: np.ndarray) -> str:
     return next(iter(likely_time_units(interval)), "s")
 
 
-def read_clock(columns: dict[str, np.ndarray], hint: float | None, given: float | None) -> LogClock:
-    """Find the clock of a table; hint [Hz], given [Hz]."""
+def read_clock(
+    columns: dict[str, np.ndarray], hint: RateInterval | None, given: float | None
+) -> LogClock:
+    """Find the clock of a table; hint: of `speed_rate` [Hz], given [Hz]."""
     samples = len(next(iter(columns.values())))
     candidates = [name for name, values in columns.items() if is_usable_clock(name, values)]
     if not candidates:
@@ -140,6 +152,8 @@ def read_clock(columns: dict[str, np.ndarray], hint: float | None, given: float 
     steps = np.diff(seconds)
     if (steps <= 0).any():
         repeats = int((steps <= 0).sum())
+        coarse = float(np.max(np.abs(steps)) / np.ptp(seconds))
+        rate = given or usual_rate(rate * (1.0 - coarse), rate * (1.0 + coarse)) or rate
         seen = (
             f"{repeats} of {samples} stamps in column {column!r} ({why}) repeat the one before or "
             f"go backward, so that only the rate is taken from them: {rate:.6g} Hz"
@@ -147,6 +161,8 @@ def read_clock(columns: dict[str, np.ndarray], hint: float | None, given: float 
         return LogClock(None, unit, rate, "assumed", seen, False, True, np.arange(samples) / rate)
     steps = np.diff(seconds[keep])
     period = usual_interval(steps)
+    if (steps > GAP * period).any():  # rows were lost: that rate is none of the clock
+        rate = given or mean_rate(seconds[keep])
     worst = float(np.abs(steps[steps <= bridged_interval(period)] / period - 1.0).max())
     jitter = f"intervals from {1e3 * steps.min():.4g} to {1e3 * steps.max():.4g} ms"
     if together:
@@ -185,7 +201,7 @@ def _apart(seconds: np.ndarray) -> np.ndarray | None:
 
 
 def stamp_unit(
-    name: str, stamps: np.ndarray, hint: float | None = None
+    name: str, stamps: np.ndarray, hint: RateInterval | None = None
 ) -> tuple[str, str, Sureness]:
     """Unit of time stamps, the reason, and how sure it is; stamps (samples,), hint [Hz]."""
     steps = np.diff(stamps)
@@ -200,8 +216,9 @@ def stamp_unit(
         if EPOCH[0] < size * s < EPOCH[1] and unit in likely:
             return unit, f"values of {size:.3g} are {unit} since 1970", "certain"
     if hint:
-        near = min(TIME, key=lambda unit: abs(np.log(hint * period * TIME[unit])))
-        if abs(np.log(hint * period * TIME[near])) < 0.2:
+        middle = float(np.sqrt(hint[0] * hint[1]))
+        near = min(TIME, key=lambda unit: abs(np.log(middle * period * TIME[unit])))
+        if abs(np.log(middle * period * TIME[near])) < 0.2:
             return near, f"steps of {period:.4g} fit the logged speeds as {near}", "certain"
     if likely:
         sure: Sureness = "likely" if likely[0] == "s" or len(likely) == 1 else "assumed"
@@ -210,17 +227,31 @@ def stamp_unit(
     return "s", f"steps of {period:.4g} make a likely rate in no unit", "assumed"
 
 
-def speed_rate(q: np.ndarray, dq: np.ndarray) -> float | None:
-    """Rate at which logged speeds are the differences of logged positions [Hz], or None."""
-    step = np.diff(q, axis=0)
+def speed_rate(q: np.ndarray, dq: np.ndarray) -> RateInterval | None:
+    """Interval of the rate at which logged speeds are the slopes of the positions [Hz], or None.
+
+    Between two samples positions x and sums y of speeds differ by the rate f, y = f x. Noise of the
+    positions makes Σxy/Σx² too small, noise of the speeds Σy²/Σxy too large; the truth lies between
+    them. Sums over more steps have less noise: the narrowest interval is taken.
+
+    Args:
+        q: positions, shape (samples, joints).
+        dq: speeds, of the same shape.
+    """
+    found: list[RateInterval] = []
     middle = 0.5 * (dq[1:] + dq[:-1])
-    if not (np.isfinite(step).all() and np.isfinite(middle).all()):
+    if not (np.isfinite(q).all() and np.isfinite(middle).all()):
         return None
-    together, size = float((step * middle).sum()), float((step * step).sum())
-    other = float((middle * middle).sum())
-    if size == 0.0 or other == 0.0 or together < 0.8 * np.sqrt(size * other):
-        return None
-    return together / size
+    sums = np.vstack([np.zeros((1, q.shape[1])), np.cumsum(middle, axis=0)])
+    for count in SUMMED:
+        if count > 1 and 10 * count > len(q):
+            break
+        x, y = q[count:] - q[:-count], sums[count:] - sums[:-count]
+        together, size, other = (float((a * b).sum()) for a, b in ((x, y), (x, x), (y, y)))
+        if size == 0.0 or other == 0.0 or together < SPEEDS * np.sqrt(size * other):
+            continue
+        found.append((together / size, other / together))
+    return min(found, key=lambda interval: interval[1] / interval[0], default=None)
 
 
 def _roughness(stamps: np.ndarray) -> tuple[float, float]:
@@ -230,7 +261,7 @@ def _roughness(stamps: np.ndarray) -> tuple[float, float]:
 
 
 def _without(
-    columns: dict[str, np.ndarray], samples: int, hint: float | None, given: float | None
+    columns: dict[str, np.ndarray], samples: int, hint: RateInterval | None, given: float | None
 ) -> LogClock:
     """The rate of a log without time column."""
     pair = _seconds_and_rest(columns)
@@ -238,11 +269,15 @@ def _without(
     if given:
         rate, sure, seen = given, "certain", "the rate was given"
     elif pair:
-        rate, sure = round_rate((samples - 1) / pair[1]), "likely"
+        mean, sure = (samples - 1) / pair[1], "likely"
+        rate = usual_near(mean) or round_rate(mean)
         seen = f"the columns {pair[0]} hold the stamps in two parts, {rate:.6g} Hz on average"
     elif hint:
-        rate, sure = float(f"{hint:.3g}"), "likely"
-        seen = f"there is no time column; logged speeds fit the positions at {rate:.4g} Hz"
+        usual, sure = usual_rate(hint[0] * (1.0 - QUARTZ), hint[1] * (1.0 + QUARTZ)), "likely"
+        rate = usual or float(f"{np.sqrt(hint[0] * hint[1]):.3g}")
+        seen = "there is no time column; logged speeds fit the positions at "
+        seen += f"{hint[0]:.4g} to {hint[1]:.4g} Hz"
+        seen += f", which allows the usual {rate:g} Hz" if usual else ""
     else:
         rate, sure = 1000.0, "assumed"
         seen = "there is no time column, and nothing in the log gives the rate"

@@ -15,8 +15,16 @@ import numpy as np
 from pivident.data.logs.bags.bag_table import OwnClock, bag_table
 from pivident.data.logs.bags.read_bag import is_bag
 from pivident.data.logs.file_columns import file_columns
-from pivident.data.logs.recognition.channel_words import Reading, Sureness, read_words, words_of
+from pivident.data.logs.recognition.channel_words import (
+    OTHER_TEMPERATURE,
+    TEMPERATURE,
+    Reading,
+    Sureness,
+    read_words,
+    words_of,
+)
 from pivident.data.logs.recognition.log_clock import JOINT, Series, column_series, is_clock
+from pivident.data.logs.recognition.presets import Preset, recognised, with_meanings
 from pivident.data.logs.source_files import printable_name
 from pivident.data.logs.tables.tables import endings, named_columns
 
@@ -42,6 +50,7 @@ class LogFile:
     titles: Mapping[str, str] = field(default_factory=dict)  # given to columns without a header
     constants: Mapping[str, np.ndarray] = field(default_factory=dict)  # gains, ratios, by name
     beside: Mapping[str, str] = field(default_factory=dict)  # why all else is no column, by name
+    preset: Preset | None = None  # the kind of log that its names are those of
 
     @property
     def samples(self) -> int:
@@ -79,10 +88,13 @@ def read_log_file(
     """
     if is_bag(path):
         arm = bag_table(path, tuple(joint_names))
+        preset = recognised(arm.columns, arm.joint_names)
         series = column_series(list(arm.columns), arm.joint_names)
+        if preset is not None:
+            series = with_meanings(preset, series)
         return LogFile(
             path, arm.columns, tuple(series), arm.own_clocks, arm.joint_names, arm.aside,
-            beside=arm.beside,
+            beside=arm.beside, preset=preset,
         )  # fmt: skip
     held = file_columns(path)
     columns, titles = held.columns, {}
@@ -94,9 +106,9 @@ def read_log_file(
             columns = {name: columns[own] for name, own in named.items() if own in columns}
     names = {titles.get(n, n): n for n, values in columns.items()}
     names = {title: n for title, n in names.items() if not is_clock(title, columns[n])}
-    own = file_reading(path)
-    series = []
-    for found in column_series(list(names), joint_names):
+    own, preset = file_reading(path), recognised(names, joint_names)
+    read, series = column_series(list(names), joint_names), []
+    for found in read if preset is None else with_meanings(preset, read):
         bare = found.channel is None and not found.reading.foreign and JOINT in found.words
         if bare and own.channel is not None:
             # Only the file's name says what columns called after joints hold.
@@ -104,7 +116,7 @@ def read_log_file(
         series.append(replace(found, columns={k: names[n] for k, n in found.columns.items()}))
     return LogFile(
         path, columns, tuple(series), joint_names=tuple(joint_names), titles=titles,
-        constants=held.constants, beside=held.beside,
+        constants=held.constants, beside=held.beside, preset=preset,
     )  # fmt: skip
 
 
@@ -139,6 +151,35 @@ class ChannelColumns:
         return next((clocks[c] for c in self.columns.values() if c in clocks), None)
 
 
+def temperature_columns(run: Run, q: ChannelColumns) -> ChannelColumns | None:
+    """Temperatures of the motors by joint: a column for each position, or one for all joints.
+
+    They must vary, and are looked for in the file of the positions.
+    """
+    file = run.files[q.file]
+    for series in file.series:
+        words = set(series.words)
+        own = series.channel == "temperature" or words & TEMPERATURE
+        if not own or words & OTHER_TEMPERATURE or series.reading.channel not in (
+            None, "temperature"
+        ):  # fmt: skip
+            continue
+        values = np.column_stack([file.columns[name] for name in series.columns.values()])
+        if not np.isfinite(values).all() or not np.ptp(values, axis=0).any():
+            continue
+        columns: dict[str, str] = {}
+        if set(q.columns) <= set(series.columns):
+            columns = {joint: series.columns[joint] for joint in q.columns}
+        elif len(series.columns) == len(q.columns) and all(map(str.isdecimal, series.columns)):
+            ordered = [series.columns[key] for key in _in_order(series.columns)]
+            columns = dict(zip(q.columns, ordered, strict=True))
+        elif len(series.columns) == 1:
+            columns = dict.fromkeys(q.columns, next(iter(series.columns.values())))
+        if columns:
+            return ChannelColumns("temperature", q.file, columns, {}, False)
+    return None
+
+
 @dataclass(frozen=True, eq=False)
 class JointMap:
     """Which columns belong to which joint."""
@@ -160,10 +201,13 @@ def joint_map(run: Run, joint_names: Sequence[str] = ()) -> JointMap:
         return JointMap({}, "assumed", "no column seems to hold positions of joints")
     first = positions[0][1]
     worded: list[str] = []
-    misfit = len(first.columns) != len(joint_names) if joint_names else not torques
+    misfit = len(first.columns) != len(joint_names)
+    if not joint_names:  # words of one's own for joints that somebody else has named
+        misfit = not torques or len(first.columns) == 1
     if misfit and not first.named and not is_bag(run.files[0].path):
         found, labels = _worded(listed, joint_names)
-        if len(labels) > len(first.columns):
+        driven = {s.channel for _, s in found} & {"tau", "current"}
+        if len(labels) > len(first.columns) and (joint_names or driven or not torques):
             listed, worded = found, labels
             positions = _ranked(listed, run, ("q",), torques)
             first = positions[0][1]
@@ -172,7 +216,8 @@ def joint_map(run: Run, joint_names: Sequence[str] = ()) -> JointMap:
         joint_names = keys if first.named else [f"joint_{k or 1}" for k in _in_order(keys)]
     joints, sure, seen = _joints_of(first, joint_names)
     if worded:
-        sure, seen = "assumed", f"columns of {', '.join(worded)}, taken for the joints in order"
+        called = ", ".join(label or "no number" for label in worded)
+        sure, seen = "assumed", f"columns of {called}, taken for the joints in order"
     doubtful = sure == "assumed" and not first.named  # more columns than joints
     if first.channel is None and (first.reading.strange or not torques):
         doubtful = True  # numbered columns of any name may hold anything
@@ -265,7 +310,9 @@ def _joints_of(series: Series, joint_names: Sequence[str]) -> tuple[dict[str, st
     if series.named:
         return {k: k for k in keys}, "certain", "the columns carry names of the robot's joints"
     if keys == [""]:
-        return {"": joint_names[0]}, "likely", "one position and no number: the first joint"
+        only = len(joint_names) == 1
+        seen = "one position and no number: the " + ("only" if only else "first") + " joint"
+        return {"": joint_names[0]}, "likely" if only else "assumed", seen
     numbers = _in_order(keys)
     by_number = _by_number(joint_names)
     if len(numbers) == len(joint_names):

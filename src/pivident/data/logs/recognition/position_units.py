@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -28,26 +29,46 @@ FOLLOWS = 0.9
 class AssumedUnits:
     """Unit of each joint of a channel."""
 
-    units: tuple[str, ...]  # one for each joint
+    units: tuple[str, ...]  # one for each joint; ``counts/4096``: so many per revolution
     sure: Sureness  # how sure they are
     seen: str
 
     @property
-    def value(self) -> str | list[str]:
+    def value(self) -> Any:
         """As a file says it: one unit where all are alike."""
-        return self.units[0] if len(set(self.units)) == 1 else list(self.units)
+        said = [unit_spec(unit) for unit in self.units]
+        return said[0] if len(set(self.units)) == 1 else said
 
     def factors(self, table: dict[str, float]) -> np.ndarray:
         """SI per unit, shape (joints,)."""
-        return np.array([table[unit] for unit in self.units])
+        return np.array([position_factor(unit, table) for unit in self.units])
+
+
+def unit_spec(unit: str) -> Any:
+    """A unit as a file says it: its name, or counts with their number per revolution."""
+    counts = counts_in(unit)
+    return unit if counts is None else {"unit": "counts", "per_revolution": counts}
+
+
+def counts_in(unit: str | None) -> int | None:
+    """Counts per revolution of a unit such as ``counts/4096``, None for any other unit."""
+    name, _, counts = (unit or "").partition("/")
+    return int(counts) if name == "counts" and counts.isdecimal() else None
+
+
+def position_factor(unit: str, table: Mapping[str, float]) -> float:
+    """SI per unit of a position."""
+    counts = counts_in(unit)
+    return table[unit] if counts is None else 2.0 * np.pi / counts
 
 
 def position_unit(
-    robot: Robot, q: np.ndarray, names: Mapping[str, str], answer: str | None
+    robot: Robot, q: np.ndarray, names: Mapping[str, str], answer: str | None, logger: str = ""
 ) -> AssumedUnits:
     """Unit of the logged positions; q (samples, joints).
 
-    ``names``: units that the names of columns say, by joint.
+    ``names``: units that the names of columns say, by joint. ``logger``: whose columns they are,
+    where it is that that says the unit: limits of the joints may contradict it.
     """
     turning = [j for j, joint in enumerate(robot.joints) if joint.kind == "revolute"]
     some = any(np.isfinite(q[:, j]).any() for j in turning)
@@ -58,7 +79,16 @@ def position_unit(
     length = next((said[j] for j in sliding if j in said), None)
     by_name = length in ("m", "mm")
     slide = str(length) if by_name else slide
-    if answer in POSITION or (named in POSITION and named not in ("m", "mm")):
+    if counts_in(named) is not None and answer is None:
+        unit, sure = str(named), "certain"
+        seen = f"{counts_in(named)} counts per revolution, as the preset {logger} says"
+    elif logger and named in ("rad", "deg") and answer is None and some:
+        unit, sure, seen = _angle(robot, q, turning)
+        if unit == named or sure != "certain":
+            unit, sure, seen = str(named), "likely", f"{named}, as the preset {logger} says; {seen}"
+        else:
+            seen += f", although the preset {logger} says {named}: the data decide"
+    elif answer in POSITION or (named in POSITION and named not in ("m", "mm")):
         unit, sure = str(answer or named), "certain"
         seen = "answered" if answer else f"the columns' names say {unit}"
     elif not some:
