@@ -9,7 +9,7 @@ from .model_errors.named_causes import ModelErrors as ModelErrors
 from .model_errors.named_causes import NamedCause as NamedCause
 from .model_errors.named_causes import named_causes as named_causes
 from .model_errors.unchecked_causes import UncheckedCause as UncheckedCause
-from .report.audit.account import write_audit as write_audit
+from .report.audit_account import write_audit as write_audit
 from .report.builder import write_account as write_account
 from .validation.essential_parameters import EssentialParameters as EssentialParameters
 from .validation.essential_parameters import essential_parameters as essential_parameters

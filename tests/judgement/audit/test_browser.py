@@ -1,7 +1,7 @@
 """The page in a browser: figures drawn, no errors, no sideways scrolling on a phone."""
 
 from pivident.judgement.audit.audit import audit_log
-from pivident.judgement.report.audit.account import render_page
+from pivident.judgement.report.audit_account import render_page
 from tests.browser import needs_browser, seen_on_a_phone
 from tests.judgement.audit.logs import planar
 

@@ -8,7 +8,7 @@ import pytest
 
 from pivident.judgement.audit.audit import audit_log
 from pivident.judgement.report import builder
-from pivident.judgement.report.audit.account import render_page
+from pivident.judgement.report.audit_account import render_page
 from pivident.judgement.report.builder import render_report
 from tests.browser import PHONE, asked, needs_browser, words_printed
 from tests.judgement.audit.logs import planar

@@ -55,7 +55,7 @@ def audit(
         audits = audit_file(log, machine, experiment, progress.say, separated([columns or ""]))
         progress.say("writing the page")
         if can_draw(progress, "audit.html"):
-            from pivident.judgement.report.audit.account import write_audit
+            from pivident.judgement.report.audit_account import write_audit
 
             written = f"Page: {write_audit(audits, folder)}"
         else:

@@ -115,7 +115,7 @@ def _write_audit(found: ExperimentCheck, folder: Path, say: Callable[[str], None
 
     write_json(folder / AUDIT, plain(audits_json(found.audits)) | {"error": ""})
     if found.audits and is_installed("plotly"):
-        from pivident.judgement.report.audit.account import render_page
+        from pivident.judgement.report.audit_account import render_page
 
         say("drawing the audit")
         page = render_page(found.audits)

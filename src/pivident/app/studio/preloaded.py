@@ -33,7 +33,7 @@ def warm_up() -> None:
     log = Log("log", robot.joint_names, {}, {"t": t}, None, channels, channels, robot)
     audit = audit_log(log)
     if is_installed("plotly"):
-        from pivident.judgement.report.audit.account import render_page
+        from pivident.judgement.report.audit_account import render_page
 
         render_page((audit,))
 

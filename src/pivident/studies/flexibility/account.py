@@ -17,7 +17,7 @@ from pivident.foundation.document.figure import MEASURED, METHOD_COLOURS, Figure
 from pivident.foundation.document.plot import trace
 from pivident.foundation.files import atomic_folder
 from pivident.foundation.text.plain_values import plain
-from pivident.judgement.report.audit.account import audit_plot
+from pivident.judgement.report.audit_account import audit_plot
 from pivident.judgement.report.builder import page_environment, page_of, write_page
 from pivident.studies.flexibility.compliance import Compliance
 from pivident.studies.flexibility.joint_study import JointFlexibility, summary

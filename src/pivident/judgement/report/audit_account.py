@@ -266,7 +266,7 @@ def write_audit(audits: Sequence[Audit], folder: str | Path) -> Path:
 
 def render_page(audits: Sequence[Audit]) -> str:
     """The page as text."""
-    environment = page_environment("pivident.judgement.report.audit")
+    environment = page_environment()
     template = environment.get_template("audit.html")
     summary = environment.get_template("audit_summary.html")
     sections = []

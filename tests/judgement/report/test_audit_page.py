@@ -12,7 +12,7 @@ from pivident.app.cli import main
 from pivident.foundation.document.plot import DrawingLibrary
 from pivident.foundation.errors import PividentError
 from pivident.judgement.audit.audit import audit_log
-from pivident.judgement.report.audit.account import render_page, write_audit
+from pivident.judgement.report.audit_account import render_page, write_audit
 from tests.judgement.audit.logs import planar, with_torque
 from tests.planar_log import write_experiment
 
@@ -64,7 +64,7 @@ def test_json_is_strict_and_complete(faulty, tmp_path):
 
 def test_nothing_is_left_half_written(faulty, tmp_path, monkeypatch):
     target = tmp_path / "out"
-    monkeypatch.setattr("pivident.judgement.report.audit.account.render_page", lambda audits: 1 / 0)
+    monkeypatch.setattr("pivident.judgement.report.audit_account.render_page", lambda audits: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         write_audit([faulty], target)
     assert not target.exists()

@@ -1,1 +1,0 @@
-"""Page and figures of an audit."""
