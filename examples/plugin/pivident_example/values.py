@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from pivident.models.exported import ExportedText, FileOptions, Format, Verification, compared
+from pivident.models.export_format import FileOptions, Format
+from pivident.models.exported import ExportedText, Verification, compared
 from pivident.models.runnable_model import RunnableModel
 
 

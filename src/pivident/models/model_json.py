@@ -26,7 +26,8 @@ import numpy as np
 from pivident.foundation.codec import Layout, decode
 from pivident.foundation.errors import UnusableValue
 from pivident.foundation.text.plain_values import LATER, Name, Null, json_of_entries, plain
-from pivident.models.exported import ExportedText, Format, Verification, compared
+from pivident.models.export_format import Format
+from pivident.models.exported import ExportedText, Verification, compared
 from pivident.models.runnable_model import Origin, RunnableModel, impossible_value, runnable_model
 from pivident.robot.description import INERTIAL, Robot
 from pivident.robot.inertia import from_center_of_mass, tensor

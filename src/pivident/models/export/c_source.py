@@ -34,7 +34,8 @@ from pivident.models.export.numpy_function import (
     program_differences,
     verify_functions,
 )
-from pivident.models.exported import ExportedText, Format, Verification
+from pivident.models.export_format import Format
+from pivident.models.exported import ExportedText, Verification
 from pivident.models.runnable_model import RunnableModel
 
 if TYPE_CHECKING:

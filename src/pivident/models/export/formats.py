@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from pivident.foundation.errors import ExportError
 from pivident.foundation.registry import Registry
-from pivident.models.exported import FileOptions, Format
+from pivident.models.export_format import FileOptions, Format
 
 if TYPE_CHECKING:
     from pivident.models.exported import ExportedText, Verification

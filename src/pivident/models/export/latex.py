@@ -20,7 +20,8 @@ from pivident.foundation.text.numbers import (
     latex_unit,
     with_spread,
 )
-from pivident.models.exported import ExportedText, Format
+from pivident.models.export_format import Format
+from pivident.models.exported import ExportedText
 from pivident.models.runnable_model import RunnableModel
 
 #: Digits of a value whose standard error is unknown.

@@ -40,7 +40,7 @@ from pivident.models.export.xml_edit import (
     sticks,
     unlike,
 )
-from pivident.models.exported import Format
+from pivident.models.export_format import Format
 from pivident.models.runnable_model import RunnableModel, is_possible
 from pivident.robot.closed_chains import link_frames
 from pivident.robot.constraints import Closure, LinearConstraint

@@ -29,13 +29,8 @@ from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.robot_regressor import regressor_of
 from pivident.foundation.errors import ExportError
 from pivident.foundation.text.identifiers import one_line
-from pivident.models.exported import (
-    ExportedText,
-    Format,
-    Verification,
-    compared_values,
-    random_states,
-)
+from pivident.models.export_format import Format
+from pivident.models.exported import ExportedText, Verification, compared_values, random_states
 from pivident.models.runnable_model import RunnableModel
 
 if TYPE_CHECKING:

@@ -21,7 +21,8 @@ from pivident.models.export.xml_edit import (
     sticks,
     unlike,
 )
-from pivident.models.exported import Format, refuse_loops
+from pivident.models.export_format import Format
+from pivident.models.exported import refuse_loops
 from pivident.models.runnable_model import RunnableModel, is_possible, link_inertias, written_body
 from pivident.robot.description import Joint
 

@@ -36,7 +36,7 @@ from pivident.models.export.urdf_new import (
     unknown_limits,
 )
 from pivident.models.export.xml_edit import Element, XmlText, number, numbers
-from pivident.models.exported import Format
+from pivident.models.export_format import Format
 from pivident.models.runnable_model import RunnableModel, is_possible, link_inertias
 from pivident.robot.closed_chains import tree_order
 from pivident.robot.description import Robot
