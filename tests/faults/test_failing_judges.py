@@ -102,9 +102,9 @@ def come_back(folder, estimates, names=METHODS):
 def test_a_judge_that_fails_costs_its_own_line(folder, estimates, monkeypatch, capsys, place):
     monkeypatch.setattr(workflow, "identify", estimates)
     error, name = np.linalg.LinAlgError("Singular matrix"), place.rpartition(".")[2]
-    place = place if place.startswith("app.") else f"judgement.{place}"
-    monkeypatch.setattr(f"pivident.{place}", failing(error, name))
-    if place.startswith("judgement.report"):
+    room = "pivident" if place.startswith("app.") else "pivident.judgement"
+    monkeypatch.setattr(f"{room}.{place}", failing(error, name))
+    if place.startswith("report"):
         write_experiment(folder, report=True)
     code = main(["identify", "experiment.toml", "--folds", "2", "--details"])
     said = capsys.readouterr()
@@ -115,7 +115,7 @@ def test_a_judge_that_fails_costs_its_own_line(folder, estimates, monkeypatch, c
     assert "experiment-results" in said.out
     results = folder / "experiment-results"
     assert json.loads((results / "verdict.json").read_text("utf-8"))["name"] in METHODS
-    assert (results / "report.html").is_file() == place.startswith("judgement.report")
+    assert (results / "report.html").is_file() == place.startswith("report")
 
 
 @pytest.mark.parametrize(
