@@ -32,7 +32,7 @@ from pivident.models.stored_model import stored_model
 from pivident.robot.gallery import load_robot
 from pivident.studies.excitation.design_file import design_json, load_design
 
-STORED = Path(__file__).parent / "stored"
+STORED = Path(__file__).parents[1] / "stored"
 
 
 @dataclass(frozen=True)
@@ -199,6 +199,7 @@ def read(file):
 
 
 FILES = sorted(STORED.glob("*.json"))
+assert FILES, STORED
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.name)

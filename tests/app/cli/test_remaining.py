@@ -2,7 +2,7 @@
 
 import pytest
 
-from pivident.app.cli.console import PRIOR, Remaining
+from pivident.app.cli.remaining import PRIOR, Remaining
 
 STAGES = {"first": 10.0, "second": 20.0, "third": 5.0}
 

@@ -21,7 +21,7 @@ from pivident.robot.friction import FrictionLaw, coulomb, offset, viscous
 from pivident.robot.gallery import load_robot
 from tests.judgement.validation import one_axis as axis
 
-MODULE = sys.modules["pivident.judgement.essential_parameters"]  # the front has the function
+MODULE = sys.modules["pivident.judgement.validation.essential_parameters"]
 
 FULL_RATE = LeastSquares(signals=RandomWalk())
 
