@@ -285,8 +285,8 @@ def _changed(
         if ours.inertia.any()
     ):
         sentences.append(
-            "the original's nominal inertias are not those of the identified robot; the file has "
-            "changed since, or joints were frozen at other positions"
+            "the original's nominal inertias are not those of the identified robot: bodies were "
+            "mounted on it, joints were frozen at other positions, or the file has changed since"
         )
     left = [
         repr(name)
