@@ -32,8 +32,13 @@ from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.method import Method
 from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Problem
-from pivident.judgement.validation.held_out.cross_validation import GAP_PERIODS, cross_validate
-from pivident.judgement.validation.held_out.folds import Fold, JudgedMotion, contiguous_folds
+from pivident.judgement.validation.held_out.cross_validation import cross_validate
+from pivident.judgement.validation.held_out.folds import (
+    GAP_PERIODS,
+    Fold,
+    JudgedMotion,
+    contiguous_folds,
+)
 from pivident.judgement.validation.held_out.prediction import motion_band, pooled
 from pivident.robot.gallery import load_robot
 

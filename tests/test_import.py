@@ -1,14 +1,18 @@
 """``import pivident`` is light, and its front door leads everywhere it says."""
 
+import ast
 import importlib
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 
 import pivident
+from tests.conftest import REPOSITORY
+from tests.rooms import MODULES
 
 #: Packages with a front: names that are listed in a stub and imported at first use.
 FRONTS = sorted(
@@ -71,3 +75,38 @@ def test_types_are_shipped():
     from importlib.resources import files
 
     assert (files("pivident") / "py.typed").is_file()
+
+
+@cache
+def names_of(module: str) -> set[str]:
+    """Names that a module binds at its top, and modules in it."""
+    names = {name.rpartition(".")[2] for name in MODULES if name.rpartition(".")[0] == module}
+    stub = MODULES[module].with_suffix(".pyi")
+    paths = [MODULES[module], *([stub] if stub.exists() else [])]
+    waiting = [node for path in paths for node in ast.parse(path.read_text("utf-8")).body]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, (ast.Import, ast.ImportFrom)):
+            names |= {(alias.asname or alias.name).partition(".")[0] for alias in node.names}
+        elif isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+            names.add(node.name)
+        elif isinstance(node, (ast.If, ast.Try, ast.With)):
+            waiting += node.body
+        else:
+            stored = (n for n in ast.walk(node) if isinstance(n, ast.Name))
+            names |= {n.id for n in stored if isinstance(n.ctx, ast.Store)}
+    return names
+
+
+def test_benchmarks_and_examples_import_what_there_is():
+    """They run for minutes or hours, and not all of them in the tests."""
+    missing = [
+        f"{path.relative_to(REPOSITORY)}:{node.lineno}: {node.module}.{alias.name}"
+        for folder in ("benchmarks", "examples")
+        for path in sorted((REPOSITORY / folder).rglob("*.py"))
+        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "pivident"
+        for alias in node.names
+        if node.module not in MODULES or alias.name not in names_of(node.module)
+    ]
+    assert not missing
