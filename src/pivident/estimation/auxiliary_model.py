@@ -37,6 +37,7 @@ from pivident.loop.simulation.closed_loop import (
 from pivident.loop.simulation.control_loop import Loop, with_measured_gravity
 from pivident.loop.simulation.loop_kernel import TORQUE
 from pivident.robot.description import Robot
+from pivident.signals.cubic_spline import cubic_spline
 from pivident.signals.random_walk import smooth_channels
 
 #: How often a step may be halved before the loop is declared impossible to simulate.
@@ -142,14 +143,12 @@ class AuxiliaryModel:
 
     def _resampled(self, made: Trajectory, recording: Recording, samples: int) -> SimulatedMotion:
         """A motion of a control rate that is no multiple of the record's, by cubic splines."""
-        from scipy.interpolate import CubicSpline
-
         channels = (made.q, made.dq, made.ddq, made.tau)
         wanted = np.arange(samples) / recording.rate
         t = np.arange(len(made.q)) / made.rate
         kept = working_array((len(self._channels), recording.joints, samples))
         for target, channel in zip(kept, self._channels, strict=True):
-            target[:] = CubicSpline(t, channels[channel], axis=0)(wanted).T
+            target[:] = cubic_spline(t, channels[channel])(wanted).T
         return self._as_motion(kept, recording.rate)
 
     def _as_motion(self, kept: np.ndarray, rate: float) -> SimulatedMotion:

@@ -10,7 +10,6 @@ from math import inf, nan
 from typing import Annotated, Any
 
 import numpy as np
-from scipy.special import ndtri
 
 from pivident.data.logs.torque_scale import TorqueScale
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
@@ -249,6 +248,8 @@ class Identification(Displayed):
             raise UnusableValue(
                 f"level must be between 0 and 1, not {level}", advice="0.95 is usual"
             )
+        from scipy.special import ndtri
+
         half = float(ndtri(0.5 * (1.0 + level))) * self.std
         ends = np.column_stack([self.theta - half, self.theta + half])
         for k, side in enumerate(self.bound_sides):

@@ -31,6 +31,7 @@ from pivident.loop.motion.motion import (
     measured_samples,
     usable_samples,
 )
+from pivident.signals.filters import butterworth_sections, forwards_and_backwards
 from pivident.signals.prefilter import Prefilter
 
 #: Band of the comparison [Hz]: the half of the motion's band that holds nearly all of the motion.
@@ -121,7 +122,5 @@ def without_recent(used: np.ndarray, length: int) -> np.ndarray:
 
 def _squares_in_band(signal: np.ndarray, rate: float) -> np.ndarray:
     """Squares of a signal at low frequencies, shape (samples,)."""
-    from scipy.signal import butter, sosfiltfilt
-
-    low_pass = butter(2, min(BAND, rate / 16.0), fs=rate, output="sos")
-    return np.asarray(sosfiltfilt(low_pass, signal) ** 2)
+    low_pass = butterworth_sections(2, min(BAND, rate / 16.0), rate)
+    return forwards_and_backwards(low_pass, signal, 9) ** 2

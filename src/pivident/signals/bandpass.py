@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from pivident.foundation.errors import RecordingError, RecordingTooShort
+from pivident.signals.filters import butterworth_sections, forwards_and_backwards, sections_response
 from pivident.signals.instants import slope_at_instants
 
 #: Minimum number of samples at each end that a regression should skip.
@@ -96,8 +97,6 @@ def butterworth(
         RecordingError: the cut-off is not below half the rate.
         RecordingTooShort: fewer samples than the filter extends the record by.
     """
-    from scipy.signal import sosfiltfilt
-
     padlen = 3 * order if padlen is None else padlen
     if not 0 < cutoff < rate / 2:
         raise RecordingError(
@@ -108,15 +107,7 @@ def butterworth(
         )
     if len(x) <= padlen:
         raise RecordingTooShort(len(x), padlen + 1)
-    return sosfiltfilt(_sections(order, cutoff, rate), x, axis=0, padlen=padlen)
-
-
-@lru_cache(maxsize=64)
-def _sections(order: int, cutoff: float, rate: float) -> np.ndarray:
-    """Second-order sections of one run; a record asks for the same ones for every joint."""
-    from scipy.signal import butter
-
-    return np.asarray(butter(order, cutoff, fs=rate, output="sos"))
+    return forwards_and_backwards(butterworth_sections(order, cutoff, rate), x, padlen)
 
 
 def central_difference(x: np.ndarray, rate: float) -> np.ndarray:
@@ -135,22 +126,19 @@ def bandpass_response(
 
     away from the ends, so q̂ has no phase, dq̂ leads by 90° and ddq̂ by 180°, as derivatives do.
     """
-    from scipy.signal import freqz_sos
-
-    _, once = freqz_sos(
-        _sections(order, cutoff, rate), worN=np.asarray(frequency, dtype=float), fs=rate
-    )
+    omega = 2.0 * np.pi * np.asarray(frequency, dtype=float) / rate
+    once = sections_response(butterworth_sections(order, cutoff, rate), omega)
     difference = 1j * rate * np.sin(2.0 * np.pi * np.asarray(frequency) / rate)
     return np.abs(once) ** 2 * difference**derivative
 
 
 def median_filter(x: np.ndarray, length: int = 3) -> np.ndarray:
     """Moving median of odd length along axis 0 (3 removes single outliers), ends repeated."""
-    from scipy.ndimage import median_filter as moving_median
-
     if length < 1 or length % 2 == 0:
         raise RecordingError(f"median filter of length {length}", advice="expected an odd number")
     if length == 1:
         return np.asarray(x)
-    size = (length,) + (1,) * (np.ndim(x) - 1)
-    return moving_median(x, size=size, mode="nearest")
+    x = np.asarray(x)
+    ends = np.repeat(x[:1], length // 2, axis=0), np.repeat(x[-1:], length // 2, axis=0)
+    windows = sliding_window_view(np.concatenate((ends[0], x, ends[1])), length, axis=0)
+    return np.partition(windows, length // 2)[..., length // 2]

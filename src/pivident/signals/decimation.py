@@ -21,6 +21,12 @@ from typing import Literal
 import numpy as np
 
 from pivident.foundation.errors import RecordingError, RecordingTooShort
+from pivident.signals.filters import (
+    chebyshev_sections,
+    forwards_and_backwards,
+    run_sections,
+    sections_response,
+)
 
 ORDER = 8
 RIPPLE_DB = 0.05
@@ -66,8 +72,6 @@ def parallel_decimation(
     r - (r·⌈n/r⌉ - n) + i·r, counted from one, of each stage, so that the last sample is kept;
     ``scipy`` keeps the first one. Both give ⌈samples/factor⌉ rows (stage by stage).
     """
-    from scipy.signal import sosfiltfilt
-
     factors = decimation_stages(factor)
     if offsets is None:
         offsets = decimation_offsets(len(x), factors, convention)
@@ -75,7 +79,7 @@ def parallel_decimation(
     for stage, offset in zip(factors, offsets, strict=True):
         if len(x) <= padlen:
             raise RecordingTooShort(len(x), padlen + 1)
-        x = sosfiltfilt(_sections(stage), x, axis=0, padlen=padlen)[offset::stage]
+        x = forwards_and_backwards(_sections(stage), x, padlen)[offset::stage]
     return np.ascontiguousarray(x)
 
 
@@ -110,12 +114,10 @@ def decimation_gain(frequency: np.ndarray, rate: float, factor: int | Sequence[i
     A stage runs at the rate left by the stages before it. A component above half the last rate is
     aliased by decimation; this is its gain there.
     """
-    from scipy.signal import freqz_sos
-
     gain = np.ones(np.shape(frequency))
     for stage in decimation_stages(factor):
         omega = 2.0 * np.pi * np.asarray(frequency, dtype=float) / rate
-        gain *= np.abs(freqz_sos(_sections(stage), worN=omega)[1]) ** 2
+        gain *= np.abs(sections_response(_sections(stage), omega)) ** 2
         rate = rate / stage
     return gain
 
@@ -177,9 +179,7 @@ def _factorisations(factor: int, smallest: int = 2) -> Iterator[tuple[int, ...]]
 @cache
 def _sections(stage: int) -> np.ndarray:
     """Second-order sections of one stage; the transfer function would be inaccurate."""
-    from scipy.signal import cheby1
-
-    return cheby1(ORDER, RIPPLE_DB, EDGE_OF_BAND / stage, output="sos")
+    return chebyshev_sections(ORDER, RIPPLE_DB, EDGE_OF_BAND / stage)
 
 
 @cache
@@ -189,11 +189,9 @@ def _reach(stage: int) -> int:
     One run suffices: the backward run carries the error of the forward run at the start towards
     the start only, and the end is the mirror image.
     """
-    from scipy.signal import sosfilt
-
     length = 4000 * stage
     impulse = np.zeros(length)
     impulse[0] = 1
-    response = sosfilt(_sections(stage), impulse)
+    response = run_sections(_sections(stage), impulse)
     tail = np.cumsum(np.abs(response[::-1]))[::-1]
     return int(np.argmax(tail < NEGLIGIBLE))

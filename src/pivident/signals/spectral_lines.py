@@ -32,6 +32,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from pivident.signals.bandpass import median_filter
 from pivident.signals.coloured_walk_likelihood import NoiseColour
 
 #: Lowest frequency of a narrow line [Hz]: below, periodic motion has lines of its own.
@@ -142,14 +143,12 @@ class Bins:
         The skirts of a strong line raise the median around it. The spectrum less the model of the
         lines, spectrum · B/(B + S), has the background's level again, slope included.
         """
-        from scipy.ndimage import median_filter
-
         length = 2 * self.half + 1
-        level = median_filter(self.spectrum, length, mode="nearest")
+        level = median_filter(self.spectrum, length)
         if total is not None:
             for _ in range(_BACKGROUND_ROUNDS):
                 cleaned = self.spectrum * level / (level + total)
-                level = median_filter(cleaned, length, mode="nearest")
+                level = median_filter(cleaned, length)
         return level
 
     def around(self, i: int) -> tuple[float, float]:

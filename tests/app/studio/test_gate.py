@@ -8,7 +8,7 @@ from pivident.app.studio.gate import Gate, before_run, before_use
 from pivident.app.studio.projects import Project, ProjectError
 from pivident.app.studio.results_list import result_context
 from pivident.app.studio.studio import Studio
-from pivident.judgement.diagnostics.verdict_file import said_against
+from pivident.judgement.diagnostics.stored_verdict import said_against
 from tests.app.studio.projects import EXPERIMENT
 from tests.app.studio.test_results_list import entry
 

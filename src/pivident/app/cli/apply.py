@@ -27,7 +27,7 @@ def apply(experiment: Path, number: int, /, *, results: Path | None = None) -> i
     from pivident.experiment.experiment import load_experiment
     from pivident.foundation.errors import ExperimentError
     from pivident.foundation.files import atomic_folder
-    from pivident.judgement.diagnostics.verdict_file import (
+    from pivident.judgement.diagnostics.stored_verdict import (
         VERDICT_FILE,
         repairs_of,
         stored_experiment,

@@ -31,7 +31,7 @@ def compare(
     import shutil
     import sys
 
-    from pivident.app.cli.workflow import check_output
+    from pivident.foundation.files import check_output
     from pivident.studies.comparison.compare import compare as compare_results
     from pivident.studies.comparison.side_by_side import WIDTH, comparison_text
 

@@ -51,12 +51,11 @@ def consistent(
     out
         Folder for the two files. Default: that of the identification.
     """
-    from pivident.app.cli.workflow import check_output
     from pivident.estimation.stored_identification import load_identification
-    from pivident.foundation.files import atomic_folder
+    from pivident.foundation.files import atomic_folder, check_output
     from pivident.judgement.diagnostics.consistent_estimate import consistent_estimate
     from pivident.judgement.diagnostics.stored_consistent import write_consistent
-    from pivident.judgement.diagnostics.verdict_file import result_of, said_against
+    from pivident.judgement.diagnostics.stored_verdict import result_of, said_against
 
     identification = result_of(identification)
     folder = identification.parent if out is None else out

@@ -84,7 +84,7 @@ def excite(
         Folder for the design, its files and its page; one that holds a design already is refused,
         since a record may lie beside it. Default: motion, or motion-2 and so on.
     """
-    from pivident.app.cli.workflow import check_output
+    from pivident.foundation.files import check_output
     from pivident.robot.refusals import without_loops
     from pivident.studies.collision.room import clearances_of_room
     from pivident.studies.excitation.design_folder import RATE, check_rate, write_design
@@ -158,7 +158,7 @@ def _subject(
     from pivident.estimation.stored_identification import load_identification
     from pivident.experiment.excite_keys import ExciteEntry
     from pivident.experiment.experiment import load_experiment
-    from pivident.judgement.diagnostics.verdict_file import result_of
+    from pivident.judgement.diagnostics.stored_verdict import result_of
     from pivident.robot.gallery import load_robot
     from pivident.robot.urdf import read_urdf
 
@@ -191,7 +191,7 @@ def _names_robot(path: Path) -> bool:
 def _results(paths: tuple[Path, ...]) -> list[Identification]:
     """Earlier results from their files or folders."""
     from pivident.estimation.stored_identification import load_identification
-    from pivident.judgement.diagnostics.verdict_file import result_of
+    from pivident.judgement.diagnostics.stored_verdict import result_of
 
     return [load_identification(result_of(path)) for path in paths]
 

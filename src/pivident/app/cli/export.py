@@ -58,9 +58,9 @@ def export(
     check
         Load the file back where a program for it is installed, and compare torques.
     """
-    from pivident.app.cli.workflow import check_output
     from pivident.foundation.errors import ExportError
-    from pivident.judgement.diagnostics.verdict_file import result_of, said_against
+    from pivident.foundation.files import check_output
+    from pivident.judgement.diagnostics.stored_verdict import result_of, said_against
     from pivident.models.export.formats import FORMATS, export_model, verify_export
     from pivident.models.export.urdf import original_urdf
     from pivident.models.stored_model import stored_model

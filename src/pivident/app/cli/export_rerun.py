@@ -19,9 +19,9 @@ def export_rerun(result: Path, log: Path | None, out: Path) -> None:
         ExportError: no log is named, or the file would replace it.
         MissingExtra: rerun-sdk is not installed.
     """
-    from pivident.app.cli.workflow import check_output
     from pivident.foundation.errors import ExportError
     from pivident.foundation.extras import require
+    from pivident.foundation.files import check_output
     from pivident.studies.prediction.new_logs import new_logs, stored_result
     from pivident.studies.prediction.rerun_recording import write_rerun
 

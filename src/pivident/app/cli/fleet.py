@@ -51,8 +51,8 @@ def fleet(
         Use the Dask cluster of the scheduler at this address, tcp://host:8786; its workers read
         the logs, so they must see the folder.
     """
-    from pivident.app.cli.workflow import check_output
     from pivident.foundation.errors import ExperimentError
+    from pivident.foundation.files import check_output
     from pivident.studies.many.fleet.conclusion import conclude_fleet
     from pivident.studies.many.fleet.identify_fleet import default_out, identify_fleet, template_of
 

@@ -25,8 +25,8 @@ def flexibility(
     out
         Folder for flexibility.json and flexibility.html. Default: NAME-flexibility for NAME.toml.
     """
-    from pivident.app.cli.workflow import check_output
     from pivident.experiment.experiment import load_experiment
+    from pivident.foundation.files import check_output
     from pivident.studies.flexibility.account import (
         agreement_lines,
         flexibility_lines,

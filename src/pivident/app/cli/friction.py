@@ -54,9 +54,9 @@ def run_friction(
 
     True where the estimate converged.
     """
-    from pivident.app.cli.workflow import check_output
     from pivident.estimation.identify import identify
     from pivident.experiment.experiment import load_experiment
+    from pivident.foundation.files import check_output
     from pivident.studies.friction.curves import write_friction
     from pivident.studies.friction.friction_study import study_friction
     from pivident.studies.friction.ripple_search import find_ripple

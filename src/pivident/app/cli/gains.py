@@ -36,9 +36,9 @@ def gains(
     least_squares
         Also show the gains by weighted and total least squares, as in the literature.
     """
-    from pivident.app.cli.workflow import check_output
     from pivident.experiment.experiment import load_experiment
     from pivident.experiment.gains_table import gains_of, lines_for_file
+    from pivident.foundation.files import check_output
 
     if out is not None and out.exists():
         raise ExperimentError(f"{out} is there already", advice="name another file for the gains")

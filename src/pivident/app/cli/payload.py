@@ -33,8 +33,8 @@ def payload(
     out
         Folder for payload.json, payload.csv and payload.txt. Default: NAME-payload for NAME.toml.
     """
-    from pivident.app.cli.workflow import check_output
     from pivident.experiment.experiment import load_experiment
+    from pivident.foundation.files import check_output
     from pivident.studies.payload.load_of_experiment import default_folder, load_of
 
     file = first if second is None else second
@@ -65,7 +65,7 @@ def payload(
 def _arm(file: Path, robot: str | None):
     """The arm without load, from its file."""
     from pivident.estimation.stored_identification import load_identification
-    from pivident.judgement.diagnostics.verdict_file import result_of
+    from pivident.judgement.diagnostics.stored_verdict import result_of
     from pivident.robot.gallery import load_robot
 
     return load_identification(result_of(file), None if robot is None else load_robot(robot))

@@ -56,7 +56,7 @@ def study(
         Methods to compare, separated by commas or repeated; all: every one, all,-particle: every
         one but that. Default: those of the scenario.
     """
-    from pivident.app.cli.workflow import check_output
+    from pivident.foundation.files import check_output
     from pivident.studies.many.study.scenario import load_scenario
 
     check_count("--runs", runs)

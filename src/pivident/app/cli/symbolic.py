@@ -52,8 +52,7 @@ def symbolic(
     values
         Replace parameters by the nominal (CAD) values of the robot file.
     """
-    from pivident.app.cli.workflow import check_output
-    from pivident.foundation.files import atomic_folder
+    from pivident.foundation.files import atomic_folder, check_output
     from pivident.models.symbolic.robot_models import (
         LANGUAGES,
         LOOP_MODELS,

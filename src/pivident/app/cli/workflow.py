@@ -52,9 +52,10 @@ from pivident.judgement.diagnostics.consistent_estimate import (
 from pivident.judgement.diagnostics.diagnostics import Diagnostics, diagnose
 from pivident.judgement.diagnostics.failed_simulation import identify
 from pivident.judgement.diagnostics.stored_consistent import write_consistent
+from pivident.judgement.diagnostics.stored_verdict import VERDICT_FILE
 from pivident.judgement.diagnostics.summary import Summary
 from pivident.judgement.diagnostics.verdict import Verdict, beside_verdict, verdict
-from pivident.judgement.diagnostics.verdict_file import VERDICT_FILE, save_verdict
+from pivident.judgement.diagnostics.verdict_file import save_verdict
 from pivident.judgement.model_errors.corrections import (
     Corrections,
     corrections,

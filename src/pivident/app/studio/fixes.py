@@ -19,7 +19,7 @@ from pivident.experiment.experiment import load_experiment
 from pivident.foundation.errors import PividentError
 from pivident.foundation.text.repair import Repair
 from pivident.foundation.text.toml import parse_toml
-from pivident.judgement.diagnostics.verdict_file import repairs_of
+from pivident.judgement.diagnostics.stored_verdict import repairs_of
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from pivident.app.studio.step_arguments import StepError, result_folder
 from pivident.experiment.check.plan import Plan
 from pivident.foundation.text.repair import Place
 from pivident.foundation.text.sentences import plural
-from pivident.judgement.diagnostics.verdict_file import VERDICT_FILE, rejected_uses
+from pivident.judgement.diagnostics.stored_verdict import VERDICT_FILE, rejected_uses
 
 #: Formats for simulators, which need parameters that a machine can have.
 SIMULATED = ("urdf", "mjcf", "sdf")

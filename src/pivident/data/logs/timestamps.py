@@ -23,6 +23,7 @@ from pivident.foundation.errors import (
     RecordingTooShort,
 )
 from pivident.foundation.errors.recordings import Stretches
+from pivident.signals.cubic_spline import cubic_spline
 
 #: Fewest samples that can be differentiated twice and still leave something to fit.
 MIN_SAMPLES = 16
@@ -349,13 +350,11 @@ def uniform_grid(
 
 def resample_smooth(t: np.ndarray, values: np.ndarray, grid: np.ndarray) -> np.ndarray:
     """Cubic spline through a channel; of samples that nearly coincide only the first one counts."""
-    from scipy.interpolate import CubicSpline
-
     intervals = np.diff(t)
     apart = np.r_[True, intervals >= CLOSE * np.median(intervals)]
     if not apart.all():  # through two such samples the spline would be steep
         t, values = t[apart], values[apart]
-    return CubicSpline(t, values)(grid)
+    return cubic_spline(t, values)(grid)
 
 
 def resample_linear(t: np.ndarray, values: np.ndarray, grid: np.ndarray) -> np.ndarray:

@@ -17,6 +17,7 @@ import numpy as np
 
 from pivident.data.recording.checks import clipped_samples
 from pivident.data.recording.recording import Recording
+from pivident.foundation.distributions import fisher
 from pivident.loop.simulation.linear_law import differentiated, reference_derivatives
 
 Term = Literal[
@@ -131,8 +132,6 @@ def select_terms(
     begin: tuple[Column, ...] = ALWAYS,
 ) -> tuple[tuple[Column, ...], dict[str, float]]:
     """Columns of the law by forward selection, and the F statistic of each extra term."""
-    from scipy.stats import f as f_distribution
-
     if wanted is not None:
         return tuple(wanted), {}
     terms = begin
@@ -146,7 +145,7 @@ def select_terms(
             tests[t] = (rss - own) / max(own / freedom, 1e-300)
         best = min(trials, key=lambda t: trials[t])
         gained = rss - trials[best] > WORTHWHILE * rss and rss > ROUNDING * equations.total
-        if not gained or tests[best] < f_distribution.ppf(F_PROBABILITY, 1, freedom):
+        if not gained or tests[best] < fisher.ppf(F_PROBABILITY, 1, freedom):
             break
         terms, rss = (*terms, best), trials[best]
         left.remove(best)

@@ -35,6 +35,7 @@ from pivident.estimation.control_law.law_equations import (
     Equations,
     best_equations,
 )
+from pivident.foundation.distributions import fisher
 from pivident.loop.simulation.gravity_compensation import MASS_STEMS, GravityModel
 from pivident.robot.description import Robot
 from pivident.robot.refusals import without_loops
@@ -246,9 +247,7 @@ def _without_idle(equations: Equations, chosen: tuple[Column, ...]) -> tuple[Col
 
 
 def _least_statistic(count: int, freedom: int) -> float:
-    from scipy.stats import f as f_distribution
-
-    return float(f_distribution.ppf(F_PROBABILITY, count, freedom))
+    return float(fisher.ppf(F_PROBABILITY, count, freedom))
 
 
 def _believable(found: GravityFit) -> bool:

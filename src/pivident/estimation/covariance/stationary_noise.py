@@ -47,6 +47,7 @@ from pivident.dynamics.regressor import Regressor
 from pivident.estimation.covariance.sandwich import Jackknife
 from pivident.estimation.equation_record import EquationRecord
 from pivident.estimation.normal_equations import JointSums
+from pivident.foundation.distributions import fisher
 from pivident.foundation.threads import run_in_threads
 from pivident.loop.motion.motion import MOTION_BAND, packed_stretch
 from pivident.signals.prefilter import Prefilter
@@ -103,10 +104,8 @@ def covariance_by_test(stationary: np.ndarray, windows: Jackknife) -> np.ndarray
 
     Undecided, it is D P_windows D with D_ii² = max(1, P_stationary,ii / P_windows,ii).
     """
-    from scipy.stats import f
-
     nu = np.maximum(windows.degrees_of_freedom, 1.0)
-    bound = f.ppf(1.0 - LEVEL, nu, 4.0 * nu)
+    bound = fisher.ppf(1.0 - LEVEL, nu, 4.0 * nu)
     found = windows.covariance
     ratio = np.diag(found) / np.maximum(np.diag(stationary), 1e-300)
     if np.median(bound) > MAX_UNSEEN:

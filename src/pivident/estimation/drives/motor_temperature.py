@@ -33,6 +33,7 @@ from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import RandomWalk
+from pivident.foundation.distributions import fisher
 from pivident.foundation.errors import ExperimentError, IdentificationError
 from pivident.loop.motion.motion import Kinematics, SpeedLimits, packed_stretch, with_inner
 from pivident.robot.transmission import Transmission
@@ -111,7 +112,6 @@ def identify_motor_temperature(
             # the first pass finds a model, which gives the slope of the next ones
             found, std[m], degrees[m], state[m] = _step(own, with_slope=k > 0)
             rate[m] = np.clip(found, -MAX_CHANGE, MAX_CHANGE)
-    from scipy.stats import f
 
     answers = []
     for m, name in enumerate(problem.robot.joint_names):
@@ -121,7 +121,7 @@ def identify_motor_temperature(
             MotorTemperature(
                 name, float(a), float(standard_error), "1/s" if timed else "1/K", float(zero[m]),
                 float(span[m]), statistic, int(degrees[m]),
-                float(f.sf(statistic, 1, degrees[m])),
+                float(fisher.sf(statistic, 1, degrees[m])),
             )
         )  # fmt: skip
     return tuple(answers)

@@ -33,6 +33,7 @@ from pivident.loop.simulation.controllers import TAPS, SampledLaw
 from pivident.loop.simulation.direction import ParametrisedLoop
 from pivident.loop.simulation.loop_kernel import TORQUE
 from pivident.loop.simulation.tangents import tangent_blocks
+from pivident.signals.cubic_spline import cubic_spline
 
 
 @dataclass(frozen=True)
@@ -263,11 +264,9 @@ def _stretch(
     moving = (problem.speed_limits(recording).moving(smooth.dq) & measured_samples(smooth)).T
     step = round(control / rate)
     if step < 1 or abs(control / rate - step) > 1e-9:
-        from scipy.interpolate import CubicSpline
-
         t = np.arange(len(q)) / rate
         wanted = np.arange(len(loop.signals.q_ref)) / control
-        q = CubicSpline(t, q, axis=0)(wanted)
+        q = cubic_spline(t, q)(wanted)
         tau = np.stack([np.interp(wanted, t, own) for own in recording.tau.T], axis=1)
         moving = moving[np.minimum((wanted * rate + 0.5).astype(int), len(moving) - 1)]
         step = 1

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from pivident.data.logs.bad_samples import TOLERATED
 from pivident.data.logs.log import Log
@@ -28,6 +27,7 @@ from pivident.judgement.audit.timing import Timing
 from pivident.robot.description import Robot
 from pivident.signals.alignment import torque_shift
 from pivident.signals.bandpass import bandpass, butterworth
+from pivident.signals.cubic_spline import CubicSpline, cubic_spline
 
 #: Band in which model and torque are compared [Hz]; flexible joints begin above it.
 BANDWIDTH = 20.0
@@ -78,9 +78,7 @@ class InverseModel:
 
     def reordered(self, torque_of: Sequence[int]) -> InverseModel:
         """The same rows with the torques in another order."""
-        torque = CubicSpline.construct_fast(
-            np.ascontiguousarray(self.torque.c[:, :, list(torque_of)]), self.torque.x
-        )
+        torque = replace(self.torque, c=np.ascontiguousarray(self.torque.c[:, :, list(torque_of)]))
         return replace(self, torque=torque)
 
     def delayed(self, delay: float) -> InverseModel:
@@ -110,7 +108,7 @@ class InverseModel:
         rows = self.rate / float(self.at[1] - self.at[0])
         columns = tuple(butterworth(c, rows, band) for c in self.columns)
         x = self.torque.x
-        torque = CubicSpline(x, butterworth(self.torque(x), self.rate, band))
+        torque = cubic_spline(x, butterworth(self.torque(x), self.rate, band))
         return replace(self, columns=columns, torque=torque)
 
     def roughly_scaled(self, factor: float) -> InverseModel:
@@ -185,7 +183,7 @@ class FilteredLog:
             )
         passed = bandpass(q, rate, min(WIDER * band, 0.4 * rate))
         q, dq, ddq = (butterworth(x, rate, band) for x in (passed.q, passed.dq, passed.ddq))
-        torque = CubicSpline(np.arange(len(tau)), butterworth(tau, rate, band))
+        torque = cubic_spline(np.arange(len(tau)), butterworth(tau, rate, band))
         motion = passed.q, passed.dq, passed.ddq
         return cls(rate, band, margin, first, motion, (q, dq, ddq), invented, torque)
 

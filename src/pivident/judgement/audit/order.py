@@ -53,15 +53,18 @@ class OrderCheck(LogCheck):
 
 def check_order(model: InverseModel) -> Order:
     """Find the order of the torque columns that fits the joints."""
-    from scipy.optimize import linear_sum_assignment
-
     tau, joints = model.tau(), model.robot.size
     errors = np.ones((joints, joints))
     for j in range(joints):
         if model.usable(j):
             errors[j] = [model.relative_error(j, tau[:, k]) for k in range(joints)]
     cost = np.log(np.clip(np.nan_to_num(errors, nan=1.0), 1e-6, 1.0))
-    rows, best = linear_sum_assignment(cost)
+    rows = np.arange(joints)
+    best = cost.argmin(axis=1)
+    if np.unique(best).size < joints:  # two joints fit one torque best: which order loses least?
+        from scipy.optimize import linear_sum_assignment
+
+        rows, best = linear_sum_assignment(cost)
     moved = np.flatnonzero(best != rows)
     gain = float(np.sum(cost[moved, moved] - cost[moved, best[moved]]))
     names = model.robot.joint_names

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.signal import correlate
 
 from pivident.data.logs.log import Log
 from pivident.foundation.text.finding import Finding, FindingKind, Quantity, Severity, Topic
@@ -12,6 +10,8 @@ from pivident.foundation.text.repair import NotRead, Repair
 from pivident.judgement.audit.standstill import STILL
 from pivident.judgement.audit.timing import Timing, at_equal_intervals
 from pivident.signals.bandpass import butterworth, central_difference
+from pivident.signals.cubic_spline import cubic_spline
+from pivident.signals.filters import convolution
 from pivident.signals.instants import slope_at_instants
 from pivident.signals.random_walk import half_power_frequencies
 
@@ -79,13 +79,13 @@ def _best_lag(logged: np.ndarray, slope: np.ndarray, reach: int) -> tuple[float,
     and |m|² are polynomials of u, and the largest ratio is at a root of its derivative.
     """
     compared = slope[reach : len(slope) - reach]
-    products = correlate(logged, compared, "valid", "fft")  # of the lags -reach to reach
+    products = convolution(logged, compared[::-1])[len(compared) - 1 : len(logged)]  # of all lags
     energy = np.concatenate([[0.0], np.cumsum(logged**2)])
     squares = energy[len(compared) :] - energy[: 2 * reach + 1]
     likeness = products**2 / np.maximum(squares, np.finfo(float).tiny)
     whole = int(np.argmax(likeness))
     best = (likeness[whole], whole - reach, squares[whole], products[whole])
-    spline = CubicSpline(np.arange(len(logged)), logged)
+    spline = cubic_spline(np.arange(len(logged)), logged)
     for first in (whole - 1, whole):
         if not 0 <= first < 2 * reach:
             continue

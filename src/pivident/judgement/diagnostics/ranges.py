@@ -26,6 +26,7 @@ import numpy as np
 
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import ParameterRange
+from pivident.foundation.distributions import chi_square
 from pivident.judgement.model_errors.named_causes import ModelErrors
 from pivident.judgement.validation.held_out.cross_validation import CrossValidation
 
@@ -83,15 +84,13 @@ def _width_by_noise(std: np.ndarray, without: Mapping[int, np.ndarray]) -> np.nd
 
     ``std``: standard errors of the whole record; ``without``: of the estimate without each block.
     """
-    from scipy.stats import chi2
-
     count = len(without)
     least = std**2 / (count - 1.0)  # of blocks that tell as much each
     excess = np.maximum(np.array(list(without.values())) ** 2 - std**2, least)
     total = np.sum(excess, axis=0)
     share = 1.0 - 1.0 / count
     freedom = np.maximum(share * total**2 / np.maximum(np.sum(excess**2, axis=0), 1e-300), 1.0)
-    by_chance = chi2.isf(CHANCE / std.size, freedom) / freedom
+    by_chance = chi_square.isf(CHANCE / std.size, freedom) / freedom
     return np.asarray(4.0 * np.sqrt(share * total * by_chance))
 
 

@@ -21,6 +21,7 @@ from itertools import combinations
 
 import numpy as np
 
+from pivident.foundation.distributions import student
 from pivident.foundation.errors import PividentError
 from pivident.foundation.text.repair import (
     Change,
@@ -126,12 +127,10 @@ def raises_the_error(rows: ReadingRows, repair: Repair) -> tuple[float, float] |
 
 def clearly_lower(change: np.ndarray, tried: int, least: float = LEAST_GAIN) -> bool:
     """Whether scores, shape (stretches,), fall by more than a share, of so many comparisons."""
-    from scipy.stats import t
-
     n = len(change)
     if n < 3:
         return False
-    reach = float(t.isf(LEVEL / tried, n - 1)) * float(np.std(change, ddof=1)) / np.sqrt(n)
+    reach = float(student.isf(LEVEL / tried, n - 1)) * float(np.std(change, ddof=1)) / np.sqrt(n)
     return float(change.mean()) + reach < np.log1p(-least)
 
 

@@ -21,6 +21,7 @@ import numpy as np
 
 from pivident.estimation.covariance.sandwich import jackknife_of
 from pivident.estimation.covariance.windows import degrees_of_freedom
+from pivident.foundation.distributions import fisher
 from pivident.judgement.model_errors.cause import Cause
 from pivident.judgement.model_errors.cause_sums import CauseSums
 from pivident.judgement.model_errors.column_tests import ColumnTests, Normal, Partition, Parts
@@ -211,8 +212,6 @@ class ScoreTests:
 
         ``columns``: of each cause, shape (causes, n).
         """
-        from scipy.stats import f
-
         single = columns.shape[1] == 1
         least = np.array([-np.inf if single else self.causes[k].least for k in numbers])
         try:
@@ -235,7 +234,7 @@ class ScoreTests:
         n, size = self.sums.parameters, columns.shape[1]
         left = self.freedom - size + 1.0
         statistic = np.sum(made.size * solved, axis=1) / size
-        significance = f.sf(statistic * left / self.freedom, size, left)
+        significance = fisher.sf(statistic * left / self.freedom, size, left)
         return {
             number: Score(
                 self.causes[number],

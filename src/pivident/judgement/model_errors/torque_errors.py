@@ -35,6 +35,7 @@ from pivident.robot.description import Robot
 from pivident.robot.friction_column import names_in
 from pivident.robot.friction_terms import TERM_KINDS
 from pivident.robot.joints import Joint
+from pivident.signals.cubic_spline import cubic_spline
 
 #: Milliseconds, the unit of delays [s].
 MILLISECOND = 1e-3
@@ -150,7 +151,6 @@ def with_delay(problem: Problem, joint: int | None, delay: float) -> Problem:
     A delay of all is declared; a negative one is that of a drive, which the loop then has, too. A
     joint's own is taken out of its torques.
     """
-    from scipy.interpolate import CubicSpline
 
     def corrected(recording: Recording) -> Recording:
         if joint is None:
@@ -159,7 +159,7 @@ def with_delay(problem: Problem, joint: int | None, delay: float) -> Problem:
         tau = recording.tau.copy()
         t = np.arange(len(tau)) / recording.rate
         wanted = np.clip(t + delay, t[0], t[-1])
-        tau[:, joint] = CubicSpline(t, tau[:, joint])(wanted)
+        tau[:, joint] = cubic_spline(t, tau[:, joint])(wanted)
         return replace(recording, tau=tau)
 
     return replace(problem, recordings=tuple(corrected(r) for r in problem.recordings))

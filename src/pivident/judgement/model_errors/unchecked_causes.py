@@ -24,6 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.estimation.identification import Identification
+from pivident.foundation.distributions import student
 from pivident.judgement.model_errors.cause import Cause
 from pivident.judgement.model_errors.score_tests import LEVEL, Score, ScoreTests
 
@@ -131,6 +132,4 @@ def checked_gains(tests: ScoreTests, scores: Iterable[Score]) -> tuple[str, ...]
 
 def _standard_errors(tests: ScoreTests) -> float:
     """How many of its standard errors a cause has to be large to be named for certain."""
-    from scipy.stats import t
-
-    return float(t.isf(0.5 * LEVEL / tests.tried, tests.freedom)) + CERTAIN
+    return float(student.isf(0.5 * LEVEL / tests.tried, tests.freedom)) + CERTAIN

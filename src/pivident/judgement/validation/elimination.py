@@ -16,6 +16,7 @@ from pivident.estimation.covariance.windows import degrees_of_freedom
 from pivident.estimation.equation_record import accumulate
 from pivident.estimation.identification import Identification
 from pivident.estimation.normal_equations import JointSums
+from pivident.foundation.distributions import fisher
 from pivident.foundation.text.numbers import plus_minus
 from pivident.signals.prefilter import Prefilter
 
@@ -153,10 +154,8 @@ class EliminationRound:
 
     def _weakest(self) -> tuple[int, float, float] | None:
         """Place, W and p of the parameter with the largest relative standard error that may go."""
-        from scipy.stats import f as f_distribution
-
         statistic = (self.theta / self.std) ** 2
-        p_values = f_distribution.sf(statistic, 1, self.freedom)
+        p_values = fisher.sf(statistic, 1, self.freedom)
         spared = []
         for place in np.argsort(statistic):
             if self._is_last_friction(int(place)):
@@ -182,14 +181,12 @@ class EliminationRound:
 
     def _joint_test(self, kept: list[int]) -> tuple[float, float]:
         """W of all parameters not in ``kept``, and its p-value."""
-        from scipy.stats import f as f_distribution
-
         out = self._left_out(kept)
         values = self.found.theta[out]
         block = self.effect * self.found.formula_covariance[np.ix_(out, out)]
         statistic = float(values @ _solve(block, values)) / len(out)
         freedom = max(self.worth - self.found.theta.size, 1.0)
-        return statistic, float(f_distribution.sf(statistic, len(out), freedom))
+        return statistic, float(fisher.sf(statistic, len(out), freedom))
 
     def _left_out(self, kept: list[int]) -> list[int]:
         return [k for k in range(self.found.theta.size) if k not in set(kept)]

@@ -24,6 +24,7 @@ from typing import Literal
 import numpy as np
 
 from pivident.estimation.covariance.windows import OVERLAP
+from pivident.foundation.distributions import chi_square, fisher
 from pivident.foundation.errors import IdentificationError
 from pivident.judgement.validation.moment_sums import MomentSums
 from pivident.judgement.validation.residuals.windowed_statistic import (
@@ -145,15 +146,13 @@ class OveridentificationTest(ShiftTest):
 
 def exogeneity_test(sums: MomentSums, names: Sequence[str]) -> DurbinWuHausmanTest:
     """Durbin-Wu-Hausman on weighted equations."""
-    from scipy.stats import f as f_distribution
-
     scaled, length = sums.scaled()
     scale = length[: sums.size]
     found = added_moments(scaled, "phi", "z")
     remainder = residual_square(scaled, estimate(scaled, "phi")) - found.square
     freedom = max(sums.rows - sums.size - found.directions, 1)
     white = found.square / max(found.directions, 1) / max(remainder / freedom, 1e-300)
-    white_p = float(f_distribution.sf(white, max(found.directions, 1), freedom))
+    white_p = float(fisher.sf(white, max(found.directions, 1), freedom))
     theta = estimate(scaled, "z") / scale
     difference = estimate(scaled, "phi") / scale - theta
     own = estimate_steps(scaled, "z") / scale
@@ -177,8 +176,6 @@ def exogeneity_test(sums: MomentSums, names: Sequence[str]) -> DurbinWuHausmanTe
 
 def overidentification_test(sums: MomentSums, names: Sequence[str]) -> OveridentificationTest:
     """Sargan and Hansen on weighted equations with further instruments."""
-    from scipy.stats import chi2
-
     if not sums.extra:
         raise IdentificationError(
             "there are as many instruments as parameters, so J is zero however good they are",
@@ -200,7 +197,7 @@ def overidentification_test(sums: MomentSums, names: Sequence[str]) -> Overident
         outcome.p_value,
         j,
         found.directions,
-        float(chi2.sf(j, found.directions)) if found.directions else 1.0,
+        float(chi_square.sf(j, found.directions)) if found.directions else 1.0,
         (all_used - theta) / std,
         _relative((all_used - theta) / scale, theta / scale),
     )

@@ -22,6 +22,7 @@ from pivident.loop.instruments.given_motion import (
 )
 from pivident.loop.instruments.reference_response import virtual_motion
 from pivident.loop.motion.motion import MIN_RUN, Kinematics
+from pivident.signals.cubic_spline import cubic_spline
 from pivident.signals.instants import differences_at_instants
 from pivident.signals.random_walk import WalkSmoother, smooth_channels
 
@@ -90,9 +91,7 @@ def _half(kin: Kinematics, first: int) -> Half:
 
 def _at_all(half: np.ndarray, first: int, samples: int) -> np.ndarray:
     """Every other sample and what lies between them, along axis 0."""
-    from scipy.interpolate import CubicSpline
-
-    return CubicSpline(np.arange(first, samples, 2), half)(np.arange(samples))
+    return cubic_spline(np.arange(first, samples, 2), half)(np.arange(samples))
 
 
 def _neighbours(kin: Kinematics) -> np.ndarray:

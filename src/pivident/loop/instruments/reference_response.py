@@ -47,6 +47,13 @@ from pivident.loop.instruments.given_motion import (
     agreement,
 )
 from pivident.loop.motion.motion import MOTION_BAND, Kinematics, SimulatedMotion
+from pivident.signals.cubic_spline import cubic_spline
+from pivident.signals.filters import (
+    butterworth_sections,
+    forwards_and_backwards,
+    recursion,
+    steady_state,
+)
 from pivident.signals.noise_models import fit_ar, whiten
 from pivident.signals.random_walk import smooth_channels
 
@@ -152,11 +159,9 @@ def _integrated(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
 
 def _slow(x: np.ndarray, recording: Recording) -> np.ndarray:
     """What of a signal is slower than any motion."""
-    from scipy.signal import butter, sosfiltfilt
-
     cutoff = min(ANCHORED * recording.rate / recording.samples, MAX_ANCHORED)
-    low_pass = butter(2, cutoff, fs=recording.rate, output="sos")
-    return sosfiltfilt(low_pass, x, padtype="constant", padlen=x.size // 2)
+    low_pass = butterworth_sections(2, cutoff, recording.rate)
+    return forwards_and_backwards(low_pass, x, x.size // 2, held=True)
 
 
 def answers_to_noise(kin: Kinematics) -> list[Answer]:
@@ -284,15 +289,15 @@ def fit_response(x: np.ndarray, y: np.ndarray, used: slice) -> LinearResponse:
 
 def _columns(x: np.ndarray, time_constant: float, terms: int) -> np.ndarray:
     """X ahead, x, L_0 x, L_1 x, …, shape (2 + terms, samples)."""
-    from scipy.signal import lfilter
-
     a = np.exp(-1.0 / time_constant)
     out = np.empty((2 + terms, x.size))
     out[0, :-1], out[0, -1] = x[1:], 2.0 * x[-1] - x[-2]
     out[1] = x
     for i in range(terms):
         numerator = [np.sqrt(1.0 - a**2)] if i == 0 else [-a, 1.0]
-        out[2 + i] = lfilter(numerator, [1.0, -a], x if i == 0 else out[1 + i])
+        out[2 + i] = recursion(
+            np.array(numerator), np.array([1.0, -a]), x if i == 0 else out[1 + i]
+        )
     return out
 
 
@@ -345,17 +350,17 @@ def followed(q: np.ndarray, rate: float, bandwidth: float) -> np.ndarray:
 
     Before and after the record the motion goes on as it does when it is mirrored at its ends.
     """
-    from scipy.interpolate import CubicSpline
-    from scipy.signal import bilinear, lfilter, lfilter_zi
-
     omega = 2.0 * rate * np.tan(np.pi * bandwidth / rate)  # the bilinear transform keeps f
-    b, a = bilinear([omega**2], [1.0, 2.0 * DAMPING * omega, omega**2], rate)
+    k = 2.0 * rate  # s = k (1 - z⁻¹)/(1 + z⁻¹) in ω²/(s² + 2 D ω s + ω²)
+    b = omega**2 * np.array([1.0, 2.0, 1.0])
+    damped = 2.0 * DAMPING * omega * k
+    a = np.array([k**2 + damped + omega**2, 2.0 * (omega**2 - k**2), k**2 - damped + omega**2])
     delay = 2.0 * DAMPING / omega * rate
     margin = min(int(np.ceil(FORGOTTEN_PERIODS * rate / bandwidth)) + 2, q.size - 1)
     extended = odd_extension(q, margin)
-    made = lfilter(b, a, extended, zi=lfilter_zi(b, a) * extended[0])[0]
+    made = recursion(b, a, extended, steady_state(b, a) * extended[0])
     at = np.arange(q.size) + margin + delay
-    return CubicSpline(np.arange(made.size), made)(np.minimum(at, made.size - 1.0))
+    return cubic_spline(np.arange(made.size), made)(np.minimum(at, made.size - 1.0))
 
 
 #: A virtual computed-torque loop around the smoothed motion.

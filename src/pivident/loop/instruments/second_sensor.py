@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.linalg import solveh_banded
 
 from pivident.foundation.text.numbers import percent
 from pivident.loop.instruments.given_motion import (
@@ -94,9 +95,6 @@ def _integrated(kin: Kinematics, dq: np.ndarray) -> np.ndarray:
     The drift is a broken line with a knot every ten seconds: the positions' own noise enters by
     two numbers in ten seconds.
     """
-    from scipy.integrate import cumulative_trapezoid
-    from scipy.interpolate import make_lsq_spline
-
     recording = kin.recording
     for j, name in enumerate(recording.joint_names):
         factor = float(dq[j] @ kin.dq[j] / max(kin.dq[j] @ kin.dq[j], 1e-300))
@@ -105,12 +103,30 @@ def _integrated(kin: Kinematics, dq: np.ndarray) -> np.ndarray:
                 f"dq of joint {name!r} is {factor:.3g} times the derivative of its positions in "
                 f"recording {recording.name!r}; check its unit under [recording.units]",
             )
-    t = np.arange(recording.samples) / recording.rate
-    pieces = max(1, round(recording.duration / DRIFT))
-    knots = np.linspace(t[0], t[-1], pieces + 1)
-    integral = cumulative_trapezoid(dq, t, initial=0.0)
-    drift = make_lsq_spline(t, (integral - kin.q).T, np.r_[t[0], knots, t[-1]], k=1)
-    return integral - drift(t).T
+    steps = 0.5 * (dq[:, 1:] + dq[:, :-1]) / recording.rate
+    integral = np.concatenate((np.zeros((len(dq), 1)), np.cumsum(steps, axis=1)), axis=1)
+    return integral - _broken_line(integral - kin.q, max(1, round(recording.duration / DRIFT)))
+
+
+def _broken_line(x: np.ndarray, pieces: int) -> np.ndarray:
+    """Broken line of equal pieces nearest to x, shape (channels, samples), in least squares."""
+    at = np.linspace(0.0, pieces, x.shape[1])
+    left = np.minimum(at.astype(int), pieces - 1)
+    share = at - left  # of the knot on the right of a sample
+    knots = pieces + 1
+    gram = np.zeros((2, knots))  # tridiagonal: above the diagonal, and the diagonal
+    gram[0, 1:] = np.bincount(left, (1.0 - share) * share, pieces)
+    gram[1] = np.bincount(left, (1.0 - share) ** 2, knots) + np.bincount(left + 1, share**2, knots)
+    right = np.stack(
+        [
+            np.bincount(left, (1.0 - share) * row, knots)
+            + np.bincount(left + 1, share * row, knots)
+            for row in x
+        ],
+        axis=1,
+    )
+    level = solveh_banded(gram, right).T
+    return (1.0 - share) * level[:, left] + share * level[:, left + 1]
 
 
 #: Samples before and after each one from which its noise is explained.

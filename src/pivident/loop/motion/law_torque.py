@@ -33,6 +33,7 @@ from pivident.loop.simulation.controllers import (
 )
 from pivident.loop.simulation.gravity_compensation import GravityModel
 from pivident.robot.description import Robot
+from pivident.signals.cubic_spline import cubic_spline
 
 #: What to do where the law that was active is not known.
 _NEXT_STEP = (
@@ -300,10 +301,8 @@ def upsampled(x: np.ndarray, rate: float, wanted: float) -> np.ndarray:
     """
     if abs(rate - wanted) < 1e-9 * rate:
         return x
-    from scipy.interpolate import CubicSpline
-
     t = np.arange(len(x)) / rate
-    return CubicSpline(t, x, axis=0)(np.arange(int(t[-1] * wanted + 1e-6) + 1) / wanted)
+    return cubic_spline(t, x)(np.arange(int(t[-1] * wanted + 1e-6) + 1) / wanted)
 
 
 def held(x: np.ndarray, rate: float, wanted: float) -> np.ndarray:

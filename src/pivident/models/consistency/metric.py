@@ -26,6 +26,7 @@ import numpy as np
 from pivident.dynamics.base_parameters import BaseParameters
 from pivident.estimation.identification import Identification, estimated_in_base, estimated_indices
 from pivident.estimation.solved_equations import TorqueSums
+from pivident.foundation.distributions import chi_square
 from pivident.foundation.errors import IdentificationError
 
 #: Smallest variance of a direction over that of white errors, relative to the median, below which
@@ -178,11 +179,9 @@ def _conditional(
 
 def probability(distance: float, directions: int, most: int) -> float:
     """χ² probability of a distance; one where the estimate was consistent."""
-    from scipy.stats import chi2
-
     if distance == 0.0:
         return 1.0
-    return float(chi2.sf(distance**2, int(np.clip(directions, 1, most))))
+    return float(chi_square.sf(distance**2, int(np.clip(directions, 1, most))))
 
 
 def is_far(p_value: float, free: float, consistent: float) -> bool:

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pivident.foundation.distributions import chi_square
 from pivident.foundation.document.table import Column, Table
 from pivident.foundation.errors import IdentificationError
 from pivident.models.consistency.cone_program import Requirement, Solved, solve_cone_program
@@ -135,11 +136,9 @@ def profile_intervals(
 
 def allowed(space: StandardSpace, least_distance: float, confidence: float) -> Requirement:
     """The condition d² ≤ d*² + χ²₁(confidence)."""
-    from scipy.stats import chi2
-
     if not 0.0 < confidence < 1.0:
         raise IdentificationError(f"confidence lies between 0 and 1, not {confidence}")
-    return within_distance(space, float(np.sqrt(least_distance**2 + chi2.ppf(confidence, 1))))
+    return within_distance(space, float(np.sqrt(least_distance**2 + chi_square.ppf(confidence, 1))))
 
 
 def lowest(slope: np.ndarray, requirements: Sequence[Requirement]) -> Solved:

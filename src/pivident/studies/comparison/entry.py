@@ -21,7 +21,7 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import parameter_rows
 from pivident.estimation.stored_identification import json_of_file, load_identification
 from pivident.foundation.errors import IdentificationFileError, PividentError
-from pivident.judgement.diagnostics.verdict_file import RESULT
+from pivident.judgement.diagnostics.stored_verdict import RESULT
 from pivident.models.consistency.metric import HALF_INTERVAL
 from pivident.models.model_json import MODEL, read_model
 from pivident.models.runnable_model import RunnableModel

@@ -28,6 +28,7 @@ import numpy as np
 from pivident.data.recording.recording import Recording
 from pivident.foundation.errors import IdentificationError
 from pivident.signals.bandpass import butterworth, central_difference
+from pivident.signals.cubic_spline import cubic_spline
 from pivident.studies.flexibility.measured import Measured
 from pivident.studies.flexibility.spectral_equations import (
     BLOCKS,
@@ -149,12 +150,10 @@ def deflection_motion(
 
 def _earlier(x: np.ndarray, rate: float, lag: float) -> np.ndarray:
     """x(t + lag) by a cubic spline, held beyond the ends."""
-    from scipy.interpolate import CubicSpline
-
     if lag == 0.0:
         return x
     at = np.arange(len(x), dtype=float)
-    return CubicSpline(at, x)(np.clip(at + lag * rate, 0, len(x) - 1))
+    return cubic_spline(at, x)(np.clip(at + lag * rate, 0, len(x) - 1))
 
 
 def _reference_functions(recording: Recording) -> np.ndarray | None:

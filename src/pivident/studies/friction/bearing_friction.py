@@ -24,6 +24,7 @@ from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.method import Method
 from pivident.estimation.problem import Problem
 from pivident.experiment.init.complete_sign import complete_sign
+from pivident.foundation.distributions import fisher
 from pivident.foundation.text.finding import Finding, Quantity
 from pivident.foundation.text.numbers import format_significant, plus_minus
 from pivident.foundation.text.sentences import listed
@@ -90,8 +91,6 @@ def bearing_friction(
 
 def _tested(found: Identification, joint: int) -> BearingTest | None:
     """The test of one joint's dissipative terms; None where it has none."""
-    from scipy.stats import f as f_distribution
-
     place = found.robot.places[joint]
     own = [
         k
@@ -106,7 +105,7 @@ def _tested(found: Identification, joint: int) -> BearingTest | None:
     statistic = float(theta / scale @ np.linalg.solve(scaled, theta / scale))
     freedom = degrees_of_freedom([r.t.size for r in found.recordings])
     k, rest = len(own), max(freedom - len(own) + 1.0, 1.0)
-    p_value = float(f_distribution.sf(rest / (freedom * k) * statistic, k, rest))
+    p_value = float(fisher.sf(rest / (freedom * k) * statistic, k, rest))
     return BearingTest(
         found.robot.joint_names[joint],
         tuple(found.parameters[i].stem for i in own),

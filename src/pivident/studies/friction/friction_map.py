@@ -19,6 +19,8 @@ from typing import Literal
 
 import numpy as np
 
+from pivident.foundation.distributions import student
+
 #: Probability within 2σ of a normal distribution.
 TWO_SIGMA = 0.9545
 
@@ -131,8 +133,6 @@ def _passes(
     whole_passes: bool = True,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Value, half interval, passes, effective passes and samples of each cell."""
-    from scipy.stats import t as student
-
     order = np.argsort(cell, kind="stable")
     order = order[cell[order] >= 0]
     own = cell[order]

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pivident.foundation.distributions import chi_square
 from pivident.robot.description import Robot
 from pivident.studies.friction.order_spectrum import (
     HIGHEST_FREQUENCY,
@@ -148,8 +149,6 @@ def _modulation(
 
     ``excess`` is the floor over that of white noise.
     """
-    from scipy.stats import chi2
-
     columns, right = [], []
     for s, factor, left in zip(series, factors, fit.left, strict=True):
         phase = wave.order * wave.angle(s)
@@ -163,7 +162,7 @@ def _modulation(
     solution = spread @ (matrix.T @ values)
     covariance = spread[2:, 2:] * excess
     wald = float(solution[2:] @ np.linalg.pinv(covariance) @ solution[2:])
-    return _Modulation(solution[2:], covariance, float(chi2.sf(wald, 2)))
+    return _Modulation(solution[2:], covariance, float(chi_square.sf(wald, 2)))
 
 
 def marked_beside(

@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pivident.estimation.problem import Problem
+from pivident.foundation.distributions import student
 from pivident.foundation.text.numbers import format_significant
 from pivident.foundation.text.plain_table import plain_table
 from pivident.judgement.validation.held_out.segment_sums import effective_rows
@@ -117,11 +118,9 @@ class Difference:
 
     def chance(self) -> float:
         """Probability of a mean so far below zero where the laws do not differ."""
-        from scipy.stats import t
-
         if self.std == 0.0:
             return 0.0 if self.mean < 0.0 else 1.0
-        return float(t.cdf(self.mean / self.std, self.cells - 1.0))
+        return float(student.cdf(self.mean / self.std, self.cells - 1.0))
 
 
 def difference(a: LawScore, b: LawScore) -> Difference:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pivident.foundation.distributions import student
 from pivident.studies.many.study.bench import Bench
 from pivident.studies.many.study.run import Store
 from pivident.studies.many.study.summary import (
@@ -172,12 +173,10 @@ def ratio_of_deviations(new: Runs, old: Runs) -> tuple[np.ndarray, float]:
 
 def half_interval(means: np.ndarray) -> float:
     """Half the 95 % interval of a mean by Student's t; NaN of fewer than two."""
-    from scipy.stats import t
-
     if means.size < 2:
         return math.nan
     spread = float(means.std(ddof=1)) / math.sqrt(means.size)
-    return float(t.ppf(0.975, means.size - 1)) * spread
+    return float(student.ppf(0.975, means.size - 1)) * spread
 
 
 def _forms(folder: Path, reading: str, way: str, behind: str) -> dict[str, Runs]:

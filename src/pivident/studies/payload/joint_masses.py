@@ -24,6 +24,7 @@ from pivident.estimation.covariance.windows import OVERLAP
 from pivident.estimation.equation_record import accumulate
 from pivident.estimation.identification import Identification
 from pivident.estimation.normal_equations import JointSums
+from pivident.foundation.distributions import fisher
 from pivident.foundation.text.numbers import plus_minus
 from pivident.studies.payload.arm_and_load import EXACT, ArmAndLoad
 from pivident.studies.payload.loaded_record import RestrictedSolution
@@ -231,8 +232,6 @@ def _steps(
 
 def _agreement(scale: np.ndarray, P: np.ndarray, windows: int) -> tuple[float, float, float]:
     """F that all scales are the same, its probability, and σ_s by the method of moments."""
-    from scipy.stats import f as fisher
-
     count = scale.size
     if count < 2 or windows <= count + 1:
         return np.nan, 1.0, 0.0

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pivident.foundation.distributions import chi_square
 from pivident.models.consistency.cone_program import Requirement, Solved, solve_cone_program
 from pivident.models.consistency.pseudo_inertia import least_body, pseudo_inertia, triangle
 from pivident.robot.description import INERTIAL
@@ -66,8 +67,6 @@ class PossibleLoad:
 
 def possible_load(load: LoadEstimate) -> PossibleLoad | None:
     """Nearest possible load of an estimate; None where the solver fails."""
-    from scipy.stats import chi2
-
     centre, steps, determined = load.values / NATURAL, *_whitened(load)
     body = _real_body(load, steps)
     nearest = _solved(np.where(determined, 1.0, 0.0), np.zeros(10), body)
@@ -87,7 +86,7 @@ def possible_load(load: LoadEstimate) -> PossibleLoad | None:
         (centre + steps @ nearest.u) * NATURAL,
         squared < AT_THE_ESTIMATE,
         float(np.sqrt(squared)),
-        float(chi2.sf(squared, 1)),
+        float(chi_square.sf(squared, 1)),
         ends * NATURAL[:, None],
     )
 

@@ -18,6 +18,7 @@ from typing import Literal
 
 import numpy as np
 
+from pivident.foundation.distributions import student
 from pivident.foundation.text.finding import Finding, Quantity
 from pivident.foundation.text.numbers import format_significant, percent
 from pivident.foundation.text.sentences import listed
@@ -53,8 +54,6 @@ class ErrorRatio:
     @classmethod
     def of(cls, now: LogError, then: LogError) -> ErrorRatio:
         """The ratio of two errors with its interval."""
-        from scipy.stats import t as student
-
         ratio = now.value / max(then.value, 1e-300)
         parts = np.array([now.spread, then.spread]) ** 2
         counts = np.array([now.blocks, then.blocks])

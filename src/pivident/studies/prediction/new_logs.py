@@ -25,7 +25,7 @@ from pivident.experiment.experiment import Experiment, load_experiment
 from pivident.experiment.explained import errors_name
 from pivident.experiment.recording_tables import Part, between_gaps, reading_of
 from pivident.foundation.errors import ExperimentError, RecordingError, UnknownColumn
-from pivident.judgement.diagnostics.verdict_file import RESULT, held_out_errors, result_of
+from pivident.judgement.diagnostics.stored_verdict import RESULT, held_out_errors, result_of
 from pivident.judgement.validation.held_out.held_out_errors import HeldOutErrors
 from pivident.models.model_json import MODEL, read_model
 from pivident.models.runnable_model import RunnableModel, runnable_model

@@ -25,6 +25,7 @@ from pivident.data.recording.recording import Recording
 from pivident.estimation.equation_record import MotionRange
 from pivident.estimation.identification import Identification
 from pivident.estimation.problem import Problem
+from pivident.foundation.distributions import student
 from pivident.foundation.errors import ExperimentError
 from pivident.foundation.text.finding import Finding, Quantity
 from pivident.foundation.text.numbers import format_significant, percent
@@ -186,8 +187,6 @@ def _without_each(squares: np.ndarray) -> np.ndarray:
 
 def _interval(every: np.ndarray, left_out: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Ends from the value of all blocks, and those with each left out (blocks first)."""
-    from scipy.stats import t as student
-
     count = len(left_out)
     factor = np.exp(student.ppf(0.975, count - 1) * jackknife_spread(left_out))
     return every / factor, every * factor

@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pivident.foundation.distributions import chi_square
 from pivident.loop.simulation.closed_loop import LoopSignals
 from pivident.loop.simulation.controllers import PID, Cascade, Controller, PythonController
 from pivident.robot.description import Robot
@@ -156,7 +157,6 @@ def with_shared_delay(estimates: Sequence[BranchEstimate]) -> SharedDelay:
             variances.append(own.covariance[own.delay, own.delay])
     if len(delays) < 2:
         return SharedDelay(tuple(estimates), np.nan)
-    from scipy.stats import chi2
 
     weights = 1.0 / np.array(variances)
     variance = float(1.0 / weights.sum())
@@ -164,7 +164,7 @@ def with_shared_delay(estimates: Sequence[BranchEstimate]) -> SharedDelay:
     spread = float(weights @ (np.array(delays) - delay) ** 2)
     return SharedDelay(
         tuple(_conditioned(own, delay, variance) for own in estimates),
-        float(chi2.sf(spread, len(delays) - 1)),
+        float(chi_square.sf(spread, len(delays) - 1)),
     )
 
 

@@ -17,6 +17,7 @@ from pivident.dynamics.parameters import standard_parameters
 from pivident.estimation.auxiliary_model import loop_signals
 from pivident.estimation.output_error.record_stretches import Stretch
 from pivident.estimation.output_error.simulation_fit import SimulationFit
+from pivident.foundation.distributions import student
 from pivident.foundation.errors import ExperimentError
 from pivident.foundation.threads import run_in_threads
 from pivident.loop.simulation.closed_loop import LoopSignals
@@ -310,15 +311,13 @@ def _fitted(
     quantity: JointQuantity, begin: Stretch, fit: SimulationFit, own: BranchEstimate, k: int
 ) -> FittedValue:
     """One value with its interval, by Student's distribution of the windows behind it."""
-    from scipy.stats import t
-
     value, variance, note = float(own.values[k]), float(own.covariance[k, k]), ""
     std = float(np.sqrt(variance)) if variance > 0.0 else float("nan")
     free = np.flatnonzero(~fit.held & ~fit.bound)
     half = float("nan")
     if variance > 0.0:
         freedom = fit.windows.degrees_of_freedom[int(np.searchsorted(free, k))]
-        half = float(t.ppf(0.5 + LEVEL / 2.0, max(float(freedom), 1.0)) * std)
+        half = float(student.ppf(0.5 + LEVEL / 2.0, max(float(freedom), 1.0)) * std)
     elif fit.held[k]:
         note = "the record does not determine it; the value is that of the start"
     elif fit.bound[k]:

@@ -47,6 +47,7 @@ from pivident.foundation.errors import (
 from pivident.loop.motion.law_torque import controller_outputs
 from pivident.loop.simulation.closed_loop import LoopSignals
 from pivident.loop.simulation.direction import ParametrisedLoop
+from pivident.signals.cubic_spline import cubic_spline
 from pivident.signals.random_walk import smooth_channels
 from pivident.studies.simulators.joint_quantities import JointQuantity
 
@@ -274,12 +275,10 @@ class _Motion:
     @classmethod
     def of(cls, stretch: Stretch) -> _Motion:
         """Smooth the positions of a stretch, and interpolate them to the rate of its law."""
-        from scipy.interpolate import CubicSpline
-
         smooth = smooth_channels(stretch.q, stretch.rate)
         logged = np.arange(stretch.samples) * stretch.step
         control = np.minimum(np.arange(len(stretch.loop.signals.q_ref)), logged[-1])
-        read = CubicSpline(logged, smooth.q, axis=0)(control)
+        read = cubic_spline(logged, smooth.q)(control)
         return cls(stretch, smooth.q, smooth.dq, smooth.ddq, read)
 
     def residual(

@@ -27,6 +27,7 @@ from pivident.estimation.method import Method
 from pivident.estimation.methods import METHODS
 from pivident.estimation.parameter_rows import CONTRADICTION
 from pivident.estimation.problem import Problem
+from pivident.foundation.distributions import student
 from pivident.foundation.document.table import Column, Table
 from pivident.foundation.errors import Attempts, ExperimentError, IdentificationError, in_words
 from pivident.foundation.text.numbers import format_significant
@@ -430,8 +431,6 @@ def error_ratio(
     The interval is Student's, from the logarithms of the stretches' ratios; blocks of one motion
     have their easy and hard parts in common, which the ratio takes out.
     """
-    from scipy.stats import t as student
-
     logs = [
         np.log(getattr(x.prediction, error) / getattr(y.prediction, error))
         for x, y in zip(a.held_out, b.held_out, strict=False)

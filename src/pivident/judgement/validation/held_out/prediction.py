@@ -13,6 +13,7 @@ from functools import cached_property
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
+from scipy.fft import rfft
 
 from pivident.data.recording.recording import Recording
 from pivident.estimation.kinematics import estimate_kinematics
@@ -272,12 +273,17 @@ class Judge:
         Returns:
             Shape (samples, joints).
         """
-        from scipy.ndimage import maximum_filter1d
-
         slow = LOW_SPEED * rated_speeds(robot, self.recording)
         still = ~SpeedLimits(slow, robot.couplings).moving(self.kinematics.dq[:, span])
-        beside = 2 * round(0.5 * self.recording.rate / self.band) + 1
-        return maximum_filter1d(still.T, beside, axis=0)
+        beside = round(0.5 * self.recording.rate / self.band)
+        return within(still.T, beside)
+
+
+def within(chosen: np.ndarray, reach: int) -> np.ndarray:
+    """Samples with a chosen one at most ``reach`` samples away, shape (samples, joints)."""
+    count = np.concatenate((np.zeros((1, chosen.shape[1]), int), np.cumsum(chosen, axis=0)))
+    k = np.arange(len(chosen))
+    return count[np.minimum(k + reach + 1, len(chosen))] > count[np.maximum(k - reach, 0)]
 
 
 def level_beyond(x: np.ndarray, rate: float, band: float) -> np.ndarray:
@@ -285,13 +291,14 @@ def level_beyond(x: np.ndarray, rate: float, band: float) -> np.ndarray:
 
     ``x``: shape (samples, joints); ``band``: highest frequency of the motion [Hz].
     """
-    from scipy.signal import periodogram
-
-    frequency, density = periodogram(x, rate, window="hann", axis=0)
+    window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(len(x)) / len(x))
+    spectrum = np.abs(rfft((x - x.mean(axis=0)) * window[:, None], axis=0)) ** 2
+    frequency = np.arange(len(spectrum)) * rate / len(x)
     beyond = (frequency >= band) & (frequency <= BEYOND * band)
     if not beyond.any():
         return np.full(x.shape[1], np.nan)
-    return density[beyond].mean(axis=0)
+    both = np.where((frequency > 0.0) & (frequency < 0.5 * rate), 2.0, 1.0)[beyond, None]
+    return (both * spectrum[beyond]).mean(axis=0) / (rate * np.sum(window**2))
 
 
 def _width(band: float) -> float:

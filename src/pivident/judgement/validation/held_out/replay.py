@@ -30,6 +30,7 @@ from pivident.judgement.validation.held_out.prediction import Judge, total_error
 from pivident.loop.motion.motion import Kinematics, SimulatedMotion
 from pivident.loop.simulation.closed_loop import Trajectory, simulate
 from pivident.loop.simulation.direction import ParametrisedLoop
+from pivident.signals.cubic_spline import cubic_spline
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,10 +189,8 @@ def _at(signal: np.ndarray, ratio: float, samples: int) -> np.ndarray:
     step = round(ratio)
     if step >= 1 and abs(ratio - step) < 1e-9:
         return signal[::step][:samples]
-    from scipy.interpolate import CubicSpline
-
     last = int((len(signal) - 1) / ratio + 1e-6)
-    return CubicSpline(np.arange(len(signal)) / ratio, signal)(np.arange(min(samples, last + 1)))
+    return cubic_spline(np.arange(len(signal)) / ratio, signal)(np.arange(min(samples, last + 1)))
 
 
 @dataclass(frozen=True, eq=False)

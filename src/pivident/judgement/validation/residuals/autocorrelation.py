@@ -39,6 +39,8 @@ import numpy as np
 
 from pivident.estimation.identification import Identification
 from pivident.estimation.method import Arma, AutoRegressive
+from pivident.foundation.distributions import chi_square, normal
+from pivident.signals.filters import convolution
 from pivident.signals.noise_models import LaggedSums, lagged_sums
 
 #: Lags tested beyond the order of the noise model.
@@ -273,8 +275,6 @@ def ljung_box(
 
 def durbin_watson(residual: JointResidual) -> DurbinWatsonTest:
     """Durbin and Watson's statistic over neighbours that are both used; nothing is centred."""
-    from scipy.stats import norm
-
     steps = np.concatenate([np.diff(piece) for piece in residual.pieces])
     steps = steps[np.isfinite(steps)]
     values = residual.values
@@ -282,7 +282,7 @@ def durbin_watson(residual: JointResidual) -> DurbinWatsonTest:
     d = float(np.mean(steps**2) / np.mean(values**2) * (n - 1) / n)
     score = (d - 2.0 * (n - 1) / n) / (2.0 / math.sqrt(steps.size))
     white = residual.order == 0 and not residual.prefiltered
-    return DurbinWatsonTest(d, n, float(2.0 * norm.sf(abs(score))) if white else math.nan)
+    return DurbinWatsonTest(d, n, float(2.0 * normal.sf(abs(score))) if white else math.nan)
 
 
 def upper_tail(statistic: float, freedom: int, penalty: float | None = None) -> float:
@@ -290,10 +290,8 @@ def upper_tail(statistic: float, freedom: int, penalty: float | None = None) -> 
 
     ``penalty``: c of the criterion that chose the order; None: the order was given, χ².
     """
-    from scipy.stats import chi2
-
     if penalty is None:
-        return float(chi2.sf(statistic, freedom))
+        return float(chi_square.sf(statistic, freedom))
     grid, tail = _selected_tail(freedom, penalty)
     return float(np.interp(statistic, grid, tail, right=0.0))
 
@@ -304,16 +302,13 @@ def _selected_tail(freedom: int, penalty: float) -> tuple[np.ndarray, np.ndarray
 
     The density is convolved with that of z² and cut at c m, one m after the other.
     """
-    from scipy.signal import fftconvolve
-    from scipy.stats import chi2
-
     count = int(penalty * freedom / _STEP) + 1
     edges = (np.arange(count + 1) - 0.5) * _STEP
-    one = np.diff(chi2.cdf(np.maximum(edges, 0.0), 1))
+    one = np.diff(chi_square.cdf(np.maximum(edges, 0.0), 1))
     mass = np.zeros(count)
     mass[0] = 1.0
     for m in range(1, freedom + 1):
-        mass = np.maximum(fftconvolve(mass, one)[:count], 0.0)
+        mass = np.maximum(convolution(mass, one)[:count], 0.0)
         mass[int(penalty * m / _STEP) + 1 :] = 0.0
     tail = 1.0 - np.cumsum(mass) / mass.sum()
     return (np.arange(count) + 0.5) * _STEP, np.clip(tail, 0.0, 1.0)

@@ -33,6 +33,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pivident.foundation.distributions import chi_square, fisher
 from pivident.judgement.validation.residuals.autocorrelation import (
     SIGNIFICANCE,
     probability,
@@ -143,8 +144,6 @@ def cross_correlation_test(
 
     ``duration``: of a stretch [s].
     """
-    from scipy.stats import f as f_distribution
-
     kept = [r.used > 0 for r in records]
     residual = np.concatenate([r.residual[k] for r, k in zip(records, kept, strict=True)])
     phi = np.hstack([r.phi[:, k] for r, k in zip(records, kept, strict=True)]).T
@@ -172,7 +171,7 @@ def cross_correlation_test(
     return CrossCorrelationTest(
         statistic,
         (directions, left),
-        float(f_distribution.sf(statistic, directions, left)),
+        float(fisher.sf(statistic, directions, left)),
         1.0 - (rss1 / left) / (rss0 / (left + directions)),
         columns,
         lags * duration,
@@ -288,8 +287,6 @@ def variance_test(
     on, shape (samples, drivers); ``sums``: the residual's lagged sums; None: it is taken to be
     white.
     """
-    from scipy.stats import chi2
-
     squares = values**2
     columns = drivers - drivers.mean(axis=0)
     columns = columns / np.maximum(columns.std(axis=0), 1e-300)
@@ -307,7 +304,7 @@ def variance_test(
     return VarianceTest(
         statistic,
         freedom,
-        float(chi2.sf(statistic, freedom)),
+        float(chi_square.sf(statistic, freedom)),
         explained,
         {name: _quarters(squares, drivers[:, k]) for k, name in enumerate(names)},
         values.size,

@@ -24,6 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pivident.estimation.identification import Identification
+from pivident.foundation.distributions import chi_square
 from pivident.signals.noise_models import unmasked_stretches
 from pivident.signals.prefilter import Prefilter
 
@@ -59,10 +60,8 @@ class Spectrum:
 
     def band(self, level: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Within what 95 % of the bins lie if the true density is ``level`` [unit²/Hz]."""
-        from scipy.stats import chi2
-
         tail = 0.5 * (1.0 - PROBABILITY)
-        low, high = (chi2.ppf(p, self.freedom) / self.freedom for p in (tail, 1.0 - tail))
+        low, high = (chi_square.ppf(p, self.freedom) / self.freedom for p in (tail, 1.0 - tail))
         return level * low, level * high
 
     def outside(self, level: float | np.ndarray) -> float:

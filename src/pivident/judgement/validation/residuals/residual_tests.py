@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.estimation.identification import Identification
+from pivident.foundation.distributions import chi_square
 from pivident.foundation.threads import run_in_threads
 from pivident.judgement.validation.residuals.autocorrelation import (
     EXTRA_LAGS,
@@ -93,20 +94,44 @@ def normality(values: np.ndarray, sums: LaggedSums | None = None) -> NormalityTe
     ``values``: residual without gaps, shape (samples,); ``sums``: its lagged sums; None: it is
     taken to be white.
     """
-    from scipy.stats import chi2, kurtosis, kurtosistest, skew, skewtest
-
     thirds, fourths = (1.0, 1.0) if sums is None else (variance_factor(sums, m) for m in (3, 4))
-    statistic = skewtest(values).statistic ** 2 / thirds + kurtosistest(values).statistic ** 2 / (
-        fourths
+    centred = values - values.mean()
+    square = np.mean(centred**2)
+    skewness = np.mean(centred**3) / square**1.5
+    kurtosis = np.mean(centred**4) / square**2
+    statistic = (
+        _skewness_score(skewness, values.size) ** 2 / thirds
+        + _kurtosis_score(kurtosis, values.size) ** 2 / fourths
     )
     return NormalityTest(
         float(statistic),
         2,
-        float(chi2.sf(statistic, 2)),
-        float(skew(values)),
-        float(kurtosis(values)),
+        float(chi_square.sf(statistic, 2)),
+        float(skewness),
+        float(kurtosis - 3.0),
         values.size,
     )
+
+
+def _skewness_score(skewness: float, n: int) -> float:
+    """Skewness of n samples as a standard normal number (D'Agostino 1970)."""
+    y = skewness * np.sqrt((n + 1.0) * (n + 3.0) / (6.0 * (n - 2.0)))
+    beta = 3.0 * (n**2 + 27.0 * n - 70.0) * (n + 1.0) * (n + 3.0)
+    beta /= (n - 2.0) * (n + 5.0) * (n + 7.0) * (n + 9.0)
+    square = np.sqrt(2.0 * (beta - 1.0)) - 1.0
+    return float(np.arcsinh(y / np.sqrt(2.0 / (square - 1.0))) / np.sqrt(0.5 * np.log(square)))
+
+
+def _kurtosis_score(kurtosis: float, n: int) -> float:
+    """Kurtosis of n samples as a standard normal number (Anscombe and Glynn 1983)."""
+    mean = 3.0 * (n - 1.0) / (n + 1.0)
+    variance = 24.0 * n * (n - 2.0) * (n - 3.0) / ((n + 1.0) ** 2 * (n + 3.0) * (n + 5.0))
+    x = (kurtosis - mean) / np.sqrt(variance)
+    third = 6.0 * (n * n - 5.0 * n + 2.0) / ((n + 7.0) * (n + 9.0))
+    third *= np.sqrt(6.0 * (n + 3.0) * (n + 5.0) / (n * (n - 2.0) * (n - 3.0)))
+    a = 6.0 + 8.0 / third * (2.0 / third + np.sqrt(1.0 + 4.0 / third**2))
+    root = np.cbrt((1.0 - 2.0 / a) / (1.0 + x * np.sqrt(2.0 / (a - 4.0))))
+    return float((1.0 - 2.0 / (9.0 * a) - root) / np.sqrt(2.0 / (9.0 * a)))
 
 
 ResidualTest = LjungBoxTest | DurbinWatsonTest | NormalityTest | VarianceTest | CrossCorrelationTest

@@ -23,6 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.estimation.covariance.windows import OVERLAP
+from pivident.foundation.distributions import fisher
 
 #: Neighbouring windows overlap, and their sums are correlated: one window counts for less.
 OVERLAPPING = 1.0 + 2.0 / 36.0
@@ -69,8 +70,6 @@ def windowed_statistic(
     ``shares``: w_k, shape (windows,); ``by_trace``: whether only a trace is divided by; None: where
     windows are few.
     """
-    from scipy.stats import f as f_distribution
-
     value, directions = moment @ basis, basis.shape[1]
     centred = (steps - shares[:, None] * moment) @ basis
     windows = len(steps) / OVERLAPPING - 1.0
@@ -81,7 +80,7 @@ def windowed_statistic(
         by_trace = windows < WINDOWS_PER_DIRECTION * directions
     form = _trace_form if by_trace else _hotelling
     statistic, degrees = form(value, centred, windows)
-    p_value = float(f_distribution.sf(statistic, *degrees))
+    p_value = float(fisher.sf(statistic, *degrees))
     return WindowedStatistic(statistic, directions, degrees, p_value)
 
 

@@ -31,6 +31,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pivident.foundation.distributions import student
 from pivident.studies.many.fleet.baseline import Baseline, Expectation
 from pivident.studies.many.fleet.series import Series
 
@@ -111,8 +112,6 @@ def draw_charts(
     ``level``: probability of one false alarm or more in the whole fleet and period, at most.
     ``planned``: judged records of each robot in the whole period; None: those that are there.
     """
-    from scipy.stats import t
-
     expected: list[tuple[Series, Expectation, int]] = []
     for baseline in baselines:
         for number, series in enumerate(baseline.series):
@@ -121,7 +120,7 @@ def draw_charts(
                 expected.append((series, expectation, baseline.degrees_of(number)))
     tests = number_of_tests(baselines, [e.difference.size for _, e, _ in expected], planned)
     limits = {
-        degrees: float(t.isf(level / (2.0 * tests), degrees))
+        degrees: float(student.isf(level / (2.0 * tests), degrees))
         for degrees in {degrees for *_, degrees in expected}
     }
     return [_chart(s, e, degrees, limits[degrees], tests) for s, e, degrees in expected]
@@ -156,8 +155,6 @@ def _chart(series: Series, expected: Expectation, degrees: int, limit: float, te
 
 def _alarm(chart: Chart) -> Alarm:
     """The first record outside, and the mean change from there on."""
-    from scipy.stats import t
-
     start = int(np.argmax(chart.outside))
     charts = tuple(
         name
@@ -168,13 +165,15 @@ def _alarm(chart: Chart) -> Alarm:
     weights = 1.0 / np.diag(c)
     weights /= weights.sum()
     change = float(weights @ chart.difference[start:])
-    half = float(np.sqrt(weights @ c @ weights) * t.ppf(0.5 + CONFIDENCE / 2.0, chart.degrees))
+    half = float(
+        np.sqrt(weights @ c @ weights) * student.ppf(0.5 + CONFIDENCE / 2.0, chart.degrees)
+    )
     largest = float(np.max(np.abs([chart.sudden, chart.slow])))
     series, record = chart.series, chart.first + start
     return Alarm(
         series.robot, series.joint, series.parameter, series.unit, series.logs[record],
         series.times[record], charts, change, change - half, change + half, chart.level,
-        weights.size, min(1.0, chart.tests * 2.0 * float(t.sf(largest, chart.degrees))),
+        weights.size, min(1.0, chart.tests * 2.0 * float(student.sf(largest, chart.degrees))),
     )  # fmt: skip
 
 
@@ -212,10 +211,8 @@ class Wear:
 
 def separate_wear(baseline: Baseline) -> Wear:
     """Rates of wear and the slope of temperature of one parameter."""
-    from scipy.stats import t
-
     degrees = max(baseline.degrees, 1)
-    quantile = float(t.ppf(0.5 + CONFIDENCE / 2.0, degrees))
+    quantile = float(student.ppf(0.5 + CONFIDENCE / 2.0, degrees))
     warm = baseline.temperature is not None
     parts = [_Part.of(s, baseline.scatter, warm) for s in baseline.scaled]
     typical = baseline.typical_scale

@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pivident.foundation.distributions import student
 from pivident.foundation.errors import IdentificationError
 from pivident.foundation.extras import require
 from pivident.foundation.text.plain_table import plain_table
@@ -298,14 +299,12 @@ def clustered_interval(shares: np.ndarray, clusters: np.ndarray) -> Interval:
     the means of records are independent: m ± t s/√R with their standard deviation s. If all are
     equal, Wilson's interval with one case per record.
     """
-    from scipy.stats import t
-
     means = record_means(shares, clusters)
     if means.size < 2:
         return NAN, NAN
     if np.ptp(means) == 0.0:  # all equal: their spread carries no information
         return wilson_interval(float(means[0]), means.size)
-    quantile = float(t.ppf(0.5 + CONFIDENCE / 2, means.size - 1))
+    quantile = float(student.ppf(0.5 + CONFIDENCE / 2, means.size - 1))
     half = quantile * float(means.std(ddof=1)) / math.sqrt(means.size)
     middle = float(means.mean())
     return max(0.0, middle - half), min(1.0, middle + half)
