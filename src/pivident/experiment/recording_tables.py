@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from pivident.data.recording.load import OF_LOGGER, load_recording
 from pivident.data.recording.public_records import RUNS, load_public, public_facts
 from pivident.data.recording.recording import Recording
 from pivident.estimation.control_law.unknown_loop import reconstruct_loop
-from pivident.experiment.file_keys import ControllerEntry, RecordingEntry
 from pivident.foundation.errors import (
     BrokenMotion,
     ExperimentError,
@@ -34,6 +33,9 @@ from pivident.loop.simulation.control_loop import Loop, virtual_pd
 from pivident.loop.simulation.controllers import PID, UNKNOWN_GAIN, Cascade, Controller
 from pivident.robot.description import Robot
 from pivident.robot.naming import near_names, nearest
+
+if TYPE_CHECKING:
+    from pivident.experiment.file_keys import ControllerEntry, RecordingEntry
 
 #: What `pivident excite` calls a design, and the log of its motion may lie beside.
 DESIGN_FILE = "design.json"

@@ -76,7 +76,9 @@ JointReference = Annotated[str, BeforeValidator(_joint_reference)]
 class Entry(BaseModel):
     """A table of the file: unknown keys, wrong types, NaN and infinity are refused."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(
+        extra="forbid", strict=True, frozen=True, allow_inf_nan=False, defer_build=True
+    )
 
 
 def key(

@@ -42,9 +42,9 @@ def audit(
     out
         Folder for audit.json and audit.html. Default: NAME-audit for NAME.csv.
     """
-    from pivident.app.cli.workflow import can_draw, check_output
+    from pivident.app.cli.console import can_draw
     from pivident.experiment.check.audit_file import audit_file
-    from pivident.foundation.files import atomic_folder
+    from pivident.foundation.files import atomic_folder, check_output
     from pivident.judgement.audit.audit import audits_json
     from pivident.robot.gallery import load_robot
 

@@ -29,6 +29,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from pivident.foundation.errors import ExperimentError, PividentError, in_words
+from pivident.foundation.extras import is_installed
 from pivident.foundation.registry import ExtensionWarning
 from pivident.foundation.text.finding import Finding, Severity
 from pivident.foundation.text.plain_values import plain, strict_json
@@ -240,3 +241,11 @@ def check_count(option: str, value: int | None) -> None:
     """Refuse a number below one."""
     if value is not None and value < 1:
         raise ExperimentError(f"{option} is {value}", advice="at least 1 is needed")
+
+
+def can_draw(progress: Progress, page: str = "report.html") -> bool:
+    """Whether a page can be written; says what to install where it cannot."""
+    drawn = is_installed("plotly")
+    if not drawn:
+        progress.keep(f"{page} needs plotly, pip install 'pivident[report]'; all else is written")
+    return drawn

@@ -33,7 +33,8 @@ def predict(
     html
         File for a page with the errors and a drawing of each joint's torque.
     """
-    from pivident.app.cli.workflow import can_draw, check_output
+    from pivident.app.cli.console import can_draw
+    from pivident.foundation.files import check_output
     from pivident.studies.prediction.new_logs import new_logs, stored_result
 
     for file in (csv, html):

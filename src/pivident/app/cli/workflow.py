@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pivident.app.cli.compile_ahead import compile_ahead
-from pivident.app.cli.console import Progress, note
+from pivident.app.cli.console import Progress, can_draw, note
 from pivident.app.cli.designs import designs_beside, write_designs
 from pivident.data.logs.source_files import sha256
 from pivident.estimation.identification import Identification, torque_sums
@@ -41,7 +41,6 @@ from pivident.experiment.check.plan import (
 from pivident.experiment.edited_file import with_repair
 from pivident.foundation.common_work import shared_work
 from pivident.foundation.errors import Attempts, PividentError
-from pivident.foundation.extras import is_installed
 from pivident.foundation.files import atomic_folder, check_output
 from pivident.foundation.threads import linear_algebra_in_one_thread
 from pivident.judgement.diagnostics.consistent_estimate import (
@@ -260,14 +259,6 @@ def _stages(
     stages = expected_stages(problem, methods, folds, consistent)
     stages[next(iter(methods))] += first_run(methods)
     return stages
-
-
-def can_draw(progress: Progress, page: str = "report.html") -> bool:
-    """Whether a page can be written; says what to install where it cannot."""
-    drawn = is_installed("plotly")
-    if not drawn:
-        progress.keep(f"{page} needs plotly, pip install 'pivident[report]'; all else is written")
-    return drawn
 
 
 def identify_all(

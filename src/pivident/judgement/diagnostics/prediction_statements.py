@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pivident.foundation.text.finding import Finding, Quantity, Severity
 from pivident.foundation.text.numbers import format_significant, percent
-from pivident.judgement.diagnostics.diagnostics import Diagnostics
-from pivident.judgement.validation.held_out.cross_validation import CrossValidation
 from pivident.judgement.validation.held_out.prediction import (
     JOINT_MISSES,
     MOSTLY,
@@ -17,6 +16,10 @@ from pivident.judgement.validation.held_out.prediction import (
     at_rest,
 )
 from pivident.robot.measured_base import BASE_JOINTS
+
+if TYPE_CHECKING:
+    from pivident.judgement.diagnostics.diagnostics import Diagnostics
+    from pivident.judgement.validation.held_out.cross_validation import CrossValidation
 
 #: A simulated loop whose torque misses more than this of the measured one explains less than three
 #: quarters of its power (1 - 0.5²) and is a reservation [%].

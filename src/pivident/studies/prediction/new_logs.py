@@ -11,7 +11,7 @@ import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pivident.data.logs.described_log import bare_log
 from pivident.data.logs.log import Log
@@ -21,8 +21,6 @@ from pivident.data.recording.recording import Recording
 from pivident.estimation.equation_record import MotionRange
 from pivident.estimation.identification import Identification
 from pivident.estimation.stored_identification import json_of_file, load_identification
-from pivident.experiment.experiment import Experiment, load_experiment
-from pivident.experiment.explained import errors_name
 from pivident.experiment.recording_tables import Part, between_gaps, reading_of
 from pivident.foundation.errors import ExperimentError, RecordingError, UnknownColumn
 from pivident.judgement.diagnostics.stored_verdict import RESULT, held_out_errors, result_of
@@ -34,6 +32,9 @@ from pivident.robot.description import Robot
 from pivident.robot.gallery import load_robot
 from pivident.studies.prediction.predict import predict
 from pivident.studies.prediction.prediction import Prediction
+
+if TYPE_CHECKING:
+    from pivident.experiment.experiment import Experiment
 
 #: Channels that are read.
 CHANNELS: tuple[str, ...] = ("q", "tau")
@@ -161,6 +162,8 @@ def new_logs(
             advice="leave --experiment out, or name the log",
         )
     if is_experiment or experiment is not None:
+        from pivident.experiment.experiment import load_experiment
+
         given = load_experiment(path if is_experiment else Path(str(experiment)))
         check_same_joints(result, given.robot.joint_names, given.path.name)
         yield from _described(given, None if is_experiment else path)
@@ -175,6 +178,8 @@ def new_logs(
 
 def _described(given: Experiment, other: Path | None) -> Iterator[NewLog]:
     """Every recording of an experiment file; or another log by the description of the first."""
+    from pivident.experiment.explained import errors_name
+
     entries = given.content.recording if other is None else given.content.recording[:1]
     for entry in entries:
         with errors_name(given.path, "[recording]"):

@@ -11,13 +11,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 
 from pivident.foundation.text.plain_values import LATER, Known
-from pivident.judgement.validation.held_out.cross_validation import CrossValidation
 from pivident.judgement.validation.held_out.prediction import PredictionError, pooled
+
+if TYPE_CHECKING:
+    from pivident.judgement.validation.held_out.cross_validation import CrossValidation
 
 #: Name under which the error of all joints stands beside those of each.
 ALL_JOINTS = "all joints"
