@@ -16,6 +16,7 @@ order one, the weight of a pendulum), it is added to the first moments, which he
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -54,12 +55,12 @@ class BaseParameters:
     def __len__(self) -> int:
         return self.kept.size
 
-    @property
+    @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """The standard parameters that head the groups: their columns are the base columns."""
         return tuple(self.standard[i] for i in self.kept)
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names, with an ``r`` (regrouped) where others were added: ``zz1r``, ``my6``."""
         return tuple(
@@ -67,7 +68,7 @@ class BaseParameters:
             for k, p in enumerate(self.parameters)
         )
 
-    @property
+    @cached_property
     def expressions(self) -> tuple[str, ...]:
         """Each group written out: ``zz1 + ia1 + yy2 + 0.07 mz3 + …``."""
         return tuple(self._expression(k) for k in range(len(self)))

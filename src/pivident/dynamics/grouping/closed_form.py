@@ -45,6 +45,7 @@ from pivident.dynamics.grouping.rows import ONE as WHOLE
 from pivident.dynamics.grouping.rows import Reach, Row
 from pivident.dynamics.grouping.rules import JointRules, LocalGroups
 from pivident.dynamics.parameters import Parameter, standard_parameters
+from pivident.foundation.common_work import once
 from pivident.foundation.errors import RobotDescriptionError
 from pivident.foundation.text.identifiers import latex_name
 from pivident.robot.description import INERTIAL, Robot
@@ -274,7 +275,8 @@ def quick_base_parameters(robot: Robot) -> BaseParameters:
     """
     if robot.constraints is not None:
         return base_parameters(robot)
-    return closed_form_base_parameters(robot, "numbers").numeric()
+    made = lambda: closed_form_base_parameters(robot, "numbers").numeric()  # noqa: E731
+    return once(("base parameters in closed form", robot), made)
 
 
 def _all_local_groups(

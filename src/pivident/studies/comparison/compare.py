@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from pivident.estimation.identification import Identification
+from pivident.foundation.common_work import work_in_common
 from pivident.studies.comparison.compared_results import (
     ComparedParameter,
     ComparedResults,
@@ -175,7 +176,12 @@ def compare(
         ComparisonError: fewer than two results, or labels that do not fit.
         IdentificationFileError: a file cannot be used.
     """
-    entries = _named(_entries(results), labels)
+    with work_in_common():  # base parameters once for each robot
+        return _compared(_named(_entries(results), labels), level)
+
+
+def _compared(entries: Sequence[Entry], level: float) -> Comparison:
+    """Entries under their names compared with the first of them."""
     if len(entries) < 2:
         raise ComparisonError(
             f"there is {'one result' if entries else 'no result'}",
@@ -221,13 +227,13 @@ def _entries(results: Any) -> list[Entry]:
                 f"a {type(path).__name__} cannot be compared",
                 advice="give identifications, or files and folders of results",
             )
+    if paths and len(paths) == len(results):
+        return load_entries(paths)
     for result in results:
         if isinstance(result, Identification):
             entries.append([entry_of(result, result.method)])
         else:
             entries.append(load_entries([result]))
-    if paths and len(paths) == len(results):
-        return load_entries(paths)
     return [entry for group in entries for entry in group]
 
 
