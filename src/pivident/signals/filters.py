@@ -15,7 +15,6 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.polynomial.polynomial import polyval
-from scipy.fft import irfft, next_fast_len, rfft
 
 from pivident.foundation.compiled import kernel
 
@@ -147,6 +146,8 @@ def steady_state(b: np.ndarray, a: np.ndarray) -> np.ndarray:
 
 def convolution(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Full convolution of two series by their transforms, shape (samples of both less one,)."""
+    from scipy.fft import irfft, next_fast_len, rfft
+
     length = len(x) + len(y) - 1
     fast = next_fast_len(length, True)
     return irfft(rfft(x, fast) * rfft(y, fast), fast)[:length]
