@@ -108,7 +108,7 @@ def forwards_and_backwards(
             2 * last - flat[-2 : -(extension + 2) : -1],
         )
     y = np.concatenate((ends[0], flat, ends[1])) if extension else flat.copy()
-    steady = _steady_sections(sections)[:, :, None]
+    steady = _steady_sections(sections.tobytes())[:, :, None]
     _run_sections(sections, y, steady * y[0])
     y = np.ascontiguousarray(y[::-1])
     _run_sections(sections, y, steady * y[0])
@@ -153,8 +153,13 @@ def convolution(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return irfft(rfft(x, fast) * rfft(y, fast), fast)[:length]
 
 
-def _steady_sections(sections: np.ndarray) -> np.ndarray:
-    """State of each section that a unit step has led to, shape (sections, 2)."""
+@lru_cache(maxsize=64)
+def _steady_sections(content: bytes) -> np.ndarray:
+    """State of each section that a unit step has led to, shape (sections, 2).
+
+    ``content``: numbers of the sections, as they lie in memory.
+    """
+    sections = np.frombuffer(content).reshape(-1, 6)
     scale, states = 1.0, np.empty((len(sections), 2))
     for section, state in zip(sections, states, strict=True):
         b, a = section[:3], section[3:]

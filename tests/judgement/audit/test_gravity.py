@@ -8,7 +8,7 @@ import pytest
 from pivident.data.logs.log import Log
 from pivident.judgement.audit.examination import Examination
 from pivident.judgement.audit.gravity import NO_GRAVITY, GravityCheck, gravity_shares
-from pivident.judgement.audit.inverse_model import build_inverse_model
+from pivident.judgement.audit.inverse_model import DescribedTorque, build_inverse_model
 from pivident.judgement.audit.timing import check_timing
 from pivident.robot.urdf import parse_urdf
 from tests.other_arms import Setting, make_log
@@ -78,4 +78,5 @@ def test_without_gravity_in_the_description_nothing_is_asked():
 def test_without_bodies_in_the_description_nothing_is_asked():
     model = examined(None).model
     nothing = np.zeros_like(model.gravity)
-    assert gravity_shares(replace(model, gravity=nothing, inertial=nothing)) == {}
+    without = DescribedTorque(lambda: (nothing, nothing))
+    assert gravity_shares(replace(model, described=without)) == {}

@@ -71,13 +71,14 @@ def check_geometry(log: Log, timing: Timing, model: InverseModel) -> list[Findin
     if not errors.size or errors.max() < SMALL or log.robot is None or not timing.rate:
         return []
     thin, timing = _thinned(log, timing)
-    here = _errors(thin, timing)
-    if here is None:
+    model_here = _model(thin, timing)
+    if model_here is None:
         return []
+    here = model_here.relative_errors
     explanations: list[tuple[float, Finding]] = []
     for candidate, found in candidates(thin, log.robot):
-        there = _errors(candidate, timing)
-        if there is None or np.any(there > WORSE * here + 1e-3):
+        there = _errors(candidate, timing, WORSE * here + 1e-3, found.subject)
+        if there is None:
             continue
         gain = float(np.nansum(np.log(np.maximum(here, 1e-6) / np.maximum(there, 1e-6))))
         if gain > np.log(BETTER):
@@ -109,13 +110,30 @@ def _thinned(log: Log, timing: Timing) -> tuple[Log, Timing]:
     return thin, replace(timing, rate=timing.rate / step)
 
 
-def _errors(log: Log, timing: Timing) -> np.ndarray | None:
-    """Relative error of each joint, or None where nothing can be compared."""
+def _model(log: Log, timing: Timing) -> InverseModel | None:
+    """Rows of the inverse model; None where nothing can be compared."""
     try:
-        model = build_inverse_model(log, timing)
+        return build_inverse_model(log, timing)
     except (PividentError, np.linalg.LinAlgError):
         return None
-    return model.relative_errors
+
+
+def _errors(log: Log, timing: Timing, bounds: np.ndarray, subject: str) -> np.ndarray | None:
+    """Relative error of each joint; None where one is above its bound, or cannot be had.
+
+    The joint that a geometry is about is asked first, then those with the lowest bounds: most of
+    the geometries that are not the right one are out with a single joint.
+    """
+    model = _model(log, timing)
+    if model is None:
+        return None
+    tau, names = model.tau(), model.robot.joint_names
+    errors = np.full(len(names), np.nan)
+    for j in sorted(range(len(names)), key=lambda j: (names[j] != subject, bounds[j])):
+        errors[j] = model.relative_error(j, tau[:, j])
+        if errors[j] > bounds[j]:
+            return None
+    return errors
 
 
 def candidates(log: Log, robot: Robot) -> Iterator[tuple[Log, Finding]]:

@@ -22,7 +22,7 @@ from pivident.foundation.text.repair import Edit, Repair
 from pivident.foundation.text.sentences import listed
 from pivident.judgement.audit.blocked_fit import blocked_fit, jackknife
 from pivident.judgement.audit.examination import Examination, LogCheck
-from pivident.judgement.audit.inverse_model import InverseModel
+from pivident.judgement.audit.inverse_model import DescribedTorque, InverseModel
 
 NO_GRAVITY = FindingKind(
     Topic("gravity", "Gravity in the torques"), "none", ("robot", "gravity"), reservation=True
@@ -63,9 +63,8 @@ class GravityCheck(LogCheck):
             evidence={"largest share": Quantity(most, bound=NONE_OF_IT)},
             repairs=[Repair((Edit(("robot", "gravity"), [0.0, 0.0, 0.0]),))],
         )
-        return seen.after(
-            self.name, [finding], shares, replace(model, gravity=np.zeros_like(model.gravity))
-        )
+        nothing = DescribedTorque(lambda: (np.zeros_like(model.gravity), model.inertial))
+        return seen.after(self.name, [finding], shares, replace(model, described=nothing))
 
 
 def gravity_shares(model: InverseModel) -> dict[str, tuple[float, float, float]]:

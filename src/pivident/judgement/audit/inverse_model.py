@@ -8,9 +8,10 @@ sample and still be compared with the same columns.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -49,6 +50,40 @@ WIDER = 10.0
 MIXED = 1.0
 
 
+class ByJoint(Sequence[np.ndarray]):
+    """An array for each joint, made when it is first asked for: many models need but one."""
+
+    def __init__(self, joints: int, make: Callable[[int], np.ndarray]) -> None:
+        self._made: list[np.ndarray | None] = [None] * joints
+        self._make = make
+
+    def __len__(self) -> int:
+        return len(self._made)
+
+    def __getitem__(self, joint: Any) -> Any:  # an index, or a slice of them
+        if isinstance(joint, slice):
+            return [self[j] for j in range(len(self))[joint]]
+        made = self._made[joint]
+        if made is None:
+            made = self._made[joint] = self._make(range(len(self))[joint])
+        return made
+
+
+class DescribedTorque:
+    """Torques of the description on the rows, made when they are first asked for.
+
+    ``make``: gives those of gravity and of all other inertial parameters, low-passed.
+    """
+
+    def __init__(self, make: Callable[[], tuple[np.ndarray, np.ndarray]]) -> None:
+        self._make = make
+
+    @cached_property
+    def parts(self) -> tuple[np.ndarray, np.ndarray]:
+        """Of gravity, and of all other inertial parameters, each of shape (rows, joints)."""
+        return self._make()
+
+
 @dataclass(frozen=True, eq=False)
 class InverseModel:
     """Rows of the inverse model of every joint."""
@@ -58,19 +93,28 @@ class InverseModel:
     rate: float  # sampling rate of the log [Hz]
     first: int  # sample of the log with which the part that is looked at begins
     at: np.ndarray  # position of each row, in samples from there
-    columns: tuple[np.ndarray, ...]  # of each joint, shape (rows, own parameters)
+    columns: Sequence[np.ndarray]  # of each joint, shape (rows, own parameters)
     own: tuple[np.ndarray, ...]  # indices of these parameters in ``base``, for each joint
     moving: np.ndarray  # which rows of which joint count, shape (rows, joints)
     q: np.ndarray  # low-passed positions [rad or m], shape (rows, joints), as ``dq`` and ``ddq``
     dq: np.ndarray  # speeds
     ddq: np.ndarray  # accelerations
-    gravity: np.ndarray  # torque of gravity after the description, low-passed, shape (rows, joints)
-    inertial: np.ndarray  # torque of all other inertial parameters after it
+    described: DescribedTorque  # after the description
     shift: float  # samples by which the torque belongs later than its sample says, as declared
     block: np.ndarray  # number of the stretch of time that a row belongs to
     torque: CubicSpline  # low-passed torque as a function of the position in samples
     samples: int  # number of samples looked at
     signals: FilteredLog  # what the rows are made from
+
+    @property
+    def gravity(self) -> np.ndarray:
+        """Torque of gravity after the description, low-passed, shape (rows, joints)."""
+        return self.described.parts[0]
+
+    @property
+    def inertial(self) -> np.ndarray:
+        """Torque of all other inertial parameters after it, likewise."""
+        return self.described.parts[1]
 
     def tau(self, delay: float = 0.0) -> np.ndarray:
         """Torque on the rows if it was logged that much later than the positions."""
@@ -127,10 +171,10 @@ class InverseModel:
         return int(np.ceil(MIXED / (min(BANDWIDTH, 0.1 * self.rate) * period)))
 
     @cached_property
-    def bases(self) -> tuple[np.ndarray, ...]:
+    def bases(self) -> Sequence[np.ndarray]:
         """Orthonormal basis of each joint's columns on its counting rows."""
-        return tuple(
-            orthonormal(columns[self.moving[:, j]])[0] for j, columns in enumerate(self.columns)
+        return ByJoint(
+            self.robot.size, lambda j: orthonormal(self.columns[j][self.moving[:, j]])[0]
         )
 
     @cached_property
@@ -210,14 +254,14 @@ def inverse_model_of(
     motion = signals.motion[0] * scale, signals.motion[1] * scale, signals.motion[2] * scale
     turned = motion[0].T, motion[1].T, motion[2].T
     packed = regressor.packed(*turned, inner=regressor.inner(*turned, description))
-    columns, own = [], []
-    for j in range(robot.size):
+
+    def columns_of(j: int) -> np.ndarray:
         chosen = slice(regressor.offsets[j], regressor.offsets[j + 1])
-        columns.append(butterworth(packed[chosen].T, rate, band)[at])
-        own.append(regressor.columns_of(j))
-    gravity, inertial = (
-        butterworth(x, rate, band)[at] for x in _described(base, regressor, motion)
-    )
+        return butterworth(packed[chosen].T, rate, band)[at]
+
+    def described() -> tuple[np.ndarray, np.ndarray]:
+        gravity, inertial = _described(base, regressor, motion)
+        return butterworth(gravity, rate, band)[at], butterworth(inertial, rate, band)[at]
 
     rated = robot.rated_speeds
     fastest = np.abs(dq).max(axis=0)
@@ -232,14 +276,13 @@ def inverse_model_of(
         rate,
         signals.first,
         at.astype(float),
-        tuple(columns),
-        tuple(own),
+        ByJoint(robot.size, columns_of),
+        tuple(regressor.columns_of(j) for j in range(robot.size)),
         moving & (fastest > 0) & ~_near(signals.invented, margin)[at, None],
         q,
         dq,
         ddq,
-        gravity,
-        inertial,
+        DescribedTorque(described),
         shift,
         _stretches(moving),
         signals.torque,
