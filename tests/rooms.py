@@ -17,7 +17,7 @@ ROOMS = {
     "foundation": (
         "version", "text", "errors", "extras", "registry", "options", "files", "codec",
         "scratch",
-        "threads", "document", "compiled", "common_work",
+        "threads", "document", "compiled", "common_work", "distributions",
     ),
     "robot": (".",),
     "dynamics": (".",),

@@ -40,6 +40,7 @@ from pivident.judgement.diagnostics.summary import Summary
 from pivident.judgement.report.intervals import marker
 from pivident.judgement.report.report_data import ReportData
 from pivident.judgement.report.sections import SECTIONS, Section
+from pivident.judgement.report.template_cache import TemplateCache
 
 #: Scripts of the page, in the order in which they build on each other.
 PAGE_SCRIPTS = (
@@ -189,6 +190,7 @@ def page_environment(*packages: str) -> Environment:
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
+        bytecode_cache=TemplateCache(),
     )
     environment.filters |= {
         "percent": percent,
