@@ -82,6 +82,25 @@ def test_a_command_imports_no_other():
     assert not (others - {"pivident.app.cli.robots"}) & set(imported)
 
 
+def test_estimates_and_predictions_do_without_half_of_scipy(experiment, tmp_path):
+    """Its filters, splines and distributions take as long to import as an identification."""
+    results = tmp_path / "results"
+    commands = (
+        ["identify", str(experiment), "--method", "piv", "--out", str(results)],
+        ["predict", str(results), str(experiment)],
+        ["check", str(experiment)],
+    )
+    code = (
+        f"import sys; from pivident.app.cli import main; [main(c) for c in {commands!r}]; "
+        "slow = ('scipy.stats', 'scipy.signal', 'scipy.interpolate', 'scipy.ndimage', 'pandas'); "
+        "print([name for name in slow if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert (results / "identification.json").is_file(), done.stderr
+    assert "held-out" in done.stdout
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
 def test_help_of_identify_names_six_methods_and_the_page_of_all(capsys):
     assert run("identify", "--help") == 0
     words = " ".join(capsys.readouterr().out.replace("│", " ").split())
