@@ -230,11 +230,12 @@ def _joint_delay(
     """Bottom of one joint's valley, its replicates, and what is gained there over no shift."""
     rows = model.moving[:, j]
     basis, block = model.bases[j], model.block[rows]
-    slope = model.torque.derivative()
+    torque = replace(model.torque, c=model.torque.c[:, :, j])
+    slope = torque.derivative()
     delay = start
     for _ in range(12):
         place = model.at[rows] - model.shift + delay * model.rate
-        tau, rising = model.torque(place)[:, j], slope(place)[:, j] * model.rate
+        tau, rising = torque(place), slope(place) * model.rate
         steepness = float(np.linalg.norm(rising))
         if steepness == 0:
             return None
