@@ -55,7 +55,7 @@ class ByJoint(Sequence[np.ndarray]):
 
     def __init__(self, joints: int, make: Callable[[int], np.ndarray]) -> None:
         self._made: list[np.ndarray | None] = [None] * joints
-        self._make = make
+        self._make: Callable[[int], np.ndarray] | None = make
 
     def __len__(self) -> int:
         return len(self._made)
@@ -63,10 +63,11 @@ class ByJoint(Sequence[np.ndarray]):
     def __getitem__(self, joint: Any) -> Any:  # an index, or a slice of them
         if isinstance(joint, slice):
             return [self[j] for j in range(len(self))[joint]]
-        made = self._made[joint]
-        if made is None:
-            made = self._made[joint] = self._make(range(len(self))[joint])
-        return made
+        if self._made[joint] is None and self._make is not None:
+            self._made[joint] = self._make(range(len(self))[joint])
+            if all(made is not None for made in self._made):
+                self._make = None  # and what it was made from
+        return self._made[joint]
 
 
 class DescribedTorque:
@@ -173,9 +174,8 @@ class InverseModel:
     @cached_property
     def bases(self) -> Sequence[np.ndarray]:
         """Orthonormal basis of each joint's columns on its counting rows."""
-        return ByJoint(
-            self.robot.size, lambda j: orthonormal(self.columns[j][self.moving[:, j]])[0]
-        )
+        columns, moving = self.columns, self.moving  # not the model, which would never be freed
+        return ByJoint(self.robot.size, lambda j: orthonormal(columns[j][moving[:, j]])[0])
 
     @cached_property
     def relative_errors(self) -> np.ndarray:
