@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from pivident.app.cli.console import DONE, NOT_CONVERGED, Progress
+from pivident.app.cli.console import DONE, NOT_CONVERGED, Progress, name_bodies
 from pivident.foundation.errors import ExperimentError
 from pivident.foundation.text.sentences import separated
 
@@ -101,6 +101,7 @@ def excite(
     with Progress() as progress:
         progress.say(f"reading {subject}")
         robot, table, known = _subject(subject, frozen_joints(frozen))
+        name_bodies(robot)
         without_loops(robot, "the design of motions", DESIGNED_ELSEWHERE)
         if cell is not None:
             from pivident.studies.excitation.request import read_cell

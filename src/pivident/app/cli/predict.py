@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pivident.app.cli.console import Progress, print_findings
+from pivident.app.cli.console import Progress, name_bodies, print_findings
 from pivident.foundation.errors import ExperimentError
 
 
@@ -43,6 +43,8 @@ def predict(
     with Progress() as progress:
         progress.say(f"reading {result}")
         stored = stored_result(result)
+        if result.suffix != ".json" and not result.is_dir():
+            name_bodies(stored.model.robot)
         progress.say(f"reading {log}")
         logs = list(new_logs(log, stored, experiment))
         if csv is not None and len(logs) > 1:
