@@ -260,7 +260,7 @@ def _bare(path: Path, robot: Robot) -> Iterator[NewLog]:
         raise RecordingError(
             f"{path.name}: no positions of {', '.join(robot.joint_names)} were recognised by the "
             "names of its columns, and the result does not hold how its own logs were read",
-            advice="describe the log by an experiment file: --experiment FILE.toml",
+            advice="describe the log by an experiment file, and name that",
         )
     log = replace(log, logged={k: x for k, x in log.logged.items() if k in CHANNELS})
     if log.clocks:
