@@ -79,6 +79,9 @@ SLOW, NEARLY_ALL = 0.25, 0.9
 #: Joints whose delays differ by so many of their standard errors have a model error in them.
 APART = 3.0
 
+#: Delays of joints, on other rows, from which a median is taken.
+LEAST_VALUES = 4
+
 #: Above this standard error [s] a joint's delay is not used; so many times it beside a single one.
 BLUNT, ALONE = 5e-3, 4.0
 
@@ -135,17 +138,20 @@ def check_delay(log: Log, model: InverseModel) -> Delay:
 
     Where joints stick, all of them seem early, each by its own time; where friction has to be wound
     up behind a reversal, as teeth and bearings give way before they slide, all of them seem late.
-    The common delay is that between the reversals where it is another one there, or where joints
-    disagree, if it is sharper.
+    The common delay is that between the reversals if joints agree there, and it is sharper and
+    another one; where joints disagree there as well, the median that low frequencies show, too.
     """
     found = _estimated(log, model)
     disagree = _disagreement(found.estimates, found.standard_errors) > APART
     if not disagree and all(finding.severity == "ok" for finding in found.findings):
         return found
     fast = _estimated(log, model.away_from_reversals(), np.inf)
-    if fast.common[1] < found.common[1] and (disagree or _differs(found, fast, None)):
+    agree = _disagreement(fast.estimates, fast.standard_errors) <= APART
+    if agree and fast.common[1] < found.common[1] and (disagree or _differs(found, fast, None)):
         common, *_ = _findings(log, model, fast)
         found = replace(found, common=fast.common, findings=(common, *found.findings[1:]))
+    elif disagree:
+        found = _of_several(log, model, found, fast)
     if all(finding.severity == "ok" for finding in found.findings):
         return found
     apart = _estimated(log, model.away_from_rest())
@@ -166,6 +172,23 @@ def check_delay(log: Log, model: InverseModel) -> Delay:
             replace(finding, severity="ok", next_step="", repairs=()) if none else finding
         )
     return replace(found, findings=tuple(findings))
+
+
+def _of_several(log: Log, model: InverseModel, found: Delay, fast: Delay) -> Delay:
+    """The common delay as the median of all joints between the reversals and at low frequencies.
+
+    Its error follows from their median distance from it, as of independent joints.
+    """
+    slow = _estimated(log, model.below(SLOW), np.inf)
+    values = np.concatenate([fast.estimates, slow.estimates])
+    values = values[np.isfinite(values)]
+    if len(values) < LEAST_VALUES:
+        return found
+    median = float(np.median(values))
+    deviation = 1.4826 * float(np.median(np.abs(values - median)))
+    error = np.sqrt(np.pi / 2.0) * deviation / np.sqrt(len(values) / 2)
+    made = replace(found, common=(median, max(float(error), found.common[1])))
+    return replace(made, findings=tuple(_findings(log, model, made)))
 
 
 def _agree(found: Delay, other: Delay, joint: int | None) -> bool:
