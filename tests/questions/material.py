@@ -37,6 +37,8 @@ URDF_EXPERIMENT = EXPERIMENT.replace(
     '{model = "arm.urdf", gravity = [0, -9.81, 0], rotor_inertia = [0.25, 0.1]}',
 )
 
+WITHOUT_ROTORS = URDF_EXPERIMENT.replace(", rotor_inertia = [0.25, 0.1]", "")
+
 URDF = """\
 <?xml version="1.0"?>
 <robot name="arm">

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from tests.questions.material import URDF, URDF_EXPERIMENT, Case, csv, log
+from tests.questions.material import URDF, URDF_EXPERIMENT, WITHOUT_ROTORS, Case, csv, log
 
 TEXT = csv(log())
 HEADER, ROWS = TEXT.split("\n", 1)
@@ -21,6 +21,12 @@ def test_a_clean_experiment_looks_fine(ask):
 
 def test_a_clean_urdf_looks_fine(ask):
     code, lines = ask(Case("", (), text=URDF_EXPERIMENT, log=log(), files={"arm.urdf": URDF}))
+    assert (code, lines[0]) == (0, "experiment.toml: no errors, no warnings")
+
+
+def test_a_loop_that_rotors_make_stable_is_no_fault_of_a_urdf(ask):
+    """The links alone would be too light for the gains; least squares finds the rotors."""
+    code, lines = ask(Case("", (), text=WITHOUT_ROTORS, log=log(), files={"arm.urdf": URDF}))
     assert (code, lines[0]) == (0, "experiment.toml: no errors, no warnings")
 
 

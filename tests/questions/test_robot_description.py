@@ -6,7 +6,7 @@ import gzip
 import pytest
 
 from tests.questions.conftest import answered
-from tests.questions.material import URDF, URDF_EXPERIMENT, Case, log, urdf
+from tests.questions.material import URDF, URDF_EXPERIMENT, WITHOUT_ROTORS, Case, log, urdf
 
 UPPER = '<joint name="shoulder" type="revolute">'
 LOWER = '<joint name="elbow" type="revolute">'
@@ -105,7 +105,7 @@ CASES = [
     Case("gravity was left to the URDF, and the arm hangs on a wall", ("line 1", "gravity seems to point along -y", "wall"), text=URDF_EXPERIMENT.replace("gravity = [0, -9.81, 0], ", ""), files=urdf(), log=log(), code=4),
     Case("gravity points up", ("line 1", "gravity", "shoulder"), text=URDF_EXPERIMENT.replace("-9.81", "9.81"), files=urdf(), log=log(), code=4),
     Case("the robot is another one", ("line 5", "q lists 2 column(s) for 6 joint(s)", "joint_1"), text=URDF_EXPERIMENT.replace('{model = "arm.urdf", gravity = [0, -9.81, 0], rotor_inertia = [0.25, 0.1]}', '"staubli_tx40"')),
-    Case("the rotor inertias were left out", ("controller", "elbow", "rotor_inertia"), text=URDF_EXPERIMENT.replace(", rotor_inertia = [0.25, 0.1]", ""), files=urdf(), log=log(), code=0),
+    Case("the rotor inertias were left out, and methods start from the description", ("line 1", "elbow", "rotor_inertia"), text=WITHOUT_ROTORS.replace('["ls"]', '["iv"]\niv.start = "initial"'), files=urdf(), log=log(), code=0),
     # modified DH
     table("a row is misspelt", "[[joints]]\nname = \"elbow\"", "[[joint]]\nname = \"elbow\"", "line 1", "arm.toml", "joint", "'joints'"),
     table("a row has an unknown key", "d = 0.4", "a = 0.4", "line 1", "arm.toml", "elbow", "'a'"),

@@ -55,11 +55,18 @@ def test_a_frozen_follower_is_no_constraint():
     assert robot.constraints is None and robot.tree is robot
 
 
-def test_a_follower_of_a_joint_that_stands_still_is_named():
-    with pytest.raises(RobotDescriptionError, match=r"'j2': it mimics 'j1', which does not move"):
-        parse_urdf(arm(FOLLOWS), frozen={"j1": 0.0})
+def test_a_follower_of_a_joint_that_stands_still_stands_where_that_holds_it():
+    robot = parse_urdf(arm(FOLLOWS), frozen={"j1": 0.4})
+    assert robot.constraints is None and robot.joint_names == ("j0",)
+    assert robot.urdf.frozen == pytest.approx({"j1": 0.4, "j2": -0.5 * 0.4 + 0.3})
+    assert parse_urdf(arm(FOLLOWS), joints=["j0"]).urdf.frozen == {"j1": 0.0, "j2": 0.3}
     with pytest.raises(RobotDescriptionError, match=r"mimic multiplier = 'x' is not a number"):
         parse_urdf(arm(FOLLOWS.replace("-0.5", "x")))
+
+
+def test_a_range_from_zero_to_zero_is_unknown():
+    text = arm("").replace('lower="-2" upper="2"', 'lower="0" upper="0"', 1)
+    assert [j.position_limits for j in parse_urdf(text).joints] == [None, (-2.0, 2.0), (-2.0, 2.0)]
 
 
 def test_a_follower_that_is_not_listed_moves_along_with_its_leader():

@@ -28,6 +28,7 @@ from pivident.foundation.errors import (
     UnknownColumn,
     concerning,
 )
+from pivident.foundation.files import named_file
 from pivident.foundation.text.sentences import capital
 from pivident.loop.simulation.control_loop import Loop, virtual_pd
 from pivident.loop.simulation.controllers import PID, UNKNOWN_GAIN, Cascade, Controller
@@ -184,7 +185,7 @@ def design_file(entry: RecordingEntry, folder: Path) -> Path | None:
         folder: folder of the experiment file.
     """
     if entry.design is not None:
-        named = folder / entry.design
+        named = named_file(folder, entry.design)
         return named / DESIGN_FILE if named.is_dir() else named
     if entry.files is None:
         return None
@@ -332,8 +333,8 @@ def _files(entry: RecordingEntry, folder: Path) -> Any:
     """The user's own files."""
     assert entry.files is not None, "the schema requires it"
     if isinstance(entry.files, dict):
-        return {key: folder / path for key, path in entry.files.items()}
-    return folder / entry.files
+        return {key: named_file(folder, path) for key, path in entry.files.items()}
+    return named_file(folder, entry.files)
 
 
 def columns_in_file(

@@ -11,6 +11,7 @@ import numpy as np
 
 from pivident.experiment.file_keys import ContactEntry, CouplingEntry, RobotEntry, WrenchEntry
 from pivident.foundation.errors import ExperimentError, RobotDescriptionError, concerning
+from pivident.foundation.files import named_file
 from pivident.robot.description import Coupling, Robot, TorqueSide
 from pivident.robot.drives import implied_coupling, with_drives
 from pivident.robot.frames import Pose, rotation_from_rpy
@@ -97,7 +98,7 @@ def _with_additions(robot: Robot, entry: RobotEntry, torque_side: TorqueSide) ->
 
 def _described(entry: RobotEntry, folder: Path) -> Robot:
     """The robot of the gallery or of a file."""
-    path = folder / entry.model
+    path = named_file(folder, entry.model)
     if not entry.model.endswith((*URDF_FILES, *MJCF_FILES)):
         table = load_robot(path if path.suffix == ".toml" else entry.model)
         return with_frozen_joints(table, entry.joints, entry.frozen)

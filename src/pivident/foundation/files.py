@@ -42,6 +42,12 @@ def regular_file(path: str | PathLike[str]) -> Path:
     return path
 
 
+def named_file(folder: Path, name: str) -> Path:
+    """The file that a text names from a folder; one that was written on Windows has backslashes."""
+    path = folder / name
+    return path if "\\" not in name or path.exists() else folder / name.replace("\\", "/")
+
+
 def json_object(path: str | PathLike[str], max_bytes: int) -> dict[str, Any]:
     """A JSON object as plain values, of a file that may be anybody's.
 

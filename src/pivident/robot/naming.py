@@ -12,8 +12,8 @@ from pivident.foundation.errors import RobotDescriptionError
 from pivident.foundation.text.sentences import NearestNames
 
 #: Endings of robot files: a name with one of them is a path.
-URDF_FILES = (".urdf", ".urdf.gz")
-MJCF_FILES = (".xml", ".mjcf")
+URDF_FILES = (".urdf", ".urdf.gz", ".URDF")
+MJCF_FILES = (".xml", ".mjcf", ".XML")
 XACRO_FILES = (".xacro", ".xacro.gz")
 ROBOT_FILES = (".toml", *URDF_FILES, *MJCF_FILES)
 

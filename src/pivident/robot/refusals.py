@@ -26,7 +26,7 @@ def without_loops(robot: Robot, what: str, instead: str = "") -> None:
         names = ", ".join(joint.name for joint in robot.passive_joints)
         has, step = (
             f"joints that follow others ({names})",
-            f"let them stand still (frozen), or {step}",
+            f"let those that they follow stand still, and they do (frozen), or {step}",
         )
     raise RobotDescriptionError(
         f"robot {robot.name!r} has {has}, which {what} does not handle yet", advice=step

@@ -45,9 +45,10 @@ def read_urdf(
     """Read a robot from a URDF, gzip or not.
 
     Position limits, rated speeds and torque limits come from ``<limit>`` (a velocity or effort of
-    zero counts as unknown), nominal ``fv`` and ``fc`` from ``<dynamics>``. Drives are unknown to
-    a URDF; add them with `pivident.robot.with_drives`. Joints that mimic others have no motor: they
-    move in proportion, and are no joints of the robot, but of its `Robot.tree`.
+    zero counts as unknown, and so does a range from zero to zero), nominal ``fv`` and ``fc`` from
+    ``<dynamics>``. Drives are unknown to a URDF; add them with `pivident.robot.with_drives`. Joints
+    that mimic others have no motor: they move in proportion, and are no joints of the robot, but of
+    its `Robot.tree`.
 
     Args:
         path: the file.
@@ -55,7 +56,8 @@ def read_urdf(
             first in the order of the file. The others are frozen, but those that mimic one that is
             kept.
         frozen: position at which a joint is frozen [rad or m], by name; joints that are not kept
-            and not named here are frozen at zero.
+            and not named here are frozen at zero, those that mimic a frozen one where that holds
+            them.
         gravity: acceleration of gravity in the root link's frame [m/s²], shape (3,).
         friction: friction law of all joints; open slopes follow from the rated speeds.
 
@@ -215,6 +217,12 @@ def _frozen_positions(
         for name in movable
         if name in frozen or (moving is not None and name not in moving)
     }
+    for _ in model.joints:  # followers of followers
+        positions |= {
+            joint.name: joint.multiplier * positions[joint.mimics] + joint.offset
+            for joint in model.joints
+            if joint.mimics in positions and joint.name not in frozen
+        }
     for joint in model.joints:
         if joint.name in positions:
             with concerning("frozen", joint.name):

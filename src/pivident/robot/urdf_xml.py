@@ -281,7 +281,7 @@ def _limits(
         return None
     lower = _number(limit.get("lower", "0"), f"{where}: limit lower")
     upper = _number(limit.get("upper", "0"), f"{where}: limit upper")
-    return lower, upper
+    return (lower, upper) if lower or upper else None
 
 
 def _bound(limit: ElementTree.Element | None, key: str, where: str) -> float:

@@ -1,4 +1,4 @@
-"""Joints that stick at their reversals seem to have an early torque; that is no delay."""
+"""What dry friction does at reversals is no delay: joints that stick, and that give way first."""
 
 import numpy as np
 import pytest
@@ -66,5 +66,42 @@ def test_the_delay_of_a_log_of_sticking_joints(delay):
     found = check_delay(made, build_inverse_model(made, check_timing(made)))
     mean, error = found.common
     assert abs(mean - delay) < 2.0 * error, (mean, error)
+    (common,) = (f for f in found.findings if not f.subject)
+    assert (common.severity != "ok") == (delay > 0.0), common
+
+
+WOUND_UP = 0.006  # rad, over which friction changes its side
+
+
+def wound_up(friction, delay):
+    """Torques of a planar arm with Dahl's friction, dF/dq = (1 - F sign(dq)/Fc) Fc/s."""
+    robot = load_robot("planar_2r")
+    t = np.arange(int(SECONDS * FAST)) / FAST
+    q = np.stack([0.7 * np.sin(2.1 * t) + 0.2 * np.sin(6.3 * t), 0.8 * np.sin(3.7 * t + 1)], 1)
+    dq = np.gradient(q, axis=0) * FAST
+    ddq = np.gradient(dq, axis=0) * FAST
+    dry = np.zeros_like(q)
+    for k, step in enumerate(np.diff(q, axis=0), start=1):
+        side = np.sign(step) * friction
+        dry[k] = side + (dry[k - 1] - side) * np.exp(-np.abs(step) / (WOUND_UP / 3.0))
+    base = base_parameters(robot)
+    rigid = regressor_of(robot, base.parameters).torque(
+        q, dq, ddq, base.values(nominal_values(robot, base.standard))
+    )
+    tau = np.roll(rigid + dry, round(delay * FAST), axis=0)
+    noise = np.random.default_rng(5).standard_normal
+    made = Recording(
+        "run", robot.joint_names, q + 1e-5 * noise(q.shape), tau + 0.02 * noise(tau.shape), FAST,
+        torque_timing="sampled",
+    )  # fmt: skip
+    return log_of(robot, made)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.012])
+def test_friction_that_is_wound_up_behind_a_reversal_is_no_delay(delay):
+    made = wound_up(np.array([8.0, 4.0]), delay)
+    found = check_delay(made, build_inverse_model(made, check_timing(made)))
+    mean, error = found.common
+    assert abs(mean - delay) < 3.0 * error + 5e-4, (mean, error)
     (common,) = (f for f in found.findings if not f.subject)
     assert (common.severity != "ok") == (delay > 0.0), common

@@ -16,6 +16,7 @@ from pivident.studies.prediction.new_logs import new_logs, stored_result
 from tests import bags
 from tests.planar_arm import nominal_parameters
 from tests.planar_log import EXPERIMENT, HEADER, RATE, planar_log, write_experiment
+from tests.questions.material import URDF
 
 
 def run(*tokens: object) -> int:
@@ -229,3 +230,57 @@ def test_a_robot_without_rotors_and_friction_is_said_to_have_none(folder, tmp_pa
     assert "The model has no rotor inertias: the torque of the drives" in capsys.readouterr().out
     assert run("predict", "planar_2r", *words[2:]) == 0
     assert "no rotor inertias" not in capsys.readouterr().out
+
+
+def test_a_band_that_is_named_bounds_the_compared_errors(folder, capsys):
+    assert run("predict", folder / "out" / "piv", folder / "new.csv", "--band", 5) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "< 5 Hz %" in printed and "The torque error below 5 Hz is" in printed
+    assert "held out %" not in printed  # those are below another frequency
+    assert run("predict", folder / "out" / "piv", folder / "new.csv", "--band", 1e4) == 1
+    assert "a band of 10000 Hz is not below" in capsys.readouterr().err
+
+
+def test_a_robot_is_mounted_as_the_experiment_of_the_log_has_it(folder, tmp_path, capsys):
+    """The planar arm's gravity is -y: with that of a floor, its torques are those of friction."""
+    (tmp_path / "arm.urdf").write_text(URDF)
+    write_new_log(tmp_path / "log.csv")
+    text = write_experiment(tmp_path, EXPERIMENT).read_text()
+    robot = 'robot = {model = "arm.urdf", gravity = [0, -9.81, 0], rotor_inertia = [0.25, 0.1]}'
+    assert 'robot = "planar_2r"' in text
+    errors = []
+    for own in (robot, robot.replace("-9.81, 0]", "0, -9.81]")):
+        file = tmp_path / "e.toml"
+        file.write_text(text.replace('robot = "planar_2r"', own))
+        stored = stored_result(tmp_path / "arm.urdf", file)
+        new = next(iter(new_logs(tmp_path / "log.csv", stored, file)))
+        errors.append(stored.predict(new.recording).error.errors.total_in_band)
+        assert (
+            run("predict", tmp_path / "arm.urdf", tmp_path / "log.csv", "--experiment", file) == 0
+        )
+        assert f"below 20 Hz is {errors[-1]:.2g} %" in capsys.readouterr().out
+    assert errors[0] < 0.5 * errors[1]
+
+
+def test_positions_and_torques_in_two_files(tmp_path, capsys):
+    """Both have columns of the same names, as of the log that was identified."""
+    write_new_log(tmp_path / "log.csv")
+    table = np.loadtxt(tmp_path / "log.csv", delimiter=",", skiprows=1)
+    for name, columns in (("q.csv", table[:, [0, 1, 2]]), ("tau.csv", table[:, [0, 3, 4]])):
+        np.savetxt(tmp_path / name, columns, "%.9g", ",", header="time,j1,j2", comments="")
+    (tmp_path / "e.toml").write_text(
+        'robot = "planar_2r"\n[recording]\nfiles = {q = "q.csv", tau = "tau.csv"}\n'
+        'columns = {t = {file = "q", columns = "time"}, q = ["j1", "j2"], tau = ["j1", "j2"]}\n'
+        'units = {q = "deg"}\n'
+    )
+    assert run("identify", tmp_path / "e.toml", "-m", "ls", "--out", tmp_path / "out") == 0
+    capsys.readouterr()
+    both = f"q={tmp_path / 'q.csv'}", f"tau={tmp_path / 'tau.csv'}"
+    assert run("predict", tmp_path / "out", *both) == 0
+    printed = capsys.readouterr().out
+    assert "q.csv, tau.csv were read as the logs of the result were" in printed
+    assert float(printed.split("below 20 Hz is ")[1].split(" %")[0]) < 5.0
+    assert run("predict", tmp_path / "out", tmp_path / "q.csv") == 1
+    assert "name both files: q=q.csv" in capsys.readouterr().err
+    assert run("predict", tmp_path / "out", tmp_path / "q.csv", tmp_path / "tau.csv") == 1
+    assert "which channel is in which file?" in capsys.readouterr().err

@@ -48,7 +48,7 @@ def apply(experiment: Path, number: int, /, *, results: Path | None = None) -> i
             advice="the numbers stand in the verdict",
         )
     repair, cause = repairs[number - 1]
-    text = experiment.read_bytes().decode("utf-8")
+    text = experiment.read_bytes().decode("utf-8-sig")
     text, words = with_repair(text, repair, described.robot.joint_names)
     with atomic_folder(experiment.parent) as build:
         (build / experiment.name).write_bytes(text.encode("utf-8"))

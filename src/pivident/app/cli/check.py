@@ -63,5 +63,5 @@ def _headline(found: ExperimentCheck) -> str:
     if found.refused:
         return f"{counted(found.remarks)}; an identification would stop"
     if found.severity == "error":
-        return f"{counted(found.remarks)}; an identification would run, with wrong results"
+        return f"{counted(found.remarks)}; an identification would run; correct the errors first"
     return counted(found.remarks)

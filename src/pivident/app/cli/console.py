@@ -24,6 +24,7 @@ import warnings
 from collections.abc import Iterable
 from contextlib import suppress
 from importlib.util import find_spec
+from pathlib import Path
 from textwrap import wrap
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     from rich.text import Text
 
     from pivident.app.cli.remaining import Remaining
+    from pivident.robot.description import Robot
     from pivident.studies.many.batch.runner import Pool
 
 
@@ -55,6 +57,15 @@ DONE, WRONG_INPUT, WRONG_USAGE, NOT_CONVERGED, FAULTY_LOG, INTERRUPTED = 0, 1, 2
 def note(line: str) -> None:
     """One line on standard error."""
     print(escaped(line), file=sys.stderr, flush=True)
+
+
+def name_bodies(robot: Robot) -> None:
+    """Links of a description that no body can be, on standard error: what is computed uses them."""
+    from pivident.experiment.check.robot_check import check_bodies
+
+    file = robot.name if robot.urdf is None or not robot.urdf.path else Path(robot.urdf.path).name
+    for finding in check_bodies(robot, file):
+        note(f"warning: {finding.message} {finding.next_step}")
 
 
 def warning_text(

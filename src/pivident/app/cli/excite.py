@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from pivident.app.cli.console import DONE, NOT_CONVERGED, Progress
+from pivident.app.cli.console import DONE, FAULTY_LOG, NOT_CONVERGED, Progress, name_bodies
 from pivident.foundation.errors import ExperimentError
 from pivident.foundation.text.sentences import separated
 
@@ -39,6 +39,7 @@ def excite(
     seconds: Annotated[float | None, Parameter(show_default=False)] = None,
     seed: Annotated[int | None, Parameter(show_default=False)] = None,
     out: Path | None = None,
+    check: Path | None = None,
 ) -> int:
     """Design a motion that determines the parameters, within all limits, and say how well it will.
 
@@ -83,7 +84,12 @@ def excite(
     out
         Folder for the design, its files and its page; one that holds a design already is refused,
         since a record may lie beside it. Default: motion, or motion-2 and so on.
+    check
+        A log, or the experiment file that describes it: whether the robot ran the design of the
+        folder that is named first, and what the log still gives; nothing is designed.
     """
+    if check is not None:
+        return _checked(Path(subject), check)
     from pivident.foundation.files import check_output
     from pivident.robot.refusals import without_loops
     from pivident.studies.collision.room import clearances_of_room
@@ -101,6 +107,7 @@ def excite(
     with Progress() as progress:
         progress.say(f"reading {subject}")
         robot, table, known = _subject(subject, frozen_joints(frozen))
+        name_bodies(robot)
         without_loops(robot, "the design of motions", DESIGNED_ELSEWHERE)
         if cell is not None:
             from pivident.studies.excitation.request import read_cell
@@ -143,6 +150,23 @@ def excite(
     goal = request.goal
     missed = goal is not None and max(p.share for p in design.predicted if p.wanted) > goal
     return NOT_CONVERGED if missed else DONE
+
+
+def _checked(design: Path, log: Path) -> int:
+    """Say whether the robot ran a design, recording by recording."""
+    from pivident.models.runnable_model import runnable_model
+    from pivident.studies.excitation.design_file import load_design
+    from pivident.studies.excitation.recorded_run import recorded_run
+    from pivident.studies.prediction.new_logs import StoredResult, new_logs
+
+    with Progress() as progress:
+        progress.say(f"reading {design}")
+        designed = load_design(design)
+        progress.say(f"reading {log}")
+        known = StoredResult(runnable_model(designed.robot), design)
+        runs = [recorded_run(designed, new.recording) for new in new_logs(log, known)]
+    print(*runs, sep="\n\n")
+    return DONE if all(run.is_as_designed for run in runs) else FAULTY_LOG
 
 
 def _new_folder() -> Path:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
-from pivident.app.cli.console import Progress, note
+from pivident.app.cli.console import Progress, name_bodies, note
 
 
 def fit_simulator(
@@ -51,6 +51,7 @@ def fit_simulator(
     folder = out or file.with_name(f"{file.stem}-simulator")
     check_output(folder)
     experiment = load_experiment(file)
+    name_bodies(experiment.robot)
     with Progress() as progress:
         fit, robot, judged = simulator_of(
             experiment, to, folder, separated(free or DEFAULT_QUANTITIES), held_out, progress.say

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pivident.app.cli.console import Progress
+from pivident.app.cli.console import Progress, name_bodies
 from pivident.foundation.errors import ExperimentError
 
 if TYPE_CHECKING:
@@ -45,6 +45,7 @@ def gains(
     if out is not None:
         check_output(out.parent)
     loaded = load_experiment(experiment)
+    name_bodies(loaded.robot)
     with Progress() as progress:
         found = gains_of(loaded, progress.say)
         rows = _rows_in_log_units(loaded) if in_log_units else ()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pivident.app.cli.console import Progress
+from pivident.app.cli.console import Progress, name_bodies
 from pivident.foundation.errors import ExperimentError
 
 
@@ -51,6 +51,7 @@ def payload(
     folder = out or default_folder(file)
     check_output(folder)
     experiment = load_experiment(file)
+    name_bodies(experiment.robot)
     arm = None if second is None else _arm(first, robot)
     with Progress() as progress:
         found = load_of(experiment, arm, method, progress.say)

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pivident.app.cli.console import Progress, print_findings
+from pivident.app.cli.console import Progress, name_bodies, print_findings
 from pivident.foundation.errors import ExperimentError
 
 
 def predict(
     result: Path,
-    log: Path,
-    /,
-    *,
+    log: str,
+    *more: str,
     experiment: Path | None = None,
+    band: float | None = None,
     csv: Path | None = None,
     html: Path | None = None,
 ) -> int:
@@ -25,9 +25,16 @@ def predict(
         Folder that `pivident identify` wrote, or a file of a result: identification.json,
         consistent.json, model.json; or a robot with its nominal values: URDF, .toml, gallery name.
     log
-        A log with the columns of the result's own logs, or an experiment file that describes it.
+        A log with the columns of the result's own logs, or an experiment file that describes it;
+        or the channels of a log in several files, as the result's own were: q=positions.csv
+        tau=torques.csv.
+    more
+        The other files of the log.
     experiment
         Experiment file that says what the columns of the log are. Default: as the result's logs.
+    band
+        Highest frequency of the motion in Hz, below which errors are compared. Default: from the
+        motion.
     csv
         File for time, positions, measured and predicted torques.
     html
@@ -43,17 +50,22 @@ def predict(
     written = []
     with Progress() as progress:
         progress.say(f"reading {result}")
-        stored = stored_result(result)
-        progress.say(f"reading {log}")
-        logs = list(new_logs(log, stored, experiment))
+        files, described = _files((log, *more)), experiment
+        if described is None and isinstance(files, Path) and files.suffix.lower() == ".toml":
+            described = files
+        stored = stored_result(result, described)
+        if result.suffix != ".json" and not result.is_dir():
+            name_bodies(stored.model.robot)
+        progress.say(f"reading {' '.join((log, *more))}")
+        logs = list(new_logs(files, stored, experiment))
         if csv is not None and len(logs) > 1:
             raise ExperimentError(
-                f"{log.name} gives {len(logs)} recordings, and --csv takes one",
+                f"{log} gives {len(logs)} recordings, and --csv takes one",
                 advice="name a log with --experiment, or one stretch between gaps with part in "
                 "an experiment file",
             )
         progress.say("predicting")
-        made = [stored.predict(new.recording) for new in logs]
+        made = [stored.predict(new.recording, band=band) for new in logs]
         if csv is not None:
             made[0].account().tables["signals"].to_csv(csv)
             written.append(f"CSV:  {csv}")
@@ -66,3 +78,16 @@ def predict(
         print_findings(one.findings)
     print("\n".join(["", *written]) if written else "", end="\n" if written else "")
     return 0
+
+
+def _files(logs: tuple[str, ...]) -> Path | dict[str, str]:
+    """The log, or its files by channel."""
+    parts = [log.partition("=") for log in logs]
+    if all(key.isidentifier() and path for key, _, path in parts) and not Path(logs[0]).exists():
+        return {key: path for key, _, path in parts}
+    if len(logs) > 1:
+        raise ExperimentError(
+            f"{' '.join(logs)}: which channel is in which file?",
+            advice="write q=positions.csv tau=torques.csv, or name one log after the other",
+        )
+    return Path(logs[0])

@@ -33,7 +33,7 @@ def file_problems(
         refuse_robot_file(content)
     except PividentError as error:
         raise ExperimentError.of_part(f"{path}: ", error) from error
-    text = path.read_text(encoding="utf-8")
+    text = path.read_text(encoding="utf-8-sig")
     if robot is not None:
         model = robot if not _is_file(robot) else str(Path(robot).absolute())
         content = content | {"robot": {"model": model}}

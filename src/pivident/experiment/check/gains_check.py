@@ -3,7 +3,8 @@
 With e = q_ref - q the error of joint j, a PD loop makes u_j = kp e + kd (s dq_ref - dq)/dt with
 s = 1, a cascade u_j = kv kp e + kv (s dq_ref - dq)/dt with s = 0. Both are linear in two products
 of gains, which least squares finds from the log in no time. Where they explain the torque, they are
-compared with the gains of the file.
+compared with the gains of the file. A torque that is logged late by d shows kd - kp d for kd, of
+any sign: gains that explain the torque as well at another shift are no other gains.
 """
 
 from __future__ import annotations
@@ -36,6 +37,9 @@ DIFFERENT = 1.3
 #: Samples by which torque and position may be apart in a log.
 LATE = 2.0
 
+#: Shifts of the torque that are tried [s].
+MAX_SHIFT = 0.04
+
 #: Ratios of units that a gain may be off by, with their cause.
 CAUSES = (
     (180 / np.pi, "the gains seem to be per degree; they are per radian"),
@@ -60,8 +64,9 @@ def check_gains(
         rows = usable_rows(q[:, [j]], q_ref[:, [j]], tau[:, [j]])
         if len(rows) < 200 or j in reversed_joints:
             continue
-        found = _products(q[rows, j], q_ref[rows, j], tau[rows, j], timing.rate, entry)
-        if found is None:
+        signals = np.stack([q[rows, j], q_ref[rows, j], tau[rows, j]])
+        rest, found = _products(signals, timing.rate, entry)
+        if rest > 1 - EXPLAINED:
             continue
         if found[0] < 0:
             findings.append(
@@ -75,7 +80,14 @@ def check_gains(
                 )
             )
             continue
-        findings += [*_compared(name, j, found, entry, timing.rate)]
+        said = [*_compared(name, j, found, entry, timing.rate)]
+        reach = min(round(MAX_SHIFT * timing.rate), len(rows) // 4)
+        fits = (_products(signals, timing.rate, entry, k) for k in range(-reach, reach + 1))
+        if said and not any(
+            left <= rest and not any(_compared(name, j, gains, entry, timing.rate))
+            for left, gains in fits
+        ):
+            findings += said
     return findings
 
 
@@ -106,21 +118,28 @@ def check_limit(log: Log, entry: ControllerEntry) -> list[Finding]:
 
 
 def _products(
-    q: np.ndarray, q_ref: np.ndarray, tau: np.ndarray, rate: float, entry: ControllerEntry
-) -> tuple[float, float] | None:
-    """Gains on error and on speed, or None where they do not explain the torque."""
-    e = q_ref - q
+    signals: np.ndarray, rate: float, entry: ControllerEntry, late: int = 0
+) -> tuple[float, tuple[float, float]]:
+    """Share of the torque's variance that error and speed leave, and the gains on the two.
+
+    Args:
+        signals: position, reference and torque of a joint, shape (3, samples).
+        rate: their rate [Hz].
+        entry: the declared law.
+        late: samples by which the torque is later than the others.
+    """
+    q, q_ref, tau = signals
     share = entry.feed_forward_share
     slope = (share * np.diff(q_ref, prepend=q_ref[:1]) - np.diff(q, prepend=q[:1])) * rate
-    columns = np.column_stack([e, slope, np.ones_like(e)])[2:]
+    columns = np.column_stack([q_ref - q, slope, np.ones_like(q)])
+    columns = columns[2 + max(-late, 0) : len(q) - max(late, 0)]
+    tau = tau[2 + max(late, 0) : len(q) + min(late, 0)]
     size = np.linalg.norm(columns, axis=0)
     if not size.all():
-        return None
-    gains, *_ = np.linalg.lstsq(columns / size, tau[2:], rcond=None)
-    rest = tau[2:] - columns / size @ gains
-    if 1 - np.var(rest) / max(np.var(tau[2:]), 1e-300) < EXPLAINED:
-        return None
-    return float(gains[0] / size[0]), float(gains[1] / size[1])
+        return 1.0, (0.0, 0.0)
+    gains = np.linalg.lstsq(columns / size, tau, rcond=None)[0] / size
+    rest = np.var(tau - columns @ gains) / max(np.var(tau), 1e-300)
+    return float(rest), (float(gains[0]), float(gains[1]))
 
 
 def _compared(
@@ -140,7 +159,7 @@ def _compared(
         if 1 / DIFFERENT < ratio < DIFFERENT or (key != "kp" and abs(seen - said) <= late):
             continue
         cause = next((c for r, c in CAUSES if 0.8 < ratio / r < 1.25), "")
-        if ratio < 0:
+        if ratio < 0 and key == "kp":
             key, cause = "drive_gain", "the sign of drive_gain is reversed"
         product = "kp kv" if key == "kp" and entry.type == "cascade" else key
         product = "The gain" if key == "drive_gain" else product
@@ -160,7 +179,7 @@ def _compared(
             place=place,
             repairs=[Repair((scaled,))] if scaled is not None and entry.type != "cascade" else [],
         )
-        if ratio < 0:
+        if key == "drive_gain":
             return
 
 

@@ -37,6 +37,7 @@ from pivident.foundation.errors import (
     MissingSamples,
     PividentError,
 )
+from pivident.foundation.files import named_file
 from pivident.foundation.text.finding import Finding, FindingKind, Quantity, Topic
 from pivident.foundation.text.repair import Place, Reordered, Repair, Reversed, in_unit, setting
 from pivident.judgement.audit.audit import NO_TORQUE, Audit, audit_log
@@ -160,7 +161,7 @@ def _with_other_columns(log: Log, entry: RecordingEntry, folder: Path) -> Log:
         return log
     try:
         used = str(columns_in_file(entry, folder))
-        every = read_columns(folder / entry.files)
+        every = read_columns(named_file(folder, entry.files))
     except PividentError:
         return log
     every = {n: log.rows_kept(x) for n, x in every.items()}

@@ -34,7 +34,8 @@ from pivident.foundation.errors import PividentError
 from pivident.foundation.files import check_output
 from pivident.foundation.text.finding import Finding, FindingKind, Quantity, Topic
 from pivident.foundation.text.repair import Edit, Place, Repair
-from pivident.foundation.text.sentences import capital
+from pivident.foundation.text.sentences import capital, sentence_of
+from pivident.judgement.validation.divergence_cause import missing_inertia
 from pivident.judgement.validation.held_out.folds import Division, division_of
 from pivident.loop.motion.planted_feet import on_planted_feet
 from pivident.robot.description import Robot
@@ -89,6 +90,7 @@ class ProblemCheck:
             self.remarks.append(of_error(error, "file", ("consistency",)))
         problem = self._problem(robot, fitted)
         if problem is not None and methods:
+            self._say(_without_rotors(problem, methods))
             law, folds = self._content.controller, self._content.validation.folds
             kind, source = ("", "") if law is None else (law.type, law.source)
             if not unseen:
@@ -188,6 +190,15 @@ def _without_torque(problem: Problem, methods: dict[str, Method]) -> Iterator[Fi
             yield replace(finding, subject=method.label, place=("identify", "methods"))
 
 
+def _without_rotors(problem: Problem, methods: dict[str, Method]) -> Iterator[Finding]:
+    """What the description lacks where simulations start from it; least squares estimates it."""
+    described = any(getattr(method, "start", "") == "initial" for method in methods.values())
+    if problem.loop is not None and described:
+        step = 'Or leave out start = "initial": methods then start from least squares.'
+        for sentence in missing_inertia(problem):
+            yield ROTORS.finding("warning", sentence_of(sentence), "", step)
+
+
 def _folds(division: Division) -> Iterator[Finding]:
     """Another number of blocks than the file asks for."""
     if division.reason:
@@ -197,6 +208,7 @@ def _folds(division: Division) -> Iterator[Finding]:
 
 
 UNSTABLE = FindingKind(CONTROLLER, "unstable")
+ROTORS = FindingKind(CONTROLLER, "rotors", ("robot",))
 
 #: Growth per control period from which a loop is called unstable.
 GROWTH = 1.002
@@ -212,12 +224,13 @@ def check_stability(
         δq⁺ = δq + h δdq + ½h² M⁻¹δτ,  δdq⁺ = δdq + h M⁻¹δτ,  δτ = -Kp δq - Kd (δq - δq⁻)/h,
 
     without gravity and friction, which are slow beside the loop. The loop is unstable where an
-    eigenvalue of this map exceeds one.
+    eigenvalue of this map exceeds one. Behind a gear the rotor is often most of a joint's inertia,
+    and a URDF has no place for it: without all rotors nothing is known of the loop.
     """
     base = base_parameters(robot)
     theta = base.values(nominal_values(robot, base.standard))
     known = all(np.any(k.inertia) for k in robot.tree.links if k.is_body)
-    if not np.any(theta) or entry.kp is None or not known:
+    if not np.all(robot.rotor_inertia) or entry.kp is None or not known:
         return []
     n, h = robot.size, 1.0 / rate
     inverse = np.linalg.inv(mass_matrix(robot, base.parameters, theta, posture[None])[0])
@@ -239,13 +252,9 @@ def check_stability(
     worst = robot.joint_names[int(np.argmax(np.abs(vectors[:n, k])))]
     causes = "Check the units of kp and kd (N m per rad and per rad/s on the joint side), "
     causes += "drive_gain, control_rate, and the masses of the description."
-    bare = not np.any(robot.rotor_inertia)
-    if bare:
-        causes = "The description has no rotor inertias, which count in full behind a gear: give "
-        causes += "rotor_inertia under [robot]. Else check the units of kp and kd."
     return [
         UNSTABLE.finding(
-            "warning" if bare else "error",
+            "error",
             f"The loop of {worst} is unstable with these gains at {rate:.5g} Hz: errors grow by a "
             f"factor of {growth:.3g} in each control period.",
             worst,

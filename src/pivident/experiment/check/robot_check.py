@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from pivident.foundation.text.finding import Finding, FindingKind, Quantity, Severity, Topic
-from pivident.robot.description import Joint, Link, Robot
+from pivident.robot.description import INERTIAL, Joint, Link, Robot
 from pivident.robot.inertia import Body
 
 #: What this check looks at.
@@ -30,6 +30,9 @@ ROUNDING = 1e-3
 #: No body heavier than this [kg] has a smaller radius of gyration than that [m].
 HEAVY, SMALLEST = 20.0, 0.02
 
+#: No link weighs so many times what all others weigh together, the first one aside.
+HEAVIEST = 3.0
+
 #: Gravity on Earth, and how far from it a robot's may be [m/s²].
 EARTH, TOLERANCE = 9.81, 0.5
 
@@ -40,8 +43,9 @@ def check_robot(robot: Robot, model: str) -> list[Finding]:
     findings = [*_gravity(robot)]
     robot = robot.on_fixed_base  # nobody describes a measured base
     tree = robot.tree
-    for joint, link in zip(tree.joints, tree.links, strict=True):
-        findings += [*_limits(joint, file), *_distance(joint, file), *_body(joint, link, file)]
+    for joint in tree.joints:
+        findings += [*_limits(joint, file), *_distance(joint, file)]
+    findings += check_bodies(robot, file)
     massless = [link.name for link in tree.links if link.is_body and not np.any(link.inertia)]
     if massless:
         text = f"No link in {file} has a mass."
@@ -61,6 +65,34 @@ def check_robot(robot: Robot, model: str) -> list[Finding]:
             "5 rad/s; give velocity under <limit> of the URDF, or rated_speed."
         )
         findings.append(_finding("warning", "rated speed", message, step))
+    return findings
+
+
+def check_bodies(robot: Robot, file: str) -> list[Finding]:
+    """Links whose masses and inertias no body has.
+
+    Whatever uses the masses of a description has to say this, not only the check of an experiment.
+
+    Args:
+        robot: the robot.
+        file: what it is called.
+    """
+    tree = robot.on_fixed_base.tree
+    masses = np.array([link.inertia[INERTIAL.index("m")] for link in tree.links])
+    findings = []
+    for k, (joint, link) in enumerate(zip(tree.joints, tree.links, strict=True)):
+        own = [*_body(joint, link, file)]
+        others = float(masses.sum() - masses[k])
+        heavy = joint.parent >= 0 and np.count_nonzero(masses) > 2
+        if not own and heavy and masses[k] > HEAVIEST * others:
+            text = (
+                f"The mass of link {link.name} in {file} is {masses[k]:.4g} kg, that of all others "
+                f"together {others:.4g} kg."
+            )
+            step = "A decimal point may be lost, or it is in grams; masses are in kg."
+            evidence = {"mass": Quantity(float(masses[k]), "kg"), "others": Quantity(others, "kg")}
+            own = [_finding("warning", "heavy", text, step, joint.name, evidence)]
+        findings += own
     return findings
 
 

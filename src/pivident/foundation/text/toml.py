@@ -46,7 +46,7 @@ def parse_toml(text: str) -> dict[str, Any]:
         line = text.count("\n", 0, long_key.start()) + 1
         raise ValueError(f"a key has more than {MAX_PARTS} parts (at line {line})")
     try:
-        tables = tomllib.loads(text)
+        tables = tomllib.loads(text.removeprefix("\ufeff"))
     except RecursionError:
         raise ValueError("its values are nested too deeply") from None
     except tomllib.TOMLDecodeError:

@@ -136,48 +136,57 @@ def check_delay(log: Log, model: InverseModel) -> Delay:
     as well. Nor is what an encoder adds with every turn of its motor a delay: it lies above the
     frequencies of the motion, among which a delay is the same.
 
-    Where joints stick, all of them seem early, each by its own time. Joints that disagree are
-    therefore asked between the reversals and at low frequencies, where sticking counts for less.
+    Where joints stick, all of them seem early, each by its own time; where friction has to be wound
+    up behind a reversal, as teeth and bearings give way before they slide, all of them seem late.
+    The common delay is that between the reversals if joints agree there, and it is sharper and
+    another one; where joints disagree there as well, the median that low frequencies show, too.
     """
     found = _estimated(log, model)
-    if _disagreement(found.estimates, found.standard_errors) > APART:
-        found = _of_several(log, model, found)
+    disagree = _disagreement(found.estimates, found.standard_errors) > APART
+    if not disagree and all(finding.severity == "ok" for finding in found.findings):
+        return found
+    fast = _estimated(log, model.away_from_reversals(), np.inf)
+    agree = _disagreement(fast.estimates, fast.standard_errors) <= APART
+    if agree and fast.common[1] < found.common[1] and (disagree or _differs(found, fast, None)):
+        common, *_ = _findings(log, model, fast)
+        found = replace(found, common=fast.common, findings=(common, *found.findings[1:]))
+    elif disagree:
+        found = _of_several(log, model, found, fast)
     if all(finding.severity == "ok" for finding in found.findings):
         return found
     apart = _estimated(log, model.away_from_rest())
     names = {name: j for j, name in enumerate(model.robot.joint_names)}
     graver = [f for f in found.findings if f.severity != "ok"]
-    fast = slow = None
+    slow = None
     if any(finding.subject in names for finding in graver):
-        fast = _estimated(log, model.away_from_reversals(), np.inf)
         slow = _estimated(log, model.below(SLOW), np.inf)
     findings = []
     for finding in found.findings:
         j = names.get(finding.subject)
         none = finding.severity != "ok" and not _agree(found, apart, j)
-        if finding.severity != "ok" and j is not None and fast is not None and slow is not None:
+        if finding.severity != "ok" and j is not None and slow is not None:
             seen = min(found.gains[j], apart.gains[j], fast.gains[j]) > GAIN_OF_ONE
             seen &= found.gains[j] > NEARLY_ALL or _agree(found, slow, j)
-            none |= _contradicts(found, fast, j) or not seen
+            none |= _contradicts(found, fast, j) or _differs(found, fast, j) or not seen
         findings.append(
             replace(finding, severity="ok", next_step="", repairs=()) if none else finding
         )
     return replace(found, findings=tuple(findings))
 
 
-def _of_several(log: Log, model: InverseModel, found: Delay) -> Delay:
+def _of_several(log: Log, model: InverseModel, found: Delay, fast: Delay) -> Delay:
     """The common delay as the median of all joints between the reversals and at low frequencies.
 
     Its error follows from their median distance from it, as of independent joints.
     """
-    rows = (model.away_from_reversals(), model.below(SLOW))
-    values = np.concatenate([_estimated(log, own, np.inf).estimates for own in rows])
+    slow = _estimated(log, model.below(SLOW), np.inf)
+    values = np.concatenate([fast.estimates, slow.estimates])
     values = values[np.isfinite(values)]
     if len(values) < LEAST_VALUES:
         return found
     median = float(np.median(values))
     deviation = 1.4826 * float(np.median(np.abs(values - median)))
-    error = np.sqrt(np.pi / 2.0) * deviation / np.sqrt(len(values) / len(rows))
+    error = np.sqrt(np.pi / 2.0) * deviation / np.sqrt(len(values) / 2)
     made = replace(found, common=(median, max(float(error), found.common[1])))
     return replace(made, findings=tuple(_findings(log, model, made)))
 
@@ -186,6 +195,12 @@ def _agree(found: Delay, other: Delay, joint: int | None) -> bool:
     """Whether the delay of a joint, or of all for None, is there on other rows as well."""
     (delay, _), (again, uncertain) = found.beside(joint), other.beside(joint)
     return delay * again > 0 and abs(again) > 0.5 * CLEAR * uncertain
+
+
+def _differs(found: Delay, fast: Delay, joint: int | None) -> bool:
+    """Whether a delay is clearly another one between the reversals."""
+    (delay, error), (again, uncertain) = found.beside(joint), fast.beside(joint)
+    return bool(abs(delay - again) > CLEAR * np.hypot(error, uncertain))
 
 
 def _contradicts(found: Delay, other: Delay, joint: int) -> bool:

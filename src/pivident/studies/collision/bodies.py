@@ -5,7 +5,8 @@ Poses of all links in the base frame, for many postures at once.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 import numpy as np
@@ -59,13 +60,16 @@ class Outline:
         bodies: capsules, those of the base first, links in order.
         source: ``urdf``, ``gallery`` or ``skeleton``; ``given`` where the caller gave all of them.
         remarks: what a user should know of them, complete sentences.
-        given: links whose bodies the caller gave.
+        given: links whose bodies are not those of their shapes: the caller gave them, or a mesh is
+            missing.
+        missing: a missing mesh of each link that has one.
     """
 
     bodies: tuple[Body, ...]
     source: Literal["urdf", "gallery", "skeleton", "given"]
     remarks: tuple[str, ...] = ()
     given: tuple[int, ...] = ()
+    missing: Mapping[int, str] = field(default_factory=dict)
 
 
 def numbered(name: str, count: int) -> list[str]:

@@ -33,6 +33,10 @@ MAX_MESH_SIZE = 64 * 2**20
 SUFFIXES = (".stl", ".obj", ".dae", ".ply", ".off")
 
 
+class MissingMesh(RobotDescriptionError):
+    """A mesh that a URDF names is not there, as in most public URDFs without their package."""
+
+
 @dataclass(frozen=True)
 class MeshFiles:
     """Finds the meshes that a URDF names.
@@ -53,7 +57,8 @@ class MeshFiles:
             Its path; the file exists.
 
         Raises:
-            RobotDescriptionError: there is no such file, or it lies where none is looked for.
+            MissingMesh: there is no such file.
+            RobotDescriptionError: it cannot be read, or it lies where none is looked for.
         """
         if not self.urdf:
             raise RobotDescriptionError(
@@ -78,7 +83,8 @@ class MeshFiles:
         try:
             size = regular_file(path).stat().st_size
         except OSError as error:
-            raise RobotDescriptionError(
+            gone = isinstance(error, FileNotFoundError)
+            raise (MissingMesh if gone else RobotDescriptionError)(
                 f"mesh {reference!r}: {path} cannot be read ({error.strerror})",
                 advice="put it there",
             ) from error
@@ -118,7 +124,7 @@ class MeshFiles:
         for folder in folders:
             if (folder / inside).exists():
                 return folder / inside
-        raise RobotDescriptionError(
+        raise MissingMesh(
             f"mesh {reference!r} is in no folder {package!r} that holds the URDF or stands beside "
             f"a folder above it, up to {folders[-1]}",
             advice=f"put the package {package!r} there",

@@ -7,7 +7,7 @@ a skeleton from joint to joint, whose radius is an assumption.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 
 import numpy as np
 
@@ -56,8 +56,8 @@ def outline_of(robot: Robot, given: Iterable[Body] = ()) -> Outline:
         The bodies with their source and remarks.
 
     Raises:
-        RobotDescriptionError: a shape of the URDF cannot be used or its mesh is missing, or a name
-            is used twice; names link, file and next step.
+        RobotDescriptionError: a shape of the URDF or its mesh cannot be used, or a name is used
+            twice; names link, file and next step.
         MissingExtra: the URDF has meshes, and coal is not installed.
     """
     without_loops(robot, "the search for collisions")
@@ -78,7 +78,8 @@ def outline_of(robot: Robot, given: Iterable[Body] = ()) -> Outline:
     kept = [body for body in found.bodies if body.link not in known]
     remarks = found.remarks
     if found.source == "urdf":
-        more, words = _without_shapes(robot, known | {body.link for body in kept})
+        covered = known | {body.link for body in kept}
+        more, words = _without_shapes(robot, covered, found.missing)
         kept, remarks = [*kept, *more], (*remarks, *words)
     bodies = tuple(sorted([*given, *kept], key=lambda body: body.link))
     twice = repeated([body.name for body in bodies])
@@ -86,7 +87,7 @@ def outline_of(robot: Robot, given: Iterable[Body] = ()) -> Outline:
         raise RobotDescriptionError(
             f"body names used twice: {', '.join(twice)}", advice="name each body once"
         )
-    return Outline(bodies, found.source, remarks, tuple(sorted(known)))
+    return Outline(bodies, found.source, remarks, tuple(sorted(known | {*found.missing})))
 
 
 def gallery_outline(robot: Robot, without: Collection[int] = ()) -> Outline | None:
@@ -167,27 +168,37 @@ def skeleton(robot: Robot, without: Collection[int] = ()) -> Outline:
     return Outline(tuple(bodies), "skeleton", (remark,))
 
 
-def _without_shapes(robot: Robot, covered: Collection[int]) -> tuple[list[Body], tuple[str, ...]]:
+def _without_shapes(
+    robot: Robot, covered: Collection[int], missing: Mapping[int, str]
+) -> tuple[list[Body], tuple[str, ...]]:
     """Capsules of links that the URDF gives a mass or a length, but no shape, and remarks."""
-    bare = [link for link in range(robot.size) if link not in covered]
+    bare = [link for link in range(-1, robot.size) if link not in covered]
+    bare = [link for link in bare if link >= 0 or link in missing]
     if not bare:
         return [], ()
     stand_in = skeleton(robot, {-1, *range(robot.size)}.difference(bare))
     bodies = [
         body
         for body in stand_in.bodies
-        if robot.links[body.link].inertia[INERTIAL.index("m")] > 0.0
+        if body.link in missing
+        or robot.links[body.link].inertia[INERTIAL.index("m")] > 0.0
         or np.linalg.norm(body.end - body.start) > 0.0
     ]
+    names = {link: BASE if link < 0 else robot.links[link].name for link in bare}
     taken = {body.link for body in bodies}
     words = []
-    if bodies:
-        names = listed([robot.links[link].name for link in sorted(taken)])
-        words.append(
-            f"The URDF has no <collision> element of {names}: capsules from joint to joint of "
-            f"radius {bodies[0].radius:.3f} m stand for them, an assumption. Give bodies by hand."
-        )
-    if left := [robot.links[link].name for link in bare if link not in taken]:
+    first = next(iter(missing.values()), "")
+    for without, lack, step in (
+        (taken - {*missing}, "The URDF has no <collision> element of", ""),
+        (taken & {*missing}, f"Meshes are missing ({first}) of", ", or put the meshes there"),
+    ):
+        if without:
+            words.append(
+                f"{lack} {listed([names[link] for link in sorted(without)])}: capsules from joint "
+                f"to joint of radius {bodies[0].radius:.3f} m stand for them, an assumption. Give "
+                f"bodies by hand{step}."
+            )
+    if left := [names[link] for link in bare if link not in taken]:
         words.append(
             f"Not checked: {listed(left)}, of which the URDF gives neither shape nor mass."
         )

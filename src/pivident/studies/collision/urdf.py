@@ -31,7 +31,13 @@ from pivident.robot.naming import errors_name
 from pivident.robot.urdf import link_places, text_digest
 from pivident.robot.urdf_xml import UrdfCollision, file_content, parse_collisions
 from pivident.studies.collision.bodies import BY_HAND, Body, Outline, numbered
-from pivident.studies.collision.meshes import MeshFiles, load_mesh, mesh_triangles, mesh_vertices
+from pivident.studies.collision.meshes import (
+    MeshFiles,
+    MissingMesh,
+    load_mesh,
+    mesh_triangles,
+    mesh_vertices,
+)
 
 #: Most capsules of one link; further shapes are merged, those first that lose least room.
 MAX_CAPSULES = 3
@@ -266,12 +272,16 @@ class LinkShape:
         return [part.moved(self.pose.rotation, self.pose.translation) for part in parts]
 
 
-def link_shapes(robot: Robot, without: Collection[int] = ()) -> list[LinkShape]:
+def link_shapes(
+    robot: Robot, without: Collection[int] = (), missing: dict[int, str] | None = None
+) -> list[LinkShape]:
     """All ``<collision>`` elements of a robot's URDF, in the frames of its moving links.
 
     Args:
         robot: the robot.
         without: links whose shapes are not wanted; their meshes may be missing.
+        missing: is given the links of which a mesh is missing, with one such mesh; without it a
+            missing mesh is refused.
 
     Returns:
         The shapes in the order of the file; none for a robot without a URDF.
@@ -297,6 +307,11 @@ def link_shapes(robot: Robot, without: Collection[int] = ()) -> list[LinkShape]:
             for own in collisions if link not in without else ():
                 try:
                     mesh = files.found(own.mesh) if own.shape == "mesh" else None
+                except MissingMesh:
+                    if missing is None:
+                        raise
+                    missing[link] = own.mesh
+                    continue
                 except RobotDescriptionError as error:
                     raise RobotDescriptionError.of_part(f"link {owner!r}: ", error).followed_by(
                         f", or give the link a capsule by hand: {BY_HAND}"
@@ -313,14 +328,17 @@ def urdf_outline(robot: Robot, without: Collection[int] = ()) -> Outline | None:
         without: links that are given by hand.
 
     Returns:
-        The bodies; None where the robot has no URDF or no shape in it.
+        The bodies but those of links of which a mesh is missing, which are named; None where the
+        robot has no URDF or no shape in it.
 
     Raises:
-        RobotDescriptionError: a shape cannot be used or a mesh not be found.
+        RobotDescriptionError: a shape or a mesh cannot be used.
         MissingExtra: there are meshes, and coal is not installed.
     """
-    shapes = link_shapes(robot, without)
-    if not shapes:
+    missing: dict[int, str] = {}
+    shapes = link_shapes(robot, without, missing)
+    shapes = [shape for shape in shapes if shape.link not in missing]
+    if not shapes and not missing:
         return None
     bodies: list[Body] = []
     for link in range(-1, robot.size):
@@ -332,7 +350,7 @@ def urdf_outline(robot: Robot, without: Collection[int] = ()) -> Outline | None:
                 Body(each, link, capsule.start, capsule.end, capsule.radius)
                 for each, capsule in zip(numbered(name, len(capsules)), capsules, strict=True)
             )
-    return Outline(tuple(bodies), "urdf")
+    return Outline(tuple(bodies), "urdf", missing=missing)
 
 
 def link_capsules(shapes: list[Balls]) -> list[Capsule]:

@@ -188,7 +188,7 @@ def _of_design(
     made = replace(made, followed=tuple(followed_motion(r, design.motion) for r in own))
     different = [f.recording for f in made.followed if not f.is_same]
     if different:
-        return replace(made, reason=_other_motion(made.followed, different))
+        return replace(made, reason=other_motion(made.followed, different))
     runs = sum(len(f.starts) for f in made.followed)
     earlier = any(math.isfinite(p.before) for p in design.predicted)
     if others and not (earlier and runs == 1):
@@ -228,8 +228,13 @@ def _foreign(design: Design, result: Identification) -> str:
     return ""
 
 
-def _other_motion(followed: Sequence[FollowedMotion], different: Sequence[str]) -> str:
-    """That a record holds another motion, with its numbers."""
+def other_motion(followed: Sequence[FollowedMotion], different: Sequence[str]) -> str:
+    """That a record holds another motion, with its numbers.
+
+    Args:
+        followed: the recordings beside the designed motion.
+        different: names of those that hold another one.
+    """
     worst = max((f for f in followed if not f.is_same), key=lambda f: float(np.median(f.share)))
     names = f"The recording {different[0]}" if len(different) == 1 else listed(list(different))
     verb = "holds" if len(different) == 1 else "hold"
@@ -319,8 +324,17 @@ def _deviations(found: ReachedErrors) -> Iterator[str]:
     """How the recorded motions differ from the designed one."""
     for followed in found.followed:
         if followed.is_same:
-            yield _followed(followed)
-            yield from _more_or_less(followed)
+            yield from followed_sentences(followed)
+
+
+def followed_sentences(followed: FollowedMotion) -> Iterator[str]:
+    """How a recorded motion differs from the designed one, which it is.
+
+    Args:
+        followed: the recording beside the design.
+    """
+    yield _followed(followed)
+    yield from _more_or_less(followed)
 
 
 def _followed(followed: FollowedMotion) -> str:

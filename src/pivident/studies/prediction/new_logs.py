@@ -30,6 +30,7 @@ from pivident.models.runnable_model import RunnableModel, runnable_model
 from pivident.models.stored_model import stored_model
 from pivident.robot.description import Robot
 from pivident.robot.gallery import load_robot
+from pivident.robot.naming import ROBOT_FILES
 from pivident.studies.prediction.predict import predict
 from pivident.studies.prediction.prediction import Prediction
 
@@ -73,25 +74,35 @@ class StoredResult:
     fitted: MotionRange | None = None
     held_out: HeldOutErrors | None = None
 
-    def predict(self, recording: Recording, *, compare: bool = True) -> Prediction:
+    def predict(
+        self, recording: Recording, *, compare: bool = True, band: float | None = None
+    ) -> Prediction:
         """Torques of a recording beside what is stored, see `predict`.
 
         Args:
             recording: of the same robot.
             compare: whether its torque was measured.
+            band: highest frequency of the motion [Hz].
         """
         return predict(
-            self.model, recording, compare=compare, held_out=self.held_out, fitted=self.fitted
+            self.model,
+            recording,
+            compare=compare,
+            held_out=self.held_out,
+            fitted=self.fitted,
+            band=band,
         )
 
 
-def stored_result(path: str | Path) -> StoredResult:
+def stored_result(path: str | Path, experiment: str | Path | None = None) -> StoredResult:
     """A result of `pivident identify`, a model made from it, or a robot with nominal values.
 
     Args:
         path: ``identification.json``, ``consistent.json``, a model as JSON, a folder of results (of
             several methods the one that the verdict recommends), or a robot: a URDF, a TOML, or a
             name in the gallery.
+        experiment: experiment file by which a robot stands as its log was made: gravity, joints
+            that are frozen, bodies, drives and friction of its table ``[robot]``.
 
     Returns:
         The result.
@@ -102,7 +113,7 @@ def stored_result(path: str | Path) -> StoredResult:
     """
     file = Path(path)
     if file.suffix != ".json" and not file.is_dir():
-        return StoredResult(runnable_model(load_robot(path)), file)
+        return StoredResult(runnable_model(_mounted(path, experiment)), file)
     file = result_of(file)
     content = json_of_file(file)
     if content.get("format") == MODEL.name:
@@ -110,6 +121,18 @@ def stored_result(path: str | Path) -> StoredResult:
     if "standard" in content and "covariance" not in content:
         return _of_consistent(file, content)
     return _of_identification(load_identification(file), file)
+
+
+def _mounted(path: str | Path, experiment: str | Path | None) -> Robot:
+    """A robot that is described, as the experiment file has it."""
+    if experiment is None:
+        return load_robot(path)
+    from pivident.experiment.experiment import load_experiment
+
+    given, model = load_experiment(experiment), str(path)
+    model = str(Path(path).absolute()) if model.endswith(ROBOT_FILES) else model
+    entry = given.content.robot.model_copy(update={"model": model})
+    return replace(given, content=given.content.model_copy(update={"robot": entry})).robot
 
 
 def _of_identification(found: Identification, file: Path) -> StoredResult:
@@ -141,12 +164,14 @@ def check_same_joints(result: StoredResult, names: tuple[str, ...], where: str) 
 
 
 def new_logs(
-    log: str | Path, result: StoredResult, experiment: str | Path | None = None
+    log: str | Path | Mapping[str, str | Path],
+    result: StoredResult,
+    experiment: str | Path | None = None,
 ) -> Iterator[NewLog]:
     """The recordings of a log or of an experiment file.
 
     Args:
-        log: a log, or an experiment file that names logs.
+        log: a log, or several files of one by channel, or an experiment file that names logs.
         result: gives the robot, and how its own logs were read.
         experiment: experiment file that describes the columns of the log.
 
@@ -154,6 +179,18 @@ def new_logs(
         RecordingError: the log cannot be read in this way.
         ExperimentError: the experiment file cannot be used, or is that of another robot.
     """
+    if isinstance(log, Mapping):
+        if not result.readings or experiment is not None:
+            raise RecordingError(
+                f"{', '.join(f'{key}={own}' for key, own in log.items())}: files by channel are "
+                "read as the logs of an identification were",
+                advice="name them in an experiment file, files = {q = …, tau = …}, and name that",
+            )
+        files = {key: Path(own) for key, own in log.items()}
+        shown = ", ".join(own.name for own in files.values())
+        note = f"{shown} were read as the logs of the result were: columns, units, side, timing."
+        yield from _read(files, _fitting(result, files), result.model.robot, note)
+        return
     path = Path(log)
     is_experiment = path.suffix.lower() == ".toml"
     if is_experiment and experiment is not None:
@@ -172,6 +209,12 @@ def new_logs(
         yield from _bare(path, result.model.robot)
         return
     reading = _fitting(result, path)
+    if reading["columns"]["q"] == reading["columns"].get("tau"):
+        raise RecordingError(
+            "the logs of the result have positions and torques in files of their own, in columns "
+            "of the same names",
+            advice=f"name both files: q={path.name} tau=…",
+        )
     note = f"{path.name} was read as the logs of the result were: columns, units, side, timing."
     yield from _read(path, reading, result.model.robot, note)
 
@@ -193,7 +236,7 @@ def _described(given: Experiment, other: Path | None) -> Iterator[NewLog]:
             yield from _read(files, reading, given.robot, note, part)
 
 
-def _fitting(result: StoredResult, path: Path) -> Mapping[str, Any]:
+def _fitting(result: StoredResult, path: Path | Mapping[str, Path]) -> Mapping[str, Any]:
     """The first reading whose columns the log has, else the first."""
     for reading in result.readings:
         try:
@@ -265,7 +308,7 @@ def _bare(path: Path, robot: Robot) -> Iterator[NewLog]:
         raise RecordingError(
             f"{path.name}: no positions of {', '.join(robot.joint_names)} were recognised by the "
             "names of its columns, and the result does not hold how its own logs were read",
-            advice="describe the log by an experiment file: --experiment FILE.toml",
+            advice="describe the log by an experiment file, and name that",
         )
     log = replace(log, logged={k: x for k, x in log.logged.items() if k in CHANNELS})
     if log.clocks:

@@ -66,6 +66,7 @@ def predict(
     compare: bool = True,
     held_out: CrossValidation | HeldOutErrors | None = None,
     fitted: MotionRange | None = None,
+    band: float | None = None,
 ) -> Prediction:
     """Torques of a new recording by a result, and their errors.
 
@@ -78,6 +79,8 @@ def predict(
         compare: whether its torque is compared; one that was not measured never is.
         held_out: errors of the result on held-out motion, to compare with.
         fitted: range of the fitted motion; None: that of the result, where it is known.
+        band: highest frequency of the motion, below which errors are compared [Hz]; None: from the
+            recording.
 
     Returns:
         Torques, errors by joint and by frequency, and where the motion leaves the fitted range.
@@ -94,7 +97,13 @@ def predict(
         )
     robot = result.robot
     recording = _of_robot(robot.joint_names, recording)
-    judge = Judge(recording)
+    if band is not None and not 0.0 < band < 0.5 * recording.rate:
+        raise ExperimentError(
+            f"a band of {band:g} Hz is not below {0.5 * recording.rate:g} Hz, half the rate of "
+            f"{recording.name!r}",
+            advice="leave it out, and it follows from the motion",
+        )
+    judge = Judge(recording, band)
     k = judge.kinematics
     compare = compare and recording.has_torque
     # a motion alone needs no control law that its torque would follow from
@@ -108,6 +117,8 @@ def predict(
     known = fitted or _fitted_range(result)
     exits = () if known is None else range_exits(robot, known, k, slice(start, stop))
     earlier = HeldOutErrors.of(held_out) if isinstance(held_out, CrossValidation) else held_out
+    if earlier is not None and band is not None and band != earlier.band:
+        earlier = None  # of another band
     findings = [] if error is None else _error_findings(error, earlier)
     if compare:
         still = np.abs(k.dq.T[start:stop]) < problem.low_speeds(recording)
