@@ -1,4 +1,4 @@
-"""Folders of public records and reference values, for tests marked ``record``; how tests are run."""
+"""Folders of records and reference values, for tests marked ``record``; how tests are run."""
 
 import gc
 import os
