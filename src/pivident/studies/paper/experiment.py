@@ -108,13 +108,11 @@ def condition_numbers(bench: Bench) -> list[float]:
 
 def condition(reading: str, way: str = "known") -> Scenario:
     """The condition of the scenario ``paper``: known law, its DIDIM, or identified law."""
-    (found,) = _scenario().chosen_conditions([f"{reading}-{way}"])
+    (found,) = _loaded("paper").chosen_conditions([f"{reading}-{way}"])
     return found
 
 
-@cache
-def _scenario() -> Scenario:
-    return load_scenario("paper")
+_loaded = cache(load_scenario)  # which checks all conditions
 
 
 def run_reading(
