@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterator
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -76,3 +78,27 @@ def compiled_once(folder: Path) -> Iterator[None]:
         patch.setattr(Cache, "load_overload", looked_up)
         patch.setattr(Dispatcher, "compile", compiled_alone)
         yield
+
+
+def compiling_beside(folder: Path) -> Callable[[], None]:
+    """Start a process that compiles what every robot needs; returns what ends it."""
+    command = [sys.executable, "-m", __name__, folder]
+    checkout = Path(__file__).resolve().parents[1]
+    process = subprocess.Popen(command, cwd=checkout, stdin=subprocess.DEVNULL)
+
+    def end() -> None:
+        process.kill()
+        process.wait()
+
+    return end
+
+
+if __name__ == "__main__":
+    from pivident.app.cli.compile_ahead import compile_shared
+    from pivident.dynamics.regressor_kernels import observe
+    from pivident.foundation.compiled import is_compiled
+    from pivident.loop.simulation.loop_kernel import run_loop
+
+    if not (is_compiled(observe) and is_compiled(run_loop)):
+        with compiled_once(Path(sys.argv[1])):
+            compile_shared()

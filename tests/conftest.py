@@ -1,5 +1,6 @@
-"""Folders of public records and reference values, for tests marked ``record``."""
+"""Folders of records and reference values, for tests marked ``record``; how tests are run."""
 
+import gc
 import os
 from pathlib import Path
 
@@ -33,15 +34,45 @@ def shared_folder(name: str) -> Path:
     )
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_collection():
+    """No garbage is searched for while modules are imported, nor ever among what they leave."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.collect()
+        gc.freeze()
+        gc.enable()
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_configure(config):
+    """While workers collect, a process beside them begins with the kernels that most tests need."""
+    if os.name != "nt" and getattr(config.option, "dist", "no") != "no":
+        from tests.compiled_once import compiling_beside
+
+        folder = config._tmp_path_factory.getbasetemp() / "kernels"
+        config.add_cleanup(compiling_beside(folder))
+
+
 @pytest.fixture(scope="session", autouse=True)
 def _kernels_are_compiled_once(tmp_path_factory):
-    """Workers that need the same kernel wait for the first of them that compiles it."""
+    """Workers that need the same kernel wait for the first of them that compiles it.
+
+    What a command would compile beside itself is compiled already, or by a worker.
+    """
     if "PYTEST_XDIST_WORKER" not in os.environ or os.name == "nt":
         yield
         return
+    from pivident.app.cli import compile_ahead
     from tests.compiled_once import compiled_once
 
-    with compiled_once(tmp_path_factory.getbasetemp().parent / "kernels"):
+    with (
+        compiled_once(tmp_path_factory.getbasetemp().parent / "kernels"),
+        pytest.MonkeyPatch.context() as patch,
+    ):
+        patch.setattr(compile_ahead, "is_compiled", lambda kernel: True)
         yield
 
 

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 
+import psutil
 import pytest
 
 from tests.conftest import REPOSITORY
@@ -55,3 +56,14 @@ def test_two_workers_compile_a_kernel_once(tmp_path, monkeypatch):
         worker.stdin.flush()
     misses = [tuple(map(int, worker.communicate()[0].split())) for worker in workers]
     assert sorted(misses) == [(0, 0), (1, 1)]
+
+
+def test_what_compiles_beside_the_workers_ends_with_them(tmp_path):
+    from tests.compiled_once import compiling_beside
+
+    others = set(psutil.Process().children())
+    end = compiling_beside(tmp_path)
+    (own,) = set(psutil.Process().children()) - others
+    assert own.is_running() and str(tmp_path) in own.cmdline()
+    end()
+    assert not own.is_running()

@@ -1,6 +1,7 @@
 """A repair that the verdict has tried is written into the file, once, and helps."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -46,13 +47,25 @@ def project(tmp_path_factory):
     return folder
 
 
+@pytest.fixture(scope="module")
+def results(project):
+    """What `identify` writes beside the file."""
+    path = project / "experiment.toml"
+    path.write_text(EXPERIMENT)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(project)
+        assert run("identify", path) == 0
+    return (project / "experiment-results").rename(project / "kept")
+
+
 @pytest.fixture
-def judged(project, monkeypatch):
+def judged(project, results, monkeypatch):
     monkeypatch.chdir(project)
     path = project / "experiment.toml"
     path.write_text(EXPERIMENT)
-    assert run("identify", path) == 0
-    return path
+    shutil.copytree(results, project / "experiment-results")
+    yield path
+    shutil.rmtree(project / "experiment-results")
 
 
 def test_what_is_applied_is_what_was_tried(judged, capsys):

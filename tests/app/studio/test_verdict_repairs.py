@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 
 import pytest
 
@@ -21,16 +22,26 @@ REVERSED = EXPERIMENT.replace("[recording]", f"{COMMENT}\n[recording]").replace(
 )
 
 
-@pytest.fixture
-def judged(client, arm):
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
     """A project with a verdict that has tried the sign of the elbow's torque."""
-    write_log(arm / "log.csv")
-    (arm / "experiment.toml").write_text(REVERSED.lstrip(), encoding="utf-8")
+    folder = tmp_path_factory.mktemp("studio") / "arm"
+    folder.mkdir()
+    write_log(folder / "log.csv")
+    (folder / "experiment.toml").write_text(REVERSED.lstrip(), encoding="utf-8")
     runs = Runs()
     try:
-        assert ended(runs, arm, runs.add(arm, "identify", {"method": ["ls"]}))["state"] == "done"
+        run = runs.add(folder, "identify", {"method": ["ls"]})
+        assert ended(runs, folder, run)["state"] == "done"
     finally:
         runs.close()
+    return folder
+
+
+@pytest.fixture
+def judged(client, arm, made):
+    """A copy of it in the studio."""
+    shutil.copytree(made, arm, dirs_exist_ok=True)
     return arm
 
 

@@ -49,11 +49,11 @@ def test_the_screen_has_five_parts(judged):
 
 
 def test_of_many_joints_the_worst_are_shown():
-    problem = problem_of(9)
+    problem = problem_of(8)
     found = verdict(diagnose(problem, {"ls": identify(problem, "ls")}))
     errors = found.held_out["ls"].joints
     shown = [row.joint for row in found.summary.joints]
-    assert len(shown) < 9 and max(errors, key=errors.__getitem__) in shown
+    assert len(shown) < 8 and max(errors, key=errors.__getitem__) in shown
     long = Item("A sentence that has no end " * 20)
     full = replace(found.summary, items=(long,) * MAX_ITEMS, more=9)
     full = replace(full.in_folder("x", "x.toml", "pivident excite x"), details="x/report.html")

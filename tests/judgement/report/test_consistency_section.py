@@ -15,6 +15,7 @@ from pivident.judgement.diagnostics.consistent_estimate import (
 )
 from pivident.judgement.diagnostics.diagnostics import diagnose_one
 from pivident.judgement.diagnostics.verdict import verdict
+from pivident.judgement.report import builder
 from pivident.judgement.report.builder import render_report
 from pivident.judgement.report.sections.consistency import (
     VIEWS,
@@ -65,9 +66,11 @@ def test_no_section_where_the_stage_did_not_run(results):
 
 
 @needs_browser
-def test_section_on_a_phone(results, diagnostics, tmp_path):
+def test_section_on_a_phone(results, diagnostics, tmp_path, monkeypatch):
+    own = tuple(kind for kind in builder.SECTIONS if kind.anchor == "consistency")
+    monkeypatch.setattr(builder, "SECTIONS", own)
     seen = seen_on_a_phone(render_report(list(results.values()), diagnostics=diagnostics), tmp_path)
-    assert seen["drawn"] == seen["plots"]
+    assert seen["drawn"] == seen["plots"] == 3
 
 
 def test_bodies_are_drawn_where_they_are():

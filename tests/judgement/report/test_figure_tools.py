@@ -35,8 +35,10 @@ def test_buttons_move_the_window_of_a_figure(answers):
     assert_zooms(answers["zoom"]["found"])
 
 
-def test_a_finger_has_the_same_buttons(text, tmp_path):
-    assert_zooms(asked(text, tmp_path, question("zoom"), PHONE)["found"])
+def test_a_phone_draws_all_and_a_finger_has_the_same_buttons(text, tmp_path):
+    zoomed, found = asked(text, tmp_path, all_of(question("zoom"), question("structure")), PHONE)
+    assert_zooms(zoomed["found"])
+    assert found["drawn"] == found["plots"] > 20
 
 
 def test_a_figure_is_saved_as_an_image(answers):

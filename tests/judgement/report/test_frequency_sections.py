@@ -24,7 +24,6 @@ from pivident.judgement.validation.residuals.residual_spectrum import (
     scaled_prefilters,
 )
 from pivident.loop.simulation.controllers import PD
-from tests.browser import needs_browser, seen_on_a_phone
 from tests.judgement.report.test_report import HOSTILE, Page
 from tests.planar_results import planar_results
 from tests.synthetic_identification import synthetic_identification
@@ -172,9 +171,3 @@ def test_many_joints_stay_small():
     text = render_report([found])
     added = sum(len(section(text, anchor).encode()) for anchor in ("correlations", "spectra"))
     assert added < 100_000
-
-
-@needs_browser
-def test_sections_on_a_phone(page, tmp_path):
-    seen = seen_on_a_phone(page, tmp_path)
-    assert seen["drawn"] == seen["plots"] > 20

@@ -128,8 +128,17 @@ def template(name):
     return (Path(builder.__file__).parent / "templates" / name).read_text(encoding="utf-8")
 
 
-def test_narrow_windows_show_the_same(text, tmp_path):
-    assert_accessible(asked(text, tmp_path, question("structure"), PHONE))
+def test_a_phone_shows_the_same(tmp_path):
+    """All figures are drawn, nothing scrolls sideways; also of instruments of given motion."""
+    results = [
+        synthetic_identification("IDIM-LS", seed=3),
+        synthetic_identification("IDIM-IV", seed=4, loop=synthetic_loop("law")),
+        synthetic_identification("IDIM-PIV", seed=5, loop=synthetic_loop("moves")),
+    ]
+    page = render_report(results, true_parameters())
+    found = asked(page, tmp_path, question("structure"), PHONE)
+    assert_accessible(found)
+    assert found["drawn"] == found["plots"] > 10
 
 
 def test_the_audit_has_the_same_frame(tmp_path):

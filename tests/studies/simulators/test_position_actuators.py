@@ -208,8 +208,7 @@ def with_meshes(folder, tmp_path, include=True):
     return path
 
 
-@pytest.mark.parametrize("include", [True, False])
-@pytest.mark.parametrize("out", ["results", "../results/of/links"])
+@pytest.mark.parametrize(("include", "out"), [(True, "../results/of/links"), (False, "results")])
 def test_meshes_of_a_subfolder_are_found_from_the_written_file(folder, tmp_path, include, out):
     place = tmp_path / "robot"
     place.mkdir()

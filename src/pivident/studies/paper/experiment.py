@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from importlib import resources
 
 import numpy as np
@@ -108,8 +108,11 @@ def condition_numbers(bench: Bench) -> list[float]:
 
 def condition(reading: str, way: str = "known") -> Scenario:
     """The condition of the scenario ``paper``: known law, its DIDIM, or identified law."""
-    (found,) = load_scenario("paper").chosen_conditions([f"{reading}-{way}"])
+    (found,) = _loaded("paper").chosen_conditions([f"{reading}-{way}"])
     return found
+
+
+_loaded = cache(load_scenario)  # which checks all conditions
 
 
 def run_reading(

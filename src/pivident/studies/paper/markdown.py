@@ -98,10 +98,11 @@ def html_of(markdown: str, figures: Path) -> str:
 
     names = list(dict.fromkeys(_CODE.findall(markdown)))
     linked = _CODE.sub(lambda found: f"[`{_short(found[1])}`](#{_anchor(found[1])})", markdown)
-    linked = re.sub(
-        r"\(figures/(\w+\.png)\)", lambda found: f"({_data(figures / found[1])})", linked
+    body = re.sub(  # behind the renderer, which looks at every character of an address
+        r'"figures/(\w+\.png)"',
+        lambda found: f'"{_data(figures / found[1])}"',
+        MarkdownIt("commonmark", {"html": False}).enable("table").render(linked),
     )
-    body = MarkdownIt("commonmark", {"html": False}).enable("table").render(linked)
     sources = [(_anchor(name), name, source_of(name)) for name in names]
     return (
         page_environment(__package__)

@@ -4,13 +4,15 @@ const numbers = (colour) => {
   return found.length < 4 ? [...found.slice(0, 3), 1] : found;
 };
 const over = ([r, g, b, a], under) => [r, g, b].map((x, k) => a * x + (1 - a) * under[k]);
+const WHITE = [255, 255, 255];
+const backgrounds = new Map();
 function background(element) {
-  const layers = [];
-  for (let own = element; own; own = own.parentElement) {
-    const colour = numbers(getComputedStyle(own).backgroundColor);
-    layers.unshift(colour);
+  if (!element) return WHITE;
+  if (!backgrounds.has(element)) {
+    const own = numbers(getComputedStyle(element).backgroundColor);
+    backgrounds.set(element, over(own, background(element.parentElement)));
   }
-  return layers.reduce((under, colour) => over(colour, under), [255, 255, 255]);
+  return backgrounds.get(element);
 }
 const luminance = (rgb) => {
   const [r, g, b] = rgb.map((x) => (x /= 255) <= 0.04045 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4);
@@ -24,6 +26,7 @@ document.querySelectorAll("details").forEach((part) => { part.open = true; });
 for (const theme of ["light", "dark"]) {
   document.querySelector(`[data-theme-choice=${theme}]`).click();
   await wait(600);
+  backgrounds.clear();
   const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
   while (walker.nextNode()) {
     const element = walker.currentNode.parentElement;
