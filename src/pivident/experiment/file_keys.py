@@ -728,7 +728,8 @@ class LoadEntry(Entry):
     )
     link: JointReference | None = key(
         None,
-        "link that carries the load, or the joint that moves it; left out: the last one",
+        "link that carries the load, or the joint that moves it, or a fixed link of the URDF, such "
+        "as a flange; left out: the last one that moves",
         kind="name or number",
     )
     method: Literal["ls", "iv-full-rate", "piv"] | None = key(

@@ -232,7 +232,7 @@ def _payload(given: GainsEntry, robot: Robot) -> Payload | None:
     entry = given.payload
     if entry is None:
         return None
-    link = -1 if entry.joint is None else robot.joint_index(entry.joint)
+    link = -1 if entry.joint is None else robot.link_index(entry.joint)
     return Payload(entry.mass, entry.center_of_mass, entry.inertia, entry.mass_std, link)
 
 
