@@ -91,7 +91,12 @@ class InstrumentalVariables(InstrumentalMethod):
         return tuple(dict.fromkeys((recipe_name(self.signals), "algebraic")))
 
     def steps(self, signals: Signals, chosen: Chosen) -> Steps:
-        """The parts of its iteration with the chosen instruments."""
+        """The parts of its iteration.
+
+        Args:
+            signals: the smoothed recordings.
+            chosen: the instruments, with the measured motions that go with them.
+        """
         around = signals.with_kinematics(chosen.kinematics)
         if isinstance(self.signals, Decimated):
             return DecimatedSteps(around, self, chosen.source, self.signals)

@@ -205,7 +205,12 @@ class PrefilteredIV(InstrumentalMethod):
             ).about(*fixed[0].split("."))
 
     def steps(self, signals: Signals, chosen: Chosen) -> PrefilteredSteps:
-        """The parts of its iteration with the chosen instruments."""
+        """The parts of its iteration.
+
+        Args:
+            signals: the smoothed recordings.
+            chosen: the instruments, with the measured motions that go with them.
+        """
         simulated = chosen.used.kind == "loop"
         whitening = Whitening.of(signals.problem, self, chosen.kinematics, simulated)
         own = signals.with_kinematics(chosen.kinematics)

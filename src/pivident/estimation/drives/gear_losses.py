@@ -63,6 +63,9 @@ def identify_gears(
         sensors: torques behind the gears, for each recording, shape (samples, joints) [N m or N].
         progress: called with one line at each stage.
 
+    Returns:
+        One answer for each joint.
+
     Raises:
         ExperimentError: motors that share joints.
         IdentificationError: a joint that moves too little.
