@@ -162,8 +162,8 @@ CASES = (
     Case("q08", "q08_payload_puma560",
          ("init {here}/unloaded_1.csv --robot {here}/puma560.urdf --yes --out empty.toml",
           "identify empty.toml", "init {here}/loaded.csv --robot {here}/puma560.urdf --yes "
-          "--out loaded.toml", "payload empty-results/ls/identification.json loaded.toml "
-          "--method ls"),
+          "--out loaded.toml", *(f"payload empty-results/{method}/identification.json loaded.toml "
+          f"--method {method} --out {method}" for method in METHODS)),
          "2.5 kg at (0.01, -0.02, 0.10) m", lines_with("mass ", "centre", "error:"), ends_well),
     Case("q09 link", "q09_link_side", identification("{here}/link_side.csv", "{here}/ur5e.urdf"),
          "torques behind the gears, no friction of theirs", held_out, three_methods),

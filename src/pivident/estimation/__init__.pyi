@@ -7,6 +7,8 @@ from .control_law.unknown_loop import reconstruct_loop as reconstruct_loop
 from .didim import Didim as Didim
 from .drives.drive_gains import DriveGains as DriveGains
 from .drives.drive_gains import identify_drive_gains as identify_drive_gains
+from .drives.gear_losses import GearLosses as GearLosses
+from .drives.gear_losses import identify_gears as identify_gears
 from .drives.known_payload import Payload as Payload
 from .drives.log_units import MotorInLogUnits as MotorInLogUnits
 from .drives.log_units import identify_in_log_units as identify_in_log_units

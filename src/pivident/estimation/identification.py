@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from pivident.data.logs.torque_scale import TorqueScale
+from pivident.data.logs.torque_scale import MASSES, TorqueScale
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.robot_regressor import regressor_of
@@ -172,6 +172,12 @@ class Identification(Displayed):
     def torque_scale(self) -> tuple[TorqueScale, ...]:
         """Unverified scales of the logged torques; all parameters rest on them."""
         return tuple(dict.fromkeys(s for r in self.recordings for s in r.torque_scale))
+
+    @property
+    def is_in_newton_metres(self) -> bool:
+        """Whether the torque scale of some joint is known, or that of the description's masses."""
+        unknown = {scale.joint for scale in self.torque_scale if scale.basis != MASSES}
+        return len(unknown) < len(self.robot.joint_names)
 
     @property
     def scale_warnings(self) -> tuple[str, ...]:

@@ -21,7 +21,9 @@ from pivident.estimation.full_rate import FullRateRecord, records_with_instrumen
 from pivident.estimation.identification import Identification
 from pivident.estimation.instrument_choice import Chosen, InstrumentSource
 from pivident.estimation.iteration import (
+    Estimate,
     Pass,
+    Run,
     Signals,
     Simulated,
     Steps,
@@ -34,6 +36,7 @@ from pivident.estimation.noise_identification import Prefilters
 from pivident.estimation.prefiltered_iv import (
     MIN_ESTIMATES,
     full_rate_start,
+    piv,
     with_instruments,
 )
 from pivident.estimation.problem import EQUATION_ERROR, Problem
@@ -87,19 +90,28 @@ class InstrumentalVariables(InstrumentalMethod):
         """Its own recipe, or the algebraic one; the third makes the other method of the two."""
         return tuple(dict.fromkeys((recipe_name(self.signals), "algebraic")))
 
+    def steps(self, signals: Signals, chosen: Chosen) -> Steps:
+        """The parts of its iteration.
+
+        Args:
+            signals: the smoothed recordings.
+            chosen: the instruments, with the measured motions that go with them.
+        """
+        around = signals.with_kinematics(chosen.kinematics)
+        if isinstance(self.signals, Decimated):
+            return DecimatedSteps(around, self, chosen.source, self.signals)
+        return FullRateSteps(around, self, chosen.source)
+
     def estimate(self, problem: Problem, say: Say, *, test_gains: bool = True) -> Identification:
         """Iterate instruments and estimate."""
         say(f"{self.label}: smoothing the records")
-        signals, recipe = Signals.of(problem, self), self.signals
+        signals = Signals.of(problem, self)
 
-        def steps(chosen: Chosen) -> Steps:
-            around = signals.with_kinematics(chosen.kinematics)
-            if isinstance(recipe, Decimated):
-                return DecimatedSteps(around, self, chosen.source, recipe)
-            return FullRateSteps(around, self, chosen.source)
+        def iterated(chosen: Chosen) -> tuple[Estimate, Run]:
+            return piv(self.steps(signals, chosen), say)
 
-        full_rate = not isinstance(recipe, Decimated)
-        _, estimate, run, used = with_instruments(signals, self, steps, say, full_rate)
+        full_rate = not isinstance(self.signals, Decimated)
+        (estimate, run), used = with_instruments(signals, self, iterated, say, full_rate)
         return answer(problem, self, estimate, run, loop_warnings(problem, estimate, used), used)
 
 

@@ -204,6 +204,18 @@ class PrefilteredIV(InstrumentalMethod):
                 advice="remove one of the two",
             ).about(*fixed[0].split("."))
 
+    def steps(self, signals: Signals, chosen: Chosen) -> PrefilteredSteps:
+        """The parts of its iteration.
+
+        Args:
+            signals: the smoothed recordings.
+            chosen: the instruments, with the measured motions that go with them.
+        """
+        simulated = chosen.used.kind == "loop"
+        whitening = Whitening.of(signals.problem, self, chosen.kinematics, simulated)
+        own = signals.with_kinematics(chosen.kinematics)
+        return PrefilteredSteps(own, self, chosen.source, whitening)
+
     def estimate(self, problem: Problem, say: Say, *, test_gains: bool = True) -> Identification:
         """Iterate instruments, estimate and noise models.
 
@@ -263,14 +275,11 @@ def piv(steps: Steps, say: Say) -> tuple[Estimate, Run]:
 def _identified(signals: Signals, method: PrefilteredIV, say: Say) -> Identification:
     """The iteration with the prefilter that the method names."""
 
-    def steps(chosen: Chosen) -> PrefilteredSteps:
-        whitening = Whitening.of(
-            signals.problem, method, chosen.kinematics, simulated=chosen.used.kind == "loop"
-        )
-        own = signals.with_kinematics(chosen.kinematics)
-        return PrefilteredSteps(own, method, chosen.source, whitening)
+    def iterated(chosen: Chosen) -> tuple[PrefilteredSteps, Estimate, Run]:
+        steps = method.steps(signals, chosen)
+        return steps, *piv(steps, say)
 
-    made, estimate, run, used = with_instruments(signals, method, steps, say)
+    (made, estimate, run), used = with_instruments(signals, method, iterated, say)
     warnings = loop_warnings(signals.problem, estimate, used)
     warnings += made.whitening.warnings(estimate.prefilters)
     return answer(signals.problem, method, estimate, run, warnings, used)
@@ -281,17 +290,17 @@ def _log_deviation(found: Identification) -> float:
     return float(np.mean(np.log(found.method_std)))
 
 
-AnySteps = TypeVar("AnySteps", bound=Steps)
+Iterated = TypeVar("Iterated")
 
 
 def with_instruments(
     signals: Signals,
     method: InstrumentalMethod,
-    steps: Callable[[Chosen], AnySteps],
+    iterated: Callable[[Chosen], Iterated],
     say: Say,
     differences: bool = True,
-) -> tuple[AnySteps, Estimate, Run, InstrumentsUsed]:
-    """The iteration with the instruments that the method asks for, or the best there are.
+) -> tuple[Iterated, InstrumentsUsed]:
+    """An iteration with the instruments that the method asks for, or the best there are.
 
     A loop whose law was found or declared, rather than given, may turn out not to carry the
     simulation; then the record itself makes the instruments.
@@ -299,16 +308,14 @@ def with_instruments(
     problem = signals.problem
     chosen = choose(problem, method, signals.kinematics, differences)
     try:
-        made = steps(chosen)
-        return made, *piv(made, say), chosen.used
+        return iterated(chosen), chosen.used
     except (SimulationDiverged, MassMatrixNotPositiveDefinite) as error:
         if not may_do_without(problem, method):
             raise
         reason = instead_of_loop(error)
         say(reason)
     chosen = without_loop(signals.kinematics, reason)
-    made = steps(chosen)
-    return made, *piv(made, say), chosen.used
+    return iterated(chosen), chosen.used
 
 
 def full_rate_start(

@@ -689,6 +689,13 @@ class GainsEntry(Entry):
         None, "temperature that the gains belong to", unit="as `temperature`", shown="the mean"
     )
     friction_drift: bool = key(True, "friction may change with temperature too")
+    sensors: list[str] | None = key(
+        None,
+        "torques of sensors behind the gears in the same log, one column for each joint: gain, "
+        "efficiency, friction and rotor of each gear follow from both",
+        unit="N m or N",
+        kind="columns",
+    )
 
     @model_validator(mode="after")
     def _payload_has_recordings(self) -> GainsEntry:
@@ -728,7 +735,8 @@ class LoadEntry(Entry):
     )
     link: JointReference | None = key(
         None,
-        "link that carries the load, or the joint that moves it; left out: the last one",
+        "link that carries the load, or the joint that moves it, or a fixed link of the URDF, such "
+        "as a flange; left out: the last one that moves",
         kind="name or number",
     )
     method: Literal["ls", "iv-full-rate", "piv"] | None = key(

@@ -10,6 +10,7 @@ import numpy as np
 from pivident.data.logs.units import COMMAND, TORQUE, factor_to_si
 from pivident.data.recording.recording import Recording
 from pivident.estimation.drives.drive_gains import DriveGains, Trusted, identify_drive_gains
+from pivident.estimation.drives.gear_losses import GearLosses, identify_gears
 from pivident.estimation.drives.known_payload import Payload
 from pivident.estimation.drives.motor_temperature import (
     MotorTemperature,
@@ -19,7 +20,12 @@ from pivident.estimation.drives.motor_temperature import (
 from pivident.experiment.experiment import Experiment
 from pivident.experiment.explained import errors_name
 from pivident.experiment.file_keys import ExperimentFile, GainsEntry, RecordingEntry
-from pivident.experiment.missing_torque import TEMPERATURE, with_temperature, without_temperature
+from pivident.experiment.missing_torque import (
+    SENSORS,
+    TEMPERATURE,
+    with_input,
+    without_temperature,
+)
 from pivident.foundation.errors import ExperimentError
 from pivident.loop.simulation.controllers import UNKNOWN_GAIN
 from pivident.robot.description import Robot
@@ -51,11 +57,18 @@ class GainsOfExperiment:
     trusted: tuple[str, ...]
     temperatures: tuple[MotorTemperature, ...]  # coefficients, where requested
     model: str  # the robot's model as the file names it
+    gears: tuple[GearLosses, ...] = ()  # where torques behind them are logged too
 
     @property
     def values(self) -> np.ndarray:
         """Gains [N m or N per unit of the command], shape (joints,)."""
         return self.gains.kappa * np.array([d.value for d in self.declared])
+
+    @property
+    def gains_of_gears(self) -> np.ndarray:
+        """Those by the sensors behind the gears, likewise; empty without any."""
+        pairs = zip(self.gears, self.declared, strict=False)
+        return np.array([gear.values[0] * said.value for gear, said in pairs])
 
     @property
     def std(self) -> np.ndarray:
@@ -97,6 +110,12 @@ def gains_of(
                 given.friction_drift,
             )
             problem = replace(problem, recordings=_corrected(bare, warmth, robot, temperatures))
+        gears: tuple[GearLosses, ...] = ()
+        if given.sensors is not None:
+            felt = [r.inputs[SENSORS] for r in recordings[:count]]
+            gears = identify_gears(
+                replace(problem, recordings=problem.recordings[:count]), felt, progress
+            )
         declared = declared_gains(experiment.content.recording[0], robot)
         payload = _payload(given, robot)
         found = identify_drive_gains(
@@ -120,6 +139,7 @@ def gains_of(
         (*given.trusted, *given.trusted_parameters),
         temperatures,
         experiment.content.robot.model,
+        gears,
     )
 
 
@@ -153,10 +173,11 @@ COMMAND_OR_TORQUE = COMMAND | TORQUE
 
 def lines_for_file(found: GainsOfExperiment) -> list[str]:
     """TOML lines that make a following `identify` work in N m; known gains only."""
-    known = found.gains.anchored
+    values, names, known = found.values, found.gains.joints, found.gains.anchored
+    if found.gears:
+        values, known = found.gains_of_gears, np.ones(len(names), bool)
     if not known.any():
         return []
-    values, names = found.values, found.gains.joints
     places = {d.place for d in found.declared}
     if places == {"robot"}:
         listed = ", ".join(
@@ -190,7 +211,7 @@ def with_unit_gains(experiment: Experiment) -> Experiment:
     transmission, names = robot.transmission, robot.joint_names
     every = dict(zip(names, map(float, transmission.drive_gain), strict=True))
     recordings = [
-        _with_temperature(entry, content.gains.temperature, len(names))
+        _with_columns(entry, content.gains, len(names))
         for entry in (*content.recording, *content.gains.recording)
     ]
     changed: ExperimentFile = content.model_copy(
@@ -202,13 +223,11 @@ def with_unit_gains(experiment: Experiment) -> Experiment:
     return Experiment(experiment.path, changed)
 
 
-def _with_temperature(
-    entry: RecordingEntry, columns: str | list[str] | None, joints: int
-) -> RecordingEntry:
-    """The table with the columns of the temperatures, where the log has them."""
-    if columns is None or columns == "time":
-        return entry
-    return with_temperature(entry, columns, joints)
+def _with_columns(entry: RecordingEntry, given: GainsEntry, joints: int) -> RecordingEntry:
+    """The table with the columns of temperatures and of sensors, where the log has them."""
+    if given.temperature is not None and given.temperature != "time":
+        entry = with_input(entry, given.temperature, joints)
+    return entry if given.sensors is None else with_input(entry, given.sensors, joints, SENSORS)
 
 
 def _corrected(
@@ -232,7 +251,7 @@ def _payload(given: GainsEntry, robot: Robot) -> Payload | None:
     entry = given.payload
     if entry is None:
         return None
-    link = -1 if entry.joint is None else robot.joint_index(entry.joint)
+    link = -1 if entry.joint is None else robot.link_index(entry.joint)
     return Payload(entry.mass, entry.center_of_mass, entry.inertia, entry.mass_std, link)
 
 

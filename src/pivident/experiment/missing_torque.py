@@ -105,16 +105,18 @@ def _check_ratios(content: ExperimentFile) -> None:
 
 #: Input that carries the temperatures of the motors while a log is read.
 TEMPERATURE = "motor temperature"
+#: And one that carries the torques of sensors behind the gears.
+SENSORS = "torque behind the gear"
 
 
-def with_temperature(
-    entry: RecordingEntry, columns: str | list[str], joints: int
+def with_input(
+    entry: RecordingEntry, columns: str | list[str], joints: int, name: str = TEMPERATURE
 ) -> RecordingEntry:
-    """The table of a recording with the columns of the temperatures as one more input."""
+    """The table of a recording with the columns of the temperatures, say, as one more input."""
     if entry.columns is None:
         return entry
     listed = [columns] * joints if isinstance(columns, str) else columns
-    inputs = {**entry.columns.inputs, TEMPERATURE: listed}
+    inputs = {**entry.columns.inputs, name: listed}
     more = ColumnsEntry.model_validate(
         entry.columns.model_dump(exclude_unset=True) | {"inputs": inputs}
     )
@@ -123,5 +125,6 @@ def with_temperature(
 
 def without_temperature(recording: Recording) -> Recording:
     """The recording with those inputs only that the controller knew."""
-    kept = {name: values for name, values in recording.inputs.items() if name != TEMPERATURE}
+    own = TEMPERATURE, SENSORS
+    kept = {name: values for name, values in recording.inputs.items() if name not in own}
     return replace(recording, inputs=kept)

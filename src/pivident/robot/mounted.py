@@ -165,6 +165,23 @@ def with_body(
     return replace(robot, links=tuple(links))
 
 
+def carrier_of(robot: Robot, name: str | None) -> tuple[int, Pose | None]:
+    """Index of the moving link that carries a load; the frame there of a link fixed to it.
+
+    ``name``: of the link, or name or number (from 1) of the joint that moves it, or of a link of
+    the URDF that is fixed to it; None: the last link.
+
+    Raises:
+        RobotDescriptionError: there is no such link, or it is a part of the base.
+    """
+    if name is None:
+        return robot.size - 1, None
+    try:
+        return robot.link_index(name), None
+    except RobotDescriptionError:
+        return _place(robot, name)
+
+
 def _place(robot: Robot, link: str) -> tuple[int, Pose]:
     """Index of the moving link that a link belongs to, and its frame there."""
     if robot.urdf is not None and robot.urdf.path and robot.constraints is None:

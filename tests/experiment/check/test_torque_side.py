@@ -9,7 +9,9 @@ import pytest
 from pivident.data.logs.log import Log
 from pivident.experiment.check.experiment_check import check_experiment
 from pivident.experiment.check.torque_side import TorqueSideEvidence, torque_side_evidence
+from pivident.experiment.init.column_lines import side_lines
 from pivident.experiment.init.draft import draft_experiment
+from pivident.experiment.init.torque_unit import compare, torque_unit
 from pivident.judgement.audit.inverse_model import build_inverse_model
 from pivident.judgement.audit.timing import check_timing
 from pivident.robot.description import Robot
@@ -172,3 +174,34 @@ def test_one_rotor_that_certainly_turns_is_enough():
     found = TorqueSideEvidence(tuple("abcd"), shares, errors, np.full(4, 0.4), (0.02, 0.012))
     assert found.side == "unknown"
     assert replace(found, rotor=np.r_[0.023, 0.19, -0.04, 0.03]).side == "link"
+
+
+def test_joints_without_friction_outweigh_a_rotor_that_noise_made():
+    """A Panda at 30 Hz: its wrist carries so little that noise gives it a rotor."""
+    nan = np.nan
+    rotor = np.array([nan, nan, -0.35, -0.02, 1.27, 1.52, 1.39])
+    errors = np.array([nan, nan, 0.43, 0.06, 0.59, 0.58, 0.41])
+    friction = np.array([0.514, 0.02, 0.021, 0.008, 0.528, 0.319, 0.983])
+    names = tuple("abcdefg")
+    found = TorqueSideEvidence(names, rotor, errors, friction, (0.029, 0.063))
+    assert found.with_rotor == ("g",) and found.side == "link"
+    assert replace(found, pooled=(0.15, 0.063)).side == "unknown"
+    assert replace(found, friction=np.r_[0.5, 0.1, 0.1, 0.008, 0.5, 0.3, 0.98]).side == "unknown"
+    # most joints without friction leave room for errors of accelerations, but not for rotors
+    free = replace(found, friction=np.full(7, 0.02), rotor=np.full(7, 0.05), pooled=(0.055, 0.021))
+    assert free.side == "link"
+    assert replace(free, pooled=(0.055, 0.01)).side == "unknown"
+
+
+def test_init_says_that_the_side_is_open():
+    """Motors and sensors alike would have such shares; they are taken for those of the motors."""
+    log = make_log(60, Setting("regular", 200.0, 15.0, 0.0, 0.002, "none", 0.6), joints=4)
+    robot = parse_urdf(log.arm.urdf)
+    found = compare(robot, log.q, log.tau, log.t)
+    assert found.torque_side.side == "unknown"
+    unit = torque_unit(robot, found, "N m", False, None)
+    *_, line = side_lines(unit, found)
+    assert (line.key, line.value, line.example) == ("torque_side", None, '"link"')
+    assert "the log leaves open" in line.seen and "rotors take" in line.seen
+    current = torque_unit(robot, found, "A", True, None)
+    assert all(line.key != "torque_side" for line in side_lines(current, found))

@@ -16,7 +16,7 @@ def by_masses(problem: Problem) -> Problem:
     """The same with the torque in amperes of such drives, wherever the masses show a gain."""
     (record,) = problem.recordings
     log = log_of(problem.robot, record)
-    factors, _ = description_factors(log, build_inverse_model(log, check_timing(log)))
+    factors = description_factors(log, build_inverse_model(log, check_timing(log))).factors
     known = np.isfinite(factors)
     usual = np.median(np.abs(factors[known])) if known.any() else 1.0
     scales = tuple(

@@ -152,3 +152,22 @@ def test_gains_from_the_masses_do_not_hide_exchanged_joints(log, j, k):
     edit = found[0].repair.edits[0]
     assert isinstance(edit, Reordered) and {edit.order[j], edit.order[k]} == {j, k}
     assert search(ReadingRows.of(by_masses(problem_of(log, log.q, amperes)))) == ()
+
+
+def test_ratios_of_gains_that_nobody_verified_are_offered_where_the_error_falls(log):
+    """Each gain is off by less than what single gains are searched for."""
+    off = np.array([1.12, 0.9, 1.08, 0.94])
+    rows = ReadingRows.of(problem_of(log, log.q, log.tau / off))
+    names = log.arm.joint_names
+    assert (
+        search(rows) == () and search(ReadingRows.of(problem_of(log, log.q, log.tau)), names) == ()
+    )
+    (found,) = search(rows, names)
+    (edit,) = found.repair.edits
+    gains = np.array([dict(edit.factors).get(name, np.nan) for name in names])
+    ratios = gains / off
+    assert np.isfinite(ratios).sum() >= 3
+    np.testing.assert_allclose(
+        ratios / np.nanmedian(ratios), np.where(np.isfinite(gains), 1.0, np.nan), rtol=0.05
+    )
+    assert dict(search(rows, names[1:])[0].repair.edits[0].factors).get(names[0]) is None

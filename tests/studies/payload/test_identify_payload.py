@@ -8,7 +8,12 @@ import pytest
 from pivident.estimation.identification_file import save_identification
 from pivident.estimation.identify import identify
 from pivident.estimation.stored_identification import load_identification
-from pivident.foundation.errors import ExperimentError, IdentificationError, NegativePayload
+from pivident.foundation.errors import (
+    ExperimentError,
+    IdentificationError,
+    NegativePayload,
+    RobotDescriptionError,
+)
 from pivident.robot.frames import Pose, rotation_from_rpy
 from pivident.studies.payload.arm_and_load import KnownParts, load_columns
 from pivident.studies.payload.identify_payload import identify_payload
@@ -213,7 +218,7 @@ def test_a_load_on_another_link_does_not_fit(arm):
 
 def test_what_does_not_belong_together_is_refused(arm, empty):
     problem = loaded(arm)
-    with pytest.raises(ExperimentError, match="did you mean 'link_6'"):
+    with pytest.raises(RobotDescriptionError, match="did you mean 'link_6'"):
         identify_payload(empty, problem, link="link_66")
     turned = replace(problem, robot=problem.robot.with_gravity(np.array([0.0, 9.81, 0.0])))
     with pytest.raises(ExperimentError, match="another mounting"):

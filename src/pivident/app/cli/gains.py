@@ -78,6 +78,8 @@ def gains_text(found: GainsOfExperiment) -> str:
     parts += _sentences(found)
     if found.temperatures:
         parts.append(_temperature_table(found))
+    if found.gears:
+        parts.append(_gear_table(found))
     return "\n\n".join(parts)
 
 
@@ -242,6 +244,27 @@ def _temperature_table(found: GainsOfExperiment) -> str:
         ]
     )
     return f"Motor constants k = k₀ (1 + a (T - T₀)), gains are those at T₀:\n{table}"
+
+
+def _gear_table(found: GainsOfExperiment) -> str:
+    """What the torques before and behind each gear say of it."""
+    from pivident.estimation.drives.gear_losses import QUANTITIES
+    from pivident.foundation.text.numbers import plus_minus
+    from pivident.foundation.text.plain_table import plain_table
+
+    gears, units = found.gears, ("", "", "kg m²", "N m s/rad", "N m", "N m")
+    columns = [("gear of", "<", [gear.joint for gear in gears])]
+    for k, (name, unit) in enumerate(zip(QUANTITIES, units, strict=True)):
+        cells = []
+        for gear, said, torque in zip(gears, found.declared, found.torque_units, strict=True):
+            scale, own = (said.value, f" {torque}/{said.base_unit}") if k == 0 else (1.0, "")
+            cells.append(plus_minus(scale * gear.values[k], 2 * scale * gear.std[k]) + own)
+        columns.append((f"{name} {unit}".strip(), "<", cells))
+    columns.append(("left %", ".", [f"{100 * gear.relative_error:.1f}" for gear in gears]))
+    return (
+        "Gears by the torques before and behind them (± 2σ; kg, N and N s/m where a joint slides); "
+        f"the scale is that of the sensors:\n{plain_table(columns)}"
+    )
 
 
 def _rows_in_log_units(experiment: Experiment) -> tuple[MotorInLogUnits, ...]:

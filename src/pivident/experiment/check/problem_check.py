@@ -39,6 +39,7 @@ from pivident.judgement.validation.divergence_cause import missing_inertia
 from pivident.judgement.validation.held_out.folds import Division, division_of
 from pivident.loop.motion.planted_feet import on_planted_feet
 from pivident.robot.description import Robot
+from pivident.robot.mounted import carrier_of
 from pivident.signals.bandpass import EDGE
 
 #: Another number of held-out blocks than the file asks for.
@@ -103,14 +104,13 @@ class ProblemCheck:
     def _joints(self, robot: Robot) -> None:
         """Joints that other tables name."""
         load, known = self._content.payload, self._content.gains.payload
-        for table, joint in (
-            (("payload", "link"), None if load is None else load.link),
-            (("gains", "payload", "joint"), None if known is None else known.joint),
+        for table, name, find in (
+            (("payload", "link"), None if load is None else load.link, carrier_of),
+            (("gains", "payload", "joint"), None if known is None else known.joint, carrier_of),
         ):
-            names = (*robot.joint_names, *(link.name for link in robot.links))
             try:
-                if joint is not None and joint not in names:
-                    robot.joint_index(joint)
+                if name is not None:
+                    find(robot, name)
             except PividentError as error:
                 self.remarks.append(of_error(error, "file", table))
 

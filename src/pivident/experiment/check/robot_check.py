@@ -166,9 +166,10 @@ def _body(joint: Joint, link: Link, file: str) -> Iterator[Finding]:
     body = Body.of_parameters(link.inertia)
     place = f"of link {link.name} in {file}"
     if body.mass == 0.0:
-        text = f"The mass {place} is 0 kg, but it has an inertia."
-        step = "Give the mass in kg, or leave the inertia out too."
-        yield _finding("error", "no mass", text, step, joint.name)
+        text = f"The mass {place} is 0 kg, but it has an inertia, which no body has."
+        step = "Give the mass in kg for a model that is exported or simulated; estimates from "
+        step += "torques do not need it."
+        yield _finding("warning", "no mass", text, step, joint.name)
         return
     away = float(np.linalg.norm(body.center_of_mass))
     if away > MAX_DISTANCE:

@@ -84,8 +84,14 @@ class TorqueSideEvidence:
         little = np.nanmedian(self.friction) < MAX_FRICTION
         if no_rotors and without >= FEWEST and little:
             return "link"
-        free = (self.friction < NO_FRICTION).sum() >= FEWEST and not self.with_rotor
-        return "link" if free and share - 2.0 * error < NOTHING else "unknown"
+        # the rotor of a joint that hardly carries anything is what noise makes of it: more joints
+        # without friction outweigh it, if over all joints rotors are not what they would be
+        free = int((self.friction < NO_FRICTION).sum())
+        outweighs = free > len(self.with_rotor) and share + 2.0 * error < MAX_SHARE
+        is_free = free >= FEWEST and (not self.with_rotor or outweighs)
+        most = 2 * free > len(self.friction) and outweighs
+        is_none = share - (3.0 if most else 2.0) * error < NOTHING
+        return "link" if is_free and is_none else "unknown"
 
     @property
     def with_rotor(self) -> tuple[str, ...]:

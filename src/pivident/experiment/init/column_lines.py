@@ -97,6 +97,14 @@ def side_lines(
     elif said:
         seen = f"{by} sensors behind the gears, which the log contradicts: {_side_text(found)}"
         lines.append(Assumption("recording", "torque_side", None, "likely", seen, example='"link"'))
+    elif (
+        found.torque_side is not None
+        and found.torque_side.side == "unknown"
+        and measures_link_torques(torque, found, open_is_link=True)
+    ):
+        seen = "torques are taken for those of the motors; the log leaves open whether they are of "
+        seen += f"sensors behind the gears: {found.torque_side}"
+        lines.append(Assumption("recording", "torque_side", None, "likely", seen, example='"link"'))
     return lines
 
 
@@ -144,17 +152,20 @@ def temperature_lines(
 
 
 def measures_link_torques(
-    torque: TorqueUnit, found: Comparison, preset: Preset | None = None
+    torque: TorqueUnit,
+    found: Comparison,
+    preset: Preset | None = None,
+    open_is_link: bool = False,
 ) -> bool:
     """Whether torques in N m contain neither rotors nor friction of drives.
 
-    The log decides; where it leaves that open, the preset of its logger does.
+    The log decides; where it leaves that open, the preset of its logger does, or ``open_is_link``.
     """
     listed = torque.value if isinstance(torque.value, list) else [torque.value]
     units = [unit.get("unit") if isinstance(unit, Mapping) else unit for unit in listed]
     in_si = all(unit in ("N m", "Nm", "N") for unit in units) and not torque.motor_side
     shown = "unknown" if found.torque_side is None else found.torque_side.side
-    said = preset is not None and preset.side == "link"
+    said = open_is_link or (preset is not None and preset.side == "link")
     return in_si and (shown == "link" or (said and shown == "unknown"))
 
 

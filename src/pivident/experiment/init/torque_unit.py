@@ -8,7 +8,7 @@ robot's description has masses, one factor for each joint follows from them, see
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,8 @@ from pivident.data.logs.log import Log
 from pivident.data.logs.recognition.presets import Preset
 from pivident.data.logs.torque_scale import ASSUMED, MASSES
 from pivident.data.logs.units import COMMAND, TORQUE
+from pivident.estimation.drives.log_units import KNOWN_WITHIN
+from pivident.estimation.normal_equations import JointSums
 from pivident.experiment.check.torque_side import TorqueSideEvidence, torque_side_evidence
 from pivident.experiment.init.assumption import Question, Sureness
 from pivident.foundation.errors import PividentError
@@ -26,10 +28,11 @@ from pivident.judgement.audit.description_factors import BLUNT, description_fact
 from pivident.judgement.audit.examination import Examination, in_turn
 from pivident.judgement.audit.flange_load import FlangeLoad, flange_load
 from pivident.judgement.audit.friction_drift import FrictionDrift, friction_drifts
+from pivident.judgement.audit.gain_ratios import gain_ratios, sums_of
 from pivident.judgement.audit.gravity import NO_GRAVITY
 from pivident.judgement.audit.inverse_model import build_inverse_model
 from pivident.judgement.audit.log_checks import CHECKS
-from pivident.judgement.audit.scale import ANGLE_UNIT, PositionUnitCheck
+from pivident.judgement.audit.scale import ALIKE, ANGLE_UNIT, UNLIKE, PositionUnitCheck
 from pivident.judgement.audit.timing import check_timing
 from pivident.robot.description import Robot
 
@@ -41,6 +44,10 @@ NEAR_RATIO = 1.4
 
 #: Relative difference below which a gain of the log is that of the description.
 SAME_GAIN = 0.01
+
+#: Share by which the masses of descriptions are wrong themselves: on arms whose torques are known,
+#: well determined factors lie so far from one. A gain that is known to this is as good as they are.
+MASSES_WITHIN = 0.1
 
 #: Rows below which nothing is compared.
 MIN_ROWS = 10
@@ -65,6 +72,23 @@ class Comparison:
     no_gravity: str = ""  # how the log shows that its torques hold no gravity, or empty
     warmed: tuple[FrictionDrift, ...] = ()  # joints whose friction follows the logged temperature
     drifted: tuple[FrictionDrift, ...] = ()  # joints whose friction follows time
+    #: Correlation of both torques, without friction and noise; NaN where it is not known.
+    shape: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    sums: Sequence[JointSums] = ()  # of the joints' equations
+
+    @property
+    def is_gain(self) -> np.ndarray:
+        """Joints whose factor is known well enough to be written as a gain, shape (joints,).
+
+        Written, a gain may be wrong by its interval, and the torques that other joints' parameters
+        predict for its joint with it. That must not be more than what no parameters explain of
+        them, or than the masses are wrong anyway. A gain changes the scale of a torque: where that
+        has another shape than the description's, another body makes the factor.
+        """
+        left = np.zeros(len(self.factors)) if self.errors is None else self.errors
+        half = 2.0 * self.standard_errors / np.abs(self.factors)
+        unlike = np.abs(self.shape) < UNLIKE if len(self.shape) else False
+        return (half <= np.clip(left, MASSES_WITHIN, KNOWN_WITHIN)) & ~unlike
 
 
 @dataclass(frozen=True)
@@ -154,7 +178,8 @@ def compare(
         if any(finding.declared is ANGLE_UNIT for finding in examined.findings):
             return Comparison(nothing, nothing, angle_unit=True)
         model, power = examined.model, examined.results["power"]
-        factors, standard_errors = description_factors(log, model, power.right)
+        scale = description_factors(log, model, power.right)
+        factors, standard_errors = scale.factors, scale.standard_errors
         side = torque_side_evidence(log, timing, model)
         load = flange_load(model, factors)
         if load is not None:
@@ -174,6 +199,8 @@ def compare(
         no_gravity=next((f.message for f in examined.findings if f.declared is NO_GRAVITY), ""),
         warmed=() if temperature is None else friction_drifts(model, temperature),
         drifted=friction_drifts(model, seconds) if temperature is None else (),
+        shape=scale.shape if load is None else np.full(robot.size, np.nan),
+        sums=sums_of(model),
     )
 
 
@@ -306,33 +333,31 @@ def _command(
         seen = f"{reason}; the log holds {name!r}, taken for N m (N) per unit of it"
         correct = "Compare it with the drive's data: torque constant times gear ratio."
         return TorqueUnit(value, "assumed", seen, correct)
-    gains, assumed = gains_of(robot, found, COMMAND[unit])
+    gains, ratios, assumed = gains_of(robot, found, COMMAND[unit])
     published = None if preset is None else preset.gains_of(robot.name, robot.size)
     if published is not None:
-        ratios = np.delete(np.abs(gains) / np.array(published[0]), assumed)
-        if not ratios.size or np.median(np.abs(np.log(ratios))) < np.log(NEAR_RATIO):
-            return _published(robot, found, unit, reason, published, ratios)
+        times = np.delete(np.abs(gains) / np.array(published[0]), [*ratios, *assumed])
+        if not times.size or np.median(np.abs(np.log(times))) < np.log(NEAR_RATIO):
+            return _published(robot, found, unit, reason, published, times)
         reason += f", and the masses contradict the gains of {published[1]}: the data decide"
+    by_masses = [j for j in range(robot.size) if j not in {*ratios, *assumed}]
     value = [
-        {"unit": unit, "gain": float(f"{gain:.4g}"), "scale": ASSUMED if j in assumed else MASSES}
+        {
+            "unit": unit,
+            "gain": float(f"{gain:.4g}"),
+            "scale": ASSUMED if j in assumed or not by_masses else MASSES,
+        }
         for j, gain in enumerate(gains)
     ]
-    if not np.isfinite(found.factors).any():
+    if not by_masses:
         seen = f"{reason}, and N m per unit can be taken neither from the robot's description nor "
         seen += f"from its masses: all torques and parameters are in units of {unit} until gains "
-        seen += "are set"
+        seen += f"are set{_listed_gains(robot, found, gains, ratios, assumed)}"
         correct = "Set gain = N m per unit for each joint, on the joint side, and leave scale out."
         return TorqueUnit(value, "assumed", seen, correct)
     seen = f"{reason}; N m per unit follow from the masses of the robot's description, whose own "
     seen += "errors come on top"
-    texts = []
-    for j, joint in enumerate(robot.joints):
-        if j in assumed:
-            texts.append(f"{joint.name} unknown, taken from the others")
-        else:
-            spread = 2.0 * found.standard_errors[j] / abs(found.factors[j])
-            texts.append(f"{joint.name} {gains[j]:.3g} ± {100 * spread:.1g} %")
-    seen += f" ({', '.join(texts)})" + _load_text(robot, found)
+    seen += _listed_gains(robot, found, gains, ratios, assumed) + _load_text(robot, found)
     if wrong := reversed_signs(found):
         seen += f"; {_signs_text(robot, found, wrong)}"
     correct = (
@@ -368,15 +393,50 @@ def _published(
     return TorqueUnit(value, "likely", seen, correct)
 
 
-def gains_of(robot: Robot, found: Comparison, unit: float) -> tuple[np.ndarray, list[int]]:
-    """N m per unit by joint, and the joints that got the typical gain of the others."""
-    gains = 1.0 / (found.factors * unit)
-    known = np.isfinite(gains)
-    assumed, wrong = [j for j in range(robot.size) if not known[j]], reversed_signs(found)
+def gains_of(
+    robot: Robot, found: Comparison, unit: float
+) -> tuple[np.ndarray, list[int], list[int]]:
+    """N m per unit by joint; joints whose gain follows from that of others, and those without any.
+
+    The last get the typical gain of those that the masses give.
+    """
+    known, wrong = found.is_gain, reversed_signs(found)
+    size = np.where(known, 1.0 / np.abs(found.factors * unit), np.nan)
+    signs = np.where(np.isin(np.arange(robot.size), wrong), -1.0, 1.0)
+    ratios: list[int] = []
+    gains = np.array(size)
+    if found.sums and not known.all():
+        shared = gain_ratios(found.sums, signs, size * unit)
+        ratios = np.flatnonzero(shared.connected & ~known).tolist()
+        gains[ratios] = np.abs(shared.gains[ratios]) / unit
+    assumed = [j for j in range(robot.size) if not known[j] and j not in ratios]
     for j in assumed:
-        magnitude = _typical_gain(robot, np.where(known, np.abs(gains), np.nan), j, 1.0 / unit)
-        gains[j] = -magnitude if j in wrong else magnitude
-    return gains, assumed
+        gains[j] = _typical_gain(robot, size, j, 1.0 / unit)
+    return signs * gains, ratios, assumed
+
+
+def _listed_gains(
+    robot: Robot, found: Comparison, gains: np.ndarray, ratios: list[int], assumed: list[int]
+) -> str:
+    """Each joint's gain with what it rests on, in brackets; empty where nothing is known of any."""
+    if not np.isfinite(found.factors).any() and not ratios:
+        return ""
+    texts = []
+    for j, joint in enumerate(robot.joints):
+        half = 200.0 * found.standard_errors[j] / abs(found.factors[j])
+        like = abs(found.shape[j]) if len(found.shape) else np.nan
+        shape = f"the torque has another shape than that of the description, correlation {like:.2f}"
+        if j in ratios or j in assumed:
+            why = ""
+            if np.isfinite(half):
+                why = f" (its masses leave ± {half:.2g} %{'; ' + shape if like < UNLIKE else ''})"
+            whence = "by what it shares with the others" if j in ratios else "unknown"
+            value = f"{gains[j]:.3g} " if j in ratios else ""
+            texts.append(f"{joint.name} {value}{whence}{why}")
+        else:
+            doubt = f" ({shape}: a body that it lacks may make this gain)" if like < ALIKE else ""
+            texts.append(f"{joint.name} {gains[j]:.3g} ± {half:.1g} %{doubt}")
+    return f" ({', '.join(texts)})"
 
 
 def _typical_gain(robot: Robot, gains: np.ndarray, j: int, default: float) -> float:

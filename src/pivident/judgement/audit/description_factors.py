@@ -9,13 +9,14 @@ factor where the description has none:
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from pivident.data.logs.log import Log
 from pivident.judgement.audit.blocked_fit import blocked_fit, jackknife, orthonormal
 from pivident.judgement.audit.inverse_model import InverseModel
-from pivident.judgement.audit.scale import ALIKE, OWN, check_scale, share_apart
+from pivident.judgement.audit.scale import ALIKE, OWN, Scale, check_scale, share_apart
 
 #: Relative standard error above which a factor is not used, and distance from the typical one.
 BLUNT, FAR = 0.3, 5.0
@@ -24,9 +25,7 @@ BLUNT, FAR = 0.3, 5.0
 CLEAR = 4.0
 
 
-def description_factors(
-    log: Log, model: InverseModel, signs_right: Sequence[int] = ()
-) -> tuple[np.ndarray, np.ndarray]:
+def description_factors(log: Log, model: InverseModel, signs_right: Sequence[int] = ()) -> Scale:
     """Logged torque per torque of the description, and its standard error, by joint.
 
     ``signs_right``: joints whose friction shows that their sign is right. Where the description
@@ -50,7 +49,7 @@ def description_factors(
                 typical = np.nanmedian(np.abs(factors[own]))
                 off = np.abs(np.log(np.abs(factors) / typical)) > np.log(FAR)
                 factors[own & off] = np.nan
-    return factors, standard_errors
+    return replace(scale, factors=factors, standard_errors=standard_errors)
 
 
 def _beside_a_rotor(model: InverseModel, j: int) -> tuple[float, float]:

@@ -93,6 +93,8 @@ class Scale:
     factors: np.ndarray  # torque of the log per torque of the description, or NaN
     standard_errors: np.ndarray  # of the factors
     likeness: np.ndarray  # correlation of both torques, without friction, or NaN
+    #: Of the torque that the joint's own parameters explain, noise apart: their shapes, or NaN.
+    shape: np.ndarray
 
 
 class PositionUnitCheck(LogCheck):
@@ -146,15 +148,15 @@ def check_scale(log: Log, model: InverseModel, signs_right: Container[int] = ())
     ``signs_right``: joints whose friction shows that their sign is right.
     """
     joints = model.robot.size
-    factors, standard_errors, likeness = np.full((3, joints), np.nan)
+    factors, standard_errors, likeness, shape = np.full((4, joints), np.nan)
     tau = model.tau()
     described = any(np.any(link.inertia) for link in model.robot.tree.links)
     for j in range(joints):
         if described and model.usable(j):
-            factors[j], standard_errors[j], likeness[j] = _gain(model, j, tau[:, j])
+            factors[j], standard_errors[j], likeness[j], shape[j] = _gain(model, j, tau[:, j])
     blunt = ~(standard_errors < BLUNT * np.abs(factors))
     factors[blunt] = np.nan
-    found = Scale((), factors, standard_errors, likeness)
+    found = Scale((), factors, standard_errors, likeness, shape)
     findings = _gain_findings(log, model, found, signs_right)
     if any(f.severity != "ok" for f in findings):
         load = flange_load(model, factors)
@@ -351,8 +353,8 @@ def _total_error(model: InverseModel) -> float:
     return float(np.exp(np.mean(np.log(np.maximum(errors, 1e-6))))) if usable else 1.0
 
 
-def _gain(model: InverseModel, j: int, tau: np.ndarray) -> tuple[float, float, float]:
-    """One factor for gravity and inertia together, how far the two disagree, and the likeness.
+def _gain(model: InverseModel, j: int, tau: np.ndarray) -> tuple[float, float, float, float]:
+    """One factor for gravity and inertia together, how far the two disagree, likeness and shape.
 
     A rotor that the description lacks takes its part of the inertia. The standard error is that of
     the fit, or half the distance between gravity's factor and inertia's where both are known: a
@@ -367,7 +369,7 @@ def _gain(model: InverseModel, j: int, tau: np.ndarray) -> tuple[float, float, f
     both = np.column_stack([model.gravity[rows, j], model.inertial[rows, j]])
     size = np.linalg.norm(both, axis=0)
     if not size.max():
-        return np.nan, np.nan, np.nan
+        return (np.nan,) * 4
     own = model.columns[j][rows][:, friction]
     if model.robot.rotor_inertia[j] == 0.0 and model.robot.size > 1:
         # Not described, it would pass for the link's inertia; of a single axis the two are one.
@@ -376,7 +378,7 @@ def _gain(model: InverseModel, j: int, tau: np.ndarray) -> tuple[float, float, f
     block, y = model.block[rows], tau[rows]
     together = both.sum(axis=1)
     if share_apart(together, rest) < OWN:
-        return np.nan, np.nan, np.nan
+        return (np.nan,) * 4
     fit = blocked_fit(np.column_stack([together / np.linalg.norm(together), rest]), y, block)
     factor = float(fit.estimate[0] / np.linalg.norm(together))
     standard_error = float(jackknife(fit.replicates[:, :1])[0] / np.linalg.norm(together))
@@ -388,7 +390,10 @@ def _gain(model: InverseModel, j: int, tau: np.ndarray) -> tuple[float, float, f
             standard_error = max(standard_error, float(abs(apart[0] - apart[1])) / 4.0)
     described, measured = (_without(column, rest) for column in (together, y))
     sizes = float(np.linalg.norm(described) * np.linalg.norm(measured))
-    return factor, standard_error, float(described @ measured) / max(sizes, 1e-300)
+    likeness = float(described @ measured) / max(sizes, 1e-300)
+    explained = _without(model.bases[j] @ (model.bases[j].T @ measured), rest)
+    sizes = float(np.linalg.norm(described) * np.linalg.norm(explained))
+    return factor, standard_error, likeness, float(described @ explained) / max(sizes, 1e-300)
 
 
 def _without(column: np.ndarray, rest: np.ndarray) -> np.ndarray:

@@ -9,13 +9,14 @@ With d_k the change of the score of stretch k, a repair counts where
 
 Each kind of fault has the same share of α, and each of its members the same share of that: m is the
 number of kinds times that of the members. The best repair is applied and the search goes on, so
-that two faults are found one after the other.
+that two faults are found one after the other. At the end come the ratios of gains that nobody has
+verified, all at once, as far as the joints share parameters.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -33,6 +34,7 @@ from pivident.foundation.text.repair import (
     Reversed,
     Shifted,
 )
+from pivident.judgement.audit.gain_ratios import gain_ratios, joint_sums
 from pivident.judgement.diagnostics.reading_rows import ReadingRows, mean_error
 from pivident.robot.description import Robot
 
@@ -74,10 +76,11 @@ class Candidate:
     alike: tuple[Repair, ...] = ()
 
 
-def search(rows: ReadingRows) -> tuple[Candidate, ...]:
+def search(rows: ReadingRows, unverified: Collection[str] = ()) -> tuple[Candidate, ...]:
     """Repairs that lower the error clearly, one after the other, each upon those before.
 
     The repairs are in the order in which they were found; none where the log is best as it is read.
+    ``unverified``: joints whose gains nobody has given.
     """
     found: list[Candidate] = []
     for _ in range(ROUNDS):
@@ -86,7 +89,26 @@ def search(rows: ReadingRows) -> tuple[Candidate, ...]:
             break
         found.append(best)
         rows = rows.after(best.repair)
+    ratios = _ratios(rows, unverified)
+    if ratios is not None and clearly_lower(rows.after(ratios).scores() - rows.scores(), 1):
+        found.append(Candidate(ratios))
     return tuple(found)
+
+
+def _ratios(rows: ReadingRows, unverified: Collection[str]) -> Repair | None:
+    """Factors of the torques with which the joints share their parameters best."""
+    names, (gram, right, square) = rows.robot.joint_names, rows.sums
+    free, sums = np.isin(names, list(unverified)), []
+    for j, name in enumerate(names):
+        k, count = rows.regressor.columns_of(j), int(rows.moving[:, j].sum())
+        grams, total = gram[:, j, k[:, None], k], float(square[:, j].sum())
+        sums.append(joint_sums(name, k, grams, right[:, j, k], total, count))
+    if not free.any() or not all(own.rows > own.columns.size for own in sums):
+        return None
+    found = gain_ratios(sums, np.ones(len(names)), np.where(free, np.nan, 1.0))
+    chosen = np.flatnonzero(found.connected & free)
+    factors = tuple((names[j], float(f"{found.gains[j]:.4g}")) for j in chosen)
+    return _one(Multiplied(channel="tau", factors=factors)) if factors else None
 
 
 def _best(rows: ReadingRows) -> Candidate | None:

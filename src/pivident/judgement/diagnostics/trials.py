@@ -193,7 +193,8 @@ def _suspicions(
     """What is tried: a search's repairs, those of the logged speeds, those of an audit."""
     found: list[_Suspicion] = []
     names = problem.robot.joint_names
-    found_by_search = () if rows is None else search(rows)
+    unverified = {scale.joint for r in problem.recordings for scale in r.torque_scale}
+    found_by_search = () if rows is None else search(rows, unverified)
     candidates = [_possible(problem, one, method) for one in found_by_search]
     if candidates:
         whole = joined(candidates)

@@ -27,7 +27,8 @@ from pivident.models.consistency.constraints import (
     Constraint,
     make_constraints,
     place_of_link,
-    plausible_masses,
+    plausible_bodies,
+    total_at_its_limit,
 )
 from pivident.models.consistency.link_quantities import link_table
 from pivident.models.consistency.metric import (
@@ -40,6 +41,7 @@ from pivident.models.consistency.metric import (
 from pivident.models.consistency.nearest_consistent import (
     ROOM,
     Active,
+    Nearest,
     StandardSpace,
     nearest_consistent,
     standard_space,
@@ -320,7 +322,7 @@ def make_consistent(
             that the prior pulls to; None: the robot's nominal ones.
         room: growth of the squared distance [σ²] left to the prior if the estimate is not
             consistent; the nearest point itself has links that are points, lines or plates. It is
-            reduced to a tenth or a hundredth if it would cost torque.
+            reduced to a tenth or a hundredth where that lowers the torque error clearly.
         accept_far: return the model even if the estimate is too poor.
 
     Returns:
@@ -362,15 +364,27 @@ def make_consistent(
     )
     metric = make_metric(identification, base, sums, near.scales[base.kept])
     constraints = make_constraints(identification.robot, base.standard, near, bounds)
-    plausible = plausible_masses(identification.robot, base.standard, near, bounds)
+    plausible = plausible_bodies(
+        identification.robot, base.standard, near, bounds, identification.is_in_newton_metres
+    )
     space = standard_space(identification.robot, metric, near)
-    found = nearest_consistent(space, constraints, near, prior, plausible, room)
+
+    def nearby(left: float) -> Nearest:
+        return nearest_consistent(
+            space, constraints, near, prior, plausible, left,
+            lambda values: _torque_errors(sums, metric.center, base.values(values))[1],
+        )  # fmt: skip
+
+    found = nearby(room)
     errors = _torque_errors(sums, metric.center, base.values(found.values))
     for narrower in (0.1, 0.01):
         if found.was_consistent or not errors[1] > (1.0 + NOTABLE_COST) * errors[0]:
             break
-        found = nearest_consistent(space, constraints, near, prior, plausible, narrower * room)
-        errors = _torque_errors(sums, metric.center, base.values(found.values))
+        nearer = nearby(narrower * room)
+        left = _torque_errors(sums, metric.center, base.values(nearer.values))
+        if not errors[1] > (1.0 + NOTABLE_COST) * left[1]:  # bodies degenerate for nothing
+            break
+        found, errors = nearer, left
     seconds = time.perf_counter() - began
     values, beta = found.values, base.values(found.values)
     p_value = probability(found.least_distance, found.directions, len(base))
@@ -396,6 +410,7 @@ def make_consistent(
             *metric.notes,
             *cost_notes(errors, p_value),
             *found.notes,
+            *total_at_its_limit(plausible, values, near.values),
             *identification.scale_warnings,
         ),
         sums=sums,

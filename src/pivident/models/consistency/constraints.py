@@ -12,9 +12,12 @@ A coupled motor adds ratio·iam between two joints (see `Coupling`): [[ia5, r ia
 on the TX40's wrist.
 
 Plausible masses are within a factor of the reference's, unless the user or the data say otherwise.
-Descriptions of vendors are off by some tens of percent, bodies of the geometry alone by a factor of
-a few. These bounds apply to the choice among near parameters only (see `nearest_consistent`); least
-distance and intervals do not use them, since they are no knowledge of the machine.
+Descriptions of vendors have a whole arm right to some percent, since somebody weighs it, and single
+links to some tens of percent; bodies of the geometry alone are off by a factor of a few. A
+plausible body fits its link: with R how far the link reaches from its middle c by its joints, or
+what its own description says if that is more, ∫ |x - c|² dm ≤ m R². These bounds apply to the
+choice among near parameters only (see `nearest_consistent`); least distance and intervals do not
+use them, since they are no knowledge of the machine.
 """
 
 from __future__ import annotations
@@ -27,8 +30,8 @@ import numpy as np
 from pivident.dynamics.parameters import Parameter
 from pivident.foundation.errors import ExperimentError, RobotDescriptionError
 from pivident.models.consistency.cone_program import Cone
-from pivident.models.consistency.pseudo_inertia import BASIS, least_body, triangle
-from pivident.models.consistency.reference import Reference, body_links, link_places
+from pivident.models.consistency.pseudo_inertia import BASIS, least_body, pseudo_inertia, triangle
+from pivident.models.consistency.reference import Reference, body_links, link_places, link_spheres
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
 
@@ -197,7 +200,7 @@ def _declared(
         mass = places[place_of_link(robot, name), 9:]
         made += mass_interval(name, "mass", interval, mass, reference)
     if bounds.total_mass is not None:
-        made += mass_interval("all links", "total mass", bounds.total_mass, places[:, 9], reference)
+        made += mass_interval(TOTAL, "total mass", bounds.total_mass, places[:, 9], reference)
     for name, box in bounds.center_of_mass.items():
         place = places[place_of_link(robot, name)]
         if len(box) != 3:
@@ -290,37 +293,100 @@ def _check(subject: str, what: str, interval: Interval) -> None:
 
 
 #: Largest mass of a link over that of the description, and least under it; the same of the total.
-MAX_FACTOR, MAX_TOTAL_FACTOR = 3.0, 2.0
+MAX_FACTOR, MAX_TOTAL_FACTOR = 3.0, 1.15
 
 #: The same for bodies of the geometry alone.
 MAX_ASSUMED_FACTOR, MAX_ASSUMED_TOTAL_FACTOR = 10.0, 4.0
 
+#: Share of the arm's mass that may be mounted on any link: a tool, cables, a gripper.
+MOUNTED = 0.1
 
-def plausible_masses(
+#: Distance of a described link's mass from its middle, in root mean squares, that it may have.
+MAX_RADIUS_FACTOR = 1.5
+
+#: Distance of the total mass from its limit, as a share of it, that counts as none.
+AT_LIMIT = 1e-4
+
+#: What bounds of all masses together are about.
+TOTAL = "all links"
+
+
+def plausible_bodies(
     robot: Robot,
     standard: Sequence[Parameter],
     reference: Reference,
     bounds: Bounds | None = None,
+    has_scale: bool = True,
 ) -> tuple[Constraint, ...]:
-    """Bounds of every mass and of their total, where the user declares none."""
-    declared = bounds or Bounds()
+    """Bounds of every body's size, of its mass and of their total, where the user declares none.
+
+    ``has_scale``: whether the torques are known to be in N m; masses mean nothing otherwise.
+    """
+    sizes = _sizes(robot, standard, reference)
+    return (
+        (*sizes, *_masses(robot, standard, reference, bounds or Bounds())) if has_scale else sizes
+    )
+
+
+def _sizes(
+    robot: Robot, standard: Sequence[Parameter], reference: Reference
+) -> tuple[Constraint, ...]:
+    """∫ |x - c|² dm ≤ m R² of each body."""
+    spheres, made = link_spheres(robot), []
+    image = np.array([pseudo_inertia(unit) for unit in np.eye(10)])
+    for i, place in zip(body_links(robot), link_places(robot, standard), strict=True):
+        middle, radius = spheres[i]
+        spread = np.trace(image[:, :3, :3], axis1=1, axis2=2) - 2.0 * image[:, :3, 3] @ middle
+        spread += middle @ middle * image[:, 3, 3]
+        mass = max(float(reference.values[place[9]]), 1e-300)
+        own = max(float(spread @ reference.values[place]) / mass, 0.0)
+        radius = max(radius, MAX_RADIUS_FACTOR * float(np.sqrt(own)))
+        matrix = np.zeros((1, len(standard)))
+        matrix[0, place] = image[:, 3, 3] - spread / radius**2
+        matrix /= mass
+        kind = f"its mass within {radius:.2g} m of its middle"
+        name = robot.tree.links[i].name
+        made.append(Constraint(name, kind, "nonnegative", 1, matrix, np.zeros(1)))
+    return tuple(made)
+
+
+def _masses(
+    robot: Robot, standard: Sequence[Parameter], reference: Reference, declared: Bounds
+) -> list[Constraint]:
+    """Bounds of every mass and of their total."""
     places = link_places(robot, standard)
     own = {place_of_link(robot, name) for name in declared.mass}
     made: list[Constraint] = []
     names = [robot.tree.links[i].name for i in body_links(robot)]
+    masses = reference.values[places[:, 9]]
+    mounted = MOUNTED * float(masses.sum())
     for i, place in enumerate(places):
         if i not in own:
             factor = MAX_ASSUMED_FACTOR if reference.assumed[i] else MAX_FACTOR
-            made += _within(names[i], "mass", place[9:], factor, reference)
+            least, most = masses[i] / factor, max(masses[i] * factor, masses[i] + mounted)
+            made += mass_interval(names[i], "mass", (least, most), place[9:], reference)
     if declared.total_mass is None and not own:
-        factor = MAX_ASSUMED_TOTAL_FACTOR if reference.assumed.any() else MAX_TOTAL_FACTOR
-        made += _within("all links", "total mass", places[:, 9], factor, reference)
-    return tuple(made)
+        factors = np.where(reference.assumed, MAX_ASSUMED_TOTAL_FACTOR, MAX_TOTAL_FACTOR)
+        total = float((masses / factors).sum()), float((masses * factors).sum())
+        made += mass_interval(TOTAL, "total mass", total, places[:, 9], reference)
+    return made
 
 
-def _within(
-    subject: str, what: str, places: np.ndarray, factor: float, reference: Reference
-) -> list[Constraint]:
-    """Between the reference over ``factor`` and ``factor`` times the reference."""
-    mass = float(reference.values[places].sum())
-    return mass_interval(subject, what, (mass / factor, mass * factor), places, reference)
+def total_at_its_limit(
+    plausible: Sequence[Constraint], values: np.ndarray, described: np.ndarray
+) -> tuple[str, ...]:
+    """What to declare where a plausible total mass decides, a sentence; empty where none does.
+
+    ``values``: of the standard parameters; ``described``: those of the reference.
+    """
+    for own in plausible:
+        left = float((own.matrix @ values + own.offset)[0])
+        if own.subject == TOTAL and abs(left) < AT_LIMIT:
+            masses = np.abs(own.matrix[0]) > 0.0
+            return (
+                f"All links weigh {values[masses].sum():.4g} kg together, at the limit of what is "
+                f"plausible beside the description's {described[masses].sum():.4g} kg: the torques "
+                "hardly determine it. If you know the mass of the moving arm, give it: total_mass "
+                "= [lowest, highest] under [consistency]",
+            )
+    return ()

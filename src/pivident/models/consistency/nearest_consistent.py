@@ -15,13 +15,16 @@ r_k = σ_k/|θ_k| between 0.1 and 1: a parameter that the data determine to a te
 better keeps the value of the nearest point to a tenth of its standard error, and where they say
 nothing the reference decides. If the estimate itself is consistent, x = 0, and only z is searched.
 
-Masses of the chosen point that are not plausible (see `plausible_masses`) are made so if the least
-distance to consistent parameters with plausible masses is not significantly larger.
+Bodies of the chosen point that are not plausible (see `plausible_bodies`) are made so if the least
+distance to consistent parameters with plausible bodies is not significantly larger, or the torque
+error does not show it: standard errors of measured records contain little model error, and a
+direction that no torque shows has no other knowledge than these bodies. Where both are larger, all
+but the total mass are tried, and at last the sizes alone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,8 +37,8 @@ from pivident.models.consistency.cone_program import (
     solve_cone_program,
     violation,
 )
-from pivident.models.consistency.constraints import REAL_BODY, Constraint
-from pivident.models.consistency.metric import HALF_INTERVAL, Metric
+from pivident.models.consistency.constraints import REAL_BODY, TOTAL, Constraint
+from pivident.models.consistency.metric import HALF_INTERVAL, NOTABLE_COST, Metric
 from pivident.models.consistency.priors import prior_terms
 from pivident.models.consistency.pseudo_inertia import from_triangle
 from pivident.models.consistency.reference import Reference, link_places
@@ -48,6 +51,9 @@ CONSISTENT = 1e-3
 #: within its interval. With a hundredth the result would be close to the nearest point itself,
 #: where bodies degenerate, at no smaller torque error (TX40 record).
 ROOM = HALF_INTERVAL**2
+
+#: Share of it that is left where plausible bodies take the rest.
+LEAST_ROOM = 0.01
 
 #: Smallest and largest move of a parameter by the prior [σ]; between them σ/|θ|.
 LEAST_MOVE, MOST_MOVE = 0.1, 1.0
@@ -163,10 +169,12 @@ def nearest_consistent(
     prior: str,
     plausible: Sequence[Constraint] = (),
     room: float = ROOM,
+    torque_error: Callable[[np.ndarray], float] = lambda values: np.nan,
 ) -> Nearest:
     """The nearest consistent parameters; ``room`` is the growth of d² that is left to the prior.
 
-    Conditions that are ``plausible`` restrict the choice unless the data contradict them.
+    Conditions that are ``plausible`` restrict the choice unless the data contradict them;
+    ``torque_error``: of standard parameters on the fitted record, NaN where it is not known.
     """
     requirements = imposed(space, constraints)
     closest = _closest(space, requirements, constraints)
@@ -183,16 +191,32 @@ def nearest_consistent(
             return Nearest(space.values(_wide(space, kept.u)), 0.0, 0.0, True, (), 0, notes)
     u, notes = _chosen(space, constraints, reference, prior, room, closest)
     if outside := _violated(space, plausible, u):
-        every = [*constraints, *plausible]
-        within = _closest(space, imposed(space, every), every)
-        bounded = float(np.linalg.norm(within.u[: space.distances]))
-        if bounded**2 <= least**2 + HALF_INTERVAL**2:
-            u, notes = _chosen(space, every, reference, prior, room, within)
-        else:
-            notes = (*notes, *_implausible(outside, np.sqrt(bounded**2 - least**2)))
+        farther = None
+        allowed = (1.0 + NOTABLE_COST) * torque_error(space.values(u))
+        for some in _fewer(plausible):
+            every = [*constraints, *some]
+            within = _closest(space, imposed(space, every), every)
+            growth = float(np.sum(within.u[: space.distances] ** 2)) - least**2
+            farther = farther or np.sqrt(max(growth, 0.0))
+            left = room if growth > room else max(room - growth, LEAST_ROOM * room)
+            chosen = _chosen(space, every, reference, prior, left, within)
+            unseen = torque_error(space.values(chosen[0])) <= allowed
+            failed = bool(notes) and not chosen[1]  # what they are compared with is nobody's choice
+            if growth <= HALF_INTERVAL**2 or unseen or failed:
+                u, notes = chosen
+                outside = [c for c in outside if c not in some]
+                break
+        if outside:
+            notes = (*notes, *_implausible(outside, farther))
     active, directions = active_constraints(space, constraints, closest)
     distance = float(np.linalg.norm(u[: space.distances]))
     return Nearest(space.values(u), least, distance, False, active, directions, notes)
+
+
+def _fewer(plausible: Sequence[Constraint]) -> list[Sequence[Constraint]]:
+    """All plausible conditions, those of single links, and those of sizes."""
+    own = [c for c in plausible if c.subject != TOTAL]
+    return [plausible, own, [c for c in own if "mass at" not in c.kind]]
 
 
 def _wide(space: StandardSpace, undetermined: np.ndarray) -> np.ndarray:
@@ -214,9 +238,9 @@ def _implausible(outside: Sequence[Constraint], farther: float | None) -> tuple[
     words = "; ".join(f"{c.subject}: {c.kind}" for c in outside)
     growth = "" if farther is None else f" by {format_significant(farther)} σ"
     return (
-        f"The data contradict plausible masses{growth} ({words}), so they were not imposed: "
+        f"The data contradict plausible bodies{growth} ({words}), so they were not imposed: "
         "check torque constants, gear ratios and the description's masses, or declare a mass in "
-        "[consistency.bounds]",
+        "[consistency.bounds], or total_mass under [consistency], where you know it",
     )
 
 

@@ -75,20 +75,43 @@ def link_places(robot: Robot, standard: Sequence[Parameter]) -> np.ndarray:
 
 def geometric_bodies(robot: Robot) -> np.ndarray:
     """Pseudo-inertia of every link as a body of density one, shape (tree joints, 4, 4)."""
-    closures = robot.constraints.closures if robot.constraints else ()
-    robot = robot.tree
-    at = _along(robot)
+    at = _along(robot.tree)
     reach = max(float(at.max(initial=0.0)), SHORTEST)
-    bodies = np.empty((robot.size, 4, 4))
-    for i in range(robot.size):
-        ends = [j.translation for j in robot.joints if j.parent == i]
-        for closure in closures:
-            pairs = zip(closure.links, closure.frames, strict=True)
-            ends += [frame.translation for link, frame in pairs if link == i]
+    bodies = np.empty((len(at), 4, 4))
+    for i, ends in enumerate(_ends(robot)):
         end = max(ends, key=lambda e: float(np.linalg.norm(e)), default=np.zeros(3))
         share = THICKEST + (THINNEST - THICKEST) * float(at[i]) / reach
         bodies[i] = _cylinder(np.asarray(end, dtype=float), share * reach)
     return bodies
+
+
+def link_spheres(robot: Robot) -> list[tuple[np.ndarray, float]]:
+    """Middle of each tree link, shape (3,), and how far it reaches from there by its joints [m].
+
+    A link reaches the greatest thickness of the arm beyond its joints, and twice that where none
+    follows: what hangs there is mounted, a hand or a tool.
+    """
+    reach = max(float(_along(robot.tree).max(initial=0.0)), SHORTEST)
+    spheres = []
+    for ends in _ends(robot):
+        corners = np.array([np.zeros(3), *ends])
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        beyond = THICKEST * reach * (1.0 if ends else 2.0)
+        spheres.append(((low + high) / 2.0, float(np.linalg.norm(high - low)) / 2.0 + beyond))
+    return spheres
+
+
+def _ends(robot: Robot) -> list[list[np.ndarray]]:
+    """Where further joints and closures are on each link of the tree [m]."""
+    ends: list[list[np.ndarray]] = [[] for _ in range(robot.tree.size)]
+    for joint in robot.tree.joints:
+        if joint.parent >= 0:
+            ends[joint.parent].append(np.asarray(joint.translation, dtype=float))
+    for closure in robot.constraints.closures if robot.constraints else ():
+        for link, frame in zip(closure.links, closure.frames, strict=True):
+            if link >= 0:
+                ends[link].append(frame.translation)
+    return ends
 
 
 def density_of_bodies(bodies: np.ndarray, masses: np.ndarray) -> float:
@@ -159,7 +182,7 @@ def make_reference(
     repaired = []
     links = [robot.links[i] for i in body_links(robot)]
     places = link_places(robot, standard)
-    assumed = ~values[places].any(axis=1)
+    assumed = ~(values[places[:, 9]] > 0.0)  # an inertia without a mass is no body's
     if assumed.any():
         bodies = geometric_bodies(closed)[list(body_links(robot))]
         masses = values[places[:, 9]]

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,9 +20,12 @@ from pivident.estimation.answer import method_label
 from pivident.estimation.covariance.stationary_noise import covariance_by_test
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
+from pivident.estimation.instrument_choice import Chosen
+from pivident.estimation.iteration import Signals
 from pivident.estimation.method import Method
 from pivident.estimation.methods import method_named
 from pivident.estimation.normal_equations import JointSums
+from pivident.estimation.prefiltered_iv import with_instruments
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import Decimated, RandomWalk
 from pivident.foundation.errors import ExperimentError
@@ -30,6 +33,7 @@ from pivident.loop.instruments.given_motion import InstrumentsUsed
 from pivident.loop.simulation.control_loop import Loop
 from pivident.robot.description import Robot
 from pivident.robot.frames import Pose
+from pivident.robot.mounted import carrier_of
 from pivident.robot.refusals import without_loops, without_wrenches
 from pivident.studies.payload.arm_and_load import ArmAndLoad, KnownParts, arm_and_load, widened
 from pivident.studies.payload.doubts import (
@@ -47,7 +51,6 @@ from pivident.studies.payload.loaded_record import (
     RestrictedSolution,
     check_recordings,
     check_same_arm,
-    link_index,
     noise_by_scores,
     noise_by_windows,
     solve_restricted,
@@ -88,7 +91,8 @@ def identify_payload(
             identified earlier, a problem with robot, loaded recordings and loop.
         method: ``ls``, ``iv-full-rate``, ``piv`` or a method object; band-pass and decimation of
             ``ls`` and ``iv`` are replaced by the smoother at full rate.
-        link: link, or joint that moves it; None: the last one.
+        link: link, or joint that moves it, or a link of the URDF that is fixed to it, such as a
+            flange; None: the last one that moves.
         known: known parts of the load, in ``frame``.
         frame: frame of a tool, its pose in the frame of the link; None: the link's frame.
         friction_under_load: whether friction may change with the load.
@@ -109,7 +113,7 @@ def identify_payload(
     say = progress or (lambda line: None)
     chosen, known = _full_rate(method), known or KnownParts()
     if isinstance(empty, Problem):
-        carrier = link_index(empty.robot, link)
+        carrier, fixed = carrier_of(empty.robot, link)
         check_recordings(empty, loaded)
         with_load = loaded if isinstance(loaded, Problem) else _loaded_problem(empty, loaded)
         arm = identify(empty, chosen, lambda line: say(f"without load: {line}"))
@@ -119,16 +123,19 @@ def identify_payload(
                 "with an arm identified earlier, give the loaded recordings as a Problem: robot, "
                 "recordings and loop"
             )
-        carrier = link_index(loaded.robot, link)
+        carrier, fixed = carrier_of(loaded.robot, link)
         arm, with_load = empty, loaded
     check_same_arm(arm, with_load)
+    said = tool_frame(with_load.robot, carrier, None if fixed is None else link, frame)
+    if fixed is not None:
+        frame = fixed if frame is None else fixed @ frame
     problem = replace(with_load, parameters=widened(arm, with_load.base, carrier), initial={})
     unknowns = arm_and_load(
         arm, problem, carrier, known, frame or Pose.identity(), friction_under_load
     )
     say("with load: smoothing the records")
-    records = LoadedRecords(problem, chosen)
-    sums, unknowns, solution, iterations, converged = _estimate(records, unknowns, chosen, say)
+    found, used = _estimate(problem, unknowns, chosen, say)
+    records, unknowns, sums, solution, iterations, converged = found
     noise = _noise(records, sums, solution, unknowns, chosen)
     covariance, moved = with_known(noise, unknowns, solution)
     load = _load(problem.robot, carrier, unknowns, solution, covariance)
@@ -138,7 +145,7 @@ def identify_payload(
         if masses is not None and masses.disagree:
             load = replace(load, covariance=load.covariance + masses.added)
     if frame is not None:
-        load = load.seen_from(frame, tool_frame(problem.robot, carrier, frame))
+        load = load.seen_from(frame, said)
     refuse_negative(load)
     own = unknowns.friction_part
     change = _arm_change(unknowns, solution, moved)
@@ -151,18 +158,17 @@ def identify_payload(
         )
         by_torques = _by_torques(sums, bare, solution.theta, problem.robot, carrier)
         if frame is not None:
-            by_torques = by_torques.seen_from(frame, tool_frame(problem.robot, carrier, frame))
+            by_torques = by_torques.seen_from(frame, said)
         warnings += contradicted(known, by_torques)
     if isinstance(empty, Problem):  # another method's error would refer to other samples
         warnings += worse_explained(arm, rms_errors)
     from pivident.foundation.version import __version__
 
-    instruments = InstrumentsUsed("loop") if chosen.simulates_loop else None
     return PayloadIdentification(
         load=load,
         link=problem.robot.links[carrier].name,
         joint=problem.robot.joint_names[carrier],
-        method=method_label(problem, chosen, instruments),
+        method=method_label(problem, chosen, used),
         arm=arm,
         arm_change=change,
         friction_names=tuple(arm.names[k] for k in unknowns.friction),
@@ -206,21 +212,47 @@ def _without_reconstruction(loop: Loop | None) -> Loop | None:
     return loop if loop is None else replace(loop, reconstructed=())
 
 
+class Estimate(NamedTuple):
+    """What the loaded records come to."""
+
+    records: LoadedRecords
+    unknowns: ArmAndLoad  # with the standard errors of the known parts at the mass found
+    sums: Sequence[JointSums]
+    solution: RestrictedSolution
+    iterations: int
+    converged: bool
+
+
 def _estimate(
-    records: LoadedRecords,
-    unknowns: ArmAndLoad,
-    method: Any,
-    say: Callable[[str], None],
-) -> tuple[list[JointSums], ArmAndLoad, RestrictedSolution, int, bool]:
-    """Least squares, or with instruments an iteration to convergence."""
-    simulated = unknowns.empty_theta
-    sums = records.least_squares(simulated)
-    unknowns, solution = _solved(sums, unknowns, simulated)
+    problem: Problem, unknowns: ArmAndLoad, method: Any, say: Callable[[str], None]
+) -> tuple[Estimate, InstrumentsUsed | None]:
+    """Least squares, or an iteration with instruments of the kind that identification takes."""
+    signals = Signals.of(problem, method)
     if not method.has_instruments:
-        if unknowns.problem.regressor.depends_on_load:
-            sums = records.least_squares(solution.theta)
-            unknowns, solution = _solved(sums, unknowns, solution.theta)
-        return sums, unknowns, solution, 1, True
+        return _least_squares(LoadedRecords(signals), unknowns), None
+
+    def iterated(chosen: Chosen) -> Estimate:
+        records = LoadedRecords(signals, method.steps(signals, chosen))
+        return _with_instruments(_least_squares(records, unknowns), method, say)
+
+    return with_instruments(signals, method, iterated, say)
+
+
+def _least_squares(records: LoadedRecords, unknowns: ArmAndLoad) -> Estimate:
+    """Without instruments: an answer by itself, and the start of the others."""
+    theta = unknowns.empty_theta
+    sums = records.least_squares(theta)
+    unknowns, solution = _solved(sums, unknowns, theta)
+    if records.steps is None and unknowns.problem.regressor.depends_on_load:
+        sums = records.least_squares(solution.theta)
+        unknowns, solution = _solved(sums, unknowns, solution.theta)
+    return Estimate(records, unknowns, sums, solution, 1, True)
+
+
+def _with_instruments(start: Estimate, method: Any, say: Callable[[str], None]) -> Estimate:
+    """Instruments, noise models and estimate in turn until the estimate stands still."""
+    records, unknowns, _, solution, _, _ = start
+    simulated = unknowns.empty_theta
     for k in range(1, method.max_iterations + 1):
         before = solution
         sums, simulated = records.with_instruments(k, simulated, solution.theta)
@@ -228,9 +260,10 @@ def _estimate(
         std = np.sqrt(np.abs(np.diag(solution.inverse)))
         change = float((np.abs(solution.x - before.x) / std).max())
         say(f"with load: estimate {k + 1}, changes by {change:.2g} standard errors")
-        if k + 1 >= MIN_ESTIMATES and change < max(0.05, method.tolerance):
-            return sums, unknowns, solution, k + 1, True
-    return sums, unknowns, solution, method.max_iterations + 1, False
+        settled = k + 1 >= MIN_ESTIMATES and change < max(0.05, method.tolerance)
+        if settled:
+            break
+    return Estimate(records, unknowns, sums, solution, k + 1, settled)
 
 
 def _solved(

@@ -1,7 +1,8 @@
 """Equations of the loaded records: what must match, the sums, and the unknowns from them.
 
 The same three estimators as without load, at the full sampling rate: least squares; instruments
-from the loop simulated with the loaded arm; the same after prefilters from the identified noise.
+from the loop simulated with the loaded arm, or from the record where there is none; the same after
+prefilters from the identified noise.
 
 Checks that arms, mountings, links and recordings match.
 
@@ -27,26 +28,24 @@ from typing import Any
 import numpy as np
 
 from pivident.data.recording.recording import Recording
-from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.covariance.sandwich import Jackknife, jackknife_of
 from pivident.estimation.covariance.stationary_noise import score_variance
 from pivident.estimation.equation_record import accumulate
 from pivident.estimation.full_rate import (
     FullRateRecord,
     filtered,
-    records_with_instruments,
     records_without_instruments,
 )
 from pivident.estimation.identification import Identification
-from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.noise_identification import Prefilters, Whitening
+from pivident.estimation.iteration import Pass, Signals, Simulated
+from pivident.estimation.noise_identification import Prefilters
 from pivident.estimation.normal_equations import JointSums, joint_variances
+from pivident.estimation.prefiltered_iv import PrefilteredSteps
 from pivident.estimation.problem import Problem
-from pivident.foundation.errors import ExperimentError, RobotDescriptionError
-from pivident.loop.motion.motion import torque_of, with_inner
+from pivident.foundation.errors import ExperimentError
+from pivident.loop.motion.motion import torque_of
 from pivident.robot.description import Robot
 from pivident.robot.frames import Pose
-from pivident.robot.naming import nearest
 from pivident.signals.prefilter import Prefilter
 from pivident.studies.payload.arm_and_load import ArmAndLoad, reduced
 
@@ -54,19 +53,15 @@ from pivident.studies.payload.arm_and_load import ArmAndLoad, reduced
 class LoadedRecords:
     """The loaded recordings of a problem with their instruments and prefilters."""
 
-    def __init__(self, problem: Problem, method: Any) -> None:
-        self.problem, self.method = problem, method
-        self.kinematics = [estimate_kinematics(r, method.signals) for r in problem.recordings]
-        self.limits = [problem.speed_limits(r) for r in problem.recordings]
-        self.whitening: Whitening | None = None
-        self.prefilters = Prefilters.none(problem)
-        if method.whitens:
-            self.whitening = Whitening.of(problem, method, self.kinematics)
-            self.prefilters = self.whitening.initial()
-        self.auxiliary: AuxiliaryModel | None = None
-        if method.has_instruments:
-            self.auxiliary = AuxiliaryModel(problem, differences=True, kinematics=self.kinematics)
-        self.records: list[FullRateRecord] = []
+    def __init__(self, signals: Signals, steps: Any = None) -> None:
+        """``steps``: those of a method with instruments; None: least squares."""
+        self.signals = signals if steps is None else steps.signals
+        self.steps = steps
+        self.problem = signals.problem
+        self.prefilters = Prefilters.none(self.problem)
+        if isinstance(steps, PrefilteredSteps):
+            self.prefilters = steps.whitening.initial()
+        self.records: Sequence[FullRateRecord] = []
 
     @property
     def filters(self) -> Sequence[Prefilter]:
@@ -75,28 +70,24 @@ class LoadedRecords:
 
     def least_squares(self, theta: np.ndarray) -> list[JointSums]:
         """Normal equations with Z = Φ: those of least squares, and the start of the others."""
-        known = [with_inner(self.problem.regressor, k, theta) for k in self.kinematics]
-        self.records = records_without_instruments(known, self.limits)
+        known = self.signals.measured(theta)
+        self.records = records_without_instruments(known, self.signals.limits)
         return accumulate(self.problem.regressor, self.records, self.filters)
 
     def with_instruments(
         self, number: int, last: np.ndarray, theta: np.ndarray
     ) -> tuple[list[JointSums], np.ndarray]:
-        """Normal equations with instruments from the simulated loop, and the parameters simulated.
+        """Normal equations with instruments, and the parameters that were simulated for them.
 
         ``last`` are the parameters of the previous estimate, which could be simulated.
         """
-        assert self.auxiliary is not None
-        regressor = self.problem.regressor
-        if self.whitening is not None:
-            self.prefilters = self.whitening.fitted(self.prefilters, number, theta, self.records)
-        motions, theta, _ = self.auxiliary.simulate_or_halve(last, theta)
-        moved = [with_inner(regressor, k, theta) for k in self.kinematics]
-        self.records = records_with_instruments(
-            moved, [with_inner(regressor, m, theta) for m in motions], self.limits
-        )
-        self.prefilters.exclude(self.records)
-        return accumulate(regressor, self.records, self.filters), theta
+        assert self.steps is not None
+        before = Pass(number, theta, last, self.records, self.prefilters)
+        self.prefilters = self.steps.noise_models(before, theta)
+        simulated = Simulated(*self.steps.auxiliary.simulate_or_halve(last, theta))
+        self.records, _ = self.steps.equations(before, simulated, self.prefilters)
+        sums = accumulate(self.problem.regressor, self.records, self.filters)
+        return sums, simulated.theta
 
     def residuals(self, theta: np.ndarray) -> list[np.ndarray]:
         """τ - Φθ of each recording [N m or N], shape (joints, samples)."""
@@ -126,19 +117,6 @@ class LoadedRecords:
         return score_variance(
             self.problem.regressor, self.records, filters, sums, variance, white, metric
         )
-
-
-def link_index(robot: Robot, name: str | None) -> int:
-    """Index of a link by its name, its joint's name or number (from 1); None: the last link."""
-    if name is None:
-        return robot.size - 1
-    try:
-        return robot.link_index(name)
-    except RobotDescriptionError:
-        known = [*(link.name for link in robot.links), *robot.joint_names]
-        raise ExperimentError(
-            f"there is no moving link {name!r} to carry a load", advice=nearest(name, known)
-        ) from None
 
 
 def check_recordings(empty: Problem, loaded: Problem | Sequence[Recording]) -> None:
@@ -190,12 +168,17 @@ def check_same_arm(arm: Identification, loaded: Problem) -> None:
             )
 
 
-def tool_frame(robot: Robot, link: int, frame: Pose) -> str:
-    """A tool's pose in the frame of its link, as text."""
+def tool_frame(robot: Robot, carrier: int, link: str | None, frame: Pose | None) -> str:
+    """The frame of a load as text: a tool's pose in the frame of its link, or that link's own."""
+    own = repr(robot.links[carrier].name)
+    if link is not None:
+        own = f"{link!r}, fixed to {own}"
+    if frame is None:
+        return f"link {own}"
     rotation = np.array2string(frame.rotation, precision=4, suppress_small=True, separator=", ")
     return (
         f"tool with origin {_vector(frame.translation)} m and axes {' '.join(rotation.split())} "
-        f"(columns) in the frame of link {robot.links[link].name!r}"
+        f"(columns) in the frame of link {own}"
     )
 
 

@@ -14,7 +14,7 @@ from pivident.estimation.method import Method
 from pivident.estimation.methods import WITHOUT_TORQUE
 from pivident.experiment.experiment import Experiment
 from pivident.experiment.explained import checked, errors_name, plain_form, toml_content
-from pivident.experiment.missing_torque import is_without_torque, with_temperature
+from pivident.experiment.missing_torque import is_without_torque, with_input
 from pivident.robot.naming import ROBOT_FILES
 from pivident.studies.many.fleet.fleet_keys import FleetEntry, FleetFile, as_template
 from pivident.studies.many.fleet.logs import FleetLog
@@ -78,7 +78,7 @@ class Template:
         (entry,) = self.content.recording
         if self.fleet.temperature is not None:
             joints = self.experiment.robot.size
-            entry = with_temperature(entry, self.fleet.temperature, joints)
+            entry = with_input(entry, self.fleet.temperature, joints)
         entries = []
         for record in log.records:
             files = {key: str(Path(path).absolute()) for key, path in record}
