@@ -20,7 +20,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -39,12 +39,16 @@ GOALS = {
 ANSWERS = (0, 3, 4)
 
 
+#: Description of an arm of seven axes among the public records.
+PANDA = "public/r11_panda_30hz_bag/panda.urdf"
+
+
 @dataclass(frozen=True)
 class Files:
     """A log and a description, and the log that is predicted."""
 
     logs: tuple[Path, ...]
-    robot: Path
+    robot: str  # a file, or a name of the gallery
     unseen: Path
 
     def commands(self) -> dict[str, tuple[str, ...]]:
@@ -53,7 +57,7 @@ class Files:
         logs = tuple(map(str, self.logs))
         return {
             "--help": ("--help",),
-            "init": ("init", *logs, "--robot", str(self.robot), "--yes", "--force",
+            "init": ("init", *logs, "--robot", self.robot, "--yes", "--force",
                      "--out", "draft.toml"),
             "check": ("check", "experiment.toml"),
             "identify": ("identify", "experiment.toml"),
@@ -120,34 +124,36 @@ def measure(name: str, files: Files, chosen: list[str], repeats: int, folder: Pa
     return holds
 
 
-def simulated(joints: int, rows: int, folder: Path) -> Files:
-    """An arm of random links under feedback: its description, a log, and another motion."""
-    from pivident.robot.robot_toml import save_robot
-
+def simulated(name: str, rows: int, folder: Path) -> Files:
+    """A described arm under feedback, with friction: a log, and another motion."""
+    from pivident.dynamics.forward import mass_matrix
+    from pivident.dynamics.parameters import nominal_values, standard_parameters
     from pivident.loop.simulation.control_loop import Loop
     from pivident.loop.simulation.controllers import PD
     from pivident.loop.simulation.simulated_record import simulate
+    from pivident.robot.gallery import load_robot
 
-    sys.path.insert(0, str(Path(__file__).resolve().parent))
-    from speed.workloads import arm
-
-    robot, bandwidth = arm(joints), 2.0 * np.pi * 10.0
-    inertia = robot.rotor_inertia + 1.0
+    described = load_robot(name)
+    # a URDF has no rotors, a loop of these gains would be unstable without them
+    robot = replace(described, rotor_inertia=np.maximum(described.rotor_inertia, 0.3))
+    standard = standard_parameters(robot)
+    postures = np.random.default_rng(1).uniform(-1.5, 1.5, (50, robot.size))
+    matrices = mass_matrix(robot, standard, nominal_values(robot, standard), postures)
+    inertia, bandwidth = np.einsum("njj->j", matrices) / len(postures), 2.0 * np.pi * 5.0
     loop = Loop(PD(inertia * bandwidth**2, inertia * 2.0 * bandwidth))
-    save_robot(robot, folder / "robot.toml")
     logs = []
-    for index, name in enumerate(("log", "unseen")):
+    for index, stem in enumerate(("log", "unseen")):
         made = simulate(
             robot, loop, rate=1000.0, duration=rows / 1000.0, encoder=1e-5, torque=0.1, seed=index
         )
         record = made.recording
         columns = {"t": record.t}
         for kind, values in (("q", record.q), ("tau", record.tau)):
-            columns |= {f"{kind}_{j + 1}": values[:, j] for j in range(joints)}
+            columns |= {f"{kind}_{j}": values[:, k] for k, j in enumerate(record.joint_names)}
         table = np.column_stack(list(columns.values()))
-        logs.append(folder / f"{name}.csv")
+        logs.append(folder / f"{stem}.csv")
         np.savetxt(logs[-1], table, delimiter=",", header=",".join(columns), comments="")
-    return Files((logs[0],), folder / "robot.toml", logs[1])
+    return Files((logs[0],), name, logs[1])
 
 
 def public(name: str, folder: Path) -> Files:
@@ -157,13 +163,13 @@ def public(name: str, folder: Path) -> Files:
         source = data / "public" / "r04_ur10_bag"
         names = ("ur10_exciting_trajectory.db3", "ur10.urdf")
         log, robot = (Path(shutil.copy(source / file, folder)) for file in names)
-        return Files((log,), robot, log)
+        return Files((log,), str(robot), log)
     source = data / "staubli_tx40"
     logs = (folder / "pos_read_data.csv", folder / "curr_data.csv")
     for log in logs:
         log.write_bytes(gzip.decompress((source / f"{log.name}.gz").read_bytes()))
     robot = Path(shutil.copy(source / "tx40_mdh_modified.urdf", folder))
-    return Files(logs, robot, folder / "experiment.toml")
+    return Files(logs, str(robot), folder / "experiment.toml")
 
 
 def main() -> int:
@@ -182,9 +188,10 @@ def main() -> int:
     for name in arguments.logs:
         with tempfile.TemporaryDirectory() as made:
             folder = Path(made)
-            if name in ("planar", "seven"):
-                rows, joints = (2000, 2) if name == "planar" else (20_000, 7)
-                files = simulated(joints, rows, folder)
+            if name == "planar":
+                files = simulated("planar_2r", 2000, folder)
+            elif name == "seven":
+                files = simulated(str(Path(os.environ["PIVIDENT_DATA"]) / PANDA), 20_000, folder)
             else:
                 files = public(name, folder)
             holds &= measure(name, files, arguments.commands, arguments.repeats, folder)
