@@ -26,9 +26,9 @@ MAX_ROOMS = 13
 #: filters, algebraic signals and lines, loops on a measured base, derivatives kept in blocks.
 MAX_LINES_OF_PACKAGE = 7800
 #: Statements of all modules without docstrings, but for generated ones; it only falls, but for what
-#: a judge needs that tries its own advice, a studio that carries it out, shapes of model error, and
-#: what somebody says of a log and a machine, a preset of its logger, gears with two sensors, designs
-#: compared with what was run, or what takes the place of a slow import.
+#: a judge needs that tries its own advice, a studio that carries it out, shapes of model error,
+#: what somebody says of a log and a machine, a preset of its logger, gears with two sensors,
+#: designs compared with what was run, and what takes the place of slow imports.
 MAX_STATEMENTS = 74_060
 #: Modules, packages included; it only falls, but for what any log and quick commands need (750
 #: before).
