@@ -283,6 +283,11 @@ class Method(Options):
         """Whether it cannot do without a control law."""
         return not self.handles.no_controller
 
+    @property
+    def begins_as_described(self) -> bool:
+        """Whether its first simulation has the initial values, by default the description's."""
+        return False
+
     def first_iteration(self) -> Method | None:
         """The same with one iteration; None where the record is all that it needs."""
         return None
@@ -324,6 +329,11 @@ class IteratedMethod(Method):
     )
 
     cost: ClassVar[Cost] = Cost(0.1, 6e-8)
+
+    @property
+    def begins_as_described(self) -> bool:
+        """Whether ``start`` is ``initial``."""
+        return self.start == "initial"
 
     def first_iteration(self) -> Method | None:
         """The same with one iteration."""

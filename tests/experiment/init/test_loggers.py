@@ -67,7 +67,7 @@ def test_data_that_contradict_a_preset_decide(tmp_path, measured):
 
 def torque_of(preset, factors):
     robot = load_robot("planar_2r")
-    found = Comparison(np.array(factors), np.full(2, 0.01))
+    found = Comparison(np.array(factors), 0.02 * np.abs(factors))
     return torque_unit(robot, found, None, False, None, None, preset)
 
 

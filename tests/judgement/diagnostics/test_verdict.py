@@ -19,12 +19,9 @@ from pivident.judgement.diagnostics.diagnostics import diagnose, diagnose_one
 from pivident.judgement.diagnostics.estimate_statements import further_warnings, wanted_motions
 from pivident.judgement.diagnostics.prediction_statements import prediction, simulated_loop
 from pivident.judgement.diagnostics.residual_statements import friction_law
+from pivident.judgement.diagnostics.stored_verdict import held_out_errors, recommended_method
 from pivident.judgement.diagnostics.verdict import Verdict, beside_verdict, verdict
-from pivident.judgement.diagnostics.verdict_file import (
-    held_out_errors,
-    recommended_method,
-    save_verdict,
-)
+from pivident.judgement.diagnostics.verdict_file import save_verdict
 from pivident.judgement.validation.held_out.prediction import PredictionError
 from pivident.models.consistency.metric import is_far
 from pivident.signals.spectral_lines import SpectralLine

@@ -192,7 +192,7 @@ def _without_torque(problem: Problem, methods: dict[str, Method]) -> Iterator[Fi
 
 def _without_rotors(problem: Problem, methods: dict[str, Method]) -> Iterator[Finding]:
     """What the description lacks where simulations start from it; least squares estimates it."""
-    described = any(getattr(method, "start", "") == "initial" for method in methods.values())
+    described = any(method.begins_as_described for method in methods.values())
     if problem.loop is not None and described:
         step = 'Or leave out start = "initial": methods then start from least squares.'
         for sentence in missing_inertia(problem):
