@@ -1,6 +1,7 @@
 """One screen, at most 24 lines of 110 columns, whatever the robot; what uses are answered by."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from pivident.data.recording.recording import Recording
 from pivident.estimation.identify import identify
 from pivident.estimation.problem import Problem
 from pivident.foundation.text.finding import Finding
+from pivident.judgement.diagnostics import uses
 from pivident.judgement.diagnostics.diagnostics import diagnose
 from pivident.judgement.diagnostics.summary import MAX_ITEMS, WIDTH, Item
 from pivident.judgement.diagnostics.verdict import verdict
@@ -105,3 +107,25 @@ def test_a_statement_that_the_estimate_is_wrong_rules_it_out(judged, monkeypatch
     assert verdict(diagnostics).headline == (
         "Do not use it for torque prediction: a force is not measured."
     )
+
+
+@pytest.mark.parametrize(
+    ("error", "plain", "answer"),
+    [
+        (0.9, 0.5, "yes"),
+        (1.04, 0.69, "care"),
+        (2.9, 2.2, "care"),
+        (3.6, 2.2, "no"),
+        (2.2, 2.3, "yes"),
+    ],
+)
+def test_a_difference_of_errors_that_costs_nothing_forbids_nothing(
+    monkeypatch, error, plain, answer
+):
+    monkeypatch.setattr(uses, "unexplained_joints", lambda judged: {})
+    said, why = uses._against_baselines(
+        SimpleNamespace(trials=()),
+        SimpleNamespace(total_moving_in_band=error),
+        {"error": error, "plain law": plain},
+    )
+    assert said == answer and ("misses less" in why) == (answer != "yes")

@@ -38,7 +38,8 @@ Answer = Literal["yes", "care", "no"]
 #: from which it is worse.
 AS_GOOD, WORSE = 1.05, 1.25
 
-#: Error below which nothing is gained by a smaller one [%].
+#: Error below which nothing is gained by a smaller one, and difference of errors that costs nothing
+#: [% of the torque].
 NEGLIGIBLE = 1.0
 
 #: Growth of the fit error of a machine's parameters that counts as none.
@@ -118,7 +119,7 @@ def _against_baselines(
     if known and error > NEGLIGIBLE:
         least, what = min(known)
         if error > AS_GOOD * least:
-            answer: Answer = "no" if error > WORSE * least else "care"
+            answer: Answer = "no" if error > max(WORSE * least, least + NEGLIGIBLE) else "care"
             return answer, f"{what} misses less, {percent(least)}"
     if missed := unexplained_joints(e):
         said = listed([f"{joint} ({percent(x)})" for joint, x in missed.items()], 3)
