@@ -21,6 +21,7 @@ from pivident.estimation.method import Method
 from pivident.estimation.signal_recipes import Decimated
 from pivident.estimation.simulation_result import SimulationResult
 from pivident.estimation.solved_equations import EquationNoise, Equations, TorqueSums
+from pivident.foundation.distributions import normal
 from pivident.foundation.errors import UnusableValue
 from pivident.foundation.text import display
 from pivident.foundation.text.display import Displayed
@@ -254,9 +255,7 @@ class Identification(Displayed):
             raise UnusableValue(
                 f"level must be between 0 and 1, not {level}", advice="0.95 is usual"
             )
-        from scipy.special import ndtri
-
-        half = float(ndtri(0.5 * (1.0 + level))) * self.std
+        half = float(normal.ppf(0.5 * (1.0 + level))) * self.std
         ends = np.column_stack([self.theta - half, self.theta + half])
         for k, side in enumerate(self.bound_sides):
             if side:

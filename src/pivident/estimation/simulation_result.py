@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from pivident.estimation.output_error.simulation_fit import SimulationFit
+from pivident.foundation.distributions import normal
 from pivident.foundation.text.plain_values import LATER, Known, Limits, Null, Sized
 
 #: Root mean squares of errors of all joints; NaN where nothing was compared.
@@ -28,9 +29,7 @@ class LoopParameter:
 
     def interval(self, level: float = 0.95) -> tuple[float, float]:
         """Confidence interval, of one side where a bound holds the value."""
-        from scipy.special import ndtri
-
-        half = float(ndtri(0.5 * (1.0 + level))) * self.std
+        half = float(normal.ppf(0.5 * (1.0 + level))) * self.std
         low = self.value if self.bound == "low" else self.value - half
         high = self.value if self.bound == "high" else self.value + half
         return low, high

@@ -42,6 +42,7 @@ from pivident.dynamics.regressor import Regressor
 from pivident.estimation.equation_record import EquationRecord, JointColumns
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
+from pivident.foundation.distributions import fisher
 from pivident.foundation.text.plain_values import As, Limits, Sized
 from pivident.loop.motion.motion import Motion
 from pivident.signals.prefilter import Prefilter
@@ -208,8 +209,6 @@ class ExogeneityTest:
 
 def durbin_wu_hausman(sums: Sequence[JointSums], variance: np.ndarray, size: int) -> ExogeneityTest:
     """Test on the normal equations of all joints, whose columns are whitened."""
-    from scipy.special import fdtrc  # scipy.stats takes half a second to import
-
     gram, right = np.zeros((2 * size, 2 * size)), np.zeros(2 * size)
     total, rows = 0.0, 0
     for joint, lam in zip(sums, variance, strict=True):
@@ -230,7 +229,7 @@ def durbin_wu_hausman(sums: Sequence[JointSums], variance: np.ndarray, size: int
         float(statistic),
         directions,
         freedom,
-        float(fdtrc(directions, freedom, statistic)),
+        float(fisher.sf(statistic, directions, freedom)),
     )
 
 

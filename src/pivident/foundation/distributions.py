@@ -14,11 +14,11 @@ from scipy.special import (
     chdtr,
     chdtrc,
     chdtri,
-    fdtr,
     fdtrc,
     fdtri,
     gammaincinv,
     ndtr,
+    ndtri,
     stdtr,
     stdtrit,
 )
@@ -59,11 +59,6 @@ class fisher:
         return fdtrc(_positive(above), _positive(below), np.maximum(x, 0.0))
 
     @staticmethod
-    def cdf(x: Numbers, above: Numbers, below: Numbers) -> Numbers:
-        """Probability of at most x."""
-        return fdtr(_positive(above), _positive(below), np.maximum(x, 0.0))
-
-    @staticmethod
     def ppf(probability: Numbers, above: Numbers, below: Numbers) -> Numbers:
         """Value that is exceeded with one minus the probability."""
         return fdtri(_positive(above), _positive(below), probability)
@@ -100,6 +95,16 @@ class normal:
     def sf(x: Numbers) -> Numbers:
         """Probability of more than x."""
         return ndtr(np.negative(x))
+
+    @staticmethod
+    def cdf(x: Numbers) -> Numbers:
+        """Probability of at most x."""
+        return ndtr(x)
+
+    @staticmethod
+    def ppf(probability: Numbers) -> Numbers:
+        """Value that is exceeded with one minus the probability."""
+        return ndtri(probability)
 
 
 def _positive(freedom: Numbers) -> Numbers:

@@ -275,8 +275,10 @@ def quick_base_parameters(robot: Robot) -> BaseParameters:
     """
     if robot.constraints is not None:
         return base_parameters(robot)
-    made = lambda: closed_form_base_parameters(robot, "numbers").numeric()  # noqa: E731
-    return once(("base parameters in closed form", robot), made)
+    return once(
+        ("base parameters in closed form", robot),
+        lambda: closed_form_base_parameters(robot, "numbers").numeric(),
+    )
 
 
 def _all_local_groups(

@@ -30,6 +30,7 @@ from pivident.experiment.check.robot_check import check_robot
 from pivident.experiment.experiment import Experiment
 from pivident.experiment.file_keys import RecordingEntry
 from pivident.experiment.file_lines import file_lines, numbered
+from pivident.foundation.common_work import work_in_common
 from pivident.foundation.errors import PividentError
 from pivident.foundation.text.finding import Finding, FindingKind, Severity, Topic, merged, worst
 from pivident.foundation.text.plain_values import plain
@@ -184,7 +185,8 @@ class _Check:
     def _log(self, place: Place, entry: RecordingEntry, robot: Robot | None) -> None:
         """Everything about one log."""
         controller = self.content.controller
-        found = check_log(entry, place, robot, self.folder, controller)
+        with work_in_common():  # base parameters and regressors once for a robot
+            found = check_log(entry, place, robot, self.folder, controller)
         self.remarks += found.remarks
         self.recordings += [(place, recording) for recording in found.recordings]
         if found.audit is not None and place[0] == "recording":

@@ -29,7 +29,6 @@ from pivident.experiment.check.remark import Remark, of_error, of_finding, usabl
 from pivident.experiment.check.torque_side import TorqueSideCheck
 from pivident.experiment.file_keys import ControllerEntry, RecordingEntry
 from pivident.experiment.recording_tables import columns_in_file, log_of, run_of
-from pivident.foundation.common_work import work_in_common
 from pivident.foundation.errors import (
     BadCell,
     BrokenMotion,
@@ -72,18 +71,7 @@ def check_log(
     folder: Path,
     controller: ControllerEntry | None,
 ) -> CheckedLog:
-    """Everything about one log, base parameters and regressors of its robot computed once."""
-    with work_in_common():
-        return _check_log(entry, place, robot, folder, controller)
-
-
-def _check_log(
-    entry: RecordingEntry,
-    place: Place,
-    robot: Robot | None,
-    folder: Path,
-    controller: ControllerEntry | None,
-) -> CheckedLog:
+    """Everything about one log."""
     remarks: list[Remark] = []
     if entry.columns is not None:
         columns = entry.columns.model_dump(exclude_unset=True)

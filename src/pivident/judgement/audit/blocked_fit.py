@@ -11,13 +11,14 @@ from functools import cached_property
 
 import numpy as np
 from scipy.linalg import lstsq
-from scipy.special import ndtr, stdtrit
+
+from pivident.foundation.distributions import normal, student
 
 #: Stretches of time that a jackknife leaves out one by one.
 BLOCKS = 20
 
 #: Standard errors of such a jackknife that are as clear as four of a normal distribution.
-CLEAR = float(stdtrit(BLOCKS - 1, ndtr(4.0)))
+CLEAR = float(student.ppf(normal.cdf(4.0), BLOCKS - 1))
 
 #: Columns whose remainder is smaller than this, relative to themselves, are combinations.
 DEPENDENT = 1e-4

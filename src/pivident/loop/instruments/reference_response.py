@@ -39,6 +39,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.data.recording.recording import Recording
+from pivident.foundation.distributions import chi_square
 from pivident.foundation.errors import IdentificationError
 from pivident.foundation.text.numbers import percent
 from pivident.loop.instruments.given_motion import (
@@ -172,8 +173,6 @@ def answers_to_noise(kin: Kinematics) -> list[Answer]:
 
         N Σ_d r_d² ~ χ²,   r_d = corr(e_k, w_{k-d}),   d = 0 … `ANSWERED_WITHIN`
     """
-    from scipy.special import chdtrc
-
     recording, used = kin.recording, slice(kin.start, kin.stop)
     reference = recording.dq_ref if recording.q_ref is None else recording.q_ref
     assert reference is not None
@@ -189,7 +188,7 @@ def answers_to_noise(kin: Kinematics) -> list[Answer]:
         scale = np.sqrt((x @ x) * (y @ y))
         r = [float(x[d:] @ y[: length - d]) / scale for d in range(ANSWERED_WITHIN + 1)]
         share = float(np.sum(np.square(r)))
-        found.append(Answer(share, float(chdtrc(len(r), length * share))))
+        found.append(Answer(share, float(chi_square.sf(length * share, len(r)))))
     return found
 
 
