@@ -9,7 +9,7 @@ from pivident.studies.collision.bodies import Body, LinkPoses
 from pivident.studies.collision.clearances import Clearances
 from pivident.studies.collision.obstacles import Obstacle, ToolBox
 from pivident.studies.collision.outlines import outline_of
-from pivident.studies.collision.pairs import swept_ball
+from pivident.studies.collision.pairs import random_postures, swept_ball
 from pivident.studies.collision.room import built_apart, exact_distances
 from tests.robot.kinematics import link_poses
 from tests.robot.random_robots import random_robot
@@ -458,3 +458,27 @@ def test_an_obstacle_that_only_the_first_link_cannot_leave_is_what_the_robot_sta
     }
     assert all(f"{name} and hall" in " ".join(buried.remarks) for name in first)
     assert sum("table" in n for n in standing.names) >= 4
+
+
+def test_a_pair_that_is_built_near_leaves_room_to_plan_with():
+    """A forearm whose root is at most 8 mm beyond the clearance of the base."""
+    urdf = """<robot name="arm"><link name="base"/>
+      <link name="turret"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0"
+        ixz="0" iyz="0"/></inertial></link>
+      <link name="forearm"><inertial><origin xyz="0.2 0 0"/><mass value="1"/><inertia ixx="1"
+        iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+      <joint name="a" type="revolute"><parent link="base"/><child link="turret"/><axis xyz="0 0 1"/>
+        <limit lower="-2" upper="2" velocity="3" effort="80"/></joint>
+      <joint name="b" type="revolute"><parent link="turret"/><child link="forearm"/>
+        <origin xyz="0.05 0 0.1"/><axis xyz="0 1 0"/>
+        <limit lower="-2" upper="2" velocity="3" effort="80"/></joint></robot>"""
+    root = np.zeros(3)
+    bodies = [
+        Body("base", -1, root, root, 0.0418),
+        Body("forearm", 1, root, np.array([0.4, 0.0, 0.0]), 0.0418),
+    ]
+    made = Clearances.of(parse_urdf(urdf), bodies, clearance=0.02)
+    near = made.distances(random_postures(made.robot))
+    assert (near.max(axis=1) < 0.04).all()  # twice the clearance is nowhere
+    room = made.with_more(0.02).needed[:, None]
+    assert 0.3 < np.mean(near >= room)

@@ -312,7 +312,9 @@ class Clearances:
                 kept.append(replace(pair, needed=less, spare=less))
                 close.append(f"{pair.name} ({1e3 * less:.3g} mm)")
             elif not constant and not self._is_out_of_reach(pair):
-                kept.append(pair)
+                # room to plan with: at most half of what the pair has at its widest
+                spare = 0.5 * float(np.quantile(distance - pair.needed, STRUCTURAL_SHARE))
+                kept.append(replace(pair, spare=max(spare, 0.0)))
         remarks = []
         if built:
             remarks.append(
