@@ -9,7 +9,8 @@ body, fixed to the last link, with ten inertial parameters θ, moves all of them
 
 where d_j is the torque that the description gives, Φ_j the regressor of the last link, and a_j
 the logged torque per N m. The links before the last one set the scale. The equations are bilinear
-in a and θ and solved by Gauss-Newton steps.
+in a and θ and solved by Gauss-Newton steps, all from the same products of d_j, Φ_j, the joint's own
+columns and τ_j.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import numpy as np
 
 from pivident.dynamics.parameters import standard_parameters
 from pivident.dynamics.robot_regressor import regressor_of
-from pivident.judgement.audit.blocked_fit import blocked_fit, jackknife
+from pivident.judgement.audit.blocked_fit import BlockedFit, jackknife
 from pivident.judgement.audit.inverse_model import InverseModel
 from pivident.robot.description import INERTIAL
 
@@ -29,6 +30,9 @@ CLEAR = 6.0
 
 #: A load must leave at most this share of the error that gains alone leave, in squares.
 BETTER = 0.5
+
+#: Parameters of the body.
+BODY = len(INERTIAL)
 
 #: Gauss-Newton steps at most, and the change of the factors that ends them.
 STEPS, SETTLED = 30, 1e-4
@@ -53,27 +57,28 @@ def flange_load(model: InverseModel, factors: np.ndarray) -> FlangeLoad | None:
     if not np.isfinite(factors).any():
         return None
     size = np.linalg.norm(model.tau(), axis=0) * np.maximum(model.relative_errors, 1e-4)
-    weights = 1.0 / np.where(size > 0, size, 1.0)
-    body = _last_link(model)
+    products = _products(model, 1.0 / np.where(size > 0, size, 1.0))
     # The joints nearest to the base feel a load least; theirs is the gain to begin with.
     typical = float(np.abs(factors[np.isfinite(factors)][0]))
     a = np.where(np.isfinite(factors), np.sign(factors), 1.0) * typical
-    theta = np.zeros(len(INERTIAL))
-    alone = _squares(model, body, a, theta, weights, with_load=False)
+    theta = np.zeros(BODY)
+    start = _equations(products, a, theta)
+    others = np.delete(np.arange(start.shape[1]), np.s_[joints : joints + BODY])
+    alone = _rest(start[:, others][:, :, others])
+    if sum(_rest(own) for own in products) >= BETTER * alone:
+        return None  # not even with a body for each joint, whose equations are linear
     for _ in range(STEPS):
-        columns, y, block = _equations(model, body, a, theta, weights)
-        length = np.linalg.norm(columns, axis=0)
-        length[length == 0.0] = 1.0
-        fit = blocked_fit(columns / length, y, block)
+        equations = _equations(products, a, theta)
+        fit, length = _fit(equations)
         estimate = fit.estimate / length
         change = np.abs(estimate[:joints] - a).max() / np.abs(a).max()
-        a, theta = estimate[:joints], estimate[joints : joints + len(INERTIAL)]
+        a, theta = estimate[:joints], estimate[joints : joints + BODY]
         if change < SETTLED:
             break
     else:
         return None
     standard_error = jackknife(fit.replicates / length)
-    together = _squares(model, body, a, theta, weights, with_load=True)
+    together = _rest(_equations(products, a, theta))
     mass = INERTIAL.index("m")
     least = -float(robot.links[-1].inertia[mass])  # no more than the link has can be too much
     is_clear = abs(theta[mass]) > CLEAR * standard_error[joints + mass] and theta[mass] > least
@@ -84,71 +89,65 @@ def flange_load(model: InverseModel, factors: np.ndarray) -> FlangeLoad | None:
     )
 
 
-def _squares(
-    model: InverseModel,
-    body: list[np.ndarray],
-    a: np.ndarray,
-    theta: np.ndarray,
-    weights: np.ndarray,
-    with_load: bool,
-) -> float:
-    """Weighted sum of squares that factors leave, with a load or without."""
-    columns, y, _ = _equations(model, body, a, theta, weights)
-    if not with_load:
-        columns = np.delete(columns, np.s_[len(a) : len(a) + len(INERTIAL)], axis=1)
-    length = np.linalg.norm(columns, axis=0)
-    columns = columns / np.where(length > 0, length, 1.0)
-    rest = y - columns @ np.linalg.lstsq(columns, y, rcond=1e-12)[0]
-    return float(rest @ rest)
+def _products(model: InverseModel, weights: np.ndarray) -> list[np.ndarray]:
+    """Products of d_j, Φ_j, the joint's own columns and τ_j, by block, for each joint.
 
-
-def _last_link(model: InverseModel) -> list[np.ndarray]:
-    """Regressor of the last link's ten inertial parameters, for each joint (rows, 10)."""
-    robot = model.robot
-    own = [p for p in standard_parameters(robot) if p.is_inertial and p.joint == robot.size - 1]
-    full = regressor_of(robot, own).matrix(model.q, model.dq, model.ddq)
-    rows = np.asarray(full).reshape(len(model.at), robot.size, -1)
-    return [rows[:, j] for j in range(robot.size)]
-
-
-def _equations(
-    model: InverseModel,
-    body: list[np.ndarray],
-    a: np.ndarray,
-    theta: np.ndarray,
-    weights: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The equations of all joints, linear about a and θ: columns, torque and block of each row.
-
-    With a_j (d_j + Φ_j θ) ≈ a_j (d_j + Φ_j θ₀) + a₀_j Φ_j (θ - θ₀), the unknowns are the factors,
-    the body's parameters, and what each joint has of its own: friction and, where the description
-    has none, the rotor.
+    Each of shape (blocks, columns, columns). The joint's own are its friction and, where the
+    description has none, the rotor.
     """
-    robot, tau, parameters = model.robot, model.tau(), model.base.parameters
-    described = model.gravity + model.inertial
-    owns = []
+    robot, parameters = model.robot, model.base.parameters
+    last = [p for p in standard_parameters(robot) if p.is_inertial and p.joint == robot.size - 1]
+    body = np.asarray(regressor_of(robot, last).matrix(model.q, model.dq, model.ddq))
+    body = body.reshape(len(model.at), robot.size, BODY)
+    described, tau = model.gravity + model.inertial, model.tau()
+    blocks = np.unique(model.block[model.moving.any(axis=1)])
+    made = []
     for j in range(robot.size):
         kept = [
             k
             for k, index in enumerate(model.own[j])
             if parameters[index].friction is not None or parameters[index].coupling is not None
         ]
-        own = model.columns[j][:, kept]
+        own = [described[:, j], body[:, j], model.columns[j][:, kept]]
         if robot.rotor_inertia[j] == 0.0:
-            own = np.column_stack([own, model.ddq[:, j]])
-        owns.append(own)
-    first = robot.size + len(INERTIAL)
-    width, at = first + sum(own.shape[1] for own in owns), first
-    columns, y, block = [], [], []
-    for j, own in enumerate(owns):
-        rows = model.moving[:, j]
-        load = body[j][rows]
-        part = np.zeros((len(load), width))
-        part[:, j] = described[rows, j] + load @ theta
-        part[:, robot.size : first] = a[j] * load
-        part[:, at : at + own.shape[1]] = own[rows]
-        at += own.shape[1]
-        columns.append(weights[j] * part)
-        y.append(weights[j] * (tau[rows, j] + a[j] * (load @ theta)))
-        block.append(model.block[rows])
-    return np.vstack(columns), np.concatenate(y), np.concatenate(block)
+            own.append(model.ddq[:, j])
+        every = weights[j] * np.column_stack([*own, tau[:, j]])
+        parts = [every[model.moving[:, j] & (model.block == block)] for block in blocks]
+        made.append(np.array([part.T @ part for part in parts]))
+    return made
+
+
+def _equations(products: list[np.ndarray], a: np.ndarray, theta: np.ndarray) -> np.ndarray:
+    """Products of the columns and, last, the torque of all joints' equations, by block.
+
+    With a_j (d_j + Φ_j θ) ≈ a_j (d_j + Φ_j θ₀) + a₀_j Φ_j (θ - θ₀), linear about a₀ and θ₀, the
+    unknowns are the factors, the body's parameters, and what each joint has of its own.
+    """
+    joints = len(products)
+    first = at = joints + BODY
+    counts = [own.shape[1] - BODY - 2 for own in products]
+    total = np.zeros((len(products[0]), first + sum(counts) + 1, first + sum(counts) + 1))
+    for j, (own, count) in enumerate(zip(products, counts, strict=True)):
+        made = np.zeros((total.shape[1], own.shape[1]))  # of what the products are of
+        made[j, 0], made[j, 1 : 1 + BODY] = 1.0, theta
+        made[joints:first, 1 : 1 + BODY] = a[j] * np.eye(BODY)
+        made[at : at + count, 1 + BODY : -1] = np.eye(count)
+        made[-1, 1 : 1 + BODY], made[-1, -1] = a[j] * theta, 1.0
+        total += made @ own @ made.T
+        at += count
+    return total
+
+
+def _fit(products: np.ndarray) -> tuple[BlockedFit, np.ndarray]:
+    """The torque by the other columns, each of unit length, and these lengths."""
+    length = np.sqrt(np.diag(products.sum(axis=0))[:-1])
+    length[length == 0.0] = 1.0
+    grams = products[:, :-1, :-1] / np.outer(length, length)
+    return BlockedFit(grams, products[:, :-1, -1] / length), length
+
+
+def _rest(products: np.ndarray) -> float:
+    """Sum of squares that the other columns leave of the torque."""
+    fit, _ = _fit(products)
+    square = float(products[:, -1, -1].sum())
+    return square - float(fit.estimate @ fit.rights.sum(axis=0))
