@@ -29,9 +29,11 @@ import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
+from pivident.foundation.common_work import once
 from pivident.foundation.errors import NonFiniteSamples, RecordingError
 from pivident.foundation.scratch import working_array
 from pivident.foundation.threads import run_in_threads, thread_count
@@ -246,15 +248,20 @@ def half_power_frequencies(q: np.ndarray, rate: float) -> np.ndarray:
     if len(q) < MIN_MOTION:
         return found
 
-    def work(j: int) -> None:
+    for j in range(q.shape[1]):
         y = _longest_path(np.ascontiguousarray(q[:, j]))
-        nvr = nvr_of_counts(y, rate, HALF_POWER_ORDER)
-        if nvr is None:
-            nvr = estimate_nvr(y - y.mean(), rate, HALF_POWER_ORDER).nvr
-        found[j] = f50_from_nvr(nvr, HALF_POWER_ORDER, rate)
-
-    run_in_threads(work, range(q.shape[1]))
+        # several checks of a log ask for the same channel, and each has its own copy of it
+        key = "half-power frequency", y.tobytes(), rate
+        found[j] = once(key, partial(_half_power_frequency, y, rate))
     return found
+
+
+def _half_power_frequency(y: np.ndarray, rate: float) -> float:
+    """The same of one channel, all of whose samples are looked at."""
+    nvr = nvr_of_counts(y, rate, HALF_POWER_ORDER)
+    if nvr is None:
+        nvr = estimate_nvr(y - y.mean(), rate, HALF_POWER_ORDER).nvr
+    return f50_from_nvr(nvr, HALF_POWER_ORDER, rate)
 
 
 def _longest_path(y: np.ndarray) -> np.ndarray:
