@@ -124,18 +124,19 @@ def test_fixes_of_the_geometry_are_what_the_check_has_tried(tmp_path):
     given = load_experiment(experiment)
     entry = given.content.recording[0]
     log = log_of(entry, given.robot, tmp_path)
-    for turned, finding in candidates(log, given.robot):
-        remark = of_finding(finding, ("recording", 0))
+    for geometry in candidates(given.robot):
+        remark = of_finding(geometry.finding, ("recording", 0))
         (fix,) = fixes(json.loads(json.dumps(remark.as_json())) | {"joints": JOINTS}, EXPERIMENT)
         experiment.write_text(edited(EXPERIMENT, fix.edits), encoding="utf-8")
         made = load_experiment(experiment)
         found = log_of(made.content.recording[0], made.robot, tmp_path)
-        assert turned.robot is not None
-        np.testing.assert_allclose(made.robot.gravity, turned.robot.gravity, atol=1e-9)
-        for channel in ("q", "tau"):
-            np.testing.assert_allclose(
-                found.channels[channel], turned.channels[channel], rtol=1e-9, atol=1e-4
-            )
+        np.testing.assert_allclose(made.robot.gravity, geometry.robot.gravity, atol=1e-9)
+        turned = {
+            "q": geometry.scale * log.channels["q"] + geometry.shift,
+            "tau": geometry.scale * log.channels["tau"],
+        }
+        for channel, values in turned.items():
+            np.testing.assert_allclose(found.channels[channel], values, rtol=1e-9, atol=1e-4)
 
 
 def remark_of(*edits):

@@ -15,7 +15,7 @@ and next to nothing once gravity is among the columns.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,7 +28,11 @@ from pivident.foundation.errors import PividentError
 from pivident.foundation.text.finding import Finding, FindingKind, Topic
 from pivident.foundation.text.repair import Edit, Repair, Reversed, Shifted
 from pivident.judgement.audit.examination import Examination, LogCheck
-from pivident.judgement.audit.inverse_model import InverseModel, build_inverse_model
+from pivident.judgement.audit.inverse_model import (
+    InverseModel,
+    build_inverse_model,
+    inverse_model_of,
+)
 from pivident.judgement.audit.timing import Timing
 from pivident.robot.description import STANDARD_GRAVITY, Robot
 
@@ -52,6 +56,11 @@ ALIKE = 0.5
 #: Rate that is enough for the comparison [Hz].
 RATE = 400.0
 
+#: Geometries are first asked on one of so many rows, with rough columns. One is asked on all rows
+#: unless an error is beyond its bound there by more than this factor, or all together shrink by
+#: less than the root of `BETTER`.
+APART, BEYOND = 4, 1.25
+
 DIRECTIONS = {"+x": (0, 1), "-x": (0, -1), "+y": (1, 1), "-y": (1, -1), "+z": (2, 1), "-z": (2, -1)}
 
 
@@ -70,26 +79,26 @@ def check_geometry(log: Log, timing: Timing, model: InverseModel) -> list[Findin
     errors = model.relative_errors[np.isfinite(model.relative_errors)]
     if not errors.size or errors.max() < SMALL or log.robot is None or not timing.rate:
         return []
-    thin, timing = _thinned(log, timing)
-    model_here = _model(thin, timing)
-    if model_here is None:
+    try:
+        trials = _Trials.of(*_thinned(log, timing))
+    except (PividentError, np.linalg.LinAlgError):
         return []
-    here = model_here.relative_errors
     explanations: list[tuple[float, Finding]] = []
-    for candidate, found in candidates(thin, log.robot):
-        there = _errors(candidate, timing, WORSE * here + 1e-3, found.subject)
+    for candidate in candidates(log.robot):
+        there = trials.errors(candidate)
         if there is None:
             continue
-        gain = float(np.nansum(np.log(np.maximum(here, 1e-6) / np.maximum(there, 1e-6))))
-        if gain > np.log(BETTER):
+        found, here = candidate.finding, trials.here
+        factor = _gain(here, there)
+        if factor > np.log(BETTER):
             share = f"{100 * _mean(there):.2g} % of the torque instead of {100 * _mean(here):.2g} %"
             sentence = f"{found.message}: the inverse model leaves {share}."
-            explanations.append((gain, replace(found, message=sentence)))
+            explanations.append((factor, replace(found, message=sentence)))
     if not explanations:
         return []
     explanations.sort(key=lambda pair: -pair[0])
     (most, best), *others = explanations
-    alike = [finding for gain, finding in others if gain > most - ALIKE][:2]
+    alike = [finding for factor, finding in others if factor > most - ALIKE][:2]
     step = " Or also: ".join([best.next_step, *(f"{r.message} {r.next_step}" for r in alike)])
     repairs = [repair for finding in (best, *alike) for repair in finding.repairs]
     return [replace(best, next_step=step, repairs=tuple(repairs))]
@@ -110,23 +119,64 @@ def _thinned(log: Log, timing: Timing) -> tuple[Log, Timing]:
     return thin, replace(timing, rate=timing.rate / step)
 
 
-def _model(log: Log, timing: Timing) -> InverseModel | None:
-    """Rows of the inverse model; None where nothing can be compared."""
-    try:
-        return build_inverse_model(log, timing)
-    except (PividentError, np.linalg.LinAlgError):
-        return None
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """Another geometry.
+
+    Attributes:
+        robot: the robot, with another gravity where that is it.
+        scale: of the positions, and of the torques too, shape (joints,); -1: the other sense.
+        shift: what is added to the positions [rad or m], shape (joints,).
+        finding: what is to be said if it is the right one.
+    """
+
+    robot: Robot
+    scale: np.ndarray
+    shift: np.ndarray
+    finding: Finding
 
 
-def _errors(log: Log, timing: Timing, bounds: np.ndarray, subject: str) -> np.ndarray | None:
-    """Relative error of each joint; None where one is above its bound, or cannot be had.
+@dataclass(frozen=True, eq=False)
+class _Trials:
+    """The model of the geometry as described, to which every other one is held."""
+
+    log: Log
+    model: InverseModel
+    rough: np.ndarray  # relative error of each joint on few rows and rough columns, (joints,)
+
+    @classmethod
+    def of(cls, log: Log, timing: Timing) -> _Trials:
+        model = build_inverse_model(log, timing)
+        return cls(log, model, model.roughly(apart=APART).relative_errors)
+
+    @property
+    def here(self) -> np.ndarray:
+        """Relative error of each joint, shape (joints,)."""
+        return self.model.relative_errors
+
+    def errors(self, geometry: Geometry) -> np.ndarray | None:
+        """Relative error of each joint; None where it cannot be the right one, or be had."""
+        reading, subject = (geometry.scale, geometry.shift), geometry.finding.subject
+        try:
+            rough = self.model.roughly(*reading, geometry.robot, APART)
+            bounds = BEYOND * (WORSE * self.rough + 1e-3)
+            roughly = _within(rough, bounds, subject)
+            if roughly is None or _gain(self.rough, roughly) < 0.5 * np.log(BETTER):
+                return None
+            log = replace(self.log, robot=geometry.robot)
+            model = inverse_model_of(log, self.model.signals, *reading)
+        except (PividentError, np.linalg.LinAlgError):
+            return None
+        return _within(model, WORSE * self.here + 1e-3, subject)
+
+
+def _within(model: InverseModel, bounds: np.ndarray, subject: str) -> np.ndarray | None:
+    """Relative error of each joint; None where one is above its bound.
 
     The joint that a geometry is about is asked first, then those with the lowest bounds: most of
-    the geometries that are not the right one are out with a single joint.
+    the geometries that are not the right one are out with a single joint. The sense of a torque
+    changes nothing of the share of it that its joint's columns explain.
     """
-    model = _model(log, timing)
-    if model is None:
-        return None
     tau, names = model.tau(), model.robot.joint_names
     errors = np.full(len(names), np.nan)
     for j in sorted(range(len(names)), key=lambda j: (names[j] != subject, bounds[j])):
@@ -136,8 +186,14 @@ def _errors(log: Log, timing: Timing, bounds: np.ndarray, subject: str) -> np.nd
     return errors
 
 
-def candidates(log: Log, robot: Robot) -> Iterator[tuple[Log, Finding]]:
-    """The log with another geometry, and what is to be said if it is the right one."""
+def _gain(here: np.ndarray, there: np.ndarray) -> float:
+    """Logarithm by which other errors are smaller, all joints together."""
+    return float(np.nansum(np.log(np.maximum(here, 1e-6) / np.maximum(there, 1e-6))))
+
+
+def candidates(robot: Robot) -> Iterator[Geometry]:
+    """Other geometries of a robot."""
+    as_is, nowhere = np.ones(robot.size), np.zeros(robot.size)
     for name, (axis, sign) in DIRECTIONS.items():
         gravity = np.zeros(3)
         gravity[axis] = sign * STANDARD_GRAVITY
@@ -148,42 +204,33 @@ def candidates(log: Log, robot: Robot) -> Iterator[tuple[Log, Finding]]:
         step = f"The arm may be mounted on a wall or a ceiling: gravity = [{listed}] under [robot]."
         down = Edit(("robot", "gravity"), [float(g) for g in gravity])
         words = f"Change the direction of gravity: gravity = [{listed}]."
-        yield (
-            replace(log, robot=robot.with_gravity(gravity)),
-            GRAVITY.finding("error", text, "", step, repairs=[Repair((down,), words)]),
-        )
+        said = GRAVITY.finding("error", text, "", step, repairs=[Repair((down,), words)])
+        yield Geometry(robot.with_gravity(gravity), as_is, nowhere, said)
     for j, joint in enumerate(robot.joints):
-        turned = {kind: np.array(values) for kind, values in log.channels.items()}
-        for values in turned.values():
-            values[:, j] *= -1.0
+        alone = np.eye(robot.size)[j]
         text = f"{joint.name} seems to turn in the opposite direction to the description"
         step = (
             "Reverse its axis in the description, or the signs of both its position and its "
             "torque in the log."
         )
-        other_way = Reversed(channel="", joints=(joint.name,))
-        yield (
-            replace(log, channels=turned),
-            SENSE.finding("error", text, joint.name, step, repairs=[Repair((other_way,))]),
-        )
+        other_way = Repair((Reversed(channel="", joints=(joint.name,)),))
+        said = SENSE.finding("error", text, joint.name, step, repairs=[other_way])
+        yield Geometry(robot, as_is - 2.0 * alone, nowhere, said)
         if joint.kind != "revolute":
             continue
         for degrees in (90, -90, 180):
-            moved = {kind: np.array(values) for kind, values in log.channels.items()}
-            moved["q"][:, j] += np.radians(degrees)
-            shifted = Shifted(offsets=((joint.name, float(f"{np.radians(degrees):.4f}")),))
-            yield (
-                replace(log, channels=moved),
-                ZERO.finding(
-                    "error",
-                    f"The zero of {joint.name} seems to be {abs(degrees)}° away from that in the "
-                    "description",
-                    joint.name,
-                    f"Set position_offset to {np.radians(degrees):.4f} rad for it (radians, as "
-                    "added to the logged position), or change the description.",
-                    repairs=[Repair((shifted,))],
-                ),
+            angle = float(np.radians(degrees))
+            shifted = Repair((Shifted(offsets=((joint.name, float(f"{angle:.4f}")),)),))
+            said = ZERO.finding(
+                "error",
+                f"The zero of {joint.name} seems to be {abs(degrees)}° away from that in the "
+                "description",
+                joint.name,
+                f"Set position_offset to {angle:.4f} rad for it (radians, as added to the logged "
+                "position), or change the description.",
+                repairs=[shifted],
             )
+            yield Geometry(robot, as_is, angle * alone, said)
 
 
 FEED_FORWARD = FindingKind(CONTROLLER, "gravity", ("controller",))

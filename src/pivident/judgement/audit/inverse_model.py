@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -156,14 +157,42 @@ class InverseModel:
         torque = cubic_spline(x, butterworth(self.torque(x), self.rate, band))
         return replace(self, columns=columns, torque=torque)
 
-    def roughly_scaled(self, factor: float) -> InverseModel:
-        """So many times the positions, with columns of the low-passed motion as they are."""
-        q, dq, ddq = (np.ascontiguousarray(factor * x.T) for x in (self.q, self.dq, self.ddq))
-        regressor = regressor_of(self.robot, self.base.parameters)
-        theta = self.base.values(nominal_values(self.robot, self.base.standard))
+    def roughly(
+        self,
+        scale: float | np.ndarray = 1.0,
+        shift: float | np.ndarray = 0.0,
+        robot: Robot | None = None,
+        apart: int = 1,
+    ) -> InverseModel:
+        """Rows with columns of the low-passed motion as they are, cheap to try a reading with.
+
+        Args:
+            scale: so many times the positions, for all joints or each.
+            shift: what is added to these [rad or m], likewise.
+            robot: another description; None: the same.
+            apart: one of so many rows.
+        """
+        robot = robot or self.robot
+        base, rows = base_parameters(robot), slice(None, None, apart)
+        motion = scale * self.q[rows] + shift, scale * self.dq[rows], scale * self.ddq[rows]
+        q, dq, ddq = (np.ascontiguousarray(x.T) for x in motion)
+        regressor = regressor_of(robot, base.parameters)
+        theta = base.values(nominal_values(robot, base.standard))
         packed = regressor.packed(q, dq, ddq, inner=regressor.inner(q, dq, ddq, theta))
-        bounds = zip(regressor.offsets[:-1], regressor.offsets[1:], strict=True)
-        return replace(self, columns=tuple(packed[i:j].T for i, j in bounds))
+        offsets = regressor.offsets
+        return replace(
+            self,
+            robot=robot,
+            base=base,
+            at=self.at[rows],
+            columns=tuple(packed[i:j].T for i, j in pairwise(offsets)),
+            own=tuple(regressor.columns_of(j) for j in range(robot.size)),
+            moving=self.moving[rows],
+            q=q.T,
+            dq=dq.T,
+            ddq=ddq.T,
+            block=self.block[rows],
+        )
 
     @property
     def _mixed(self) -> int:
@@ -238,9 +267,19 @@ def build_inverse_model(log: Log, timing: Timing) -> InverseModel:
 
 
 def inverse_model_of(
-    log: Log, signals: FilteredLog, scale: float | np.ndarray = 1.0
+    log: Log,
+    signals: FilteredLog,
+    scale: float | np.ndarray = 1.0,
+    shift: float | np.ndarray = 0.0,
 ) -> InverseModel:
-    """Rows of the inverse model with so many times the logged positions."""
+    """Rows of the inverse model of a log read in another way.
+
+    Args:
+        log: the log.
+        signals: its filtered channels.
+        scale: so many times the logged positions, for all joints or each.
+        shift: what is added to these [rad or m], likewise.
+    """
     robot, rate, band, margin = log.robot, signals.rate, signals.band, signals.margin
     assert robot is not None
     base = base_parameters(robot)
@@ -249,9 +288,10 @@ def inverse_model_of(
     stride = max(1, int(rate / (OVERSAMPLING * band)))
     at = np.arange(margin, samples - margin, stride)
     q, dq, ddq = (scale * x[at] for x in signals.low)
+    q = q + shift
 
     description = base.values(nominal_values(robot, base.standard))
-    motion = signals.motion[0] * scale, signals.motion[1] * scale, signals.motion[2] * scale
+    motion = signals.motion[0] * scale + shift, signals.motion[1] * scale, signals.motion[2] * scale
     turned = motion[0].T, motion[1].T, motion[2].T
     packed = regressor.packed(*turned, inner=regressor.inner(*turned, description))
 
@@ -268,7 +308,7 @@ def inverse_model_of(
     limit = LOW_SPEED * np.where(np.isfinite(rated), np.minimum(rated, 2 * fastest), fastest)
     control = log.control_rate or rate
     held = log.torque_timing or "held"
-    shift = torque_shift(rate, held, control_rate=control, delay=log.delay)  # type: ignore[arg-type]
+    late = torque_shift(rate, held, control_rate=control, delay=log.delay)  # type: ignore[arg-type]
     moving = _moving(robot, dq, limit)
     return InverseModel(
         robot,
@@ -283,7 +323,7 @@ def inverse_model_of(
         dq,
         ddq,
         DescribedTorque(described),
-        shift,
+        late,
         _stretches(moving),
         signals.torque,
         samples,

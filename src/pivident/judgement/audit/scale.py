@@ -266,7 +266,7 @@ def another_position_unit(
         farthest, most = np.abs(model.q).max(), np.ptp(model.q, axis=0).max()
         if farthest * factor > FARTHEST or most * factor < LEAST:
             continue
-        if _total_error(model.roughly_scaled(factor)) > here:
+        if _total_error(model.roughly(factor)) > here:
             continue
         other = inverse_model_of(log, model.signals, factor)
         there = _total_error(other)
