@@ -29,6 +29,7 @@ from pivident.foundation.text.finding import Finding, FindingKind, Topic
 from pivident.foundation.text.repair import Edit, Repair, Reversed, Shifted
 from pivident.judgement.audit.examination import Examination, LogCheck
 from pivident.judgement.audit.inverse_model import (
+    BEYOND,
     InverseModel,
     build_inverse_model,
     inverse_model_of,
@@ -55,11 +56,6 @@ ALIKE = 0.5
 
 #: Rate that is enough for the comparison [Hz].
 RATE = 400.0
-
-#: Geometries are first asked on one of so many rows, with rough columns. One is asked on all rows
-#: unless an error is beyond its bound there by more than this factor, or all together shrink by
-#: less than the root of `BETTER`.
-APART, BEYOND = 4, 1.25
 
 DIRECTIONS = {"+x": (0, 1), "-x": (0, -1), "+y": (1, 1), "-y": (1, -1), "+z": (2, 1), "-z": (2, -1)}
 
@@ -147,7 +143,7 @@ class _Trials:
     @classmethod
     def of(cls, log: Log, timing: Timing) -> _Trials:
         model = build_inverse_model(log, timing)
-        return cls(log, model, model.roughly(apart=APART).relative_errors)
+        return cls(log, model, model.roughly().relative_errors)
 
     @property
     def here(self) -> np.ndarray:
@@ -158,9 +154,10 @@ class _Trials:
         """Relative error of each joint; None where it cannot be the right one, or be had."""
         reading, subject = (geometry.scale, geometry.shift), geometry.finding.subject
         try:
-            rough = self.model.roughly(*reading, geometry.robot, APART)
+            rough = self.model.roughly(*reading, geometry.robot)
             bounds = BEYOND * (WORSE * self.rough + 1e-3)
             roughly = _within(rough, bounds, subject)
+            # a geometry wins by `BETTER`: by its root on few rows, it may still
             if roughly is None or _gain(self.rough, roughly) < 0.5 * np.log(BETTER):
                 return None
             log = replace(self.log, robot=geometry.robot)

@@ -51,6 +51,7 @@ class Findings:
     """What trials have shown so far."""
 
     recording: tuple[Assumption, ...] = ()  # lines of ``[recording]`` that became necessary
+    timed: bool = False  # whether it was asked to which instant a torque belongs
     friction: tuple[Assumption, ...] | None = None  # its line, if any; None: not looked for yet
     law_failed: str = ""  # why no law could be identified, or empty
     law_found: str = ""  # what the identified law is like, or empty
@@ -73,6 +74,10 @@ def try_out(text: str, out: Path, known: Findings, say: Callable[[str], None]) -
         if line is None or any(line.key == other.key for other in known.recording):
             return _stuck(known, error)
         return replace(known, recording=(*known.recording, line))
+    if not known.timed:  # before law and methods, which would have to be tried again
+        timing, known = _timing(experiment, known), replace(known, timed=True)
+        if timing is not None:
+            return replace(known, recording=(*known.recording, timing))
     known = replace(known, notes=tuple(dict.fromkeys(n for r in recordings for n in r.notes)))
     controller = experiment.content.controller
     try:
@@ -109,9 +114,6 @@ def _try_methods(
                 known = replace(known, friction=_friction(problem, method, result, say))
                 if known.friction:
                     return known
-    timing = _timing(experiment, known)
-    if timing is not None:
-        return replace(known, recording=(*known.recording, timing))
     loops = [m for m in experiment.methods() if m != "ls"]
     if is_without_torque(experiment.content) and set(loops) <= set(failed):
         text = f"pivident identify ends with: {next(failed[m] for m in loops)}"

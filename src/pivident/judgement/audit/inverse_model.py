@@ -51,6 +51,12 @@ WIDER = 10.0
 MIXED = 1.0
 
 
+#: Readings of a log are first tried on one of so many rows with rough columns (`roughly`), which
+#: follow the band closely still, and on all rows unless an error is beyond its bound there by more
+#: than this factor.
+APART, BEYOND = 4, 1.25
+
+
 class ByJoint(Sequence[np.ndarray]):
     """An array for each joint, made when it is first asked for: many models need but one."""
 
@@ -162,7 +168,7 @@ class InverseModel:
         scale: float | np.ndarray = 1.0,
         shift: float | np.ndarray = 0.0,
         robot: Robot | None = None,
-        apart: int = 1,
+        apart: int = APART,
     ) -> InverseModel:
         """Rows with columns of the low-passed motion as they are, cheap to try a reading with.
 

@@ -27,7 +27,7 @@ from pivident.foundation.text.sentences import capital
 from pivident.judgement.audit.blocked_fit import CLEAR, blocked_fit, jackknife, orthonormal
 from pivident.judgement.audit.examination import Examination, LogCheck
 from pivident.judgement.audit.flange_load import FlangeLoad, flange_load
-from pivident.judgement.audit.inverse_model import InverseModel, inverse_model_of
+from pivident.judgement.audit.inverse_model import BEYOND, InverseModel, inverse_model_of
 from pivident.judgement.audit.spoilt_checks import COMPARISONS
 from pivident.judgement.audit.timing import Timing
 from pivident.robot.description import Robot
@@ -266,7 +266,7 @@ def another_position_unit(
         farthest, most = np.abs(model.q).max(), np.ptp(model.q, axis=0).max()
         if farthest * factor > FARTHEST or most * factor < LEAST:
             continue
-        if _total_error(model.roughly(factor)) > here:
+        if _total_error(model.roughly(factor, apart=1)) > here:
             continue
         other = inverse_model_of(log, model.signals, factor)
         there = _total_error(other)
@@ -291,6 +291,7 @@ def _joint_in_another_unit(log: Log, model: InverseModel) -> tuple[Finding, Inve
     robot, least, found = model.robot, _total_error(model), None
     if robot.constraints is not None:
         return None
+    rough = model.roughly()
     for j, (factor, said, meant) in product(range(robot.size), ANGLES):
         q = model.q[:, j] * factor
         joint = robot.joints[j]
@@ -300,6 +301,9 @@ def _joint_in_another_unit(log: Log, model: InverseModel) -> tuple[Finding, Inve
             continue
         scale = np.ones(robot.size)
         scale[j] = factor
+        bound = BEYOND * BETTER * rough.relative_errors[j]
+        if model.roughly(scale).relative_error(j, rough.tau()[:, j]) > bound:
+            continue
         other = inverse_model_of(log, model.signals, scale)
         here, there = float(model.relative_errors[j]), float(other.relative_errors[j])
         if there < BETTER * here and (total := _total_error(other)) < least:
