@@ -62,4 +62,5 @@ def method_named(method: Method | str) -> Method:
 
 def name_of(method: Method) -> str:
     """The first name whose methods are of a method's class; empty for a class of no name."""
-    return next((name for name, m in METHODS.usable().items() if type(m) is type(method)), "")
+    kind = type(method)
+    return next((n for n in METHODS.names_in(kind.__module__) if type(METHODS[n]) is kind), "")

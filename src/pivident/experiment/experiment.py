@@ -35,7 +35,6 @@ from pivident.experiment.consistency_table import consistency_of
 from pivident.experiment.explained import errors_name, toml_content, validated
 from pivident.experiment.file_keys import ExperimentFile
 from pivident.experiment.identify_table import (
-    METHOD_ENTRIES,
     IdentifyEntry,
     median_finding,
     method_of,
@@ -314,7 +313,7 @@ def load_experiment(path: str | Path) -> Experiment:
     with errors_name(path, ""):
         content = toml_content(path)
         experiment = Experiment(path, with_every_run(validated(content), path.parent))
-        for name in METHOD_ENTRIES:
+        for name in experiment.content.identify.with_tables:
             method_of(name, experiment.content.identify)
     experiment.methods()
     return experiment

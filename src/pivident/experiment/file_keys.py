@@ -35,6 +35,7 @@ from pivident.robot.mdh_keys import (
     JointReference,
     Vector3,
     Vector6,
+    empty_table,
     key,
 )
 from pivident.robot.naming import MJCF_FILES
@@ -368,7 +369,7 @@ class RecordingEntry(Entry):
     columns: ColumnsEntry | None = key(
         None, "where the channels are, see *columns*", shown="needed with `files`"
     )
-    units: UnitsEntry = key(UnitsEntry(), "what they are measured in, see *units*")
+    units: UnitsEntry = empty_table(UnitsEntry, "what they are measured in, see *units*")
     side: Annotated[Any, PlainValidator(lambda value: value)] = key(
         "joint",
         '`"joint"` or `"motor"`, or by channel: `{q = "joint", tau = "motor"}`',
@@ -778,15 +779,16 @@ class ExperimentFile(Entry):
         "from the record",
         kind="name or table",
     )
-    identify: IdentifyEntry = key(
-        meaning="what is estimated and how, see `[identify]`",
-        factory=lambda: IdentifyEntry.model_validate({}),
+    identify: IdentifyEntry = empty_table(
+        IdentifyEntry, "what is estimated and how, see `[identify]`"
     )
-    validation: ValidationEntry = key(
-        ValidationEntry(), "how results are validated, see `[validation]`"
+    validation: ValidationEntry = empty_table(
+        ValidationEntry, "how results are validated, see `[validation]`"
     )
-    output: OutputEntry = key(OutputEntry(), "where the results go, see `[output]`")
-    gains: GainsEntry = key(GainsEntry(), "what `pivident gains` takes as known, see `[gains]`")
+    output: OutputEntry = empty_table(OutputEntry, "where the results go, see `[output]`")
+    gains: GainsEntry = empty_table(
+        GainsEntry, "what `pivident gains` takes as known, see `[gains]`"
+    )
     consistency: ConsistencyEntry | None = key(
         None,
         "physical consistency of the links, see `[consistency]`; even an empty table requests it",

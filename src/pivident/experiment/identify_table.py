@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import create_model, model_validator
@@ -29,7 +30,7 @@ from pivident.foundation.errors import ExperimentError, UnusableValue
 from pivident.foundation.options import declarations
 from pivident.foundation.text.finding import Finding, FindingKind, Topic
 from pivident.models.consistency.options import CONSISTENT_METHODS  # consistency
-from pivident.robot.mdh_keys import Entry, key
+from pivident.robot.mdh_keys import Entry, LaterTable, key
 from pivident.robot.naming import nearest
 
 #: A median filter that not all methods have.
@@ -178,9 +179,15 @@ class IdentifyKeys(Entry):
         bandpass: Any
 
     def of(self, method: str) -> Entry:
-        """The table of one method."""
-        table: Entry = getattr(self, method.replace("-", "_"))
-        return table
+        """The table of one method; one without keys where the file has none."""
+        table: Entry | None = getattr(self, method.replace("-", "_"))
+        return METHOD_ENTRIES[method]() if table is None else table
+
+    @property
+    def with_tables(self) -> tuple[str, ...]:
+        """Methods that have a table of their own in the file."""
+        given = self.model_fields_set
+        return tuple(name for name in METHOD_ENTRIES if name.replace("-", "_") in given)
 
 
 #: Meaning of a table that also stands in ``[identify]``.
@@ -204,18 +211,53 @@ def method_entry(name: str, method: Method) -> type[Entry]:
             fields |= {recipe: table_of(PARTS[recipe], SHARED) for recipe in method.recipes}
         elif name_of_key in PARTS:
             fields[name_of_key] = table_of(PARTS[name_of_key], SHARED)
-    title = "".join(word.capitalize() for word in name.split("-"))
     return entry_of(
         type(method), keys=[k for k in method.keys if k not in ("signals", *PARTS)],
-        name=f"{title}Entry", further=fields, module=__name__,
+        name=_title(name), further=fields, module=__name__,
     )  # fmt: skip
 
 
-#: Tables of all methods, by name.
-METHOD_ENTRIES = {name: method_entry(name, method) for name, method in METHODS.usable().items()}
+def _title(method: str) -> str:
+    """Name of the schema of a method's table."""
+    return f"{''.join(word.capitalize() for word in method.split('-'))}Entry"
 
-# Other processes find a class by its name.
-globals().update({entry.__name__: entry for entry in METHOD_ENTRIES.values()})
+
+class MethodEntries(Mapping[str, type[Entry]]):
+    """Schemas of the tables of all methods, by name: a file needs those of its own methods."""
+
+    def __init__(self) -> None:
+        self._made: dict[str, type[Entry]] = {}
+
+    def __getitem__(self, name: str) -> type[Entry]:
+        if name not in self._made:
+            self._made[name] = method_entry(name, METHODS[name])
+        return self._made[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(METHODS.usable_names)
+
+    def __len__(self) -> int:
+        return len(METHODS.usable_names)
+
+
+#: Tables of all methods, by name.
+METHOD_ENTRIES = MethodEntries()
+
+
+def __getattr__(name: str) -> type[Entry]:
+    """The schema of a method's table: other processes find a class by its name."""
+    for method in METHOD_ENTRIES:
+        if name == _title(method):
+            return METHOD_ENTRIES[method]
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def _later_table(name: str) -> Any:
+    """A field for a method's own table, as `create_model` takes it."""
+    entry = LaterTable(partial(METHOD_ENTRIES.__getitem__, name))
+    meaning = f"of this method alone, see *{name}*"
+    return (entry, key(None, meaning, alias=name, kind="table", shown="`{}`"))
+
 
 #: With the options that methods share.
 SharedKeys = entry_of(
@@ -231,10 +273,7 @@ else:
         __base__=SharedKeys,
         __module__=__name__,
         **{part: table_of(entry, f"see *{part}*") for part, entry in PARTS.items()},
-        **{
-            name.replace("-", "_"): table_of(entry, f"of this method alone, see *{name}*", name)
-            for name, entry in METHOD_ENTRIES.items()
-        },
+        **{name.replace("-", "_"): _later_table(name) for name in METHOD_ENTRIES},
     )
     IdentifyEntry.__doc__ = IdentifyKeys.__doc__
 

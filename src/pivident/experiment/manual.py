@@ -15,7 +15,7 @@ from pydantic.fields import FieldInfo
 
 from pivident.foundation.options import Option, literals
 from pivident.foundation.text.toml import value_text
-from pivident.robot.mdh_keys import declared_of
+from pivident.robot.mdh_keys import LaterTable, declared_of
 
 #: What a value is called, by its type.
 KINDS: dict[Any, str] = {bool: "bool", int: "number", float: "number", str: "text", dict: "table"}
@@ -88,6 +88,8 @@ def shown_of(field: FieldInfo) -> str:
 def table_in(annotation: Any) -> type[BaseModel] | None:
     """The table of a key, or of each element of its list."""
     bare = _bare(annotation)
+    if isinstance(bare, LaterTable):
+        return bare.entry
     if isinstance(bare, type) and issubclass(bare, BaseModel):
         return bare
     inner = get_args(bare) if get_origin(bare) in (list, Union, UnionType) else ()

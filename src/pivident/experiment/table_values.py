@@ -31,7 +31,7 @@ from pivident.foundation.options import (
 from pivident.foundation.text.printable import is_printable
 from pivident.foundation.text.toml import value_text
 from pivident.loop.simulation.controllers import UNKNOWN_GAIN
-from pivident.robot.mdh_keys import Entry, key
+from pivident.robot.mdh_keys import Entry, empty_table
 
 AnyEntry = TypeVar("AnyEntry", bound=Entry)
 
@@ -224,7 +224,7 @@ def entry_of(
 
 def table_of(entry: type[Entry], meaning: str, alias: str | None = None) -> Any:
     """A field that holds a table, empty where a file has none, as `create_model` takes it."""
-    return (entry, key(entry(), meaning, alias=alias))
+    return (entry, empty_table(entry, meaning, alias=alias))
 
 
 def value_type(annotation: Any, declared: Option) -> Any:

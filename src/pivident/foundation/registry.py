@@ -73,15 +73,26 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
 
     def usable(self) -> dict[str, Entry]:
         """All entries that can be imported, by name; one warning names each of the others."""
-        entries = {}
-        for name in self:
+        return {name: self[name] for name in self.usable_names}
+
+    @property
+    def usable_names(self) -> tuple[str, ...]:
+        """Names of these, for which only entries of other distributions are imported."""
+        names = list(self._built_in)
+        for name in self.foreign:
             try:
-                entries[name] = self[name]
+                self[name]
+                names.append(name)
             except BrokenExtension as error:
                 if name not in self._broken:
                     warnings.warn(str(error), ExtensionWarning, stacklevel=2)
                 self._broken.add(name)
-        return entries
+        return tuple(names)
+
+    def names_in(self, module: str) -> tuple[str, ...]:
+        """Names of entries that stand in a module, and of all of other distributions."""
+        own = (n for n, place in self._built_in.items() if place.partition(":")[0] == module)
+        return (*own, *(name for name in self.usable_names if name in self.foreign))
 
     def __iter__(self) -> Iterator[str]:
         yield from self._built_in

@@ -20,6 +20,7 @@ from pydantic import (
     model_validator,
 )
 from pydantic.fields import FieldInfo
+from pydantic_core import core_schema
 
 from pivident.foundation.errors import RobotDescriptionError, UnusableValue
 from pivident.foundation.options import DECLARED, Option
@@ -81,6 +82,39 @@ class Entry(BaseModel):
     )
 
 
+class LaterTable:
+    """Annotation of a table whose schema is made when a file has it, or the manual shows it.
+
+    Args:
+        make: gives the schema.
+    """
+
+    def __init__(self, make: Callable[[], type[Entry]]) -> None:
+        self._make = make
+
+    @property
+    def entry(self) -> type[Entry]:
+        """The schema."""
+        return self._make()
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        """Values are those of the schema, and so are errors, below the key of the table."""
+        plain = core_schema.plain_serializer_function_ser_schema(_dumped, info_arg=True)
+        return core_schema.no_info_plain_validator_function(
+            lambda value: self.entry.model_validate(value), serialization=plain
+        )
+
+
+def _dumped(table: Entry | None, info: Any) -> Any:
+    """A table as plain values, as the whole that it belongs to is asked for."""
+    if table is None:
+        return None
+    return table.model_dump(
+        mode=info.mode, by_alias=info.by_alias, exclude_unset=info.exclude_unset,
+        exclude_none=info.exclude_none, exclude_defaults=info.exclude_defaults,
+    )  # fmt: skip
+
+
 def key(
     default: Any = ...,
     meaning: str = "",
@@ -94,6 +128,11 @@ def key(
     if factory is not None:
         return Field(default_factory=factory, alias=alias, json_schema_extra=words)
     return Field(default, alias=alias, json_schema_extra=words)
+
+
+def empty_table(entry: type[Entry], meaning: str, **declared: Any) -> Any:
+    """A field that holds a table, empty where a file has none; nothing of that is to be checked."""
+    return key(meaning=meaning, factory=entry.model_construct, **declared)
 
 
 def declared_of(field: FieldInfo) -> Option | None:
@@ -343,7 +382,7 @@ class TableFile(Entry):
     loops: list[LoopEntry] = []
     gears: list[GearEntry] = []
     floating_base: LinkEntry | None = None
-    transmission: TransmissionEntry = TransmissionEntry()
+    transmission: TransmissionEntry = Field(default_factory=TransmissionEntry.model_construct)
 
 
 def validated(content: dict[str, Any]) -> TableFile:
@@ -450,6 +489,8 @@ def addition(root: type[BaseModel], loc: Sequence[int | str]) -> str:
 
 def _model_in(annotation: Any) -> type[BaseModel] | None:
     """The table inside ``list[Table]``, ``Table | None`` and the like."""
+    if isinstance(annotation, LaterTable):
+        return annotation.entry
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
     return next((m for m in map(_model_in, get_args(annotation)) if m is not None), None)

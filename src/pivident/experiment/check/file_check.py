@@ -11,7 +11,7 @@ from pivident.experiment.check.remark import Remark, advised, of_error, of_findi
 from pivident.experiment.experiment import Experiment, with_every_run
 from pivident.experiment.explained import every_problem, plain_form, refuse_robot_file, toml_content
 from pivident.experiment.file_keys import ExperimentFile
-from pivident.experiment.identify_table import METHOD_ENTRIES, method_of
+from pivident.experiment.identify_table import method_of
 from pivident.foundation.errors import ExperimentError, PividentError
 from pivident.foundation.text.finding import FindingKind, Topic
 from pivident.foundation.text.repair import Change, Edit, Place, Renamed, Repair, Respelt
@@ -93,7 +93,7 @@ def _without(plain: dict[str, Any], locations: Sequence[Sequence[int | str]]) ->
 def _options(experiment: Experiment) -> list[Remark]:
     """Options of single methods that they do not have, or that contradict each other."""
     remarks = []
-    for name in METHOD_ENTRIES:
+    for name in experiment.content.identify.with_tables:
         try:
             method_of(name, experiment.content.identify)
         except PividentError as error:

@@ -23,7 +23,7 @@ caches filled:
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from pivident.data.recording.recording import Recording
@@ -132,7 +132,7 @@ def plan_of(
         reference if controller else "",
         blocks,
         expected_time(problem, methods, blocks, law_unknown=controller == "identify"),
-        time_of_methods(problem, METHODS.usable() | dict(methods), blocks),
+        TimeOfMethods(problem, dict(methods), blocks),
         first_run(methods),
     )
 
@@ -176,12 +176,26 @@ def time_before(problem: Problem, *, law_unknown: bool) -> float:
     return START + (LAW * samples * problem.robot.size if law_unknown else 0.0)
 
 
-def time_of_methods(
-    problem: Problem, methods: Mapping[str, Method], folds: int
-) -> dict[str, float]:
-    """What each method adds to the time of an identification [s]."""
-    alone = {name: expected_stages(problem, {name: m}, folds) for name, m in methods.items()}
-    return {name: sum(stages.values()) - REPORT[0] for name, stages in alone.items()}
+@dataclass(frozen=True, eq=False)
+class TimeOfMethods(Mapping[str, float]):
+    """What each method there is adds to the time of an identification [s], chosen or not.
+
+    A method that is not chosen is imported when it is asked for.
+    """
+
+    problem: Problem
+    chosen: Mapping[str, Method]
+    folds: int
+
+    def __getitem__(self, name: str) -> float:
+        method = self.chosen[name] if name in self.chosen else METHODS[name]
+        return sum(expected_stages(self.problem, {name: method}, self.folds).values()) - REPORT[0]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(dict.fromkeys((*METHODS.usable(), *self.chosen)))
+
+    def __len__(self) -> int:
+        return len(list(iter(self)))
 
 
 def expected_stages(
