@@ -104,18 +104,34 @@ class Products:
         return np.asarray(self._place[columns] >= 0)
 
     def add(
-        self, part: int, columns: np.ndarray, a: np.ndarray, x: np.ndarray, chosen: np.ndarray
+        self,
+        part: int,
+        columns: np.ndarray,
+        a: np.ndarray,
+        x: np.ndarray,
+        weight: np.ndarray | float,
+        chosen: np.ndarray,
     ) -> None:
-        """Add products of rows of one joint: of ``chosen`` places among ``columns`` with all."""
-        place = self._place[columns[chosen]]
-        _put(self._left[part], place, columns, a[chosen] @ x.T)
-        if not self.is_symmetric:
-            _put(self._right[part], columns, place, a @ x[chosen].T)
+        """Add products of rows of one joint: of ``chosen`` places among ``columns`` with all.
 
-    def add_own(self, part: int, groups: Sequence[Group], a: np.ndarray, x: np.ndarray) -> None:
+        ``weight``: of the rows, shape (rows,), or of all.
+        """
+        place = self._place[columns[chosen]]
+        _put(self._left[part], place, columns, (a[chosen] * weight) @ x.T)
+        if not self.is_symmetric:
+            _put(self._right[part], columns, place, a @ (x[chosen] * weight).T)
+
+    def add_own(
+        self,
+        part: int,
+        groups: Sequence[Group],
+        a: np.ndarray,
+        x: np.ndarray,
+        weight: np.ndarray | float,
+    ) -> None:
         """Add products of the columns of each cause with one another."""
         for chosen, place in groups:
-            self._own[part, place] += a[chosen] @ x[chosen].transpose(0, 2, 1)
+            self._own[part, place] += a[chosen] @ (x[chosen] * weight).transpose(0, 2, 1)
 
     def groups(self, columns: np.ndarray) -> list[Group]:
         """The columns of a joint by cause, causes of as many columns together."""
@@ -191,12 +207,14 @@ class CauseSums:
         for number, record in enumerate(self.records):
             for rows, lam in zip(record, self.variance, strict=True):
                 chosen = np.flatnonzero(np.isin(rows.columns, columns))
+                if not chosen.size:
+                    continue
                 for window, span, weight in self._windows[number]:
-                    y = rows.y[:, span] * (weight / lam)
-                    self.windows.add(window, rows.columns, y, rows.x[:, span], chosen)
+                    x, y = rows.x[:, span], rows.y[:, span]
+                    self.windows.add(window, rows.columns, y, x, weight / lam, chosen)
                 for block, span in self._blocks[number]:
                     x = rows.x[:, span]
-                    self.blocks.add(block, rows.columns, x / lam, x, chosen)
+                    self.blocks.add(block, rows.columns, x, x, 1.0 / lam, chosen)
 
     def _add_own(self) -> None:
         """Products of the columns of each cause, and those of all with the torques."""
@@ -204,12 +222,12 @@ class CauseSums:
             for rows, lam in zip(record, self.variance, strict=True):
                 groups = self.windows.groups(rows.columns)
                 for window, span, weight in self._windows[number]:
-                    y = rows.y[:, span] * (weight / lam)
-                    self.windows.add_own(window, groups, y, rows.x[:, span])
-                    self.windows.tau[window, rows.columns] += y @ rows.tau[span]
+                    x, y, tau = rows.x[:, span], rows.y[:, span], rows.tau[span]
+                    self.windows.add_own(window, groups, y, x, weight / lam)
+                    self.windows.tau[window, rows.columns] += y @ (weight / lam * tau)
                 for block, span in self._blocks[number]:
                     x, tau = rows.x[:, span], rows.tau[span]
-                    self.blocks.add_own(block, groups, x / lam, x)
+                    self.blocks.add_own(block, groups, x, x, 1.0 / lam)
                     self.blocks.tau[block, rows.columns] += x @ tau / lam
                     self.squares[block] += tau @ tau / lam
 

@@ -25,6 +25,21 @@ from pivident.judgement.model_errors.cause_sums import CauseSums, Products
 #: Singular values below this share of the largest count as zero.
 RCOND = 1e-14
 
+#: Condition numbers below which the inverse is taken, a tenth of the work of singular values.
+WELL_CONDITIONED = 1e8
+
+
+def _inverse(grams: np.ndarray) -> np.ndarray:
+    """Inverse of each matrix, or the pseudo-inverse where one is badly conditioned."""
+    try:
+        inverse = np.linalg.inv(grams)
+        condition = np.linalg.norm(grams, 1, (-2, -1)) * np.linalg.norm(inverse, 1, (-2, -1))
+        if np.all(condition < WELL_CONDITIONED):
+            return np.asarray(inverse)
+    except np.linalg.LinAlgError:
+        pass
+    return np.asarray(np.linalg.pinv(grams, rcond=RCOND))
+
 
 @dataclass(frozen=True, eq=False)
 class Normal:
@@ -57,14 +72,22 @@ class Partition:
     rest: np.ndarray  # e, shape (…, C)
 
     @classmethod
-    def of(cls, normal: Normal, stay: np.ndarray, scale: np.ndarray) -> Partition:
+    def of(
+        cls,
+        normal: Normal,
+        stay: np.ndarray,
+        scale: np.ndarray,
+        others: np.ndarray | None = None,
+    ) -> Partition:
         """Of G and r.
 
-        ``stay``: which columns are B, shape (columns,); ``scale``: size of each column, likewise.
+        ``stay``: which columns are B, shape (columns,); ``scale``: size of each column, likewise;
+        ``others``: indices of C, ascending; None: all that do not stay.
         """
-        own, others = np.flatnonzero(stay), np.flatnonzero(~stay)
+        own = np.flatnonzero(stay)
+        others = np.flatnonzero(~stay) if others is None else others
         outer = np.outer(scale[own], scale[own])
-        inverse = np.linalg.pinv(normal.of(own[:, None], own) / outer, rcond=RCOND) / outer
+        inverse = _inverse(normal.of(own[:, None], own) / outer) / outer
         cross = normal.of(others[:, None], own)
         theta = np.einsum("...ij,...j->...i", inverse, normal.right_of(own))
         return cls(
@@ -76,6 +99,10 @@ class Partition:
             theta,
             normal.right_of(others) - np.einsum("...ij,...j->...i", cross, theta),
         )
+
+    def place_of(self, columns: np.ndarray) -> np.ndarray:
+        """Places of some columns among the others."""
+        return np.searchsorted(self.others, columns)
 
     def schur(self, columns: np.ndarray) -> np.ndarray:
         """S_KK of some of the other columns, by their places among them, shape (…, K, K).
@@ -98,83 +125,67 @@ class Partition:
 
 
 @dataclass(frozen=True, eq=False)
-class Parts:
-    """Normal equations of all rows, and those that leave out one window or one block."""
-
-    all: Partition
-    without_window: Partition
-    without_block: Partition
-
-
-@dataclass(frozen=True, eq=False)
 class ColumnTests:
     """Tests of causes of n columns each; results have the causes as their first axis.
 
     Attributes:
         sums: of the rows.
-        parts: normal equations of the columns that stay and of all others.
         stay: indices of the columns that stay, shape (stay,).
         own: indices of each cause's columns, shape (causes, n).
-        place: places of these among the others, likewise.
         theta: estimates of the columns that stay beside each cause, shape (causes, stay).
         size: δ, shape (causes, n).
     """
 
     sums: CauseSums
-    parts: Parts
     stay: np.ndarray
     own: np.ndarray
-    place: np.ndarray
     theta: np.ndarray
     size: np.ndarray
 
     @classmethod
     def of(
-        cls, sums: CauseSums, parts: Parts, stay: np.ndarray, own: np.ndarray, others: np.ndarray
+        cls, sums: CauseSums, whole: Partition, stay: np.ndarray, own: np.ndarray
     ) -> ColumnTests:
         """Solve for each cause.
 
-        ``others``: all columns that do not stay, ascending.
+        ``whole``: normal equations of all rows.
 
         Raises:
             LinAlgError: one of the causes is not shown.
         """
-        place = np.searchsorted(others, own)
-        return cls(sums, parts, stay, own, place, *parts.all.joined(place))
+        return cls(sums, stay, own, *whole.joined(whole.place_of(own)))
 
     def __getitem__(self, chosen: np.ndarray) -> ColumnTests:
         """Some of the causes: a mask, or their places."""
-        names = "own", "place", "theta", "size"
-        return replace(self, **{name: getattr(self, name)[chosen] for name in names})
+        return replace(self, own=self.own[chosen], theta=self.theta[chosen], size=self.size[chosen])
 
-    @property
-    def residual(self) -> np.ndarray:
-        """Weighted sum of squares with each cause, shape (causes,)."""
-        return _squares(
-            self.parts.without_block.normal.whole, self.sums.squares.sum(keepdims=True), self.stay,
-            self.own, self.theta[None], self.size[None],
-        )[0]  # fmt: skip
+    def residual(self, whole: Products) -> np.ndarray:
+        """Weighted sum of squares with each cause, shape (causes,); ``whole``: of all blocks."""
+        total = self.sums.squares.sum(keepdims=True)
+        return _squares(whole, total, self.stay, self.own, self.theta[None], self.size[None])[0]
 
-    @property
-    def unseen(self) -> np.ndarray:
+    def unseen(self, without: Partition) -> np.ndarray:
         """The same on blocks that were not fitted, each predicted from the others.
+
+        ``without``: normal equations without each block.
 
         Raises:
             LinAlgError: one of the causes is shown in one block alone.
         """
-        made = self.parts.without_block.joined(self.place)
+        made = without.joined(without.place_of(self.own))
         each = _squares(self.sums.blocks, self.sums.squares, self.stay, self.own, *made)
         return np.asarray(each.sum(axis=0))
 
-    @property
-    def covariance(self) -> np.ndarray:
+    def covariance(self, without: Partition) -> np.ndarray:
         """Of δ, by the jackknife over windows, shape (causes, n, n).
+
+        ``without``: normal equations without each window.
 
         Raises:
             LinAlgError: all that is known of a cause lies within one window.
         """
-        windows, without, stay, own = (
-            self.sums.windows, self.parts.without_window, self.stay, self.own,
+        windows, stay, own, place = (
+            self.sums.windows, self.stay, self.own, without.place_of(self.own),
         )  # fmt: skip
         inside, alone = windows.of(stay[:, None], stay), windows.of(own[:, :, None], own[:, None])
         across = windows.of(own[:, :, None], stay)
@@ -182,8 +193,8 @@ class ColumnTests:
         theta, size = self.theta[:, :, None], self.size[:, :, None]
         scores = windows.tau[:, None, stay, None] - inside[:, None] @ theta - beside @ size
         rest = windows.tau[:, own, None] - across @ theta - alone @ size
-        rest = rest - without.cross[:, self.place] @ (without.inverse[:, None] @ scores)
-        steps = np.linalg.solve(without.schur(self.place), rest)[..., 0]
+        rest = rest - without.cross[:, place] @ (without.inverse[:, None] @ scores)
+        steps = np.linalg.solve(without.schur(place), rest)[..., 0]
         return np.einsum("wki,wkj->kij", steps, steps) / OVERLAP
 
 

@@ -53,6 +53,8 @@ ALIKE = 0.9
 #: The same for a simpler one to be named instead: where the best has many columns, those of joints
 #: that are tied otherwise, and where it has one of many instants.
 SIMPLER, STEADY = 0.7, 0.99
+#: Share of the most that a cause explains from which on its significance is asked first.
+NEAR = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -281,23 +283,18 @@ def _is_large(
 
 def _named_causes(tests: ScoreTests, found: Identification) -> ModelErrors:
     """One cause after the other, each beside those before it."""
-    start, scores = tests.all_scores([])
-    base = start
+    start = tests.fit(tests.columns([]))
     corrected: list[int] = []
     named: list[NamedCause] = []
     while len(corrected) < MOST_CAUSES:
-        candidates = {
-            k: s
-            for k, s in scores.items()
-            if is_found(s, tests.tried) and _is_large(tests, corrected, k, s, found.std)
-        }
+        candidates = _candidates(tests, corrected, found)
         if not candidates:
             break
         best = _best(candidates)
         torques = tests.torques(corrected, best)
         named.append(_named(found, candidates[best], candidates, torques))
         corrected.append(best)
-        base, scores = tests.all_scores(corrected)
+    base, scores = tests.all_scores(corrected)
     return ModelErrors(
         tuple(named),
         tests.tried,
@@ -306,6 +303,26 @@ def _named_causes(tests: ScoreTests, found: Identification) -> ModelErrors:
         unchecked_causes(tests, scores, corrected, found, MATTERS),
         checked_gains(tests, scores.values()),
     )
+
+
+def _candidates(
+    tests: ScoreTests, corrected: Sequence[int], found: Identification
+) -> dict[int, Score]:
+    """Causes of which one is to be named next: the best one, and all that come near it.
+
+    The significance of the others is not asked, which takes longer than what they explain.
+    """
+    for share in (NEAR, None):
+        _, scores = tests.all_scores(corrected, share)
+        candidates = {
+            k: s
+            for k, s in scores.items()
+            if is_found(s, tests.tried) and _is_large(tests, corrected, k, s, found.std)
+        }
+        most = max((s.unseen for s in scores.values()), default=0.0)
+        if any(s.unseen * SIMPLER * ALIKE >= NEAR * most for s in candidates.values()):
+            break  # what is further off is neither simpler nor alike
+    return candidates
 
 
 def _best(candidates: Mapping[int, Score]) -> int:

@@ -15,7 +15,7 @@ that is significant and helps to predict them.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from pivident.estimation.covariance.windows import degrees_of_freedom
 from pivident.foundation.distributions import fisher
 from pivident.judgement.model_errors.cause import Cause
 from pivident.judgement.model_errors.cause_sums import CauseSums
-from pivident.judgement.model_errors.column_tests import ColumnTests, Normal, Partition, Parts
+from pivident.judgement.model_errors.column_tests import ColumnTests, Normal, Partition
 
 #: Share of a cause's columns that Φ must leave for it to be told from the parameters.
 DISTINCT = 1e-12
@@ -76,6 +76,45 @@ class Fit:
     unseen: float  # the same on blocks that were not fitted
 
 
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Causes of as many columns each, and what they explain.
+
+    Attributes:
+        numbers: of the causes, shape (causes,).
+        made: the solutions with each.
+        explained: as of a `Score`, shape (causes,), and so ``unseen``.
+    """
+
+    numbers: np.ndarray
+    made: ColumnTests
+    explained: np.ndarray
+    unseen: np.ndarray
+
+    def __getitem__(self, chosen: np.ndarray) -> Group:
+        """Some of the causes: a mask, or their places."""
+        return Group(
+            self.numbers[chosen], self.made[chosen], self.explained[chosen], self.unseen[chosen]
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """What causes explain beside those that are corrected.
+
+    Attributes:
+        stay: which columns are those of the model and of the corrected causes, shape (columns,).
+        base: the estimate with these.
+        groups: the other causes.
+        scores: their tests, as far as these were asked for.
+    """
+
+    stay: np.ndarray
+    base: Fit
+    groups: tuple[Group, ...]
+    scores: dict[int, Score] = field(default_factory=dict)
+
+
 class ScoreTests:
     """Score tests of many causes on one set of sums.
 
@@ -91,6 +130,7 @@ class ScoreTests:
         self.scale = np.sqrt(np.maximum(self.xx.of(every, every)[0], 1e-300))
         self.freedom = degrees_of_freedom(sums.lengths)
         self._known_shares: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
+        self._known_beside: dict[tuple[int, ...], Beside] = {}
 
     def columns(self, chosen: Sequence[int]) -> np.ndarray:
         """Indices of the model's columns and of those of some causes that others do not hide."""
@@ -154,26 +194,85 @@ class ScoreTests:
         cross = self.yx.of(own[:, None], others)[0] / scale[:, None]
         return np.asarray(np.linalg.lstsq(gram, cross, rcond=1e-14)[0] / scale[:, None])
 
-    def all_scores(self, corrected: Sequence[int]) -> tuple[Fit, dict[int, Score]]:
+    def all_scores(
+        self, corrected: Sequence[int], share: float | None = None
+    ) -> tuple[Fit, dict[int, Score]]:
         """The estimate with some causes corrected, and the tests of others beside them.
 
         Causes of several columns are among them only where they explain what they at least have to.
+
+        Args:
+            corrected: numbers of the causes.
+            share: only those that explain at least this share of what the best one explains of
+                blocks that were not fitted; None: all.
         """
-        stay = np.zeros(self.scale.size, bool)
-        stay[self.columns(corrected)] = True
-        self._stay(np.flatnonzero(stay))
-        own, others = np.flatnonzero(stay), np.flatnonzero(~stay)
-        base = self.fit(own)
-        windows, blocks = self.sums.windows, self.sums.blocks
-        parts = Parts(
-            Partition.of(Normal(self.yx), stay, self.scale),
-            Partition.of(Normal(self.yx, windows), stay, self.scale),
-            Partition.of(Normal(self.xx, blocks), stay, self.scale),
+        beside = self._beside(corrected)
+        most = max((float(group.unseen.max()) for group in beside.groups), default=0.0)
+        least = -np.inf if share is None else share * most
+        tested = np.array(list(beside.scores), int)
+        asked = [
+            group[(group.unseen >= least) & ~np.isin(group.numbers, tested)]
+            for group in beside.groups
+        ]
+        columns = np.unique(
+            np.concatenate([np.zeros(0, int), *(x.made.own.ravel() for x in asked)])
         )
-        found: dict[int, Score] = {}
-        for numbers, columns in self._groups(own, corrected):
-            found |= self._group_scores(numbers, columns, base, parts, own, others)
-        return base, dict(sorted(found.items()))
+        if columns.size:
+            normal = Normal(self.yx, self.sums.windows)
+            windows = Partition.of(normal, beside.stay, self.scale, columns)
+            for group in asked:
+                beside.scores.update(self._group_scores(group, beside.base, windows))
+        kept = {k: score for k, score in sorted(beside.scores.items()) if score.unseen >= least}
+        return beside.base, kept
+
+    def _beside(self, corrected: Sequence[int]) -> Beside:
+        """What others explain beside some causes; that of the last ones is kept."""
+        key = tuple(corrected)
+        if key not in self._known_beside:
+            stay = np.zeros(self.scale.size, bool)
+            stay[self.columns(corrected)] = True
+            self._stay(np.flatnonzero(stay))
+            own = np.flatnonzero(stay)
+            base, blocks = self.fit(own), Normal(self.xx, self.sums.blocks)
+            whole = Partition.of(Normal(self.yx), stay, self.scale)
+            without = Partition.of(blocks, stay, self.scale)
+            groups = (
+                part
+                for numbers, columns in self._groups(own, corrected)
+                for part in self._explained(numbers, columns, base, whole, without, own)
+            )
+            made = Beside(stay, base, tuple(group for group in groups if group.numbers.size))
+            self._known_beside = {key: made}
+        return self._known_beside[key]
+
+    def _explained(
+        self,
+        numbers: np.ndarray,
+        columns: np.ndarray,
+        base: Fit,
+        whole: Partition,
+        without: Partition,
+        stay: np.ndarray,
+    ) -> Iterator[Group]:
+        """What causes by number explain, of several columns without those that explain too little.
+
+        ``columns``: of each cause, shape (causes, n).
+        """
+        single = columns.shape[1] == 1
+        least = np.array([-np.inf if single else self.causes[k].least for k in numbers])
+        try:
+            made = ColumnTests.of(self.sums, whole, stay, columns)
+            explained = 1.0 - made.residual(self.xx) / max(base.residual, 1e-300)
+            some = np.flatnonzero(explained >= least)
+            unseen = 1.0 - made[some].unseen(without) / max(base.unseen, 1e-300)
+            helps = unseen > least[some]
+            some = some[helps]
+            yield Group(numbers[some], made[some], explained[some], unseen[helps])
+        except np.linalg.LinAlgError:  # all that is known of one lies within one block
+            if len(columns) > 1:
+                k = len(columns) // 2
+                yield from self._explained(numbers[:k], columns[:k], base, whole, without, stay)
+                yield from self._explained(numbers[k:], columns[k:], base, whole, without, stay)
 
     def _groups(
         self, stay: np.ndarray, corrected: Sequence[int]
@@ -199,39 +298,25 @@ class ScoreTests:
                 some = pairs[start : start + most]
                 yield np.array([k for k, _ in some]), np.array([own for _, own in some])
 
-    def _group_scores(
-        self,
-        numbers: np.ndarray,
-        columns: np.ndarray,
-        base: Fit,
-        parts: Parts,
-        stay: np.ndarray,
-        others: np.ndarray,
-    ) -> dict[int, Score]:
-        """The tests of causes by number, of several columns without those that explain too little.
+    def _group_scores(self, group: Group, base: Fit, windows: Partition) -> dict[int, Score]:
+        """The tests of causes by number.
 
-        ``columns``: of each cause, shape (causes, n).
+        ``windows``: normal equations without each window.
         """
-        single = columns.shape[1] == 1
-        least = np.array([-np.inf if single else self.causes[k].least for k in numbers])
+        made = group.made
         try:
-            made = ColumnTests.of(self.sums, parts, stay, columns, others)
-            explained = 1.0 - made.residual / max(base.residual, 1e-300)
-            some = np.flatnonzero(explained >= least)
-            unseen = 1.0 - made[some].unseen / max(base.unseen, 1e-300)
-            helps = unseen > least[some]
-            some, unseen = some[helps], unseen[helps]
-            made = made[some]
-            covariance = made.covariance
+            covariance = made.covariance(windows)
             solved = np.linalg.solve(covariance, made.size[..., None])[..., 0]
         except np.linalg.LinAlgError:  # all that is known of one lies within one window
-            if len(columns) == 1:
+            k = group.numbers.size // 2
+            if k == 0:
                 return {}
-            k = len(columns) // 2
-            halves = (numbers[:k], columns[:k]), (numbers[k:], columns[k:])
-            first, second = (self._group_scores(*own, base, parts, stay, others) for own in halves)
+            first, second = (
+                self._group_scores(group[part], base, windows)
+                for part in (np.arange(k), np.arange(k, group.numbers.size))
+            )
             return first | second
-        n, size = self.sums.parameters, columns.shape[1]
+        n, size = self.sums.parameters, made.own.shape[1]
         left = self.freedom - size + 1.0
         statistic = np.sum(made.size * solved, axis=1) / size
         significance = fisher.sf(statistic * left / self.freedom, size, left)
@@ -240,11 +325,11 @@ class ScoreTests:
                 self.causes[number],
                 *self._on_all_columns(number, made.own[k], made.size[k], covariance[k]),
                 float(significance[k]),
-                float(explained[some[k]]),
-                float(unseen[k]),
+                float(group.explained[k]),
+                float(group.unseen[k]),
                 made.theta[k, :n] - base.theta[:n],
             )
-            for k, number in enumerate(numbers[some].tolist())
+            for k, number in enumerate(group.numbers.tolist())
         }
 
     def _on_all_columns(
@@ -287,7 +372,7 @@ class ScoreTests:
             share = inverse @ cross
             for _ in range(2):  # refined: of a column that is there already rounding is left
                 share += inverse @ (cross - gram @ share)
-            self._known_shares = {key: (cross, share)}
+            self._known_shares[key] = cross, share
         return self._known_shares[key]
 
     def _solve(self, gram: np.ndarray, right: np.ndarray, columns: np.ndarray) -> np.ndarray:
