@@ -16,7 +16,9 @@ from numpy.typing import ArrayLike
 
 from pivident.dynamics.entry_plan import ACCELERATION, joint_entry
 from pivident.dynamics.friction_kernels import (
+    VALUE,
     friction_value_and_slope,
+    motion_value,
     position_value_and_slope,
     smooth_sign_and_slope,
 )
@@ -157,6 +159,8 @@ def _torque_of_state(tree, inertia, row, index, value, carrying, q, dq, ddq, out
         elif function == _LOAD:
             s, _ = smooth_sign_and_slope(sign, gamma, dq[a])
             torque = abs(load[row[e]]) * s
+        elif function < 0:
+            torque = motion_value(function, VALUE, sign, gamma, dq[a], load[row[e]], q[a])
         else:
             v = dq[a] + value[e, 1] * dq[b]
             torque = friction_value_and_slope(function, sign, gamma, first, second, v)[0]

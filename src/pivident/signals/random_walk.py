@@ -31,6 +31,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from pivident.foundation.errors import NonFiniteSamples, RecordingError
 from pivident.foundation.scratch import working_array
@@ -123,8 +124,8 @@ class SmoothedSignal:
         return np.array(pairs).reshape(*self.nvr.shape, 2)
 
 
-def smooth(
-    y: np.ndarray,
+def irwsm(
+    y: ArrayLike,
     rate: float,
     order: int = 3,
     nvr: float | Sequence[float] | None = None,
@@ -132,20 +133,40 @@ def smooth(
     *,
     f50_max: float | None = None,
 ) -> SmoothedSignal:
-    """Smooth one channel (samples,) or several (samples, channels) and differentiate twice.
+    """Integrated random walk smoother: smooth positions and their first two derivatives, (P-27).
 
-    ``nvr`` is one for all or one per channel; None: by maximum likelihood, channel by channel, with
-    the bandwidth capped at ``f50_max`` [Hz] for records whose quantisation or coloured noise makes
-    maximum likelihood smooth too little. Two ``passes`` smooth the differences of the smoothed
-    positions once more, as the paper does with ``irwsm``; the second search normally ends on its
-    upper bound, since smooth differences have no white noise left, and the accelerations are then
-    those of a single pass. A channel without visible noise (constant, say) is returned unchanged
-    within rounding, with ``on_bound`` set and ``noise_std`` close to zero.
+    A channel without visible noise (constant, say) is returned unchanged within rounding, with
+    ``on_bound`` set and ``noise_std`` close to zero.
+
+    >>> t = np.arange(2000) / 1000.0
+    >>> noise = 1e-4 * np.random.default_rng(0).normal(size=t.size)
+    >>> smoothed = irwsm(np.sin(3.0 * t) + noise, rate=1000.0)
+    >>> bool(abs(smoothed.ddq + 9.0 * np.sin(3.0 * t))[smoothed.edge : -smoothed.edge].max() < 0.3)
+    True
+
+    Args:
+        y: positions [rad or m], of one channel (samples,) or of several (samples, channels).
+        rate: sampling rate [Hz].
+        order: m, whose m-th difference is taken for white noise; 2 as in CAPTAIN and in the paper,
+            3 bounds the jerk.
+        nvr: noise-to-variance ratio, one for all or one per channel; None: by maximum likelihood.
+        passes: two smooth the differences of the smoothed positions once more, as the paper does;
+            the second search normally ends on its upper bound, since smooth differences have no
+            white noise left, and the accelerations are then those of a single pass.
+        f50_max: largest bandwidth [Hz], for records whose quantisation or coloured noise makes
+            maximum likelihood smooth too little.
+
+    Returns:
+        Positions, speeds and accelerations of the shape of ``y``, and the smoother's properties.
+
+    Raises:
+        RecordingError: fewer than 20 samples, or a value that is not finite.
     """
-    if np.ndim(y) == 2:
-        return smooth_channels(y, rate, order, nvr, passes, f50_max=f50_max)
+    signal = np.asarray(y, dtype=float)
+    if signal.ndim == 2:
+        return smooth_channels(signal, rate, order, nvr, passes, f50_max=f50_max)
     whole = smooth_channels(
-        np.asarray(y)[:, None], rate, order, nvr, passes, f50_max=f50_max, threads=1
+        np.atleast_1d(signal)[:, None], rate, order, nvr, passes, f50_max=f50_max, threads=1
     )
     return whole.channel(0)
 
@@ -160,7 +181,7 @@ def smooth_channels(
     f50_max: float | None = None,
     threads: int | None = None,
 ) -> SmoothedSignal:
-    """Smooth several channels on a pool of threads; see :func:`smooth` for the arguments."""
+    """Smooth several channels on a pool of threads; see :func:`irwsm` for the arguments."""
     y = np.asarray(y, dtype=float)
     check_positions(y, rate, order, passes)
     samples, channels = y.shape
