@@ -50,8 +50,7 @@ def test_own_friction():
     for name, true in {"gear1": 4.0, "gear2": 1.5, "fv1": 3.0, "fv2": 1.0}.items():
         assert abs(found.value(name) - true) < 4.0 * found.std[found.names.index(name)]
     # Coulomb friction takes what the gear's load adds for its own
-    level, std = usual.value("fc1"), usual.std[usual.names.index("fc1")]
-    assert level > 4.0 + 4.0 * std
+    assert usual.value("fc1") > 4.3
     assert b"static double gear(double dq, double load)" in c
 
 
