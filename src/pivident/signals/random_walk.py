@@ -69,17 +69,30 @@ class SmoothedSignal:
     Trajectories have the shape of the input, (samples,) or (samples, channels). The other arrays
     hold one number per channel and have shape () or (channels,). Orders may be compared by
     ``log_likelihood`` where the differences are large (hundreds).
+
+    Attributes:
+        q: smoothed positions.
+        dq: speeds.
+        ddq: accelerations.
+        nvr: noise-to-variance ratio, per sample of this rate.
+        f50: frequency at which the smoother's gain is one half [Hz], or infinite.
+        noise_std: √r̂, standard deviation of the measurement noise [rad or m].
+        on_bound: whether the NVR was searched and ended on a bound (or on f50_max).
+        log_nvr_std: standard error of ln NVR; NaN: given or on a bound.
+        log_likelihood: exact, diffuse.
+        order: m.
+        rate: sampling rate [Hz].
     """
 
     q: np.ndarray
     dq: np.ndarray
     ddq: np.ndarray
-    nvr: np.ndarray  # noise-to-variance ratio, per sample of this rate
-    f50: np.ndarray  # frequency at which the smoother's gain is one half [Hz], or infinite
-    noise_std: np.ndarray  # √r̂, standard deviation of the measurement noise [rad or m]
-    on_bound: np.ndarray  # whether the NVR was searched and ended on a bound (or on f50_max)
-    log_nvr_std: np.ndarray  # standard error of ln NVR; NaN: given or on a bound
-    log_likelihood: np.ndarray  # exact, diffuse
+    nvr: np.ndarray
+    f50: np.ndarray
+    noise_std: np.ndarray
+    on_bound: np.ndarray
+    log_nvr_std: np.ndarray
+    log_likelihood: np.ndarray
     order: int
     rate: float
 
