@@ -71,15 +71,15 @@ class SmoothedSignal:
     ``log_likelihood`` where the differences are large (hundreds).
 
     Attributes:
-        q: smoothed positions.
-        dq: speeds.
-        ddq: accelerations.
+        q: smoothed positions [rad or m].
+        dq: speeds [rad/s or m/s].
+        ddq: accelerations [rad/s² or m/s²].
         nvr: noise-to-variance ratio, per sample of this rate.
         f50: frequency at which the smoother's gain is one half [Hz], or infinite.
         noise_std: √r̂, standard deviation of the measurement noise [rad or m].
         on_bound: whether the NVR was searched and ended on a bound (or on f50_max).
-        log_nvr_std: standard error of ln NVR; NaN: given or on a bound.
-        log_likelihood: exact, diffuse.
+        log_nvr_std: standard error of ln NVR, shape () or (channels,); NaN: given or on a bound.
+        log_likelihood: exact, diffuse, shape () or (channels,).
         order: m.
         rate: sampling rate [Hz].
     """
