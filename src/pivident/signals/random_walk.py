@@ -109,7 +109,9 @@ class SmoothedSignal:
     def advice(self, dynamic_frequency: float, loss: float = 1e-3) -> list[str]:
         """One line per channel: whether the bandwidth is wide enough, and the noise it passes.
 
-        Motion up to ``dynamic_frequency`` [Hz] may lose the fraction ``loss`` of its amplitude.
+        Args:
+            dynamic_frequency: of the motion that is to be kept [Hz].
+            loss: share of its amplitude that it may lose.
         """
         needed = required_f50(dynamic_frequency, self.order, loss)
         lines = []
@@ -126,7 +128,11 @@ class SmoothedSignal:
         return lines
 
     def channel(self, index: int) -> SmoothedSignal:
-        """One channel of several, trajectories of shape (samples,)."""
+        """One channel of several, trajectories of shape (samples,).
+
+        Args:
+            index: of the channel.
+        """
         return replace(self, **{name: getattr(self, name).T[index] for name in PER_CHANNEL})
 
     def _derivative_noise(self) -> np.ndarray:
